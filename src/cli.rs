@@ -1,11 +1,12 @@
-//! The `upm` command: arguments in, exit status out. Results go to stdout, everything else to stderr.
+//! Entry point of the `upm` command: parses arguments and returns the exit status. Results go to stdout, everything
+//! else to stderr.
 
-/// A line on stdout, as a `Result`. A reader that has gone away (`| head`) has seen enough and is no error.
+/// Writes a line to stdout and yields a `Result`. A closed pipe (`| head`) is not an error.
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::output::put(format_args!($($text)*)) };
 }
 
-/// A line on stderr; ignored where stderr cannot be written.
+/// Writes a line to stderr; a failed write is ignored.
 macro_rules! complain {
     ($($text:tt)*) => {{
         use std::io::Write as _;
@@ -64,8 +65,8 @@ use clap::{CommandFactory, Parser};
 use args::{Cli, Command};
 use output::Failure;
 
-/// Parses the command line and does what it says. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad
-/// file, 130 ended by Ctrl-C.
+/// Parses the command line and runs the command. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad file,
+/// 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

@@ -14,7 +14,7 @@ use upm_core::job::Pace;
 #[command(name = "upm", version = VERSION.as_str(), after_help = HELP.as_str())]
 #[command(max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
     /// Flags every command takes.
@@ -67,10 +67,10 @@ pub enum Command {
     Check(CheckArgs),
     /// Print the JSON Schema of a file
     Schema(SchemaArgs),
-    /// What is asked of a daemon
+    /// Commands sent to a daemon.
     #[command(flatten)]
     Client(ClientCommand),
-    /// Put together what somebody who helps with a daemon needs to see, without its secrets
+    /// Collect a daemon's configuration, logs and recent runs for a bug report, without its secrets
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     SupportBundle(BundleArgs),
     /// Daemon: make a token file, for the daemon and its clients; never overwrites one
@@ -83,7 +83,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// How it wants its log, if it is one that runs day and night.
+    /// Log format of a command that runs as a daemon; `None` for all others.
     pub(super) fn log(&self) -> Option<LogFormat> {
         match self {
             Self::Serve(args) => Some(args.log),
@@ -122,15 +122,15 @@ pub struct RunArgs {
     /// As fast as possible, or no faster than the clock
     #[arg(long, value_parser = pace(), default_value = "max")]
     pub pace: Pace,
-    /// What becomes of the Rerun recording: off, save, connect[=URL] or spawn [default: save where this build can record;
-    /// with --seeds off, since a recording for each run is a lot]
+    /// Recording for Rerun: off, save, connect[=URL] or spawn [default: save where this build can record; with --seeds
+    /// off, since a recording for each run is a lot]
     #[arg(long, value_name = "MODE", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: Option<String>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
     /// comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
     pub faults: Vec<String>,
-    /// Puts one guard to sleep, to see that its absence is noticed
+    /// Disable one guard, to test that its absence is noticed
     #[cfg(feature = "mutants")]
     #[arg(long, value_name = "CODE", value_parser = upm_control::Guards::CODES)]
     pub without_guard: Option<String>,
@@ -169,7 +169,7 @@ pub enum LogFormat {
 /// `upm support-bundle`.
 #[derive(Args, Debug)]
 pub struct BundleArgs {
-    /// Daemon file; one that has faults is no hindrance
+    /// Daemon file; a faulty one is accepted
     #[arg(long, value_name = "FILE.json", default_value = "configs/daemon.json")]
     pub config: PathBuf,
     /// Data folder in place of the file's, as the daemon was given it: /var/lib/upm with the shipped unit
@@ -217,7 +217,7 @@ pub struct RenderArgs {
     /// Where the truth goes: corners and parts
     #[arg(long, value_name = "TRUTH.json")]
     pub truth: Option<PathBuf>,
-    /// Seed in place of the job's; of a scene, 1 unless told
+    /// Seed in place of the job's; of a scene [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Where a rig file goes that has the scene's camera and plate, for `upm locate --rig`
@@ -237,7 +237,7 @@ pub struct LocateArgs {
     /// Kinds to look for: penny, nickel, dime, quarter or the rig's own. Without it all of them
     #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     pub kinds: Vec<String>,
-    /// Side of the square plate, mm [default: what the sizes of two kinds of coins tell, else 203.2]
+    /// Side of the square plate, mm [default: derived from the sizes of two kinds of coins, else 203.2]
     #[arg(long, value_name = "MM", conflicts_with = "rig", allow_negative_numbers = true)]
     pub plate_side_mm: Option<f64>,
     /// Parts are lighter than the plate, as white ones on black
@@ -250,11 +250,11 @@ pub struct LocateArgs {
     /// comparison
     #[arg(long, conflicts_with_all = ["stages", "response"])]
     pub reference: bool,
-    /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; of several pictures each
-    /// into a folder of its own
+    /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; with several pictures,
+    /// into a subfolder for each
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
-    /// What becomes of Rerun recordings, one of each picture: off, save, connect[=URL] or spawn
+    /// Recordings for Rerun, one for each picture: off, save, connect[=URL] or spawn
     #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: String,
     /// Folder that recordings go into
@@ -262,10 +262,10 @@ pub struct LocateArgs {
     pub out: PathBuf,
 }
 
-/// `--response`.
+/// `--response`: method of the disks' response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ResponseArg {
-    /// The cheaper one.
+    /// The cheaper method, by the sizes of the disks.
     Auto,
     /// Differences of running sums.
     Chords,
@@ -296,7 +296,7 @@ pub struct LabArgs {
     /// Read this recorded trace in place of playing a pulse (waveform-fit alone)
     #[arg(long, value_name = "TRACE.json", requires = "experiment", conflicts_with_all = ["rig", "seed"])]
     pub trace: Option<PathBuf>,
-    /// Scenes of each family, of as many seeds from --seed on (vision alone; 50 unless told)
+    /// Scenes of each family, of as many seeds from --seed on (vision alone) [default: 50]
     #[arg(long, value_name = "N", requires = "experiment", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub scenes: Option<u32>,
     /// Set a parameter and measure that one machine; any number of times. --settings lists the parameters
@@ -314,8 +314,7 @@ pub struct LabArgs {
     /// One file for all plots, besides the folder
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
-    /// What becomes of a Rerun recording: off, save, connect[=URL] or spawn. Off unless asked for: table and plots tell
-    /// most of it
+    /// Recording for Rerun: off, save, connect[=URL] or spawn; off by default, since table and plots show most of it
     #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: String,
 }
@@ -335,10 +334,10 @@ pub struct CheckArgs {
     /// Rig to check jobs on in place of their own, and that libraries must have been measured on
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
-    /// Say of jobs whether they can be done with their library, how long that takes and where it is hard
+    /// Report of each job whether its library can do it, how long that takes and where it is hard
     #[arg(long)]
     pub plan: bool,
-    /// Draw the coverage of the one library given as a map; with --plan the predicted ways of the one job's parts
+    /// Draw the coverage of the one library given as a map; with --plan the predicted paths of the one job's parts
     #[arg(long, value_name = "MAP.svg")]
     pub picture: Option<PathBuf>,
 }

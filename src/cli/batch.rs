@@ -1,4 +1,4 @@
-//! `upm run --seeds`: one job with many seeds on all cores, and the figures of all runs together.
+//! `upm run --seeds`: runs one job with many seeds on all cores and summarises the figures of all runs.
 
 mod histogram;
 mod seeds;
@@ -32,7 +32,7 @@ pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) ->
     let rerun = recording_mode(args)?;
     check_pace(args.pace)?;
     let job = load_job(file, args)?;
-    // a library that does not fit is told once, not for every seed
+    // a library that does not fit is reported once, not for every seed
     job_library(&job).map_err(Failure::faults)?;
     let (clock, started_utc) = (MonotonicClock::new(), utc_now());
     let in_usual = || Path::new(USUAL_OUT).join(format!("{}-seeds-{started_utc}", job.name));
@@ -56,7 +56,7 @@ pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) ->
     Ok(if interrupted.load(Ordering::Relaxed) { INTERRUPTED } else { summary.status() })
 }
 
-/// Where recordings go: a viewer of many runs at once would show none of them.
+/// Recording mode of a batch. Streaming to a viewer is refused: many runs at once would be unreadable in it.
 fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
     let Some(text) = &args.rerun else { return Ok(RerunMode::Off) };
     match recording::checked_mode(text)? {
@@ -65,7 +65,7 @@ fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
     }
 }
 
-/// Runs that share the cores keep to no clock.
+/// Refuses real-time pace: runs that share the cores cannot keep it.
 fn check_pace(pace: Pace) -> Result<(), Failure> {
     match pace {
         Pace::Max => Ok(()),
@@ -75,7 +75,7 @@ fn check_pace(pace: Pace) -> Result<(), Failure> {
     }
 }
 
-/// Progress of a batch on stderr, and what its runs say there.
+/// Progress bar of a batch on stderr, with the messages of its runs.
 struct Progress {
     shown: LateProgress<MonotonicClock>,
     seeds: usize,
@@ -101,7 +101,7 @@ impl Progress {
     }
 }
 
-/// Writes `summary.json`, and where this build can draw, the plate times; the files, in this order.
+/// Writes `summary.json` and, where this build can draw, the chart of plate times; returns the paths in this order.
 fn write(summary: &Summary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
     let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
@@ -122,7 +122,7 @@ fn write(summary: &Summary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files.into_iter().map(|(path, _)| path).collect())
 }
 
-/// Prints the table, on a terminal with a histogram below it, and where the files are.
+/// Prints the table, on a terminal a histogram below it, and the paths of the files.
 fn print(summary: &Summary, out: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     table::lines(summary).iter().try_for_each(|line| say!("{line}"))?;
     let histogram = Histogram::of(&summary.plate_times_s()).filter(|_| std::io::stdout().is_terminal());

@@ -12,7 +12,7 @@ use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::of_files)?;
-    // found out before a long measurement, not after it
+    // checked before the long measurement
     let output = LibraryOutput::check(&args.out).map_err(not_written)?;
     let stop = stop_on_interrupt();
     let mut progress = LateProgress::at_once(common);

@@ -22,12 +22,12 @@ use upm_runner::run::{
 
 /// Contents of a valid file.
 struct Found {
-    /// A line for people.
+    /// Description on one line.
     says: String,
     covered: Option<Covered>,
-    /// Forecast of a job, where one was asked for.
+    /// Forecast of a job, if requested.
     planned: Option<Planned>,
-    /// Tolerances tighter than the rig can hold. A job with warnings is valid.
+    /// Warnings of tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
 
@@ -78,7 +78,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     Ok(status(&findings))
 }
 
-/// The exit status that the findings come to.
+/// Exit status for the findings of all files.
 fn status(findings: &[(&Path, Finding)]) -> u8 {
     let cannot = |finding: &Finding| {
         let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
@@ -93,17 +93,17 @@ fn status(findings: &[(&Path, Finding)]) -> u8 {
     }
 }
 
-/// Checks beside validity.
+/// Checks requested besides validity.
 #[derive(Clone, Copy)]
 struct Asked<'a> {
-    /// The rig in place of that of jobs, and the one that libraries must have been measured on.
+    /// Rig that replaces that of jobs, and that libraries must have been measured on.
     rig: Option<&'a RigSpec>,
-    /// Whether jobs are rehearsed.
+    /// True to rehearse jobs.
     plan: bool,
     progress: ProgressMode,
 }
 
-/// Only jobs can be planned.
+/// Refuses `--plan` for files other than jobs.
 fn check_planned(findings: &[(&Path, Finding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
         if let Ok(Found { planned: None, says, .. }) = finding {
@@ -127,7 +127,8 @@ fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     }
 }
 
-/// Draws what the one library covers or the one job comes to; nothing when it is faulty, which is told elsewhere.
+/// Draws the coverage of the one library or the forecast of the one job; nothing if the file is faulty, which is
+/// reported elsewhere.
 fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
         let Ok(found) = finding else { continue };
@@ -175,7 +176,7 @@ fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Validates a file as what its keys say it is; a library against the rig given, too.
+/// Validates a file as the kind that its keys indicate; a library also against the rig given.
 fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
     let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
@@ -196,7 +197,7 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
     Ok(Found::new(says))
 }
 
-/// Valid with the rigs it names and their libraries.
+/// Validates a daemon file with the rigs it names and their libraries.
 fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
     let daemon = DaemonSpec::load(path).map_err(lines)?;
     let fitting = |plate: &PlateSpec| fitting_library(&plate.library, &plate.library_key, &plate.rig);
@@ -205,7 +206,7 @@ fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
     if faults.is_empty() { Ok(says) } else { Err(faults) }
 }
 
-/// Valid with the library that it names.
+/// Validates a rig file with the library it names.
 fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     let rig = RigSpec::load(path).map_err(lines)?;
     let library = match &rig.library {

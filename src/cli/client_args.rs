@@ -8,7 +8,7 @@ use upm_core::job::Pace;
 /// The states of a job, as they are written.
 const JOB_STATES: [&str; 6] = ["queued", "running", "completed", "failed", "cancelled", "interrupted"];
 
-/// The commands that ask a daemon.
+/// Commands sent to a daemon.
 #[derive(Subcommand, Debug)]
 pub enum ClientCommand {
     /// Daemon: queue a job; prints its id
@@ -42,7 +42,7 @@ pub enum ClientCommand {
 
 #[cfg(not(feature = "daemon"))]
 impl ClientCommand {
-    /// As it is typed.
+    /// Name of the command on the command line.
     pub(super) fn name(&self) -> &'static str {
         match self {
             Self::Submit(_) => "submit",
@@ -68,10 +68,10 @@ pub fn pace() -> impl TypedValueParser<Value = Pace> {
 /// How to reach the daemon.
 #[derive(Args, Debug, Clone, Default)]
 pub struct DaemonArgs {
-    /// Where the daemon answers [default: what UPM_URL says, else http://127.0.0.1:8750]
+    /// Address of the daemon [default: UPM_URL, else http://127.0.0.1:8750]
     #[arg(long, value_name = "URL")]
     pub url: Option<String>,
-    /// File that holds the token, where the daemon asks for one [default: what UPM_TOKEN_FILE says]
+    /// File that holds the token, where the daemon asks for one [default: UPM_TOKEN_FILE]
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
 }
@@ -90,7 +90,7 @@ pub struct SubmitArgs {
     /// As fast as possible, or no faster than the clock [default: as the daemon is set up]
     #[arg(long, value_parser = pace())]
     pub pace: Option<Pace>,
-    /// Idempotency key: the same key and job again give the same job [default: one of its own each time]
+    /// Idempotency key: the same key and job again give the same job [default: a new one each time]
     #[arg(long, value_name = "KEY")]
     pub key: Option<String>,
     /// Seed in place of the job's
@@ -152,7 +152,7 @@ pub struct EstopArgs {
     /// Plates to stop; left out, all
     #[arg(value_name = "PLATE")]
     pub plates: Vec<String>,
-    /// Data folder of the daemon on this machine [default: what UPM_DATA says]
+    /// Data folder of the daemon on this machine [default: UPM_DATA]
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
     #[command(flatten)]
@@ -165,7 +165,7 @@ pub struct ResetArgs {
     /// Plate that was stopped
     #[arg(value_name = "PLATE")]
     pub plate: String,
-    /// Who looked at the plate
+    /// Operator who inspected the plate
     #[arg(long, value_name = "NAME")]
     pub operator: String,
     /// Why it may move again

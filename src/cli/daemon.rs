@@ -1,4 +1,4 @@
-//! The commands of the daemon: `upm serve`, its client commands, the support bundle.
+//! Commands of the daemon: `upm serve`, the client commands, the support bundle.
 
 mod bundle;
 mod client;
@@ -18,7 +18,7 @@ use super::output::Failure;
 pub(super) use bundle::support_bundle;
 pub(super) use serve::{hold_back_signals, serve};
 
-/// Runs a command that asks a daemon.
+/// Runs a client command.
 pub(super) fn client_command(command: &ClientCommand, common: Common) -> Result<u8, Failure> {
     match command {
         ClientCommand::Submit(args) => submit::submit(args, common),

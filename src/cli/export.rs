@@ -1,4 +1,4 @@
-//! `upm export`: a run as tables, for programs that read no journals.
+//! `upm export`: writes a run as tables, for programs that do not read journals.
 
 mod journal;
 #[cfg(feature = "parquet")]
@@ -21,10 +21,10 @@ use table::{Cell, CsvFile, Table, TableFile};
 use tables::{POSITIONS, PULSES, Parts, TABLES, TARGETS, TIMINGS};
 use upm_recording::Report;
 
-/// Largest report that is read, bytes: one of a thousand parts fits many times.
+/// Largest report that is read, bytes; one of a thousand parts is far smaller.
 const MOST_REPORT_BYTES: u64 = 16 << 20;
 
-/// Endings of the files, one for each form of table.
+/// File name extensions, one for each table format.
 const CSV: &str = "csv";
 const PARQUET: &str = "parquet";
 
@@ -49,16 +49,16 @@ pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &result, || files.iter().try_for_each(|(path, rows)| say!("{}: {rows} rows", path.display())))
 }
 
-/// The folder beside the run folder `run`, named after it.
+/// Default output folder, beside the run folder `run` and named after it.
 fn beside(run: &Path) -> PathBuf {
-    // a name, also of `.`
+    // resolves the name, also of `.`
     let run = run.canonicalize().unwrap_or_else(|_| run.to_owned());
     let mut name = run.file_name().unwrap_or_default().to_owned();
     name.push("-tables");
     run.with_file_name(name)
 }
 
-/// The report of the run, `None` for a run that never ended.
+/// Report of the run; `None` for a run that never ended.
 fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
     let path = run.join("report.json");
     let wrong = |found: &dyn std::fmt::Display| {
@@ -85,7 +85,7 @@ fn unread(path: &Path, fault: JournalFault) -> Failure {
     })
 }
 
-/// Writes the rows of every line of the journal at `path`.
+/// Writes the rows of all lines of the journal at `path`.
 fn write_journal(
     path: &Path,
     mut lines: Lines<BufReader<File>>,
@@ -111,7 +111,7 @@ fn write_journal(
     Ok(())
 }
 
-/// The files that are being written.
+/// Table files being written.
 struct Written(Vec<Open>);
 
 struct Open {
@@ -122,7 +122,7 @@ struct Open {
 }
 
 impl Written {
-    /// A file of every table in each of the forms with these `endings`.
+    /// Creates a file for every table in each format of `endings`.
     fn create(folder: &Path, endings: impl Iterator<Item = &'static str> + Clone) -> Result<Self, Failure> {
         if endings.clone().any(|ending| ending == PARQUET) {
             check_parquet()?;
@@ -146,7 +146,7 @@ impl Written {
         Ok(())
     }
 
-    /// The files with their numbers of rows.
+    /// Closes the files; their paths and numbers of rows.
     fn finish(self) -> Result<Vec<(PathBuf, u64)>, Failure> {
         let finish = |Open { path, file, rows, .. }: Open| match file.finish() {
             Ok(()) => Ok((path, rows)),

@@ -1,35 +1,35 @@
-//! The parts of the program that a build can leave out.
+//! Cargo features that a build can leave out.
 
 use std::sync::LazyLock;
 
 #[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
 use super::output::Failure;
 
-/// The daemon and the commands that talk to one.
+/// The daemon and its client commands.
 pub(super) const DAEMON: &str = "daemon";
-/// The papers' experiments, rendered scenes, charts.
+/// The papers' experiments, rendered scenes and charts.
 pub(super) const LAB: &str = "lab";
 /// Recordings for the Rerun viewer.
 const RERUN: &str = "rerun";
 
-/// Each part with whether this build has it.
+/// Each feature, and whether this build has it.
 const FEATURES: [(&str, bool); 3] =
     [(RERUN, upm_viewer::BUILT_IN), (DAEMON, cfg!(feature = "daemon")), (LAB, cfg!(feature = "lab"))];
 
-/// The version, and the parts that this build lacks.
+/// Version, with the features that this build lacks.
 pub(super) static VERSION: LazyLock<String> = LazyLock::new(|| match missing() {
     missing if missing.is_empty() => env!("CARGO_PKG_VERSION").to_owned(),
     missing => format!("{} (built without {missing})", env!("CARGO_PKG_VERSION")),
 });
 
-/// The last line of the help: the parts that this build lacks; empty where it has all.
+/// Last line of the help: the features that this build lacks; empty if it has all.
 pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
     missing if missing.is_empty() => missing,
     missing => format!("Built without {missing}. `cargo install --path .` builds everything."),
 });
 
 #[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
-/// The failure of `command`, which needs a part that this build lacks.
+/// Failure of `command`, which needs a feature that this build lacks.
 pub(super) fn lacking(feature: &str, command: &str) -> Failure {
     Failure::bad_input(format!(
         "`{command}` needs the feature `{feature}`, and this build was made without it; \

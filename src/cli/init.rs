@@ -1,4 +1,4 @@
-//! `upm init`: the shipped configurations, written into a folder.
+//! `upm init`: writes the shipped configurations into a folder.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
@@ -10,13 +10,13 @@ use super::args::{Common, InitArgs};
 use super::output::{Failure, print};
 use super::shipped::FILES;
 
-/// What became of the shipped files in a folder.
+/// Outcome for the shipped files, by relative path.
 #[derive(Debug, Default)]
 struct Laid {
     written: Vec<&'static str>,
-    /// Files that were there with the shipped text.
+    /// Files that already had the shipped text.
     unchanged: Vec<&'static str>,
-    /// Files that were there with another text.
+    /// Files left alone because their text differs.
     kept: Vec<&'static str>,
 }
 
@@ -41,7 +41,7 @@ enum Outcome {
     Kept,
 }
 
-/// Writes one file. Without `force`, one that is there stays as it is.
+/// Writes one file. Without `force`, an existing file is left as it is.
 fn lay(path: &Path, text: &str, force: bool) -> Result<Outcome, Failure> {
     let failed = |error| Failure::write(path, error);
     if let Some(folder) = path.parent() {
@@ -110,7 +110,7 @@ fn by_folder(names: &[&str]) -> Vec<(PathBuf, usize)> {
     folders
 }
 
-/// A word of a shell's command line.
+/// Quotes a word for a shell.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+".contains(c);
     if !word.is_empty() && !word.starts_with('-') && word.chars().all(is_plain) {

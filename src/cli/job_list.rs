@@ -1,4 +1,4 @@
-//! The jobs there are to try, for `upm run` without a file.
+//! List of the jobs at hand, for `upm run` without a file.
 
 use std::path::{Path, PathBuf};
 
@@ -8,22 +8,22 @@ use super::args::Common;
 use super::output::{BAD_INPUT, Failure, print_json};
 use upm_runner::config::{Document, JobSpec, TaskSpec};
 
-/// Where jobs are looked for.
+/// Folders searched for jobs.
 const FOLDERS: [&str; 2] = ["configs", "."];
 
-/// Most files looked at in a folder.
+/// Most files examined in a folder.
 const MOST_FILES: usize = 500;
 
-/// Largest file looked at, bytes.
+/// Largest file examined, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// A job file and its content; the number of its faults where it has some.
+/// A job file with its content, or the number of its faults.
 struct Listed {
     file: PathBuf,
     job: Result<JobSpec, usize>,
 }
 
-/// Lists the jobs in `configs` and the current folder. The status is that of a missing argument.
+/// Lists the jobs in `configs` and in the current folder. Returns the exit status of a missing argument.
 pub(super) fn list(common: Common) -> Result<u8, Failure> {
     let jobs: Vec<Listed> = FOLDERS.iter().flat_map(|folder| jobs_in(Path::new(folder))).collect();
     if common.json {
@@ -47,7 +47,7 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
     Ok(BAD_INPUT)
 }
 
-/// The files of `folder` that are jobs by their keys, by name.
+/// Files of `folder` whose keys are those of a job, sorted by name.
 fn jobs_in(folder: &Path) -> Vec<Listed> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let is_here = folder == Path::new(".");
@@ -55,7 +55,7 @@ fn jobs_in(folder: &Path) -> Vec<Listed> {
     let files = entries.filter_map(Result::ok).map(|entry| named(entry.file_name()));
     let mut files: Vec<PathBuf> =
         files.filter(|file| file.extension().is_some_and(|ending| ending == "json")).take(MOST_FILES).collect();
-    // arrange-4 before arrange-16
+    // sorts arrange-4 before arrange-16
     files.sort_by_cached_key(|file| (numberless(file), file.as_os_str().len(), file.clone()));
     files.into_iter().filter(|file| is_job(file)).map(|file| Listed { job: read(&file), file }).collect()
 }
@@ -102,7 +102,7 @@ impl Listed {
     }
 }
 
-/// `4 penny, 4 quarter`.
+/// Parts by kind: `4 penny, 4 quarter`.
 fn parts(job: &JobSpec) -> String {
     let mut counts: Vec<(usize, usize)> = Vec::new();
     for group in &job.parts {
@@ -132,7 +132,7 @@ fn task(job: &JobSpec) -> String {
     }
 }
 
-/// Plate time, as far as the file alone tells it.
+/// Plate time, as far as it follows from the file alone.
 fn time(job: &JobSpec) -> String {
     let limit_s = job.plate_time_limit_s;
     match job.task {

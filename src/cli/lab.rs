@@ -1,4 +1,4 @@
-//! `upm lab`, rendered scenes, and charts as SVG.
+//! `upm lab`, rendered scenes, and SVG charts.
 
 mod scene;
 mod table;
@@ -25,13 +25,13 @@ pub(super) use scene::of_scene;
 use table::{columns, markdown, table};
 use track_speed::{TrackTimes, tracking};
 
-/// Name that stands for all experiments.
+/// Name that selects all experiments.
 const ALL: &str = "all";
 
-/// An experiment that was made, and the files with its plots.
+/// Result of an experiment, and the files with its plots.
 struct Made {
     name: String,
-    /// Machine, seed and settings.
+    /// Rig, seed and settings.
     on: String,
     outcome: Outcome,
     written: Vec<PathBuf>,
@@ -49,7 +49,7 @@ pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &made.as_json(), || made.print())
 }
 
-/// Makes every experiment; figures and series of all in one JSON document, or a table each.
+/// Runs every experiment; prints one JSON document with figures and series of all, or one table each.
 fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     let given = [
         ("--set", !args.set.is_empty()),
@@ -78,7 +78,7 @@ fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     Ok(0)
 }
 
-/// Makes an experiment, or reads it from a trace, and writes its plots and its recording.
+/// Runs an experiment, or evaluates a recorded trace, and writes its plots and its recording.
 fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
     let rerun = recording::checked_mode(&args.rerun)?;
     let (on, outcome) = match &args.trace {
@@ -95,7 +95,7 @@ fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
 }
 
 impl Made {
-    /// Title, tables, notes and files.
+    /// Prints title, tables, notes and files.
     fn print(&self) -> Result<(), Failure> {
         let Self { name, on, outcome, written } = self;
         say!("{name}, {on}")?;
@@ -177,12 +177,12 @@ fn list_settings(experiment: &Experiment, args: &LabArgs, common: Common) -> Res
     Ok(0)
 }
 
-/// `value` without the rounding of its change of units.
+/// `value` without the rounding error of its unit conversion.
 fn rounded(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }
 
-/// The rig that the experiment is made on.
+/// Rig on which the experiment is run.
 fn rig_for(experiment: &Experiment, args: &LabArgs) -> Result<LabRig, Failure> {
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
@@ -192,7 +192,7 @@ fn rig_for(experiment: &Experiment, args: &LabArgs) -> Result<LabRig, Failure> {
     lab_rig(&rig.map_err(Failure::faults)?, args.seed)
 }
 
-/// The request that the command line makes of the experiment.
+/// Request for the experiment according to the command line.
 fn request(args: &LabArgs) -> Result<Request, Failure> {
     let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
     let assignments = args.set.iter().map(|text| text.parse().map_err(|error| wrong("--set", error)));
@@ -200,7 +200,7 @@ fn request(args: &LabArgs) -> Result<Request, Failure> {
     Ok(Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? })
 }
 
-/// The machine that the experiment called `name` was made on, and its result.
+/// Rig on which the experiment called `name` was run, and its result.
 fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
     let (experiment, request) = (named(name)?, request(args)?);
     if args.scenes.is_some() && name != VISION {
@@ -209,7 +209,7 @@ fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcom
     let rig = rig_for(experiment, args)?;
     let progress = Mutex::new(LateProgress::at_once(common));
     let show = |share: f64| {
-        // a thread that panicked ends the experiment anyway
+        // the mutex is poisoned only if a thread panicked, which ends the experiment anyway
         if let Ok(mut progress) = progress.lock() {
             progress.show(share, || experiment.about.to_owned());
         }
@@ -238,7 +238,7 @@ fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
     Ok(LabRig { model: spec.model.clone(), sim: spec.sim.clone(), penny, seed })
 }
 
-/// The outcome of the trace file at `path`.
+/// Result of an experiment on the trace file at `path`.
 fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
     if name != WAVEFORM_FIT {
         return Err(Failure::bad_input(format!("--trace: expected the experiment {WAVEFORM_FIT}, found {name:?}")));
@@ -247,7 +247,7 @@ fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
     waveform_fit_of(&pulse).map_err(|fault| Failure::failed(format!("{}: {fault}", path.display())))
 }
 
-/// Writes plots and the trace into the folder; the files, in this order.
+/// Writes plots and the trace into the folder; returns the paths in this order.
 fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
     fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let mut files: Vec<(PathBuf, String)> = outcome
@@ -255,7 +255,7 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
         .iter()
         .map(|chart| (args.out.join(format!("{}.svg", chart.name)), upm_chart::svg(chart)))
         .collect();
-    // one that was read from a file need not be written to another
+    // a trace that was read from a file is not written again
     if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
         files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));
     }
@@ -268,14 +268,14 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
     Ok(files.into_iter().map(|(path, _)| path).collect())
 }
 
-/// The outcome as a page of the viewer.
+/// The result as data for the viewer.
 fn page(title: &str, outcome: &Outcome) -> upm_viewer::Experiment {
     let figures = markdown(title, outcome);
     let (charts, motion) = (outcome.charts.clone(), outcome.motion.clone());
     upm_viewer::Experiment { title: title.to_owned(), figures, charts, motion }
 }
 
-/// Refuses pictures where this build cannot draw them.
+/// Refuses SVG output if this build lacks charts.
 pub(super) fn check_svg() -> Result<(), Failure> {
     Ok(())
 }

@@ -25,7 +25,7 @@ use search::look;
 use setting::Setting;
 use upm_recording::{LocalisedRecord, RerunMode};
 
-/// Exit status: 0 when all pictures show what was looked for, else the worst of any.
+/// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = Setting::of(args)?;
     let rerun = recording::checked_mode(&args.rerun)?;
@@ -74,7 +74,7 @@ fn look_by_reference(_: &Path, _: &Setting) -> Result<Located, Failure> {
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 
-/// Draws the stages if `args` ask for it; the files.
+/// Draws the stages if `args` request it; returns the paths.
 fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
         Some(folder) => panels::write(&panels::folder_of(folder, name, args), found),
@@ -82,7 +82,7 @@ fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<Pa
     }
 }
 
-/// A name for what is written of each picture: its file's without the ending, numbered where several have the same.
+/// Output name of each picture: its file stem, numbered where several are equal.
 fn names_of(images: &[PathBuf]) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let mut free = |image: &PathBuf| {
@@ -95,7 +95,7 @@ fn names_of(images: &[PathBuf]) -> Vec<String> {
     images.iter().map(&mut free).collect()
 }
 
-/// Makes the recording called `name` that `rerun` asks for; its file.
+/// Makes the recording called `name` according to `rerun`; returns its path.
 fn record(
     found: &LocalisedRecord,
     image: &Path,

@@ -1,7 +1,7 @@
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-/// Buffer that logs are written to in tests. Copies share it.
+/// Buffer that collects the log in tests. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Page(Arc<Mutex<Vec<u8>>>);
 

@@ -8,31 +8,31 @@ use tracing_subscriber::fmt::MakeWriter;
 
 use upm_core::background::{OverflowPolicy, Queue, Receiver, Unsent, Worker};
 
-/// Lines that may wait to be written.
+/// Capacity of the queue, lines.
 const WAITING: usize = 1024;
 
-/// Longest time that the end of the process waits for them.
+/// Longest time that the end of the process waits for the queue.
 const FAREWELL: Duration = Duration::from_millis(100);
 
-/// Takes the lines of a log and never waits for their reader: a thread writes them. Lines that find no room are lost, and
-/// their number is written before the next one.
+/// Log writer that never blocks: a thread writes the lines. When the queue is full, lines are dropped, and their number
+/// is written before the next line.
 #[derive(Debug)]
 pub(super) struct LogWriter {
     entries: Queue<Entry>,
-    /// Lines lost that no entry carries yet.
+    /// Number of dropped lines that no entry reports.
     lost: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
 enum Entry {
-    /// A line, and the number of lines lost just before it.
+    /// A line, and the number of lines dropped just before it.
     Line { text: Vec<u8>, lost: u64 },
-    /// All entries before this are written: say so.
+    /// Request for a reply once all earlier entries are written.
     Written(SyncSender<()>),
 }
 
 impl LogWriter {
-    /// Starts the thread that writes to `out`. `tell_lost` is called on it with the number of lines lost.
+    /// Starts the thread that writes to `out`; it calls `tell_lost` with the number of dropped lines.
     pub(super) fn start(
         out: impl Write + Send + 'static,
         tell_lost: impl Fn(u64) + Send + 'static,
@@ -58,7 +58,7 @@ fn write_down(entries: &Receiver<Entry>, mut out: impl Write, tell_lost: impl Fn
                 if lost > 0 {
                     tell_lost(lost);
                 }
-                // an error has no other place to be told
+                // an error of the log cannot be reported anywhere else
                 out.write_all(&text).ok();
             }
             Entry::Written(reply) => drop(reply.try_send(())),
@@ -74,7 +74,7 @@ impl<'a> MakeWriter<'a> for LogWriter {
     }
 }
 
-/// A line that is being put together; whole when it is dropped.
+/// A line under construction; sent when dropped.
 #[derive(Debug)]
 pub(super) struct Line<'a> {
     log: &'a LogWriter,
@@ -97,7 +97,7 @@ impl Drop for Line<'_> {
     }
 }
 
-/// When it is dropped the lines that wait are written, as far as they go in a tenth of a second.
+/// On drop, flushes the queue for at most 100 ms.
 #[derive(Debug)]
 pub(super) struct LastWords(Queue<Entry>);
 
@@ -123,7 +123,7 @@ mod tests {
     use super::super::log_page::Page;
     use super::*;
 
-    /// Says that it is asked to write, and then does not return before it is let go.
+    /// Writer that signals the first write and then blocks until released.
     struct Stuck {
         page: Page,
         asked: SyncSender<()>,
@@ -133,7 +133,7 @@ mod tests {
     impl Write for Stuck {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.asked.try_send(()).ok();
-            // an error once the other end is dropped
+            // returns an error once the other end is dropped
             self.go.recv().ok();
             self.page.write(bytes)
         }
@@ -166,7 +166,7 @@ mod tests {
         let say = |text: String| writeln!(log.make_writer(), "{text}").unwrap();
         say("first".to_owned());
         asked.recv().unwrap();
-        // the writer is stuck until all of this is said
+        // the writer is blocked until the queue has overflowed
         (0..WAITING).for_each(|i| say(i.to_string()));
         (0..7).for_each(|_| say("no room".to_owned()));
         drop(let_go);

@@ -17,18 +17,18 @@ use super::args::{Common, LogFormat};
 use super::log_writer::{LastWords, LogWriter};
 use super::panics;
 
-/// Where and how much is logged.
+/// Destination and level of the log.
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     level: LevelFilter,
-    /// Stderr goes to the journal, which adds the time and wants levels as numbers.
+    /// True if stderr goes to the systemd journal, which adds the time and expects levels as numbers.
     is_journal: bool,
     is_terminal: bool,
 }
 
-/// Starts the log on stderr. `daemon` is how a daemon wants it, with times and one level more than the other commands,
-/// which run while somebody watches. A daemon's never waits for who reads it; what still waits at the end of the process is
-/// written when what this returns is dropped.
+/// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
+/// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
+/// returned value at the end of the process flushes its queue.
 pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWords> {
     let stream = std::env::var("JOURNAL_STREAM").ok();
     let setting = Setting {
@@ -49,7 +49,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWor
     last_words
 }
 
-/// Writer of a daemon's lines. The number of lost lines is written past it, in the same form.
+/// Non-blocking writer of a daemon's log. The number of dropped lines is written directly, in the same format.
 fn patient(format: LogFormat, setting: Setting) -> Option<(LogWriter, LastWords)> {
     let direct = Dispatch::new(subscriber(Some(format), setting, std::io::stderr));
     let tell_lost =
@@ -58,8 +58,8 @@ fn patient(format: LogFormat, setting: Setting) -> Option<(LogWriter, LastWords)
     started.map_err(|error| complain!("upm: no thread for the log: {error}")).ok()
 }
 
-/// Whether stderr goes to the journal: `stream` names its device and inode, as systemd.exec(5) has it. One that was sent
-/// elsewhere is not what the inherited name says.
+/// True if stderr goes to the journal: `stream` gives its device and inode, see systemd.exec(5). They differ if stderr
+/// was redirected while the variable was inherited.
 fn is_journal(stream: Option<&str>, stderr: Option<(u64, u64)>) -> bool {
     let stderr = stderr.map(|(device, inode)| format!("{device}:{inode}"));
     stream.is_some() && stream == stderr.as_deref()
@@ -101,13 +101,13 @@ where
     }
 }
 
-/// Our own messages up to `level`; of other libraries' what they warn of, and all of theirs only where everything is wanted.
+/// Filter: this program's messages up to `level`; of libraries warnings only, and all messages at the highest level.
 fn wanted(level: LevelFilter) -> Targets {
     let of_others = if level == LevelFilter::TRACE { level } else { level.min(LevelFilter::WARN) };
     Targets::new().with_default(of_others).with_target("upm", level)
 }
 
-/// Each line begins with its level as a number in pointed brackets, as sd-daemon(3) has it.
+/// Format for the journal: each line begins with its level as a number in angle brackets, see sd-daemon(3).
 struct ForJournal(Format<tracing_subscriber::fmt::format::Full, ()>);
 
 impl<S, N> FormatEvent<S, N> for ForJournal
@@ -132,7 +132,7 @@ mod tests {
     use super::super::log_page::Page;
     use super::*;
 
-    /// Text of a log at two levels.
+    /// Log text with messages at two levels.
     fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
         let page = Page::default();
         let writer = page.clone();

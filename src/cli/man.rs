@@ -17,7 +17,8 @@ const EXIT_STATUS: [(&str, &str); 3] = [
     ("2", "Bad usage or a bad file; one line a fault on stderr."),
 ];
 
-/// Meaning of status 130 for a command; `None` for those that do not handle Ctrl-C, and for the daemon, which ends in order.
+/// Meaning of exit status 130 of a command; `None` for commands that do not handle Ctrl-C, and for the daemon, which
+/// shuts down in order.
 fn interrupted(command: &str) -> Option<&'static str> {
     match command {
         "upm" => Some("Ended by Ctrl-C."),
@@ -29,11 +30,11 @@ fn interrupted(command: &str) -> Option<&'static str> {
     }
 }
 
-/// Writes `upm.1` to stdout, or into a folder together with a page for every command, as packagers want them.
+/// Writes `upm.1` to stdout, or into a folder with one page per command, as packagers need them.
 pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
     let pages = pages().map_err(Failure::failed)?;
     let Some(folder) = &args.out else {
-        // the program's own page is the first
+        // the first page is the program's
         for (_, page) in pages.iter().take(1) {
             say!("{}", String::from_utf8_lossy(page).trim_end())?;
         }
@@ -51,7 +52,7 @@ fn write(path: &Path, page: &[u8]) -> Result<(), Failure> {
     fs::write(path, page).map_err(|error| Failure::write(path, error))
 }
 
-/// Names and contents of all pages, the program's own first.
+/// Names and contents of all pages, the program's first.
 fn pages() -> std::io::Result<Vec<(String, Vec<u8>)>> {
     let mut command = Cli::command().disable_help_subcommand(true);
     command.build();

@@ -1,4 +1,4 @@
-//! Names that shells offer for an argument.
+//! Shell completions for the values of arguments.
 
 use std::ffi::OsStr;
 
@@ -7,13 +7,14 @@ use clap::{Arg, Command, Error};
 
 use upm_runner::config::schema_names;
 
-/// The files of a run folder that have a schema; the journal's is that of a line.
+/// Files of a run folder that have a schema; the journal's is that of a line.
 const FILES_OF_RUNS: [&str; 2] = ["journal", "report"];
 
 /// The modes of a recording.
 const RERUN_MODES: [&str; 4] = ["off", "save", "connect", "spawn"];
 
-/// Takes any text; shells offer these names for it. The command refuses other names itself, in one line.
+/// Value parser that accepts any text and completes these names. The command itself refuses other names, with its own
+/// message.
 #[derive(Clone, Debug)]
 pub struct Offered(Vec<&'static str>);
 

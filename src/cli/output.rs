@@ -1,4 +1,4 @@
-//! Ends of commands: lines on stdout and stderr, failures, exit statuses, Ctrl-C.
+//! Output and exit of commands: lines on stdout and stderr, failures, exit statuses, Ctrl-C.
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
@@ -11,14 +11,14 @@ use image::ImageError;
 use super::shipped::is_shipped;
 use upm_runner::config::{Fault, FaultClass, reason};
 
-/// The job ran and did not reach its goal.
+/// Exit status: the job ran and did not reach its goal.
 pub(super) const NOT_REACHED: u8 = 1;
-/// Bad usage or a bad file.
+/// Exit status: bad usage or a bad file.
 pub(super) const BAD_INPUT: u8 = 2;
-/// Ended by Ctrl-C.
+/// Exit status: ended by Ctrl-C.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Why a command ends with a status other than 0, one line a fault.
+/// Failure of a command: exit status and one line per fault.
 #[derive(Debug)]
 pub(super) struct Failure {
     pub status: u8,
@@ -26,22 +26,22 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// The command was understood and could not do its work.
+    /// Failure of a valid command that could not be carried out.
     pub fn failed(line: impl Display) -> Self {
         Self { status: NOT_REACHED, lines: vec![line.to_string()] }
     }
 
-    /// Bad usage or a bad file.
+    /// Failure by bad usage or a bad file.
     pub fn bad_input(line: impl Display) -> Self {
         Self::faults([line])
     }
 
-    /// Faults in files, one a line.
+    /// Failure by faults in files, one line each.
     pub fn faults<F: Display>(faults: impl IntoIterator<Item = F>) -> Self {
         Self { status: BAD_INPUT, lines: faults.into_iter().map(|fault| fault.to_string()).collect() }
     }
 
-    /// Faults in files. A shipped one that is missing is one that `upm init` writes.
+    /// As [`Self::faults`]; for a missing shipped file it adds that `upm init` writes it.
     pub fn of_files(faults: Vec<Fault>) -> Self {
         let hint = |fault: &Fault| match fault.class {
             FaultClass::Unreadable if is_shipped(&fault.file) => format!("{fault}; `upm init` writes it"),
@@ -50,19 +50,19 @@ impl Failure {
         Self::faults(faults.iter().map(hint))
     }
 
-    /// A file that cannot be read.
+    /// Failure to read a file.
     pub fn unread(path: &Path, error: &io::Error) -> Self {
         Self::bad_input(format!("cannot read {}: {}", path.display(), reason(error)))
     }
 
-    /// A file that cannot be written.
+    /// Failure to write a file.
     pub fn write(path: &Path, error: impl Into<Box<dyn std::error::Error>>) -> Self {
         let error = error.into();
         let why = error.downcast_ref::<io::Error>().map_or_else(|| error.to_string(), reason);
         Self::failed(format!("cannot write {}: {why}", path.display()))
     }
 
-    /// A picture that cannot be written.
+    /// Failure to write a picture.
     pub fn write_picture(path: &Path, error: ImageError) -> Self {
         match error {
             ImageError::IoError(error) => Self::write(path, error),
@@ -70,7 +70,7 @@ impl Failure {
         }
     }
 
-    /// Prints the faults on stderr; the exit status.
+    /// Prints the lines on stderr; returns the exit status.
     pub fn complain(&self) -> u8 {
         self.lines.iter().for_each(|line| complain!("upm: {line}"));
         self.status
@@ -94,7 +94,7 @@ pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     say!("{text}")
 }
 
-/// Prints a result as a JSON document or else by `text`; exit status 0.
+/// Prints a result as a JSON document or by `text`; returns exit status 0.
 pub(super) fn print(
     json: bool,
     value: &impl serde::Serialize,
@@ -104,7 +104,7 @@ pub(super) fn print(
     Ok(0)
 }
 
-/// A flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
+/// Flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
 pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);

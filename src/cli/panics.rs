@@ -2,7 +2,7 @@ use std::backtrace::{Backtrace, BacktraceStatus};
 use std::panic::{self, PanicHookInfo};
 use std::thread;
 
-/// From now on a panic of any thread is an error in the log, and not text on stderr that would wait for who reads it.
+/// Installs a panic hook that logs panics as errors instead of writing to stderr, which could block on its reader.
 pub(super) fn into_log() {
     panic::set_hook(Box::new(note));
 }

@@ -1,22 +1,22 @@
-//! Names by their beginning, as people type ids.
+//! Matches names by their beginning, as people type ids.
 
-/// The word for the newest of all.
+/// Word that selects the newest name.
 pub(super) const LAST: &str = "last";
 
-/// Candidates that a message lists.
+/// Most candidates listed in a message.
 const SHOWN: usize = 6;
 
-/// The names that a text may mean.
+/// Result of a match.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Match {
     None,
-    /// Index of the one.
+    /// Index of the only match.
     One(usize),
-    /// Indices of all that begin with it.
+    /// Indices of all names that begin with the text.
     Several(Vec<usize>),
 }
 
-/// The one of `names` that is `text`, else those that begin with it.
+/// Finds the name equal to `text`, else those that begin with it.
 pub(super) fn match_prefix<'a>(text: &str, names: impl Iterator<Item = &'a str>) -> Match {
     let mut found = Vec::new();
     for (index, name) in names.enumerate() {
@@ -34,7 +34,7 @@ pub(super) fn match_prefix<'a>(text: &str, names: impl Iterator<Item = &'a str>)
     }
 }
 
-/// `candidates` on one line, as many as a person reads.
+/// The first [`SHOWN`] of `candidates` on one line.
 pub(super) fn in_one_line(candidates: &[String]) -> String {
     let shown = candidates.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
     match candidates.len().saturating_sub(SHOWN) {

@@ -8,28 +8,28 @@ use upm_control::{Condition, ConditionChange, ConditionFacts, CycleFacts, EventL
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_runner::run::PacingStats;
 
-/// Thousandths, so that a bar can stand for any fraction.
+/// Length of a bar: progress is counted in thousandths.
 pub(super) const FULL: u64 = 1000;
 
-/// A plate that is less than this behind real time is not reported as behind, s.
+/// Least delay against real time that is reported, s.
 const LEAST_BEHIND_S: f64 = 0.1;
 
 /// Work that takes no longer than this shows no progress.
 const LATE: Duration = Duration::from_secs(2);
 
-/// Lines of progress are this far apart.
+/// Time between two lines of progress.
 const BETWEEN_LINES: Duration = Duration::from_secs(5);
 
-/// Shows a run on stderr: a bar on a terminal, elsewhere a line now and then.
+/// Progress of a run on stderr: a bar on a terminal, elsewhere a line now and then.
 pub(super) struct RunProgress<'a> {
     shown: LateProgress<MonotonicClock>,
     pacing: &'a PacingStats,
-    /// Conditions that have been warned of.
+    /// Conditions already reported as warnings.
     warned: Vec<Condition>,
 }
 
 impl<'a> RunProgress<'a> {
-    /// `pacing` is that of the run.
+    /// Progress of the run that `pacing` belongs to.
     pub fn new(common: Common, pacing: &'a PacingStats) -> Self {
         Self { shown: LateProgress::at_once(common), pacing, warned: Vec::new() }
     }
@@ -61,7 +61,7 @@ impl Sink for RunProgress<'_> {
         }
     }
 
-    /// Warns of a condition when it begins for the first time; its end, and all that follows, is information.
+    /// Reports a condition as a warning when it begins for the first time; its end and repetitions are information.
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
         let is_new = facts.change == ConditionChange::Began && !self.warned.contains(&facts.condition);
         if is_new {
@@ -71,24 +71,24 @@ impl Sink for RunProgress<'_> {
     }
 }
 
-/// How far a plate is behind real time, to follow its time; empty where it hardly is.
+/// Delay of a plate against real time, to be appended to its time; empty if it is small.
 pub(super) fn behind(behind_s: f64) -> String {
     if behind_s < LEAST_BEHIND_S { String::new() } else { format!(", {behind_s:.1} s behind real time") }
 }
 
-/// Where the progress of work that may take long goes.
+/// Output of the progress of work that may take long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProgressMode {
-    /// A bar, on a terminal.
+    /// A bar, if stderr is a terminal.
     Bar,
-    /// A line now and then, in a file or a pipe.
+    /// A line now and then, if stderr is a file or a pipe.
     Lines,
-    /// Nowhere.
+    /// No output.
     Hidden,
 }
 
 impl ProgressMode {
-    /// On the stderr of this process.
+    /// Mode for the stderr of this process.
     pub fn on_stderr(common: Common) -> Self {
         Self::of(common.quiet, std::io::stderr().is_terminal())
     }
@@ -107,12 +107,12 @@ pub(super) struct LateProgress<C> {
     clock: C,
     mode: ProgressMode,
     bar: Option<ProgressBar>,
-    /// When the next line may be written.
+    /// Earliest time of the next line.
     line_from: Duration,
 }
 
 impl LateProgress<MonotonicClock> {
-    /// On stderr, with the bar from the beginning where there is one.
+    /// Progress on stderr; a bar is shown from the beginning.
     pub fn at_once(common: Common) -> Self {
         let mode = ProgressMode::on_stderr(common);
         let bar = (mode == ProgressMode::Bar).then(|| bar(false));
@@ -145,7 +145,7 @@ impl<C: Clock> LateProgress<C> {
         }
     }
 
-    /// The line to write now; `None` while the last one is recent.
+    /// The line to write now; `None` while the previous one is recent.
     fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
         let now = self.clock.elapsed();
         if now < self.line_from {
@@ -155,7 +155,7 @@ impl<C: Clock> LateProgress<C> {
         Some(format!("{:3.0} %  {}", 100.0 * done, message()))
     }
 
-    /// Writes to stderr without the bar in between.
+    /// Calls `write` with the bar removed from stderr.
     pub fn suspend(&self, write: impl FnOnce()) {
         match &self.bar {
             Some(bar) => bar.suspend(write),

@@ -1,4 +1,4 @@
-//! Recordings of what is no run.
+//! Rerun recordings of experiments and pictures, which are not runs.
 
 use std::path::Path;
 
@@ -7,12 +7,12 @@ use upm_viewer::{Experiment, RecordingError, RecordingStats, RerunSink, record_e
 
 use super::output::Failure;
 
-/// The mode that `--rerun` names.
+/// Recording mode named by `--rerun`.
 pub(super) fn mode(text: &str) -> Result<RerunMode, Failure> {
     text.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
 }
 
-/// The mode that `--rerun` names, refused before anything is done when the recording cannot go there.
+/// Recording mode named by `--rerun`; refused at once if the recording cannot go there.
 pub(super) fn checked_mode(text: &str) -> Result<RerunMode, Failure> {
     let mode = mode(text)?;
     RerunSink::check(&mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;

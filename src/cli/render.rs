@@ -12,7 +12,7 @@ use upm_core::units::mm_from_m;
 use upm_runner::config::{JobSpec, listed};
 use upm_runner::run::{FirstFrame, FirstFrameError, first_frame};
 
-/// Endings of picture files that can be written.
+/// Supported file name extensions of pictures.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
 
 pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {

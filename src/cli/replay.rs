@@ -6,7 +6,7 @@ use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
 use upm_viewer::repair_recording;
 
-/// The viewer that reads this version's recordings.
+/// Version of the viewer that reads this version's recordings.
 const VIEWER: &str = "0.36.3";
 
 pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
@@ -21,7 +21,7 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
             recording.display()
         )));
     }
-    // by itself the viewer listens on every interface
+    // by default the viewer listens on every interface
     let viewer = Command::new("rerun").args(["--bind", "127.0.0.1"]).arg(&recording).stdin(Stdio::null()).status();
     match viewer {
         Ok(status) if status.success() => Ok(0),
@@ -35,7 +35,7 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
     }
 }
 
-/// Makes a recording of the draft that a killed run left, if there is one.
+/// Makes a recording of the partial one that a killed run left, if there is one.
 fn recover(draft: &Path, recording: &Path) -> Result<(), Failure> {
     if !draft.exists() {
         return Ok(());

@@ -13,10 +13,10 @@ use upm_recording::{Keeping, Report, Verdict};
 use upm_runner::config::{Fault, FaultClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
-/// Folder that run folders are made in, unless another is named.
+/// Default folder for run folders.
 pub(super) const USUAL_OUT: &str = "runs";
 
-/// Where the recording of a single run goes, unless told.
+/// Default recording mode of a single run.
 const USUAL_RERUN: &str = if upm_viewer::BUILT_IN { "save" } else { "off" };
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
@@ -50,7 +50,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     Ok(status_of(&result.report))
 }
 
-/// The job in `file` with what the command line changes in it.
+/// The job in `file` with the changes of the command line.
 pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> {
     let mut job = JobSpec::load(file).map_err(|faults| unread(file, faults))?;
     if let Some(seed) = args.seed {
@@ -62,7 +62,7 @@ pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> 
     Ok(job)
 }
 
-/// The exit status of a run with this report.
+/// Exit status of a run with this report.
 pub(super) fn status_of(report: &Report) -> u8 {
     match report.outcome {
         Outcome::Completed if report.verdict == Some(Verdict::FalseSuccess) => NOT_REACHED,
@@ -72,7 +72,7 @@ pub(super) fn status_of(report: &Report) -> u8 {
     }
 }
 
-/// The faults of the job in `file`; one that cannot be read is followed by where to look for others.
+/// Failure by the faults of the job in `file`; if it cannot be read, with a hint where to find jobs.
 fn unread(file: &Path, faults: Vec<Fault>) -> Failure {
     let is_read = !faults.iter().any(|fault| fault.class == FaultClass::Unreadable && fault.named_by.is_none());
     let mut failure = Failure::of_files(faults);
@@ -87,7 +87,7 @@ pub(super) fn run_failure(error: &RunError) -> Failure {
     Failure { lines: error.lines(), ..failure(String::new()) }
 }
 
-/// The wall time for a folder's name, `20260101T000000Z`.
+/// Wall time in folder names, `20260101T000000Z`.
 pub(super) fn utc_now() -> String {
     jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string()
 }

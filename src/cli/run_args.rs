@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// A run folder.
+/// Arguments of a command on a run folder.
 #[derive(Args, Debug)]
 pub struct RunFolderArgs {
     /// Run folder, as `upm run` leaves it; the beginning of one run's name will do, and last for the newest

@@ -6,14 +6,14 @@ use super::output::Failure;
 use super::prefix::{LAST, Match, in_one_line, match_prefix};
 use super::run_args::RunFolderArgs;
 
-/// Written into a run folder when the run begins.
+/// First file written into a run folder; its time is the start of the run.
 const FIRST_FILE: &str = "effective.json";
 
-/// The run folder that `args` name: a path, `last`, or the beginning of the name of one of those in `--out`.
+/// Run folder that `args` name: a path, `last`, or the beginning of the name of a run in `--out`.
 pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
     let RunFolderArgs { run, out } = args;
     let text = run.to_string_lossy();
-    // a path that leads nowhere is told by the command that looks there
+    // a path to nothing is reported by the command that reads it
     if run.exists() || run.components().count() != 1 {
         return Ok(run.clone());
     }
@@ -47,7 +47,7 @@ struct Run {
     began_at: SystemTime,
 }
 
-/// The run folders in `out`, and in the folders of batches in it.
+/// Run folders in `out` and in its folders of batches.
 fn runs_in(out: &Path) -> Vec<Run> {
     let mut runs = Vec::new();
     for folder in folders_in(out) {
@@ -64,7 +64,7 @@ fn folders_in(folder: &Path) -> Vec<PathBuf> {
     entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())).map(|entry| entry.path()).collect()
 }
 
-/// The run in `folder`, if there is one.
+/// The run in `folder`, if it is a run folder.
 fn run_at(folder: &Path) -> Option<Run> {
     let began_at = fs::metadata(folder.join(FIRST_FILE)).ok()?.modified().ok()?;
     let name = folder.file_name()?.to_string_lossy().into_owned();

@@ -1,9 +1,9 @@
-//! The shipped configurations: jobs, rigs, libraries and examples, in the binary.
+//! The shipped configurations (jobs, rigs, libraries and examples), embedded in the binary.
 
-/// Their paths and texts. They name each other by relative paths, so each keeps its place.
+/// Paths and texts. The files name each other by relative paths, which are kept.
 pub(super) const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
 
-/// True for the path of a shipped file as seen from the folder that it was written into.
+/// True if `path` is that of a shipped file, relative to the folder that it was written into.
 pub(super) fn is_shipped(path: &str) -> bool {
     let path = path.strip_prefix("./").unwrap_or(path);
     FILES.iter().any(|(name, _)| *name == path)

@@ -4,7 +4,7 @@ use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict}
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
-/// Prints the result of a run for people.
+/// Prints the result of a run as text.
 pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
     say!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;
@@ -18,7 +18,7 @@ pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Fai
     Ok(())
 }
 
-/// The figures of a run, each with a label.
+/// Figures of a run with their labels.
 pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
     let mut rows = vec![
@@ -82,7 +82,7 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     rows
 }
 
-/// The planner, why it ran, and what else the rig could run.
+/// The planner, the reason for it, and the alternatives on this rig.
 pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
     format!("{name}: {why}; also possible: {}", alternatives.join(", "))
 }

@@ -9,10 +9,10 @@ use super::args::Common;
 use super::output::{Failure, print};
 use super::run_args::TokenArgs;
 
-/// Random bytes of a token; two digits each.
+/// Random bytes of a token; each gives two hex digits.
 const BYTES: usize = 32;
 
-/// Makes a token file for a daemon and its clients. A file that is there is left as it is.
+/// Creates a token file for a daemon and its clients; never overwrites a file.
 pub(super) fn token(args: &TokenArgs, common: Common) -> Result<u8, Failure> {
     let file = &args.file;
     let mut bytes = [0; BYTES];
@@ -33,7 +33,7 @@ pub(super) fn token(args: &TokenArgs, common: Common) -> Result<u8, Failure> {
     })
 }
 
-/// A new file for its owner alone, whole or not there.
+/// Creates a file atomically, readable by its owner only.
 fn write(file: &Path, token: &str) -> io::Result<()> {
     let mut made = OpenOptions::new().write(true).create_new(true).mode(0o600).open(file)?;
     let written = writeln!(made, "{token}").and_then(|()| made.sync_all());

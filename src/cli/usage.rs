@@ -1,4 +1,4 @@
-//! Wrong command lines, answered in one line with a remedy.
+//! Messages about wrong command lines: one line with a remedy.
 
 use std::net::AddrParseError;
 use std::num::{ParseFloatError, ParseIntError};
@@ -11,7 +11,7 @@ use super::args::Cli;
 use super::output::BAD_INPUT;
 use upm_runner::config::nearest;
 
-/// Prints help or version where they were asked for, else what is wrong with the command line in one line.
+/// Prints help or version if requested, else one line about the fault of the command line.
 pub(super) fn answer(error: &Error) -> ExitCode {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         error.print().ok();
@@ -64,7 +64,7 @@ fn line(error: &Error) -> String {
     }
 }
 
-/// A word that is no command: one that is near, or a file, which `run` takes.
+/// Message about an unknown command: a similar one, or for a file `run`, which takes files.
 fn unknown_command(error: &Error) -> String {
     let found = first(error, ContextKind::InvalidSubcommand);
     if found.ends_with(".json") {
@@ -87,7 +87,7 @@ fn invalid_value(error: &Error, argument: &str, help: &str) -> String {
     }
 }
 
-/// What a value that cannot be parsed should be, with a comma behind it.
+/// Expected form of a value that cannot be parsed, with a trailing comma.
 fn wanted(why: &(dyn std::error::Error + 'static)) -> String {
     if why.is::<ParseIntError>() {
         "expected a whole number, ".to_owned()
@@ -100,7 +100,7 @@ fn wanted(why: &(dyn std::error::Error + 'static)) -> String {
     }
 }
 
-/// `--seed` of `--seed N`.
+/// Flag without its value: `--seed` of `--seed N`.
 fn name_of(argument: &str) -> &str {
     argument.split(' ').next().unwrap_or(argument)
 }
@@ -109,7 +109,7 @@ fn did_you_mean(word: &str) -> String {
     if word.is_empty() { String::new() } else { format!(" (did you mean {word}?)") }
 }
 
-/// `upm run`, as the usage line in `error` begins.
+/// Command as the usage line in `error` begins: `upm run`.
 fn command_of(error: &Error) -> String {
     let usage = match error.get(ContextKind::Usage) {
         Some(ContextValue::StyledStr(usage)) => usage.to_string(),
@@ -124,7 +124,7 @@ fn first(error: &Error, kind: ContextKind) -> String {
     all(error, kind).into_iter().next().unwrap_or_default()
 }
 
-/// The words that `error` has under `kind`, arguments as `--rig RIG.json`.
+/// Words that `error` has under `kind`; arguments as `--rig RIG.json`.
 fn all(error: &Error, kind: ContextKind) -> Vec<String> {
     let plain = |text: &String| text.replace(['<', '>'], "");
     match error.get(kind) {

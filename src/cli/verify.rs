@@ -10,13 +10,13 @@ use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
 use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
 
-/// Characters of a differing line that are shown.
+/// Most characters shown of a line that differs.
 const SHOWN: usize = 160;
 
 pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure> {
     let run = run_folder(args)?;
     let stop = stop_on_interrupt();
-    // as fast as it can: there is no clock to keep to
+    // at full speed: the repetition has no clock to keep up with
     let pacing = PacingStats::default();
     let mut progress = RunProgress::new(common, &pacing);
     let verdict = verify_run(&run, &stop, &mut progress);

@@ -1,11 +1,11 @@
-//! The commands of the daemon in a build without it.
+//! Stand-ins for the commands of the daemon, in a build without it.
 
 use super::args::{BundleArgs, Common, ServeArgs};
 use super::client_args::ClientCommand;
 use super::features::{DAEMON, lacking};
 use super::output::Failure;
 
-/// Only a daemon has signals to hold back.
+/// Does nothing: only a daemon handles signals.
 pub(super) fn hold_back_signals() {}
 
 pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {

@@ -1,12 +1,12 @@
 use upm_chart::{Chart, Color, Layer, Mark};
 
-/// Most bars.
+/// Largest number of bars.
 const MOST_BARS: f64 = 12.0;
 
-/// Columns of the longest bar.
+/// Length of the longest bar, columns.
 const COLUMNS: usize = 40;
 
-/// Counts of values over intervals of one width.
+/// Histogram: counts of values over intervals of equal width.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Histogram {
     start: f64,
@@ -15,7 +15,8 @@ pub(super) struct Histogram {
 }
 
 impl Histogram {
-    /// Of finite `values`, with at most twelve intervals whose width is 1, 2 or 5 times a power of ten; `None` of nothing.
+    /// Histogram of finite `values`, with at most twelve intervals whose width is 1, 2 or 5 times a power of ten;
+    /// `None` without values.
     pub fn of(values: &[f64]) -> Option<Self> {
         let least = values.iter().copied().min_by(f64::total_cmp)?;
         let most = values.iter().copied().max_by(f64::total_cmp)?;
@@ -35,20 +36,20 @@ impl Histogram {
         [bar, bar + 1].map(|edge| self.start + self.width * edge as f64)
     }
 
-    /// A line a bar: interval, count, and as many marks.
+    /// One line per bar: interval, count, and marks in proportion.
     pub fn lines(&self) -> Vec<String> {
         let most = self.counts.iter().copied().max().unwrap_or(1).max(1);
         let decimals = (-self.width.log10().floor()).max(0.0) as usize;
         let line = |(bar, &count): (usize, &usize)| {
             let [from, to] = self.ends(bar).map(|edge| format!("{edge:.decimals$}"));
-            // a bar with something in it is never empty
+            // a bar whose count is not 0 has at least one mark
             let length = (count * COLUMNS).div_ceil(most);
             format!("{from:>8} to {to:>8} {count:>5}  {}", "#".repeat(length)).trim_end().to_owned()
         };
         self.counts.iter().enumerate().map(line).collect()
     }
 
-    /// Outline of the bars, from the axis to the axis.
+    /// Outline of the bars, which begins and ends on the axis.
     fn outline(&self) -> Vec<[f64; 2]> {
         let of_bar = |(bar, &count): (usize, &usize)| {
             let ([from, to], top) = (self.ends(bar), count as f64);

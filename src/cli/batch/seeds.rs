@@ -1,7 +1,7 @@
 use std::collections::HashSet;
 use std::str::FromStr;
 
-/// Most seeds of one batch.
+/// Largest number of seeds in a batch.
 const MOST_SEEDS: u64 = 10_000;
 
 /// The seeds of a batch, each once, in the order in which they are named: `1..20` (both ends included), `1,5,9` or `1..3,7`.
@@ -36,7 +36,7 @@ impl FromStr for Seeds {
     }
 }
 
-/// First and last seed of `7` or `3..9`; `None` for what is neither.
+/// First and last seed of `7` or `3..9`; `None` for other text.
 fn ends(piece: &str) -> Option<(u64, u64)> {
     let (first, last) = piece.split_once("..").unwrap_or((piece, piece));
     let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);

@@ -6,18 +6,18 @@ use serde::Serialize;
 use upm_core::job::{Outcome, StopCause};
 use upm_recording::{Report, Verdict};
 
-/// One run of a batch.
+/// Result of one run of a batch.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct SeedRun {
     pub seed: u64,
     pub outcome: Outcome,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// The cause that ended it, where programs tell it apart.
+    /// Machine-readable cause of the end, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<StopCause>,
     pub reason: String,
-    /// `None` for a job that cannot be run with this seed.
+    /// `None` if the job cannot be run with this seed.
     #[serde(flatten)]
     pub figures: Option<RunFigures>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -26,7 +26,7 @@ pub(super) struct SeedRun {
     pub status: u8,
 }
 
-/// Figures of one run, named as in its report.
+/// Figures of one run, named as in `report.json`.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct RunFigures {
     pub plate_time_s: f64,
@@ -60,13 +60,13 @@ impl SeedRun {
         }
     }
 
-    /// A job that could not be run with `seed`, or whose run could not be written.
+    /// Entry of a job that could not be run with `seed`, or whose run could not be written.
     pub fn not_run(seed: u64, reason: String, status: u8) -> Self {
         let outcome = Outcome::Failed;
         Self { seed, outcome, verdict: None, code: None, reason, figures: None, folder: None, status }
     }
 
-    /// True when it completed and the truth does not contradict that.
+    /// True if the run completed and the ground truth does not contradict it.
     pub fn is_done(&self) -> bool {
         self.outcome == Outcome::Completed && !self.is_false_success()
     }
@@ -76,18 +76,18 @@ impl SeedRun {
     }
 }
 
-/// A figure of the completed runs.
+/// A figure that is summarised over the completed runs.
 pub(super) struct Figure {
-    /// As in `report.json`.
+    /// Key in `report.json`.
     pub key: &'static str,
-    /// For people, with its unit.
+    /// Label in the table, with the unit.
     pub name: &'static str,
-    /// Decimals that people are shown.
+    /// Decimals in the table.
     pub decimals: usize,
     of: fn(&RunFigures) -> Option<f64>,
 }
 
-/// All figures; of each the smallest is the best.
+/// All figures; smaller is better for each.
 pub(super) const FIGURES: [Figure; 5] = [
     Figure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
     Figure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
@@ -96,7 +96,7 @@ pub(super) const FIGURES: [Figure; 5] = [
     Figure { key: "cross_track_rms_mm", name: "path error (mm rms)", decimals: 2, of: |run| run.cross_track_rms_mm },
 ];
 
-/// Median, best and worst of a figure over the completed runs that have it.
+/// Median, best and worst value of a figure over the completed runs that have it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Spread {
     pub median: f64,
@@ -107,7 +107,7 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Of pairs of value and seed; of equal values the first counts. `None` of nothing.
+    /// Spread of pairs of value and seed; among equal values the first counts. `None` without values.
     fn of(mut values: Vec<(f64, u64)>) -> Option<Self> {
         // stable, so that the order of the seeds settles ties
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -122,30 +122,30 @@ impl Spread {
     }
 }
 
-/// `summary.json`.
+/// Contents of `summary.json`.
 #[derive(Debug, Serialize)]
 pub(super) struct Summary {
     pub name: String,
     pub rig: String,
     pub version: &'static str,
-    /// Seeds asked for.
+    /// Number of seeds requested.
     pub seeds: usize,
     pub completed: usize,
-    /// Completed by their report, and the truth says otherwise.
+    /// Runs that completed by their report although the ground truth contradicts it.
     pub false_success: usize,
     pub failed: usize,
     pub cancelled: usize,
-    /// Seeds whose turn never came.
+    /// Seeds whose run was not started.
     pub not_started: usize,
     pub wall_time_s: f64,
-    /// Over the completed runs, by the name of the figure.
+    /// Spread over the completed runs, by figure name.
     pub figures: BTreeMap<&'static str, Spread>,
-    /// In the order of the seeds.
+    /// Runs in the order of the seeds.
     pub runs: Vec<SeedRun>,
 }
 
 impl Summary {
-    /// Of a batch of `seeds` seeds, of which `runs` began.
+    /// Summary of a batch of `seeds` seeds, of which `runs` were started.
     pub fn new(name: &str, rig: &str, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
         let count = |is: fn(&SeedRun) -> bool| runs.iter().filter(|&run| is(run)).count();
         let spread = |figure: &Figure| Some((figure.key, Spread::of(values(&runs, figure))?));
@@ -170,7 +170,7 @@ impl Summary {
         values(&self.runs, &FIGURES[0]).into_iter().map(|(time_s, _)| time_s).collect()
     }
 
-    /// The status of the first run that did not complete, `0` where all did.
+    /// Exit status of the first run that did not complete; `0` if all did.
     pub fn status(&self) -> u8 {
         self.runs.iter().map(|run| run.status).find(|&status| status != 0).unwrap_or(0)
     }
@@ -186,7 +186,7 @@ fn values(runs: &[SeedRun], figure: &Figure) -> Vec<(f64, u64)> {
 pub(super) mod tests {
     use super::*;
 
-    /// A run as its report would have it.
+    /// Test data: a run as its report describes it.
     pub fn run(seed: u64, outcome: Outcome, plate_time_s: f64) -> SeedRun {
         let figures = RunFigures {
             plate_time_s,

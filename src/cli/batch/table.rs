@@ -1,7 +1,7 @@
 use super::summary::{FIGURES, SeedRun, Summary};
 use upm_core::job::Outcome;
 
-/// Lines of the batch for people: counts, figures, and a line for each run that did not complete.
+/// Lines of the batch's table: counts, figures, and one line for each run that did not complete.
 pub(super) fn lines(summary: &Summary) -> Vec<String> {
     let mut lines = vec![headline(summary)];
     lines.extend(figures(summary));

@@ -14,42 +14,42 @@ use upm_recording::{Keeping, RerunMode};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{PacingStats, RunOptions, run as run_job};
 
-/// News that wait to be shown; a worker waits while there are more.
+/// Capacity of the queue of messages to be shown; workers block while it is full.
 const WAITING: usize = 64;
 
-/// How often progress is looked at.
+/// Interval at which progress is polled.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// The runs of one job with several seeds.
+/// Runs of one job with several seeds.
 pub(super) struct Batch<'a> {
     pub job: &'a JobSpec,
     pub seeds: &'a [u64],
     pub out: PathBuf,
-    /// The wall time for the names of the run folders.
+    /// Wall time in the names of the run folders.
     pub started_utc: String,
     pub rerun: RerunMode,
     pub clock: MonotonicClock,
-    /// Set by Ctrl-C: runs in progress end, no other begins.
+    /// Set by Ctrl-C: runs in progress end, and no further run starts.
     pub interrupted: &'a AtomicBool,
 }
 
-/// News of a batch.
+/// Progress report of a batch.
 pub(super) enum News {
-    /// The share of all work that is done, and how many runs have ended.
+    /// Share of the total work that is done, and number of runs that have ended.
     Progress { share: f64, ended: usize },
     /// A line about the run with this seed.
     Note { seed: u64, level: EventLevel, text: String },
 }
 
-/// A message of a worker.
+/// Message from a worker thread.
 enum Message {
     Note { seed: u64, level: EventLevel, text: String },
     Ended { index: usize, run: Box<SeedRun> },
 }
 
 impl Batch<'_> {
-    /// Runs every seed on its turn, on all cores, and tells `show` on this thread; the runs that began, in the order of the
-    /// seeds.
+    /// Runs the seeds in turn on all cores and calls `show` on this thread. Returns the runs that were started, in the
+    /// order of the seeds.
     pub fn run(&self, mut show: impl FnMut(News)) -> Vec<SeedRun> {
         let turns = Turns { next: AtomicUsize::new(0), shares: self.seeds.iter().map(|_| AtomicU64::new(0)).collect() };
         let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(self.seeds.len());
@@ -78,7 +78,7 @@ impl Batch<'_> {
         }
     }
 
-    /// What `upm run --seed SEED` does.
+    /// Runs one seed as `upm run --seed SEED` does.
     fn run_one(&self, seed: u64, share: &AtomicU64, sender: &SyncSender<Message>) -> SeedRun {
         let options = RunOptions {
             out: self.out.clone(),
@@ -104,7 +104,7 @@ impl Batch<'_> {
     }
 }
 
-/// Whose turn it is, and how far each run is, in thousandths.
+/// Index of the next seed, and the progress of each run in thousandths.
 struct Turns {
     next: AtomicUsize,
     shares: Vec<AtomicU64>,
@@ -117,7 +117,7 @@ impl Turns {
     }
 }
 
-/// Shows what workers say until all have ended.
+/// Shows the workers' messages until all of them have ended.
 fn collect(receiver: &Receiver<Message>, turns: &Turns, show: &mut impl FnMut(News)) -> Vec<(usize, SeedRun)> {
     let mut runs = Vec::new();
     loop {
@@ -131,7 +131,7 @@ fn collect(receiver: &Receiver<Message>, turns: &Turns, show: &mut impl FnMut(Ne
     }
 }
 
-/// Hands on what happens in one run, and Ctrl-C into it.
+/// Forwards a run's events to the batch, and Ctrl-C to the run.
 struct Watcher<'a> {
     seed: u64,
     interrupted: &'a AtomicBool,
@@ -158,7 +158,7 @@ impl Sink for Watcher<'_> {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        // the ends of runs are in the table
+        // the table lists how each run ended
         if level != EventLevel::Error {
             self.note(level, &format!("plate {at}: {text}"));
         }

@@ -1,4 +1,4 @@
-//! Coverage of a library, for people and for programs.
+//! Coverage of a library, as text and as JSON.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_runner::run::{Coverage, Place};
 
-/// The coverage of a library and what plate it is for.
+/// Coverage of a library and the plate it was measured on.
 pub(super) struct Covered {
     /// Name of the rig the library was measured on.
     pub rig_name: String,
@@ -15,12 +15,12 @@ pub(super) struct Covered {
 }
 
 impl Covered {
-    /// Coverage of the plate of `library`.
+    /// Coverage of the plate that `library` was measured on.
     pub fn by(library: &Library) -> Self {
         Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
     }
 
-    /// Lines for people: figures, then a map.
+    /// Text output: figures, then a map.
     pub fn lines(&self) -> Vec<String> {
         let coverage = &self.coverage;
         let mut lines: Vec<String> =
@@ -30,7 +30,7 @@ impl Covered {
         lines
     }
 
-    /// The same for programs, lengths in millimetres.
+    /// JSON output; lengths in millimetres.
     pub fn json(&self) -> Value {
         let coverage = &self.coverage;
         let weakest = coverage.weakest().map(place_json);
@@ -84,7 +84,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     figures
 }
 
-/// Effect of one pulse at a place, for programs.
+/// Effect of one pulse at a place, as JSON.
 pub(super) fn place_json(place: &Place) -> Value {
     json!({
         "position_mm": position(place.position_m),
@@ -96,7 +96,7 @@ pub(super) fn place_json(place: &Place) -> Value {
     })
 }
 
-/// Effect of one pulse at a place in the weakest direction, for people.
+/// Effect of one pulse at a place in the weakest direction, as text.
 pub(super) fn steps(place: &Place) -> String {
     let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
     match place.shortest_step_m {
@@ -105,7 +105,7 @@ pub(super) fn steps(place: &Place) -> String {
     }
 }
 
-/// The plate from above, a character a place.
+/// Map of the plate from above, one character per place.
 fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
     let strongest_m = coverage.strongest_step_m();
     let character = move |place: &Place| {
@@ -122,7 +122,7 @@ pub(super) fn mm(length_m: f64) -> f64 {
     mm_from_m(length_m)
 }
 
-/// To a ten-thousandth: more than was measured.
+/// `value` rounded to 1e-4, finer than the measurement.
 pub(super) fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
@@ -136,7 +136,7 @@ pub(super) fn shown(position_m: Vec2) -> String {
     format!("({x:.1}, {y:.1})")
 }
 
-/// A direction that is as good as its opposite: whole degrees, 0 to 179.
+/// Direction modulo its opposite, whole degrees, 0 to 179.
 pub(super) fn degrees(direction: Vec2) -> f64 {
     direction.y.atan2(direction.x).to_degrees().round().rem_euclid(180.0)
 }

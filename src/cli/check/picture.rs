@@ -1,4 +1,4 @@
-//! Pictures of `upm check`: the coverage of a library, the predicted ways of a job's parts.
+//! Pictures of `upm check`: the coverage of a library, and the predicted paths of a job's parts.
 
 use super::plan::Planned;
 use upm_chart::{Chart, Color, Layer, Mark};
@@ -10,10 +10,10 @@ use upm_runner::run::{Coverage, PartForecast, Place, PlanVerdict};
 /// Extent of the picture of a coverage, in half sides of the plate from its middle.
 const COVERAGE_REACH: f64 = 1.3;
 
-/// Every so many places have arrows.
+/// Arrows are drawn at every this many places along each axis.
 const ARROWS_EVERY: usize = 4;
 
-/// The plate from above: reach in the weakest direction, centres, what is out of reach.
+/// Chart of the plate from above: reach in the weakest direction, centres of rotation, unreachable places.
 pub(super) fn coverage_chart(coverage: &Coverage, rig_name: &str) -> Chart {
     let shown_mm = COVERAGE_REACH * mm_from_m(coverage.half_side_m);
     let title = coverage_title(coverage, rig_name, shown_mm);
@@ -52,7 +52,7 @@ fn coverage_layers(coverage: &Coverage) -> Vec<Layer> {
     layers
 }
 
-/// Places on a coarser grid about the same middle.
+/// Places of a coarser grid about the same middle.
 fn coarse(coverage: &Coverage) -> impl Iterator<Item = &Place> {
     let first = coverage.columns / 2 % ARROWS_EVERY;
     let taken = move |k: usize| k % ARROWS_EVERY == first;
@@ -63,13 +63,13 @@ fn coarse(coverage: &Coverage) -> impl Iterator<Item = &Place> {
 /// Extent of the picture of a plan, in half sides of the plate from its middle.
 const PLAN_REACH: f64 = 1.08;
 
-/// Half the line in a part's weakest direction, in radii of the part.
+/// Half the length of the line in a part's weakest direction, in radii of the part.
 const REACH: f64 = 1.7;
 
-/// From a part's middle to its name, right and up, in radii of the part.
+/// Offset of a part's name from its middle, right and up, in radii of the part.
 const BESIDE: f64 = 0.6;
 
-/// The plate from above: where the parts start, where they are to go, their ways in the first rehearsal.
+/// Chart of the plate from above: starts, targets, and paths in the first rehearsal.
 pub(super) fn plan_chart(planned: &Planned) -> Chart {
     let half_side_mm = mm_from_m(planned.forecast.half_side_m);
     let mut layers = vec![Layer::plate(half_side_mm)];
@@ -103,7 +103,7 @@ fn trails(planned: &Planned) -> impl Iterator<Item = Layer> {
     })
 }
 
-/// Rim at the start, target and name of part `i`.
+/// Outline at the start, target and name of part `i`.
 fn marks(i: usize, part: &PartForecast) -> Vec<Layer> {
     let (color, start) = (Color::nth(i), at_mm(part.start.place.position_m));
     let rim = Mark::Circles { radius: mm_from_m(part.radius_m) };
@@ -117,14 +117,14 @@ fn marks(i: usize, part: &PartForecast) -> Vec<Layer> {
     ]
 }
 
-/// Arrows both ways from each place, as long as given, in the direction in which one pulse does least.
+/// Double-headed arrows at the places, of the given lengths, in the direction in which one pulse moves a part least.
 fn weakest_directions(arrows: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> Layer {
     let both_ways = arrows.flat_map(|(from, ahead)| [(from, ahead), (from, ahead.map(|along| -along))]);
     let (from, vectors): (Vec<_>, Vec<_>) = both_ways.unzip();
     Layer::new("weakest direction", Mark::Arrows { vectors }, Color::Gray, from)
 }
 
-/// One label for all parts.
+/// `label` for the first part and an empty one for all others, so that the legend has one entry.
 fn of_first(i: usize, label: &'static str) -> &'static str {
     if i == 0 { label } else { "" }
 }

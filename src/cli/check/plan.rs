@@ -1,4 +1,4 @@
-//! The forecast of a job, for people and for programs.
+//! Forecast of a job, as text and as JSON.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub(super) struct Planned {
 }
 
 impl Planned {
-    /// Rehearses `job` with `library`, with progress on stderr when that takes long.
+    /// Rehearses `job` with `library`; shows progress on stderr if it takes long.
     pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Fault> {
         let mut progress = LateProgress::new(progress, MonotonicClock::new());
         let forecast = rehearse(job, library, &mut |at| {
@@ -31,7 +31,7 @@ impl Planned {
         Ok(Self { job: job.name.clone(), rig: job.rig.model.name.clone(), forecast: forecast? })
     }
 
-    /// Lines for people.
+    /// Text output.
     pub fn lines(&self) -> Vec<String> {
         let forecast = &self.forecast;
         let mut lines: Vec<String> =
@@ -47,7 +47,7 @@ impl Planned {
         lines
     }
 
-    /// The same for programs, lengths in millimetres.
+    /// JSON output; lengths in millimetres.
     pub fn json(&self) -> Value {
         let forecast = &self.forecast;
         let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
@@ -154,14 +154,14 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     figures
 }
 
-/// A part at its start and at its target.
+/// Start and, where there is one, target of a part.
 fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &Spot)> {
     [("start", Some(&part.start)), ("target", part.target.as_ref())]
         .into_iter()
         .filter_map(|(name, spot)| Some((name, spot?)))
 }
 
-/// A line for each part and place, under a line of heads.
+/// Table with a header line and one line per part and place.
 fn table(parts: &[PartForecast]) -> Vec<String> {
     let wide = parts.iter().map(|part| part.id.len()).max().unwrap_or(0).max(4);
     let line = |[part, place, at, weakest, pulse, values]: [&str; 6]| {

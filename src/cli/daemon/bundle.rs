@@ -12,7 +12,7 @@ use upm_core::files::write_whole;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{BundleSources, bundle};
 
-/// Architecture and system that the program was built for.
+/// Architecture and operating system of this build.
 const TARGET: (&str, &str) = (std::env::consts::ARCH, std::env::consts::OS);
 
 pub(crate) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Failure> {
@@ -39,7 +39,7 @@ fn named(now: Timestamp) -> PathBuf {
     PathBuf::from(format!("upm-support-{}.tar", now.strftime("%Y%m%dT%H%M%SZ")))
 }
 
-/// Whole or not at all, and for its owner alone.
+/// Writes the archive atomically, readable by its owner only.
 fn write(out: &Path, tar: &[u8]) -> io::Result<()> {
     let mut draft = out.as_os_str().to_owned();
     draft.push(".part");

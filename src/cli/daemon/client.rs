@@ -22,26 +22,26 @@ pub(super) use refusal::{Refusal, on_one_line};
 pub(super) const USUAL_URL: &str = "http://127.0.0.1:8750";
 const JSON: &str = "application/json";
 
-/// Largest answer that is read, bytes: a page of the longest jobs with their reports fits many times.
+/// Largest response that is read, bytes; a page of the longest jobs with their reports is far smaller.
 const MOST_ANSWER_BYTES: u64 = 64 << 20;
 
 /// Largest token file that is read, bytes.
 const MOST_TOKEN_BYTES: u64 = 4096;
 
-/// How long an answer is waited for.
+/// Timeouts of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Patience {
-    /// The daemon checks a job before it answers, and may have others to check first.
+    /// For usual requests: the daemon checks a job before it answers, and may have other jobs to check first.
     Usual,
-    /// An emergency stop: better asked again soon.
+    /// For an emergency stop: a short wait, then another attempt.
     Stop,
-    /// Events: they come without end, at least a heartbeat every 5 s.
+    /// For event streams, which have no end; a heartbeat comes at least every 5 s.
     Stream,
 }
 
 impl Patience {
-    /// An agent that opens a new connection for every request, straight to the daemon: an emergency stop waits
-    /// for no other request and for no proxy.
+    /// An agent that opens a new connection for every request, straight to the daemon: an emergency stop waits for no
+    /// other request and for no proxy.
     fn agent(self) -> Agent {
         let config = Agent::config_builder()
             .http_status_as_error(false)
@@ -65,7 +65,7 @@ impl Patience {
     }
 }
 
-/// A daemon, seen from a command.
+/// Client of a daemon's HTTP API.
 #[derive(Clone)]
 pub(super) struct Client {
     base: String,
@@ -73,7 +73,7 @@ pub(super) struct Client {
 }
 
 impl Client {
-    /// The daemon that the arguments, else the environment, name.
+    /// Client of the daemon that the arguments, else the environment, name.
     pub fn new(args: &DaemonArgs) -> Result<Self, Failure> {
         let client = Self::without_token(args)?;
         let file = args.token_file.clone().or_else(|| Some(std::env::var_os("UPM_TOKEN_FILE")?.into()));
@@ -81,7 +81,7 @@ impl Client {
         Ok(Self { bearer, ..client })
     }
 
-    /// The same, but a token that cannot be read is only told: the stop may do without.
+    /// As [`Self::new`], but a token that cannot be read is only reported: an emergency stop may not need it.
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
         Self::new(args).or_else(|failure| {
             let client = Self::without_token(args)?;
@@ -95,7 +95,7 @@ impl Client {
         Self::at(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
     }
 
-    /// The daemon at `url`, asked without a token.
+    /// Client of the daemon at `url`, without a token.
     pub fn at(url: &str) -> Result<Self, Failure> {
         let base = url.trim_end_matches('/');
         let uri = base.parse::<Uri>().ok();
@@ -108,27 +108,27 @@ impl Client {
         Ok(Self { base: base.to_owned(), bearer: None })
     }
 
-    /// The value at `path`.
+    /// GET of the value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
         self.read(self.send(Method::GET, path, &[], "", Patience::Usual)?)
     }
 
-    /// Asks for something to be done; `json` is what there is to say about it.
+    /// POST to `path`; an empty `json` sends no body.
     pub fn post<T: DeserializeOwned>(&self, path: &str, json: &str, headers: &[(&str, &str)]) -> Result<T, Refusal> {
         self.read(self.send(Method::POST, path, headers, json, Patience::Usual)?)
     }
 
-    /// The value at `path`, with the short timeouts of a stop.
+    /// GET of the value at `path` with the short timeouts of a stop.
     pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
         self.read(self.send(Method::GET, path, &[], "", Patience::Stop)?)
     }
 
-    /// Asks for something to be done, without a word and with little patience.
+    /// POST to `path` without a body, with the short timeouts of a stop.
     pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
         self.read(self.send(Method::POST, path, &[], "", Patience::Stop)?)
     }
 
-    /// The events at `path`, those after the event `after` first.
+    /// Stream of the events at `path`, from the one after `after` on.
     pub fn stream(&self, path: &str, after: Option<u64>) -> Result<Box<dyn Read + Send>, Refusal> {
         let after = after.map(|after| after.to_string());
         let headers: Vec<_> = after.iter().map(|after| ("Last-Event-ID", after.as_str())).collect();
@@ -136,7 +136,7 @@ impl Client {
         Ok(Box::new(response.into_body().into_reader()))
     }
 
-    /// Sends a request; a problem in answer to it is a refusal.
+    /// Sends a request; an error status is returned as a refusal.
     fn send(
         &self,
         method: Method,
@@ -183,7 +183,7 @@ impl Client {
     }
 }
 
-/// The header that shows the token in `file`.
+/// Value of the `Authorization` header with the token in `file`.
 fn bearer_of(file: &Path) -> Result<String, Failure> {
     let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
     let mut text = String::new();
@@ -196,14 +196,14 @@ fn bearer_of(file: &Path) -> Result<String, Failure> {
     Ok(format!("Bearer {token}"))
 }
 
-/// Path of a job of the API; what is no id never gets into an address.
+/// API path of a job; text that is not an id is refused, so that it never becomes part of an address.
 pub(super) fn job_path(id: &str) -> Result<String, Failure> {
     let is_id = id.len() == 32 && id.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
     let wrong = || Failure::bad_input(format!("ID: expected 32 hex digits, as `upm jobs` lists them, found {id:?}"));
     is_id.then(|| format!("/v1/jobs/{id}")).ok_or_else(wrong)
 }
 
-/// Path of a plate of the API.
+/// API path of a plate.
 pub(super) fn plate_path(name: &str) -> Result<String, Failure> {
     let wrong = || Failure::bad_input(format!("PLATE: expected a plate, as `upm plates` lists them, found {name:?}"));
     is_plain_name(name).then(|| format!("/v1/plates/{name}")).ok_or_else(wrong)

@@ -4,10 +4,10 @@ use crate::cli::output::Failure;
 use crate::cli::prefix::{LAST, Match, in_one_line, match_prefix};
 use upm_server::service::Job;
 
-/// Digits of an id.
+/// Number of hex digits in an id.
 const DIGITS: usize = 32;
 
-/// The id that `text` names: an id, the beginning of one job's, or `last` for the job that was submitted last.
+/// Id of the job that `text` names: an id, a unique prefix of one, or `last` for the job submitted last.
 pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     let wrong = |found: &str| {
         let allowed = "32 hex digits, as `upm jobs` lists them, the beginning of one job's, or last";

@@ -46,7 +46,7 @@ pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &job, || say!("{}: {state}", job.id))
 }
 
-/// Prints a job for people.
+/// Prints a job as text.
 pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
     say!("{}", headline(job))?;
     for (label, text) in rows(job) {
@@ -55,7 +55,7 @@ pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Job, plate, state and why, on one line.
+/// Job, plate, state and reason on one line.
 pub(super) fn headline(job: &Job) -> String {
     let state = job.state.code();
     let why = if job.reason.is_empty() { String::new() } else { format!(": {}", job.reason) };
@@ -101,7 +101,7 @@ pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &plates, || plates.plates.iter().try_for_each(|plate| say!("{}", plate_line(plate))))
 }
 
-/// A plate on one line, and what to do where it waits for a person.
+/// Plate on one line, with the command to type if it waits for an operator.
 pub(super) fn plate_line(plate: &Plate) -> String {
     let Plate { name, queued, why, .. } = plate;
     let behind = behind(plate.behind_s);
@@ -123,12 +123,12 @@ pub(super) fn plate_line(plate: &Plate) -> String {
     on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
 }
 
-/// True while the job on the plate is a run of its standing job.
+/// True while the plate runs its standing job.
 fn is_standing(plate: &Plate) -> bool {
     plate.standing_job.as_ref().is_some_and(|standing| standing.state == StandingState::Running)
 }
 
-/// A standing job that does not run.
+/// Line for a standing job that is not running.
 fn standing_line(standing: &StandingJob, plate: &str) -> String {
     let StandingJob { name, state, why } = standing;
     match state {
@@ -138,7 +138,7 @@ fn standing_line(standing: &StandingJob, plate: &str) -> String {
     }
 }
 
-/// A time without parts of a second.
+/// Timestamp without fractions of a second.
 fn seconds(at: &str) -> String {
     let time: Option<jiff::Timestamp> = at.parse().ok();
     time.map_or_else(|| on_one_line(at), |time| time.strftime("%Y-%m-%d %H:%M:%SZ").to_string())

@@ -2,10 +2,10 @@ use super::client::Client;
 use crate::cli::output::Failure;
 use upm_server::service::JobsPage;
 
-/// Most jobs that the daemon lists at once.
+/// Largest page of jobs that the daemon returns.
 const PAGE: u32 = 200;
 
-/// The newest jobs, `most` of them, page by page.
+/// The `most` newest jobs, fetched page by page.
 pub(super) fn list(client: &Client, state: Option<&str>, most: u32) -> Result<JobsPage, Failure> {
     let mut all = JobsPage::default();
     loop {

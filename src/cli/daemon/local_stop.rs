@@ -13,10 +13,10 @@ use upm_server::daemon::{ESTOP_SOCKET, LocalStop, LocalStopRequest, stop_locally
 
 /// Data folder of the shipped unit.
 const UNIT_DATA: &str = "/var/lib/upm";
-/// Configuration of a daemon that is given none.
+/// Configuration file assumed if the daemon was started without one.
 const USUAL_CONFIG: &str = "configs/daemon.json";
 
-/// How the stops went; `None` when no daemon was reached this way. Then the network is left.
+/// Stops the plates through the socket; `None` if no daemon was reached, in which case the caller uses HTTP.
 pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
     let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
     let (folders, port) = match named {
@@ -36,7 +36,7 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
     })
 }
 
-/// A socket that was asked for, or that did not answer, is told of; one that is not there is no news.
+/// Reports a socket that was requested explicitly or that failed; a missing one is not reported.
 fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
     let absent = matches!(kind, ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ConnectionRefused);
     if asked_for || !absent {
@@ -44,7 +44,7 @@ fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
     }
 }
 
-/// Port of the daemon, if its address is on this machine: a socket found here may be another daemon's.
+/// Port of the daemon if its address is on this machine; distinguishes its socket from that of another daemon.
 fn local_port(args: &EstopArgs) -> Option<u16> {
     let url = args.daemon.url.clone().or_else(|| std::env::var("UPM_URL").ok());
     port_on_loopback(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
@@ -61,7 +61,7 @@ fn usual_folders() -> Vec<PathBuf> {
     vec![PathBuf::from(UNIT_DATA), data_of(Path::new(USUAL_CONFIG))]
 }
 
-/// The data folder that a daemon file names; nothing else of the file is looked at.
+/// Data folder named in a daemon file; the rest of the file is not read.
 fn data_of(config: &Path) -> PathBuf {
     let value = std::fs::read(config).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
     let data = value.as_ref().and_then(|value| value.get("data")?.as_str()).unwrap_or("data");

@@ -21,7 +21,7 @@ use upm_server::daemon::{
     prepare,
 };
 
-/// Time that repairing what a crash left may take.
+/// Longest time allowed for repairs after a crash.
 const LONGEST_START: Duration = Duration::from_secs(600);
 
 /// Advice for a computer that does not keep up.
@@ -51,8 +51,8 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     Ok(status(&daemon.serve(&stop, &manager)))
 }
 
-/// Tells whether the daemon would start now, in the form in which `upm check` tells of files, and whether this computer
-/// keeps up with its plates. One that is too slow is no fault: jobs complete all the same.
+/// Reports whether the daemon would start now, in the form in which `upm check` reports on files, and whether this
+/// computer keeps up with its plates. A computer that is too slow is not a fault, since jobs complete nevertheless.
 fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let checked = checked(args);
     let measure = |startable: &Startable| startable.prepared.check_pace(&startable.spec, &MonotonicClock::new());
@@ -66,9 +66,9 @@ fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     Ok(checked.map_or_else(|failure| failure.status, |_| 0))
 }
 
-/// A daemon that would start now.
+/// Result of the checks of a daemon that would start now.
 struct Startable {
-    /// A line about it.
+    /// Summary on one line.
     says: String,
     spec: DaemonSpec,
     prepared: Prepared,
@@ -96,7 +96,7 @@ fn checked(args: &ServeArgs) -> Result<Startable, Failure> {
     Ok(Startable { says, spec, prepared })
 }
 
-/// Whether this computer keeps up with a plate, on one line.
+/// One line that says whether this computer keeps up with a plate.
 fn pace_line(plate: &str, pace: &Result<PaceCheck, String>) -> String {
     let pace = match pace {
         Ok(pace) => pace,
@@ -125,7 +125,7 @@ fn pace_row(plate: &str, pace: &Result<PaceCheck, String>) -> Value {
     }
 }
 
-/// The service manager that the environment tells of.
+/// Service manager according to the environment.
 fn service_manager() -> Result<ServiceManager, Failure> {
     let text = |name: &str| std::env::var(name).ok();
     let (socket, usec, pid) = (std::env::var_os("NOTIFY_SOCKET"), text("WATCHDOG_USEC"), text("WATCHDOG_PID"));
@@ -144,7 +144,7 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
     Ok(spec)
 }
 
-/// A message for every signal that asks to end, and a flag that stays set from the first one on.
+/// A message for every termination signal, and a flag that stays set from the first one on.
 fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     let (sender, stop) = sync_channel(1);
     let told = Arc::<AtomicBool>::default();
@@ -159,9 +159,9 @@ fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     (stop, told)
 }
 
-/// Blocks the signals that do not end the daemon, SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), in this
-/// thread and those that it starts. Called before there is a second thread, so that none of them ends the process; one
-/// that comes early waits for [`attend_signals`].
+/// Blocks SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), which do not end the daemon, in this thread
+/// and in those that it starts. Called before there is a second thread, so that neither ends the process; an early
+/// signal stays pending for [`attend_signals`].
 pub(crate) fn hold_back_signals() {
     if let Err(error) = held_signals().thread_block() {
         complain!("upm: SIGUSR1 will not stop the plates, SIGHUP ends the daemon: {error}");
@@ -172,7 +172,7 @@ fn held_signals() -> SigSet {
     [Signal::SIGHUP, Signal::SIGUSR1].into_iter().collect()
 }
 
-/// Starts the thread that handles the held signals.
+/// Starts the thread that handles the blocked signals.
 fn attend_signals(stop: EmergencyStops, tokens: TokenReload) {
     let started = thread::Builder::new().name("signals".into()).spawn(move || {
         while let Ok(signal) = held_signals().wait() {

@@ -12,39 +12,39 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_server::daemon::LocalStop;
 use upm_server::service::{EStopped, Plate, Plates, ResetRequest};
 
-/// How often a stop is asked for before it is given up.
+/// Attempts before a stop counts as failed.
 const ATTEMPTS: u32 = 3;
 
-/// Rest between two of them.
+/// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// How the stop of one plate went.
+/// Result of the stop of one plate.
 #[derive(Debug, Serialize)]
 pub(super) struct Stop {
     pub plate: String,
     /// The answer of the daemon.
     pub answer: Option<EStopped>,
-    /// The fault where there is no answer.
+    /// Error message if there is no answer.
     pub error: Option<String>,
     pub via: Via,
     pub attempts: u32,
-    /// From the first of them to the answer, s.
+    /// Time from the first attempt to the answer, s.
     pub wall_s: f64,
     #[serde(skip)]
     status: u8,
 }
 
-/// The way to the daemon.
+/// Transport of the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Via {
-    /// The socket in its data folder.
+    /// The socket in the data folder.
     Socket,
     Http,
 }
 
 impl Stop {
-    /// A stop asked for through the socket.
+    /// Result of a stop through the socket.
     fn local(stop: LocalStop, wall_s: f64) -> Self {
         let LocalStop { plate, answer, error } = stop;
         let status = answer.as_ref().map_or(BAD_INPUT, status_of);
@@ -52,7 +52,7 @@ impl Stop {
     }
 }
 
-/// Only a stop that holds over a restart, of motors seen silent, is done.
+/// Exit status; 0 only if the motors are known to be silent and the stop is stored, so that it outlasts a restart.
 fn status_of(answer: &EStopped) -> u8 {
     if answer.silent && answer.persisted { 0 } else { NOT_REACHED }
 }
@@ -81,7 +81,7 @@ fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {
     Ok(stop_all(&client, &names))
 }
 
-/// Names of all plates. Without them nothing can be stopped, so it is said how to do it all the same.
+/// Names of all plates. If they cannot be read, the failure names other methods to stop.
 fn all_plates(client: &Client) -> Result<Vec<String>, Failure> {
     let (listed, _) = insistently(|| client.get_urgently::<Plates>("/v1/plates"));
     let plates = listed.map_err(|refusal| {
@@ -92,7 +92,7 @@ fn all_plates(client: &Client) -> Result<Vec<String>, Failure> {
     Ok(plates.plates.into_iter().map(|plate| plate.name).collect())
 }
 
-/// Stops these plates, all at once: none waits for another.
+/// Stops these plates in parallel, so that none waits for another.
 pub(super) fn stop_all(client: &Client, names: &[String]) -> Vec<Stop> {
     thread::scope(|scope| {
         let stop = |name| thread::Builder::new().spawn_scoped(scope, move || stop_one(client, name)).ok();
@@ -134,7 +134,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
     Stop { plate: name.to_owned(), answer, error, via: Via::Http, attempts, wall_s, status }
 }
 
-/// Asks again, at once, after a refusal that may pass. Every request opens a new connection.
+/// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.
 fn insistently<T>(ask: impl Fn() -> Result<T, Refusal>) -> (Result<T, Refusal>, u32) {
     let mut attempts = 1;
     loop {

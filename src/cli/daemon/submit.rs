@@ -32,7 +32,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     if args.watch { watch::follow(&client, &queued.id, Some(0), common) } else { Ok(0) }
 }
 
-/// Queues the job once: an answer that got lost is asked for again under the same key.
+/// Queues the job exactly once: if the answer is lost, the request is repeated under the same idempotency key.
 pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, Refusal> {
     let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.code()));
     let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
@@ -45,8 +45,8 @@ pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) 
     })
 }
 
-/// The job in the file, checked, and such that it names no other file. The rig is written out, so that a plate with
-/// another one refuses the job; its library is the plate's affair.
+/// Checked job of the file with all drawings written out, so that it names no other file. The rig is written out, so
+/// that a plate with another rig refuses the job, and without its library, which each plate sets itself.
 fn sendable(file: &Path) -> Result<RawJob, Failure> {
     let mut job = checked_job(file)?;
     if let Some(RigSource::Inline(rig)) = &job.rig {
@@ -65,7 +65,7 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
     let unread = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
     match JobSpec::load(file) {
         Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
-        // a job for whatever rig the plate has: the daemon, which knows it, checks the rest
+        // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == FaultClass::Missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
             let job: RawJob = serde_json::from_str(&text).map_err(|error| unread(&error))?;
@@ -91,7 +91,7 @@ fn checked(key: &str) -> Result<&str, Failure> {
     is_key.then_some(key).ok_or_else(wrong)
 }
 
-/// A key that no other invocation has.
+/// Idempotency key that no other invocation uses.
 fn key_of_now() -> String {
     format!("upm-submit-{}-{}", jiff::Timestamp::now().as_nanosecond(), std::process::id())
 }

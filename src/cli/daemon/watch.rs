@@ -18,10 +18,10 @@ use follow::{Follower, Heard};
 use screen::Screen;
 use upm_server::service::{Job, JobState};
 
-/// Events that wait to be shown.
+/// Capacity of the queue of events to be shown.
 const WAITING: usize = 64;
 
-/// How often Ctrl-C is looked at.
+/// Interval at which Ctrl-C is polled.
 const LOOK: Duration = Duration::from_millis(100);
 
 pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
@@ -29,7 +29,7 @@ pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     follow(&client, &job_id(&client, &args.id)?, None, common)
 }
 
-/// Shows what happens to a job until it ends, what comes after the event `after` first. The exit status is the job's.
+/// Shows the events of a job from the one after `after` on until it ends. The exit status is the job's.
 pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Common) -> Result<u8, Failure> {
     let path = job_path(id)?;
     let stop = stop_on_interrupt();
@@ -46,7 +46,7 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
     Ok(if job.state == JobState::Completed { 0 } else { NOT_REACHED })
 }
 
-/// Messages of the follower, which runs on another thread: this one polls Ctrl-C.
+/// Starts a thread that runs the follower and returns the channel of its messages, so that this thread can poll Ctrl-C.
 fn listen(mut follower: Follower) -> Result<Receiver<Heard>, Failure> {
     let (sender, receiver) = sync_channel(WAITING);
     let listen = move || while follower.next().is_some_and(|heard| sender.send(heard).is_ok()) {};
@@ -54,7 +54,7 @@ fn listen(mut follower: Follower) -> Result<Receiver<Heard>, Failure> {
     thread.map(|_| receiver).map_err(|error| Failure::failed(format!("no thread for events: {error}")))
 }
 
-/// Shows all that is heard; `None` when Ctrl-C came first.
+/// Shows all messages; `None` if Ctrl-C came first.
 fn show(heard: &Receiver<Heard>, screen: &mut Screen, stop: &AtomicBool) -> Result<Option<()>, Failure> {
     while !stop.load(Ordering::Relaxed) {
         match heard.recv_timeout(LOOK) {

@@ -1,13 +1,13 @@
-//! The part of a journal's lines that the tables show. Members that are not named here are passed over.
+//! The members of a journal's lines that the tables use; all others are ignored.
 
 use std::io::{self, BufRead};
 
 use serde::Deserialize;
 
-/// Longest line that is read, bytes: a cycle of some hundred pulses fits many times.
+/// Longest line that is read, bytes; a cycle of some hundred pulses is far shorter.
 const LONGEST_LINE: u64 = 16 << 20;
 
-/// A point in millimetres; a coordinate that was not a number is `None`.
+/// Point in millimetres; a coordinate that was not finite is `None`.
 pub(super) type PointMm = [Option<f64>; 2];
 
 #[derive(Debug, Deserialize)]
@@ -45,7 +45,7 @@ pub(super) struct Unfinished {
     pub sent: Vec<Sent>,
 }
 
-/// A pulse that was sent to the motors.
+/// A pulse sent to the motors.
 #[derive(Debug, Deserialize)]
 pub(super) struct Sent {
     pub started_at_s: f64,
@@ -58,7 +58,7 @@ pub(super) struct Sent {
     pub read: Read,
 }
 
-/// What the accelerometers read of a pulse.
+/// Measurements of a pulse by the accelerometers.
 #[derive(Debug, Deserialize)]
 pub(super) struct Read {
     pub pump_mm_s: Option<[Option<f64>; 2]>,
@@ -71,20 +71,20 @@ pub(super) struct Read {
     pub fault: Option<String>,
 }
 
-/// Why a journal cannot be read.
+/// Reason why a journal cannot be read.
 #[derive(Debug)]
 pub(super) enum JournalFault {
     File(io::Error),
-    /// A line, from 1, that is none of a journal.
+    /// Number of an invalid line, from 1, and what is wrong with it.
     Line(usize, String),
 }
 
-/// Reads a journal line by line. A last line without an end, as a killed run leaves one, ends it.
+/// Reader of a journal, line by line. An incomplete last line, as a killed run leaves it, counts as the end.
 pub(super) struct Lines<R> {
     journal: R,
     number: usize,
     bytes: Vec<u8>,
-    /// True when the journal ended in half a line.
+    /// True if the journal ended in an incomplete line.
     pub cut_short: bool,
 }
 
@@ -93,7 +93,7 @@ impl<R: BufRead> Lines<R> {
         Self { journal, number: 0, bytes: Vec::new(), cut_short: false }
     }
 
-    /// The next whole line.
+    /// The next complete line.
     pub fn next(&mut self) -> Result<Option<Line>, JournalFault> {
         self.bytes.clear();
         self.number += 1;

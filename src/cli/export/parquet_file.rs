@@ -12,17 +12,17 @@ use parquet::schema::types::{Type, TypePtr};
 
 use super::table::{Cell, Column, Kind, Table, TableFile};
 
-/// Rows of one group, which are kept in memory until they are written.
+/// Rows of a row group, which is buffered in memory until it is written.
 const GROUP_ROWS: usize = 1 << 16;
 
-/// Apache Parquet, uncompressed, every column optional.
+/// Apache Parquet file, uncompressed, with every column optional.
 pub(super) struct ParquetFile {
     file: SerializedFileWriter<File>,
     columns: Vec<Values>,
     rows: usize,
 }
 
-/// Values of a column, an entry a row.
+/// Buffered values of a column, one entry per row.
 enum Values {
     Whole(Vec<Option<i64>>),
     Real(Vec<Option<f64>>),
@@ -77,7 +77,7 @@ impl Values {
         }
     }
 
-    /// A cell of another kind is empty.
+    /// Appends a cell; one of another kind is stored as empty.
     fn push(&mut self, cell: &Cell<'_>) {
         match (self, cell) {
             (Self::Whole(values), Cell::Whole(value)) => values.push(Some(*value)),
@@ -91,7 +91,7 @@ impl Values {
         }
     }
 
-    /// Writes the values and lets them go.
+    /// Writes the values and clears the buffer.
     fn write(&mut self, column: &mut SerializedColumnWriter<'_>) -> Result<(), ParquetError> {
         match self {
             Self::Whole(values) => {
@@ -115,7 +115,7 @@ impl Values {
     }
 }
 
-/// The definition level of each row (1 where it has a value) and the values that are there; empties `values`.
+/// Definition level of each row (1 where it has a value), and the values present; empties `values`.
 fn split<T>(values: &mut Vec<Option<T>>) -> (Vec<i16>, Vec<T>) {
     let levels = values.iter().map(|value| i16::from(value.is_some())).collect();
     (levels, values.drain(..).flatten().collect())

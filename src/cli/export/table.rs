@@ -2,7 +2,7 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-/// Values of a column.
+/// Type of the values of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Whole,
@@ -11,19 +11,19 @@ pub(super) enum Kind {
     Text,
 }
 
-/// Name, with the unit where there is one, and kind of the values.
+/// Name, with the unit where there is one, and type of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Column(pub &'static str, pub Kind);
 
-/// A table of a run.
+/// Schema of a table of a run.
 #[derive(Debug)]
 pub(super) struct Table {
-    /// Stem of its file.
+    /// Stem of the file name.
     pub name: &'static str,
     pub columns: &'static [Column],
 }
 
-/// A value; of the kind of its column, or empty.
+/// A value of its column's type, or empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cell<'a> {
     Empty,
@@ -33,15 +33,15 @@ pub(super) enum Cell<'a> {
     Text(&'a str),
 }
 
-/// A file that a table is written into.
+/// File of a table in one format.
 pub(super) trait TableFile {
-    /// Adds a row, a cell for each column.
+    /// Appends a row with one cell per column.
     fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()>;
-    /// Writes out what is pending.
+    /// Writes buffered rows and closes the file.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
-/// Comma-separated values, as in RFC 4180, below a row with the names of the columns.
+/// Comma-separated values as in RFC 4180, with a header row.
 pub(super) struct CsvFile(csv::Writer<File>);
 
 impl CsvFile {
@@ -57,7 +57,7 @@ impl TableFile for CsvFile {
         for cell in cells {
             match cell {
                 Cell::Empty => self.0.write_field("")?,
-                // as short as reads back to the same number
+                // shortest text that reads back to the same number
                 Cell::Real(number) => self.0.write_field(number.to_string())?,
                 Cell::Whole(number) => self.0.write_field(number.to_string())?,
                 Cell::Flag(flag) => self.0.write_field(flag.to_string())?,

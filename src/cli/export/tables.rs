@@ -1,4 +1,4 @@
-//! The tables of a run: their columns, and the rows that a journal line or a report adds to them.
+//! The tables of a run: their columns, and the rows made from journal lines or a report.
 
 use super::journal::{Cycle, PointMm, Sent};
 use super::table::{Cell, Column, Kind, Table};
@@ -6,7 +6,7 @@ use upm_recording::{PartReport, Quantiles, TimingsReport};
 
 use Kind::{Flag, Real, Text, Whole};
 
-/// Where each part was before and after each cycle, and where the plan said it would be.
+/// Position of each part before and after each cycle, and the position that the plan predicted.
 pub(super) const POSITIONS: Table = Table {
     name: "positions",
     columns: &[
@@ -25,7 +25,7 @@ pub(super) const POSITIONS: Table = Table {
     ],
 };
 
-/// Where each part was wanted in each cycle.
+/// Target of each part in each cycle.
 pub(super) const TARGETS: Table = Table {
     name: "targets",
     columns: &[
@@ -43,7 +43,7 @@ pub(super) const TARGETS: Table = Table {
     ],
 };
 
-/// Each pulse as it was sent, and what the accelerometers read of it.
+/// Each pulse as sent, and its measurements by the accelerometers.
 pub(super) const PULSES: Table = Table {
     name: "pulses",
     columns: &[
@@ -69,16 +69,16 @@ pub(super) const PULSES: Table = Table {
     ],
 };
 
-/// Wall times of the run's steps, out of its report.
+/// Wall times of the run's steps, from its report.
 pub(super) const TIMINGS: Table = Table {
     name: "timings",
     columns: &[Column("step", Text), Column("p50_us", Real), Column("p99_us", Real), Column("max_us", Real)],
 };
 
-/// All of them, in the order in which they are written.
+/// All tables, in the order in which they are written.
 pub(super) const TABLES: [&Table; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
 
-/// Names of the parts, by their number in the journal; none for a run without a report.
+/// Parts by their number in the journal; empty for a run without a report.
 pub(super) struct Parts<'a>(pub &'a [PartReport]);
 
 impl Parts<'_> {

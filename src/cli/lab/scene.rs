@@ -9,10 +9,10 @@ use upm_core::units::mm_from_m;
 use upm_runner::config::{RawLevels, RawRig, RigSpec};
 use upm_scene::{Scene, kinds};
 
-/// Seed where none is told.
+/// Default seed.
 const SEED: u64 = 1;
 
-/// Picture and truth of a drawn scene; writes its rig file where one is asked for.
+/// Picture and ground truth of a rendered scene; also writes its rig file if requested.
 pub(crate) fn of_scene(family: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
     let family = family.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
     let scene = Scene::drawn(family, args.seed.unwrap_or(SEED));
@@ -37,8 +37,8 @@ fn truth(scene: &Scene) -> Value {
     json!({ "table": { "corners_px": corners_px }, "parts": parts.collect::<Vec<_>>() })
 }
 
-/// The shipped upm-1 with the scene's plate, camera and light. A rig's camera is tilted where a scene's plate is seen
-/// tilted: the other way round.
+/// The shipped upm-1 with the scene's plate, camera and light. A scene tilts the plate and a rig tilts the camera, so
+/// the tilt changes sign.
 fn rig(scene: &Scene) -> Result<RawRig, Failure> {
     let mut raw = RigSpec::upm_1().map_err(Failure::faults)?.raw;
     let [ground, plate, part] = scene.levels;

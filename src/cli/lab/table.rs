@@ -1,6 +1,6 @@
 use upm_lab::{COLUMNS, Figure, HEADS, NUMBERS, Outcome, Sheet, number};
 
-/// The figures as lines of aligned columns under a head; numbers are flush right.
+/// The figures as lines of aligned columns under a header; numbers are right-aligned.
 pub(super) fn table(figures: &[Figure]) -> Vec<String> {
     let head = std::iter::once(HEADS.map(str::to_owned));
     let rows: Vec<[String; COLUMNS]> = head.chain(figures.iter().map(Figure::cells)).collect();
@@ -9,7 +9,7 @@ pub(super) fn table(figures: &[Figure]) -> Vec<String> {
     rows.iter().map(|row| line(row, &widths)).collect()
 }
 
-/// A table of numbers as lines of aligned columns under a head.
+/// A table of numbers as lines of aligned columns under a header.
 pub(super) fn columns(sheet: &Sheet) -> Vec<String> {
     let rows: Vec<Vec<String>> = std::iter::once(sheet.columns.clone()).chain(cells(sheet)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);

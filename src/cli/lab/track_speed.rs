@@ -6,24 +6,25 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{CoinFinder, Tracker, locate_table};
 use upm_scene::{Disc, Scene, kinds};
 
-/// Frames of the film, and how far the part goes from one to the next, m: 3 px.
+/// Number of frames of the film, and displacement of the part between frames, m (3 px).
 const FRAMES: usize = 48;
 const STEP_M: f64 = 0.7e-3;
 
-/// Pictures at the film's end that are played to and fro, so often that they stay in the processor's cache.
+/// Frames at the film's end that are replayed back and forth, and how often, so that they stay in the processor's
+/// cache.
 const CACHED: usize = 4;
 const ROUNDS: usize = 60;
 
-/// How long tracking one part takes a frame.
+/// Time to track one part, per frame.
 pub(super) struct TrackTimes {
-    /// In pictures seen for the first time.
+    /// In frames seen for the first time.
     pub(super) fresh: Duration,
-    /// In pictures that are in the processor's cache.
+    /// In frames that are in the processor's cache.
     pub(super) cached: Duration,
 }
 
-/// Medians over a film of 1280 × 1024 px in which a penny of 40 px radius moves by 3 px a frame under noise. `None` when
-/// it is not followed to the end.
+/// Median times over a film of 1280 × 1024 px in which a penny of 40 px radius moves by 3 px a frame under noise.
+/// `None` if the tracker loses it.
 pub(super) fn tracking() -> Option<TrackTimes> {
     let scene = Scene { noise_sd: 4.0, blur_px: 1.0, ..Scene::plain(1) };
     let kinds: Vec<_> = kinds().into_iter().take(1).collect();

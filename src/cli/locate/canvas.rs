@@ -1,19 +1,19 @@
-//! Smooth lines at places between pixels: those of `imageproc` begin and end at whole ones.
+//! Antialiased lines between subpixel positions; those of `imageproc` begin and end at whole pixels.
 
 use image::{Rgb, RgbImage};
 use imageproc::pixelops::interpolate;
 
 use upm_core::geometry::Vec2;
 
-/// A colour picture to draw on. The middle of its first pixel is (0, 0).
+/// Colour picture to draw on. The centre of its first pixel is (0, 0).
 pub(super) struct Canvas {
     pub image: RgbImage,
-    /// Width of a line, px.
+    /// Line width, px.
     pub line_px: f64,
 }
 
 impl Canvas {
-    /// Lines are wide enough to be seen when the whole picture is.
+    /// Canvas whose line width grows with the picture, so that lines stay visible when it is shown scaled down.
     pub fn new(image: RgbImage) -> Self {
         let longest = f64::from(image.width().max(image.height()));
         Self { image, line_px: (longest / 600.0).max(1.2) }
@@ -32,15 +32,15 @@ impl Canvas {
         });
     }
 
-    /// An upright cross, its arms that long.
+    /// An upright cross with arms of length `arm`, px.
     pub fn cross(&mut self, center: Vec2, arm: f64, color: [u8; 3]) {
         for arm in [Vec2::new(arm, 0.0), Vec2::new(0.0, arm)] {
             self.line(center - arm, center + arm, color);
         }
     }
 
-    /// Colours what lies within half a line's width, by `distance`, among what lies within `reach` of the box from
-    /// `first` to `last`.
+    /// Colours the pixels at most half a line's width away by `distance`, within `reach` of the box from `first` to
+    /// `last`.
     fn stroke(&mut self, [first, last]: [Vec2; 2], reach: f64, color: [u8; 3], distance: impl Fn(Vec2) -> f64) {
         let reach = reach + self.line_px;
         let span = |from: f64, to: f64, size: u32| {
@@ -78,7 +78,7 @@ mod tests {
             assert!((ink(&canvas) / round - 1.0).abs() < 0.02, "{}", ink(&canvas));
             let mut canvas = blank();
             canvas.line(at, at + Vec2::new(21.5, -13.0), [255, 0, 0]);
-            // round ends add the area of a disk
+            // round caps add the area of a disk
             let area = 21.5_f64.hypot(13.0) * canvas.line_px + 0.25 * std::f64::consts::PI * canvas.line_px.powi(2);
             assert!((ink(&canvas) / area - 1.0).abs() < 0.03, "{} {area}", ink(&canvas));
         }

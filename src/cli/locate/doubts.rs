@@ -1,4 +1,4 @@
-//! Sentences about what was found and is no part, and about what is missing.
+//! Messages about discs that are not parts, and about missing parts or tables.
 
 use super::naming::{OtherDisc, Unnamed};
 use super::scale::{PlateSide, SideSource};
@@ -7,10 +7,10 @@ use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::{Survey, TableFault};
 
-/// Discs of one group differ by less than this.
+/// Relative difference in diameter below which discs are grouped.
 const ONE_SIZE: f64 = 0.03;
 
-/// A line for each group of discs alike that are no parts.
+/// One line for each group of similar discs that are not parts.
 pub(super) fn about_others(others: &[OtherDisc], setting: &Setting) -> Vec<String> {
     let mut sorted: Vec<&OtherDisc> = others.iter().collect();
     sorted.sort_by(|a, b| a.disc.radius_m.total_cmp(&b.disc.radius_m));
@@ -35,7 +35,7 @@ fn about(group: &[&OtherDisc], setting: &Setting) -> Option<String> {
     })
 }
 
-/// The option that would name such a disc.
+/// Command line option with which such a disc would be named.
 pub(super) fn suggestion(why: &Unnamed, setting: &Setting) -> Option<String> {
     match why {
         Unnamed::NotLookedFor { kind } => {
@@ -54,7 +54,7 @@ fn known_sizes(setting: &Setting) -> String {
     setting.known.iter().map(size).collect::<Vec<_>>().join(", ")
 }
 
-/// How the plate's side is known, where neither a person nor a rig tells it.
+/// Basis of the plate's side where neither the command line nor a rig gives it.
 pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> {
     let side_mm = mm_from_m(side.side_m);
     match side.source {
@@ -81,7 +81,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> 
     }
 }
 
-/// What there is to see where no part was found.
+/// Message if no part was found, with the discs that were.
 pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &Setting) -> String {
     let seen = match others {
         [] => "nothing round stands out".to_owned(),
@@ -103,7 +103,7 @@ pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &Set
     )
 }
 
-/// A fault of the table with what to do about it.
+/// Fault of the table search, with the remedy.
 pub(super) fn about_table(fault: &TableFault, frame: &Frame) -> String {
     let remedy = match fault {
         TableFault::NoEdges => {
@@ -121,7 +121,7 @@ pub(super) fn about_table(fault: &TableFault, frame: &Frame) -> String {
     format!("{fault}; {remedy}")
 }
 
-/// The level below which that share of the pixels is.
+/// Gray level below which that share of the pixels is.
 fn quantile(pixels: &[u8], share: f64) -> usize {
     let mut counts = [0usize; 256];
     pixels.iter().for_each(|&level| counts[usize::from(level)] += 1);

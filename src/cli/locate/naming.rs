@@ -1,4 +1,4 @@
-//! Names and scores of what was found: parts, and discs that are none of the kinds looked for.
+//! Kind and score of each disc found: a part of a kind looked for, or another disc with the reason.
 
 use image::RgbImage;
 
@@ -8,31 +8,34 @@ use super::tone::{contradicted, metal_of};
 use upm_core::rig::PartKind;
 use upm_perception::vision::{Detection, Disc, Survey, Table, seen_radius_m};
 
-/// How far a disc's diameter may be from its kind's, as a part of it: one that the part finder found, and another.
+/// Largest relative deviation of a disc's diameter from its kind's, for discs that the part finder found and for
+/// others.
 const MOST_OFF: f64 = 0.05;
 const MOST_OFF_ALONE: f64 = 0.035;
-/// A disc that the part finder did not find is a part where it shows this much of its outline, this sharp.
+/// Least visible share of the outline, and least sharpness of it, for a part that the part finder did not find.
 const LEAST_SHARE: f64 = 0.55;
 const LEAST_CRISPNESS: f64 = 0.4;
-/// A diameter off by this halves a score.
+/// Relative deviation of the diameter that halves a score.
 const HALF_OFF: f64 = 0.03;
-/// Share of an outline and sharpness of a rim that leave a score as it is; the sharpness that leaves a tenth.
+/// Share of the outline and sharpness of the rim from which on a score is not reduced; sharpness that reduces it to a
+/// tenth.
 const WHOLE_OUTLINE: f64 = 0.85;
 const SHARP: f64 = 0.57;
 const BLURRED: f64 = 0.30;
-/// A score where the tone is another metal's, where no outline was measured, and on a plate whose side is not sure.
+/// Factors on the score if the tone is another metal's, if no outline was measured, and if the plate's side is
+/// uncertain.
 const OTHER_TONE: f64 = 0.6;
 const UNMEASURED: f64 = 0.6;
 const UNSURE_SCALE: f64 = 0.9;
-/// A lower score is no name: the disc is reported as unclear.
+/// Least score of a named part; below it the disc is reported as unclear.
 const LEAST_SCORE: f64 = 0.4;
-/// Below these a factor is told as a doubt.
+/// Factors below this are reported as doubts.
 const TOLD: f64 = 0.85;
-/// Discs as faint as this and as small, against the smallest known kind, are specks.
+/// Contrast and diameter, relative to the smallest known kind, below which a disc is a speck.
 const SPECK_CONTRAST: f64 = 0.15;
 const SPECK_SIZE: f64 = 0.6;
 
-/// A part with what speaks against it.
+/// A part with the doubts about it.
 #[derive(Clone, Debug)]
 pub(super) struct NamedPart {
     pub part: Detection,
@@ -40,27 +43,27 @@ pub(super) struct NamedPart {
     pub doubts: Vec<String>,
 }
 
-/// Why a disc is no part.
+/// Reason why a disc is not a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Unnamed {
-    /// It has the size of a kind that is not looked for.
+    /// It has the size of a kind that was not looked for.
     NotLookedFor { kind: String },
-    /// It is lighter than the plate where parts are darker, or darker where they are lighter.
+    /// It is lighter than the plate although parts are darker, or the reverse.
     OtherPolarity { kind: Option<String> },
-    /// It has about the size of a kind that is looked for; its outline shows too little of it.
+    /// It is about the size of a kind looked for, but its size, rim or tone do not fit well enough.
     Unclear { kind: String },
     /// It has the size of no known kind.
     UnknownSize,
 }
 
-/// A disc that is no part.
+/// A disc that is not a part.
 #[derive(Clone, Debug)]
 pub(super) struct OtherDisc {
     pub disc: Disc,
     pub why: Unnamed,
 }
 
-/// Names what the part finder found and what the survey found besides.
+/// Names the detections of the part finder and the additional discs of the survey.
 pub(super) fn named(
     found: Vec<Detection>,
     survey: &Survey,
@@ -106,7 +109,7 @@ pub(super) fn named(
     (parts, others)
 }
 
-/// Lowers the scores of coins that have another metal's tone.
+/// Lowers the scores of coins whose tone is that of another metal.
 fn judge_tones(parts: &mut [(NamedPart, Option<&Disc>)], setting: &Setting, colors: Option<&RgbImage>) {
     if !setting.has_metals() {
         return;
@@ -130,7 +133,7 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The kind whose diameter is nearest to a disc's, and how far that is, as a part of it.
+    /// Kind with the diameter nearest to a disc's, and the relative deviation from it.
     fn nearest<'k>(&self, disc: &Disc, kinds: &'k [PartKind]) -> Option<(usize, &'k PartKind, f64)> {
         let off = |kind: &PartKind| disc.radius_m / seen_radius_m(self.table, disc.at_m, kind) - 1.0;
         let all = kinds.iter().enumerate().map(|(i, kind)| (i, kind, off(kind)));
@@ -141,7 +144,8 @@ impl Judge<'_> {
         (disc.level < 1.0) == self.setting.dark_parts
     }
 
-    /// A disc as a part, found by the part finder too or not; `None` where it is none of the kinds looked for.
+    /// The disc as a part, with the part finder's detection if there is one; `None` if it is none of the kinds looked
+    /// for.
     fn part(&self, disc: &Disc, found: Option<Detection>) -> Option<NamedPart> {
         let (kind, spec, off) = self.nearest(disc, &self.setting.kinds)?;
         let clear = disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
@@ -183,7 +187,8 @@ impl Judge<'_> {
         NamedPart { part: Detection { score, ..part }, diameter_m, doubts: vec!["its outline is not clear".into()] }
     }
 
-    /// Where the survey alone saw a part: its foot is half the parallax of its top nearer to the point below the camera.
+    /// Detection of a part seen only by the survey: its foot is displaced by half the parallax of its top, towards the
+    /// point below the camera.
     fn detection(&self, disc: &Disc, kind: usize, spec: &PartKind) -> Detection {
         Detection {
             kind,

@@ -1,4 +1,4 @@
-//! The stages of finding table and parts as five pictures.
+//! Five pictures of the stages of the search for table and parts.
 
 use std::path::{Path, PathBuf};
 
@@ -13,24 +13,24 @@ use upm_core::signal::Frame;
 use upm_perception::vision::{HoughArray, Stages};
 use upm_recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
 
-/// The map of votes is shrunk to no more than this, px.
+/// Largest size of the vote map, to which it is scaled down, px.
 const VOTES_PX: [usize; 2] = [720, 720];
-/// A smaller one is drawn about as wide, px.
+/// Width to which a smaller vote map is scaled up approximately, px.
 const VOTES_WIDE_PX: u32 = 1080;
-/// Of what was found, other than parts.
+/// Colour of results other than parts.
 const FOUND: [u8; 3] = [90, 225, 120];
-/// Of peaks, on yellow.
+/// Colour of peaks, visible on yellow.
 const PEAK: [u8; 3] = [30, 130, 255];
-/// Of parts, by kind: seen on black and on white.
+/// Colours of parts, by kind; visible on black and on white.
 const KINDS: [[u8; 3]; 6] =
     [[70, 160, 255], [255, 150, 30], [190, 110, 255], [255, 75, 110], [0, 190, 190], [200, 170, 0]];
 
-/// Pictures have a folder each where there are several.
+/// Folder of a picture's panels: a subfolder if there are several pictures.
 pub(super) fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
     if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
 }
 
-/// Writes the panels into `folder`; their files.
+/// Writes the panels into `folder`; returns the paths.
 pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {
     let size = [found.frame.width, found.frame.height];
     let overlay = overlay(found, DynamicImage::from(picture(&found.frame)).into_rgb8());
@@ -41,7 +41,7 @@ pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBu
     save(folder, panels)
 }
 
-/// Writes what there is without a table: the first three, or two where no edge stands out.
+/// Writes the panels of a picture without a table: the first three, or two if no edge was found.
 pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &Stages) -> Result<Vec<PathBuf>, Failure> {
     save(folder, begun(frame, stages))
 }
@@ -90,7 +90,7 @@ fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
     canvas.image
 }
 
-/// The table's outline and corners, each part's outline and centre in its kind's colour.
+/// Overlay of the table's outline and corners, and of each part's outline and centre in its kind's colour.
 fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
     let mut canvas = Canvas::new(picture);
     for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {

@@ -1,4 +1,4 @@
-//! Picture files as gray frames.
+//! Reads picture files as gray frames.
 
 use std::fmt::Display;
 use std::fs::File;
@@ -11,22 +11,22 @@ use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, Image
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 
-/// Most pixels of a picture: as many as the table is looked for in.
+/// Largest number of pixels: the limit of the table search.
 const MOST_PIXELS: u64 = 64_000_000;
-/// Most bytes of a file, and most that its pixels may take when decoded.
+/// Largest size of a file, and of its decoded pixels, bytes.
 const MOST_BYTES: u64 = 512 << 20;
 
 /// Markers of JPEG files (ITU-T T.81, Annex B).
 const END_OF_IMAGE: u8 = 0xD9;
 const START_OF_SCAN: u8 = 0xDA;
 
-/// A picture as it is looked at.
+/// A decoded picture, as it is searched.
 #[derive(Debug)]
 pub(super) struct Picture {
     pub frame: Frame,
-    /// Of a picture with 16 bits a level, the bits its levels were taken to have.
+    /// For a 16-bit picture, the number of significant bits assumed.
     pub bits: Option<u32>,
-    /// Its colours, where it has any.
+    /// Colours; `None` for a gray picture.
     pub colors: Option<RgbImage>,
 }
 
@@ -43,8 +43,8 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
     decode(&bytes).map_err(refuse)
 }
 
-/// The picture that `bytes` hold, the way up it is meant to be viewed, or what they hold instead. Nothing is decoded of
-/// one that is too large.
+/// Decodes `bytes` in the orientation in which the picture is to be viewed; the error says what the bytes hold instead.
+/// A picture that is too large is refused before it is decoded.
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
     let format = reader.format().filter(ImageFormat::reading_enabled);
@@ -86,7 +86,7 @@ fn is_whole_jpeg(bytes: &[u8]) -> bool {
         let Some((marker, after)) = next_marker(rest) else { return false };
         match marker {
             END_OF_IMAGE => return true,
-            // these stand alone
+            // these markers have no length
             0x01 | 0xD0..=0xD8 => {
                 rest = after;
                 continue;
@@ -99,7 +99,7 @@ fn is_whole_jpeg(bytes: &[u8]) -> bool {
     }
 }
 
-/// The next marker and what follows; any number of 0xFF may stand before it.
+/// The next marker and the bytes after it; any number of fill bytes 0xFF may precede it.
 fn next_marker(bytes: &[u8]) -> Option<(u8, &[u8])> {
     let start = bytes.iter().position(|&byte| byte == 0xFF)?;
     let bytes = bytes.get(start..)?;
@@ -117,7 +117,7 @@ fn no_picture(error: impl Display) -> String {
     format!("no picture that can be read ({error})")
 }
 
-/// The colours of a picture that is not gray all over: noise of a few levels is no colour.
+/// Colours of a picture, `None` if it is gray: differences of a few levels are noise.
 fn colors(picture: &DynamicImage) -> Option<RgbImage> {
     const EVERY: usize = 61;
     const COLORFUL: u8 = 32;
@@ -129,7 +129,7 @@ fn colors(picture: &DynamicImage) -> Option<RgbImage> {
     (colorful > pixels.len() / EVERY / LEAST_SHARE).then_some(colors)
 }
 
-/// Luminance in 8 bits; what is transparent is black, as the ground around a plate.
+/// Luminance in 8 bits; transparent pixels become black, like the ground around a plate.
 fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
     let (width, height, color) = (image.width(), image.height(), image.color());
     let (pixels, bits) = match color {
@@ -149,14 +149,14 @@ fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
     Ok((gray, bits))
 }
 
-/// Levels of pairs of level and opacity, `full` the largest of either, in front of black.
+/// Levels of pairs of level and opacity, composed over black; `full` is the largest value of either.
 fn over_black<T: Copy + Into<u32>>(pairs: &[T], full: u32, narrow: fn(u32) -> T) -> Vec<T> {
     let pairs = pairs.chunks_exact(2).filter_map(|pair| <[T; 2]>::try_from(pair).ok());
     pairs.map(|[level, opacity]| narrow((level.into() * opacity.into() + full / 2) / full)).collect()
 }
 
-/// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often fill the low ones alone: white is the largest number of the
-/// fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel.
+/// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often use the low bits only, so white is the largest number of
+/// the fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel.
 fn narrowed(levels: &[u16]) -> (Vec<u8>, Option<u32>) {
     let brightest = levels.iter().copied().max().unwrap_or(0);
     let bits = [8, 10, 12, 14].into_iter().find(|&bits| brightest >> bits == 0).unwrap_or(16);

@@ -31,7 +31,7 @@ fn graymap(levels: &[u16], white: u16) -> Vec<u8> {
     head.into_iter().chain(levels).collect()
 }
 
-/// One file of every kind with the ramp in it.
+/// One file of each kind of picture, all of the same ramp.
 fn files() -> Vec<Vec<u8>> {
     let ramp = ramp();
     let mut files = Vec::new();
@@ -96,7 +96,7 @@ fn what_is_transparent_is_black() {
     }
 }
 
-/// A JPEG file with an Exif segment that says how the picture is to be turned.
+/// A JPEG file with an Exif segment that sets the orientation.
 fn turned(orientation: u8) -> Vec<u8> {
     let mut file = Vec::new();
     JpegEncoder::new_with_quality(&mut file, 100).encode_image(&ramp()).unwrap();
@@ -110,7 +110,7 @@ fn turned(orientation: u8) -> Vec<u8> {
 fn a_turned_photograph_is_turned_back() {
     let frame = decode(&turned(1)).unwrap().frame;
     assert_eq!([frame.width, frame.height], [24, 17]);
-    // 6: the first row of the file is the right-hand side, its first column the top
+    // orientation 6: the first row of the file is the right-hand side, its first column the top
     let frame = decode(&turned(6)).unwrap().frame;
     assert_eq!([frame.width, frame.height], [17, 24]);
     for (x, y) in [(0, 0), (5, 3), (23, 16)] {
@@ -122,7 +122,7 @@ fn a_turned_photograph_is_turned_back() {
 #[test]
 fn a_file_cut_short_is_refused() {
     for file in files() {
-        // nobody misses what ends a PNG, nor digits of the last number
+        // decoders need neither the last chunk of a PNG nor the last digits of a text picture
         let needless = if file.starts_with(b"\x89PNG") { 12 } else { 4 };
         let least = file.len() - needless;
         for length in (0..least).step_by(7).chain([least]) {
@@ -137,7 +137,7 @@ fn a_whole_jpeg_is_known_by_its_markers() {
     assert!(is_whole_jpeg(&file));
     assert!(is_whole_jpeg(&[file.as_slice(), b"a film that \xFF\xDA comes after it"].concat()));
     assert!(is_whole_jpeg(&turned(3)));
-    // a preview of its own inside a segment does not end the picture
+    // an embedded preview inside a segment does not end the picture
     let comment = [0xFF, 0xFE, 0, 6, 0xFF, 0xD9, 0xFF, 0xD9].as_slice();
     let with_comment = [&file[..2], comment, &file[2..]].concat();
     assert!(is_whole_jpeg(&with_comment));

@@ -13,7 +13,7 @@ use upm_perception::vision::{Detection, Stages, Survey};
 use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
-/// Reads the picture at `image` and finds table and parts by [`upm_reference`]. It keeps no stages.
+/// Reads the picture at `image` and finds table and parts by [`upm_reference`], without drawing stages.
 pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Located, Failure> {
     let clock = MonotonicClock::new();
     let frame = picture::read(image)?.frame;

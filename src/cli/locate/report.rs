@@ -1,4 +1,4 @@
-//! Reports of table and parts found in a picture, for programs and for people.
+//! Report of a picture's table and parts, as JSON and as text.
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,45 +14,45 @@ use upm_core::units::mm_from_m;
 use upm_perception::vision::{ResponseMethod, Survey};
 use upm_recording::LocalisedRecord;
 
-/// Table and parts found in a picture.
+/// Result of the search of one picture.
 pub(super) struct Located {
     pub found: LocalisedRecord,
     pub method: Method,
     pub time_us: TimeUs,
-    /// The parts of `found` with what speaks against them.
+    /// The parts of `found`, with the doubts about each.
     pub parts: Vec<NamedPart>,
-    /// Discs that are no parts.
+    /// Discs that are not parts.
     pub others: Vec<OtherDisc>,
     pub survey: Survey,
     pub side: PlateSide,
 }
 
-/// How a picture was searched.
+/// Search method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
-    /// The program's own vision, with the method of the disks' response.
+    /// The program's vision, with the method of the disks' response.
     Fast(ResponseMethod),
     /// Standard algorithms of `imageproc`.
     #[cfg(feature = "lab")]
     Reference,
 }
 
-/// Wall time that one picture took, µs.
+/// Wall times of one picture, µs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeUs {
-    /// Reading and decoding the file.
+    /// Time to read and decode the file.
     pub decode: f64,
     pub table: f64,
-    /// Finding the parts, everything that is made for it included.
+    /// Time to find the parts, all preparation included.
     pub parts: f64,
-    /// Finding both.
+    /// Time to find table and parts.
     pub localise: f64,
-    /// Looking for discs of any size, measuring outlines and naming; none by the reference method.
+    /// Time to find discs of any size, measure outlines and name them; `None` for the reference method.
     pub survey: Option<f64>,
 }
 
 impl TimeUs {
-    /// Of decoding, and of the instants before the table, between the two and after the parts.
+    /// Times from that of decoding and from the instants before the table, before the parts and after them.
     pub fn of(decode: Duration, [begun, found, done]: [Duration; 3]) -> Self {
         let us = |time: Duration| 1e6 * time.as_secs_f64();
         let [table, parts, localise] = [found - begun, done - found, done - begun].map(us);
@@ -127,7 +127,7 @@ fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &Setting) -> Value {
     })
 }
 
-/// Search method, and method of the disks' response.
+/// Names of the search method and of the method of the disks' response.
 fn named(method: Method) -> (&'static str, &'static str) {
     match method {
         Method::Fast(ResponseMethod::Fft) => ("fast", "fft"),
@@ -137,7 +137,7 @@ fn named(method: Method) -> (&'static str, &'static str) {
     }
 }
 
-/// `value` as one line that begins with the picture's name.
+/// Prints `value` on one line that begins with the picture's name.
 pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
     let mut line = serde_json::Map::from_iter([("image".to_owned(), json!(image.display().to_string()))]);
     if let Value::Object(found) = value {
@@ -185,7 +185,7 @@ fn say_times(located: &Located, setting: &Setting, time_us: TimeUs) -> Result<()
     )
 }
 
-/// `a table, 3 penny, 1 dime`; every kind that was looked for.
+/// Summary with every kind that was looked for: `a table, 3 penny, 1 dime`.
 fn counted(located: &Located, setting: &Setting) -> String {
     let count = |i| located.found.detections.iter().filter(|part| part.kind == i).count();
     let counts = setting.kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));

@@ -1,22 +1,24 @@
-//! The plate's side where nothing tells it: from the sizes of the discs on it.
+//! Estimates the plate's side from the sizes of the discs on it, where neither command line nor rig gives it.
 
 use upm_core::rig::PartKind;
 use upm_perception::vision::Disc;
 
-/// Discs whose diameters differ by less than this are of one kind.
+/// Relative difference in diameter below which discs are of one kind.
 const ONE_KIND: f64 = 0.02;
-/// A size fits a kind within this; sides as near to each other are one, and so are the side found and the one assumed.
+/// Relative deviation within which a size fits a kind; also the difference below which two scales, or the side found
+/// and the one assumed, are equal.
 const FITS: f64 = 0.015;
-/// Once the scale is fitted, the sizes fit within this: shadows make a coin a few parts in a hundred larger.
+/// The same once the scale is fitted; shadows make a coin appear a few percent larger.
 const FITS_AT_LAST: f64 = 0.008;
-/// Discs of one size that count, and how many times as many a scale has to explain as any other to be the one.
+/// Most discs of one size that count, and the factor by which a scale's weight must exceed all others for it to be
+/// chosen.
 const MOST_WEIGHT: usize = 3;
 const CLEARLY_MORE: f64 = 1.3;
-/// Discs that tell the scale show this much of their outline, and it is this sharp.
+/// Least visible share of the outline, and least sharpness of it, for discs that the scale is estimated from.
 const LEAST_SHARE: f64 = 0.55;
 const LEAST_CRISPNESS: f64 = 0.45;
 
-/// Where a plate's side is from.
+/// Source of a plate's side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SideSource {
     /// The command line.
@@ -26,7 +28,7 @@ pub(super) enum SideSource {
     Parts,
     /// Two kinds of parts, whose ratio leaves one scale.
     TwoKinds,
-    /// Nothing: the papers' plate.
+    /// No information: the papers' plate is assumed.
     Assumed,
 }
 
@@ -42,20 +44,20 @@ impl SideSource {
     }
 }
 
-/// A plate's side that the discs would allow.
+/// A plate's side that agrees with the discs.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SideCandidate {
     pub side_m: f64,
-    /// Indices of the kinds that the discs then are.
+    /// Indices of the kinds that the discs have on such a plate.
     pub kinds: Vec<usize>,
 }
 
-/// The plate's side and how well it is known.
+/// The plate's side and its source.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PlateSide {
     pub side_m: f64,
     pub source: SideSource,
-    /// Of an assumed side: the sides that the discs would allow.
+    /// For an assumed side: the sides that agree with the discs.
     pub candidates: Vec<SideCandidate>,
 }
 
@@ -64,7 +66,7 @@ impl PlateSide {
         Self { side_m, source, candidates: Vec::new() }
     }
 
-    /// From discs measured on a plate taken to have the side `assumed_m`.
+    /// Estimates the side from discs measured on a plate assumed to have the side `assumed_m`.
     pub fn from_discs(discs: &[Disc], assumed_m: f64, kinds: &[PartKind]) -> Self {
         let sizes = sizes(discs);
         let mut scales: Vec<Scale> = Vec::new();
@@ -100,23 +102,23 @@ impl PlateSide {
     }
 }
 
-/// A scale under which discs have the sizes of kinds.
+/// A scale factor under which sizes of discs agree with kinds.
 struct Scale {
     factor: f64,
-    /// Kinds that some size fits.
+    /// Indices of the kinds that some size fits.
     kinds: Vec<usize>,
-    /// Discs of those sizes, up to [`MOST_WEIGHT`] of each.
+    /// Number of discs of those sizes, up to [`MOST_WEIGHT`] of each.
     weight: usize,
 }
 
 impl Scale {
-    /// The scale near `factor` under which the sizes that fit a kind do so best.
+    /// Best-fitting scale near `factor`.
     fn fitted(factor: f64, sizes: &[(f64, usize)], kinds: &[PartKind]) -> Self {
         let near = Self::matching(factor, FITS, sizes, kinds);
         Self::matching(near.factor, FITS_AT_LAST, sizes, kinds)
     }
 
-    /// Sizes within `fits` of a kind under `factor`, and the mean scale they tell.
+    /// Kinds within `fits` of a size under `factor`, and the mean scale of those sizes.
     fn matching(factor: f64, fits: f64, sizes: &[(f64, usize)], kinds: &[PartKind]) -> Self {
         let (mut found, mut weight, mut discs, mut sum) = (Vec::new(), 0, 0, 0.0);
         for (size, count) in sizes {
@@ -138,7 +140,7 @@ impl Scale {
     }
 }
 
-/// Diameters, m, that discs have in common, and how many have each.
+/// Diameters that discs have in common, m, and the number of discs with each.
 fn sizes(discs: &[Disc]) -> Vec<(f64, usize)> {
     let clear = |disc: &&Disc| disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
     let mut diameters: Vec<f64> = discs.iter().filter(clear).map(|disc| 2.0 * disc.radius_m).collect();
@@ -158,7 +160,7 @@ mod tests {
             .into()
     }
 
-    /// Discs of these diameters, mm, as they are measured on a plate of `side_mm` taken for one of 200 mm.
+    /// Test data: discs of these diameters, mm, as measured on a plate of `side_mm` that is assumed to have 200 mm.
     fn seen(diameters_mm: &[f64], side_mm: f64) -> Vec<Disc> {
         let disc = |mm: &f64| Disc {
             center_px: Vec2::zeros(),

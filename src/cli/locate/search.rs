@@ -1,4 +1,4 @@
-//! Table, parts and other discs of one picture.
+//! Search of one picture for table, parts and other discs.
 
 use std::path::Path;
 
@@ -18,8 +18,8 @@ use upm_perception::vision::{
 };
 use upm_recording::LocalisedRecord;
 
-/// Reads the picture at `image`, finds the table and the discs on it, names them, and keeps the stages if they are to be
-/// `shown`. Where no table is found those it came to are drawn nevertheless.
+/// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
+/// `shown`. If no table is found, the stages up to there are drawn nevertheless.
 pub(super) fn look(
     image: &Path,
     name: &str,
@@ -49,7 +49,7 @@ pub(super) fn look(
     let mut finder = finder(&table, &frame, args, setting)?;
     let detections = finder.find(&frame);
     let done = clock.elapsed();
-    // what the part finder alone has seen is measured as well
+    // discs that only the part finder found are measured as well
     let near = |part: &Detection, disc: &Disc| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
     let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| near(part, disc)));
     let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
@@ -66,7 +66,7 @@ pub(super) fn look(
     Ok(Located { found: record, method, time_us, parts, others, survey, side })
 }
 
-/// The table, or why there is none. Through the rig's lens; else through the first of several that makes it a square.
+/// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.
 fn find_table(
     frame: &Frame,
     setting: &Setting,
@@ -86,7 +86,7 @@ fn find_table(
     Ok(Err(first.unwrap_or(TableFault::NotASquare)))
 }
 
-/// The table with its side as given, or as the discs on it tell, and those discs.
+/// The table with the given side or the one estimated from its discs, the source of that side, and the discs.
 fn scaled(table: Table, frame: &Frame, setting: &Setting) -> (Table, PlateSide, Survey) {
     let mut survey = survey(frame, &table, &[]);
     if let Some((side_m, source)) = setting.plate_side {

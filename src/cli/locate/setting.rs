@@ -1,4 +1,4 @@
-//! Plate, parts and camera that pictures are searched for.
+//! Plate, parts and camera assumed in a search.
 
 use super::scale::SideSource;
 use crate::cli::args::LocateArgs;
@@ -12,19 +12,19 @@ use upm_runner::config::{KindSpec, RigSpec, one_of};
 /// Longest side of a plate, mm.
 const MOST_SIDE_MM: f64 = 1e5;
 
-/// Side of the papers' plate.
+/// Side of the papers' plate, m.
 const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
-/// Focal lengths tried without a rig, picture widths: from far above, where parts are seen from straight above, to a
-/// telephone's.
+/// Focal lengths tried without a rig, in picture widths: from a distant camera, which sees all parts from straight
+/// above, to a telephone's.
 const FOCAL_WIDTHS: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
 
-/// Plate, parts and camera.
+/// Plate, parts and camera of a search.
 pub(super) struct Setting {
-    /// The plate's side, m, and where it is from; `None` where nothing tells it.
+    /// The plate's side, m, and its source; `None` if neither the command line nor the rig gives it.
     pub plate_side: Option<(f64, SideSource)>,
-    /// Looked for.
+    /// Kinds to look for.
     pub kinds: Vec<PartKind>,
-    /// All that have a name.
+    /// All kinds with a name.
     pub known: Vec<PartKind>,
     pub dark_parts: bool,
     camera: Option<RigCamera>,
@@ -38,7 +38,7 @@ struct RigCamera {
 }
 
 impl Setting {
-    /// As the rig file has it, or else the papers' table as changed by the options.
+    /// Setting of the rig file, or of the papers' table with the changes of the options.
     pub(super) fn of(args: &LocateArgs) -> Result<Self, Failure> {
         let Some(path) = &args.rig else { return Self::without_rig(args) };
         let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::of_files)?;
@@ -69,7 +69,7 @@ impl Setting {
         self.camera.is_some()
     }
 
-    /// True when a penny is a coin: a rig's parts may be painted.
+    /// True without a rig: the kinds are then real coins, whose metal can be judged. A rig's parts may be painted.
     pub(super) fn has_metals(&self) -> bool {
         !self.has_rig()
     }
@@ -79,17 +79,17 @@ impl Setting {
         kinds.iter().filter_map(|&kind| self.known.get(kind)).map(|kind| kind.name.as_str()).collect()
     }
 
-    /// The plate's side, the papers' where nothing tells it, m.
+    /// The plate's side, m; the papers' if it is unknown.
     pub(super) fn assumed_side_m(&self) -> f64 {
         self.plate_side.map_or(PAPERS_SIDE_M, |(side_m, _)| side_m)
     }
 
-    /// Name of that kind.
+    /// Name of the kind with this index.
     pub(super) fn kind_name(&self, kind: usize) -> &str {
         self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
     }
 
-    /// Lenses that `frame` may have been taken through, the likeliest first: the rig's, or ideal ones.
+    /// Lenses through which `frame` may have been taken, the most likely first: the rig's, or ideal ones.
     pub(super) fn lenses(&self, frame: &Frame) -> Result<Vec<Lens>, String> {
         let Some(camera) = &self.camera else {
             let size = Vec2::new(frame.width as f64, frame.height as f64);
@@ -105,7 +105,7 @@ impl Setting {
     }
 }
 
-/// The kinds called `names`, or all; those too small to be seen are none.
+/// Kinds called `names`, or all of them; kinds too small to be seen do not count.
 fn chosen(names: &[String], kinds: &[KindSpec]) -> Result<Vec<PartKind>, Failure> {
     let seen = || kinds.iter().filter(|spec| spec.can_be_seen()).map(|spec| &spec.kind);
     for name in names {

@@ -1,23 +1,25 @@
-//! Metal of coins by colour, or by gray level against the other coins of the picture.
+//! Metal of coins, by colour or, in a gray picture, by comparison with the other coins.
 
 use image::RgbImage;
 
 use upm_core::geometry::Vec2;
 use upm_perception::vision::Disc;
 
-/// How much less green than red a face is than the plate beside it: copper above, silver below; brass is between.
+/// Warmth (see [`warmth`]) of the two metals: copper above the first, silver below the second; brass is between them.
 const COPPER: f64 = 0.19;
 const SILVER: f64 = 0.12;
-/// Darker than this part of the plate's level is painted, or seen against the light: no metal shows.
+/// Level, as a share of the plate's, below which a coin is painted or seen against the light, so that no metal is
+/// visible.
 const BLACK: f64 = 0.25;
-/// Levels of two metals this near to each other tell nothing; one has to be nearer by this to the other metal's.
+/// Difference in level below which the two metals are alike and copper contradicts its name, and the least amount by
+/// which the other metal's level must be nearer for a coin to contradict its name.
 const SAME_LEVEL: f64 = 0.05;
-/// Places sampled on a face and on the plate around it, and where, radii.
+/// Number of directions in which face and surrounding plate are sampled, and the distances from the centre, in radii.
 const TURNS: usize = 24;
 const FACE: [f64; 3] = [0.25, 0.5, 0.7];
 const AROUND: [f64; 3] = [1.2, 1.3, 1.4];
 
-/// What coins are made of, as a picture tells it.
+/// Metal of a coin as seen in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Metal {
     Copper,
@@ -25,7 +27,7 @@ pub(super) enum Metal {
     Neither,
 }
 
-/// The metal of a coin known by name.
+/// Metal of a coin with this name.
 pub(super) fn metal_of(kind: &str) -> Option<Metal> {
     match kind {
         "penny" => Some(Metal::Copper),
@@ -34,7 +36,7 @@ pub(super) fn metal_of(kind: &str) -> Option<Metal> {
     }
 }
 
-/// For each disc, named or not, whether its tone is that of another metal than its name's.
+/// For each disc, true if its tone contradicts the metal of its name.
 pub(super) fn contradicted(named: &[(Option<Metal>, &Disc)], colors: Option<&RgbImage>) -> Vec<bool> {
     match colors {
         Some(colors) => {
@@ -52,7 +54,7 @@ fn seen_metal(colors: &RgbImage, disc: &Disc) -> Metal {
     }
 }
 
-/// How much less green a face is than red, by the white of the plate around it.
+/// How much less green than red a face is, white-balanced on the plate around it.
 fn warmth(colors: &RgbImage, disc: &Disc) -> f64 {
     let [face, around] = [FACE, AROUND].map(|radii| {
         let place = |k: usize, radius: f64| {

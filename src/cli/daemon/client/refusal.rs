@@ -8,27 +8,27 @@ use crate::cli::output::{BAD_INPUT, Failure};
 use upm_runner::config::Fault;
 use upm_server::service::ProblemDocument;
 
-/// Why a daemon did not do what it was asked.
+/// Reason why a request to a daemon did not succeed.
 #[derive(Debug)]
 pub(crate) enum Refusal {
-    /// Nobody was reached: nothing has been asked.
+    /// No connection was made: the daemon has not received the request.
     Unreached(String),
-    /// The answer did not come, or not whole: it may have been done all the same.
+    /// The response is missing or incomplete: the request may have been carried out.
     Lost(String),
-    /// It said no.
+    /// The daemon refused with a problem document.
     Problem {
         status: u16,
-        /// Its detail in a sentence.
+        /// Explanation in a sentence.
         detail: String,
         /// Faults of the document that was sent.
         faults: Vec<Fault>,
-        /// When to try again, s.
+        /// Time after which to try again, s.
         retry_after_s: Option<u64>,
     },
 }
 
 impl Refusal {
-    /// No answer came from `base`.
+    /// Refusal for a transport error of a request to `base`.
     pub fn lost(base: &str, error: Error) -> Self {
         let unreached = match &error {
             Error::Io(io) => matches!(
@@ -50,12 +50,12 @@ impl Refusal {
         }
     }
 
-    /// An answer came that is not what the daemon says.
+    /// Refusal for a response that is not in the daemon's format.
     pub fn not_understood(base: &str, error: &serde_json::Error) -> Self {
         Self::Lost(format!("the answer of {base} cannot be understood: {}", on_one_line(&error.to_string())))
     }
 
-    /// The daemon said no.
+    /// Refusal for an error status, with the problem document in `body`.
     pub fn problem(base: &str, status: u16, headers: &HeaderMap, body: &[u8]) -> Self {
         let retry_after_s = headers.get(RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());
         match serde_json::from_slice::<ProblemDocument>(body) {
@@ -70,7 +70,7 @@ impl Refusal {
         }
     }
 
-    /// True when the same request may succeed a moment later: no daemon reached, an answer lost, a daemon in trouble.
+    /// True if the same request may succeed a moment later: no daemon reached, an answer lost, a daemon in trouble.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Unreached(_) | Self::Lost(_) => true,
@@ -92,7 +92,7 @@ impl Refusal {
         }
     }
 
-    /// In one line a fault; `sent` is what faults call what was sent.
+    /// Failure with one line per fault; `sent` is the name that faults give the document that was sent.
     pub fn into_failure(self, sent: &str) -> Failure {
         let line = self.line();
         match self {
@@ -114,7 +114,7 @@ impl From<Refusal> for Failure {
     }
 }
 
-/// Text of another program with its control characters escaped: it can neither end a line nor steer a terminal.
+/// Text of another program with its control characters escaped: it cannot end a line or control a terminal.
 pub(crate) fn on_one_line(text: &str) -> String {
     let shown = |c: char| if c.is_control() { c.escape_default().collect() } else { c.to_string() };
     text.chars().map(shown).collect()

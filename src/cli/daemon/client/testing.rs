@@ -1,4 +1,4 @@
-//! A server with canned answers, to hold commands against.
+//! HTTP server with canned responses for tests of client commands.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -7,16 +7,16 @@ use std::thread;
 
 use upm_server::service::{EStopped, Job, JobState, Pace, RecordingStatus};
 
-/// Answer to one connection.
+/// Response to one connection.
 #[derive(Clone, Debug)]
 pub enum Canned {
     /// These bytes, then the end of the connection.
     Bytes(String),
-    /// Nothing: the connection ends when the request has come.
+    /// No response: the connection is closed after the request.
     Hangup,
 }
 
-/// A request as it came.
+/// A request that the server received.
 #[derive(Clone, Debug)]
 pub struct Asked {
     /// Method, path and version.
@@ -35,15 +35,15 @@ impl Asked {
     }
 }
 
-/// Answers connections, each with what `answer` makes of its request.
+/// Server that answers each connection with the result of `answer` for its request.
 pub struct Server {
-    /// Where it is.
+    /// Address of the server.
     pub url: String,
     asked: Arc<Mutex<Vec<Asked>>>,
 }
 
 impl Server {
-    /// Connection by connection these answers; the last one for all that come later.
+    /// Server that gives these answers in turn, one per connection, and repeats the last one.
     pub fn saying(answers: Vec<Canned>) -> Self {
         let count = Mutex::new(0);
         Self::start(move |_| {
@@ -54,7 +54,7 @@ impl Server {
         })
     }
 
-    /// An answer for every request.
+    /// Server that calls `answer` for every request.
     pub fn start(answer: impl Fn(&Asked) -> Canned + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
@@ -69,7 +69,7 @@ impl Server {
         Self { url, asked }
     }
 
-    /// Every request so far.
+    /// All requests received so far.
     pub fn asked(&self) -> Vec<Asked> {
         self.asked.lock().unwrap().clone()
     }
@@ -100,7 +100,7 @@ fn read(stream: &TcpStream) -> Asked {
     asked
 }
 
-/// A whole answer.
+/// Complete HTTP response with these parts.
 pub fn answer(status: u16, media: &str, headers: &str, body: &str) -> Canned {
     let length = body.len();
     Canned::Bytes(format!(
@@ -108,12 +108,12 @@ pub fn answer(status: u16, media: &str, headers: &str, body: &str) -> Canned {
     ))
 }
 
-/// A whole answer with a value.
+/// Complete HTTP response with a JSON body.
 pub fn json(status: u16, value: &impl serde::Serialize) -> Canned {
     answer(status, "application/json", "", &serde_json::to_string(value).unwrap())
 }
 
-/// A problem.
+/// Problem document as an HTTP response.
 pub fn problem(status: u16, detail: &str, headers: &str, faults: &serde_json::Value) -> Canned {
     let document = serde_json::json!({
         "type": "urn:upm:problem:x", "title": "Title", "status": status, "detail": detail, "faults": faults,
@@ -121,17 +121,17 @@ pub fn problem(status: u16, detail: &str, headers: &str, faults: &serde_json::Va
     answer(status, "application/problem+json", headers, &document.to_string())
 }
 
-/// An event stream of these bytes, each piece a chunk; whole when `ends`, else cut off.
+/// Event stream of these bytes, one chunk per piece; terminated if `ends`, else cut off.
 pub fn events(pieces: &[&str], ends: bool) -> Canned {
     let head = "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nTransfer-Encoding: chunked\r\n\r\n";
     let chunks: String = pieces.iter().map(|piece| format!("{:x}\r\n{piece}\r\n", piece.len())).collect();
     Canned::Bytes(format!("{head}{chunks}{}", if ends { "0\r\n\r\n" } else { "" }))
 }
 
-/// A job's id.
+/// Id of the test job.
 pub const JOB: &str = "019a0000000070008000000000000001";
 
-/// A job.
+/// Test job in this state.
 pub fn job(state: JobState) -> Job {
     Job {
         id: JOB.to_owned(),
@@ -151,7 +151,7 @@ pub fn job(state: JobState) -> Job {
     }
 }
 
-/// A plate that was stopped.
+/// Response to an emergency stop of this plate.
 pub fn stopped(plate: &str) -> EStopped {
     let (plate, silent, persisted) = (plate.to_owned(), true, true);
     EStopped { plate, silent, persisted, requested_at_s: Some(1.0), silent_at_s: Some(1.0), wall_s: Some(0.001) }

@@ -13,7 +13,7 @@ fn refused(server: &Server) -> Refusal {
     Client::at(&server.url).unwrap().get::<Job>(&job_path(JOB).unwrap()).unwrap_err()
 }
 
-/// An address where nobody listens.
+/// URL of a port on which no server listens.
 fn nobody() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     format!("http://{}", listener.local_addr().unwrap())

@@ -2,21 +2,21 @@ use std::io::{self, BufRead, BufReader, Read};
 
 use serde_json::Value;
 
-/// Longest line of a stream, bytes. The longest a daemon sends is a snapshot with a report.
+/// Longest line of a stream that is read, bytes. The longest that a daemon sends is a snapshot with a report.
 const LONGEST_LINE: u64 = 8 << 20;
 
-/// A server-sent event.
+/// Server-sent event.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Event {
-    /// Its number, where it is kept.
+    /// Sequence number, for events that are stored.
     pub id: Option<u64>,
-    /// One word.
+    /// Name of the event.
     pub kind: String,
-    /// Payload; null where it is no JSON.
+    /// Payload; null if it is not JSON.
     pub data: Value,
 }
 
-/// Server-sent events out of the bytes they came as.
+/// Parser of server-sent events.
 pub(super) struct Events<R> {
     lines: BufReader<R>,
 }
@@ -26,7 +26,7 @@ impl<R: Read> Events<R> {
         Self { lines: BufReader::new(stream) }
     }
 
-    /// The next event; `None` at the end of the stream. One that the end cut short is none.
+    /// The next event; `None` at the end of the stream. An event cut short by the end is dropped.
     pub fn next(&mut self) -> io::Result<Option<Event>> {
         let (mut id, mut kind, mut data) = (None, String::new(), String::new());
         while let Some(line) = self.line()? {
@@ -46,7 +46,7 @@ impl<R: Read> Events<R> {
         Ok(None)
     }
 
-    /// The next line that is whole, without its end.
+    /// The next complete line, without its terminator.
     fn line(&mut self) -> io::Result<Option<String>> {
         let mut bytes = Vec::new();
         self.lines.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes)?;

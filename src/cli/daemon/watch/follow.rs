@@ -6,40 +6,40 @@ use super::events::{Event, Events};
 use crate::cli::daemon::client::{Client, Refusal};
 use upm_server::service::JOB_OVER;
 
-/// Rest before the first try to come back, and the longest between two.
+/// Rest before the first attempt to reconnect, and the longest rest between two.
 const FIRST_REST: Duration = Duration::from_millis(250);
 const LONGEST_REST: Duration = Duration::from_secs(5);
 
-/// Rests after which a daemon that does not come back is given up, about two minutes.
+/// Number of attempts to reconnect before giving up, about two minutes.
 const MOST_RESTS: u32 = 28;
 
-/// Message about a job that is followed.
+/// Message about a followed job.
 #[derive(Debug)]
 pub(super) enum Heard {
     Event(Event),
-    /// The connection is gone, and why; it is tried again.
+    /// The connection was lost for this reason; reconnecting.
     Lost(String),
-    /// There is no more to be had.
+    /// The stream cannot be had; this message is the last.
     Refused(Refusal),
 }
 
-/// Follows the events of a job over lost connections until it has ended.
+/// Follows the events of a job across lost connections until it has ended.
 pub(super) struct Follower {
     client: Client,
     path: String,
-    /// The last event heard that is kept; later ones are asked for.
+    /// Last stored event received; reconnecting asks for those after it.
     last: Option<u64>,
     stream: Option<Events<Box<dyn Read + Send>>>,
     has_ended: bool,
     is_given_up: bool,
-    /// Tries to come back since something was heard; none before the first connection.
+    /// Attempts to reconnect since the last message; `None` before the first connection.
     rests: Option<u32>,
     first_rest: Duration,
     longest_rest: Duration,
 }
 
 impl Follower {
-    /// Of the events at `path` those after `after`, then all that come.
+    /// Follower of the events at `path` after `after`.
     pub fn new(client: Client, path: String, after: Option<u64>) -> Self {
         let (stream, rests) = (None, None);
         let (first_rest, longest_rest) = (FIRST_REST, LONGEST_REST);
@@ -47,14 +47,14 @@ impl Follower {
         Self { client, path, last: after, stream, has_ended, is_given_up, rests, first_rest, longest_rest }
     }
 
-    /// The same with shorter rests.
+    /// Follower with shorter rests, for tests.
     #[cfg(test)]
     pub fn restless(self) -> Self {
         let rest = Duration::from_millis(1);
         Self { first_rest: rest, longest_rest: rest, ..self }
     }
 
-    /// The next message; `None` once the job has ended and all is told, or there is no more to be had.
+    /// The next message; `None` once the job has ended and every event was returned, or after [`Heard::Refused`].
     pub fn next(&mut self) -> Option<Heard> {
         if self.is_given_up {
             return None;
@@ -77,7 +77,7 @@ impl Follower {
         (!self.has_ended).then_some(Heard::Lost(lost))
     }
 
-    /// Connects; once there has been a connection, again and again.
+    /// Connects; retries once there has been a connection.
     fn connect(&mut self) -> Result<Events<Box<dyn Read + Send>>, Refusal> {
         loop {
             if let Some(rests) = &mut self.rests {
@@ -97,8 +97,8 @@ impl Follower {
 
     fn take(&mut self, event: Event) -> Event {
         self.last = event.id.or(self.last);
-        // a snapshot proves a connection, not that anything is new: a daemon that always ends after it is not asked
-        // again at once
+        // a snapshot proves a connection, not that there are new events: a daemon that ends every stream after it must
+        // not be asked again at once
         if event.kind != "snapshot" && event.kind != "bye" {
             self.rests = Some(0);
         }

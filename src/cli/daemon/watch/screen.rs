@@ -11,19 +11,19 @@ use crate::cli::output::Failure;
 use crate::cli::progress::{FULL, bar, behind};
 use upm_server::service::{Job, JobState, Plate, PlateState};
 
-/// How a job is shown that is watched.
+/// Output format of a watched job.
 enum How {
     /// Each event as a JSON object on a line of stdout.
     Json,
-    /// A bar on stderr, for a person who looks on.
+    /// A progress bar on stderr.
     Bar(ProgressBar),
-    /// A line on stdout for what happens.
+    /// A line on stdout for each event.
     Lines,
-    /// How it ended alone.
+    /// Only the end of the job.
     EndAlone,
 }
 
-/// Where a job is shown that is watched.
+/// Output of a watched job.
 pub(super) struct Screen {
     how: How,
     quiet: bool,
@@ -66,7 +66,7 @@ impl Screen {
         Ok(())
     }
 
-    /// Something about the watching, not about the job.
+    /// Shows a message about the connection, not about the job.
     pub fn note(&self, line: &str) {
         let line = format!("upm: {}", on_one_line(line));
         match &self.how {
@@ -87,7 +87,7 @@ impl Screen {
         }
     }
 
-    /// Takes the bar off the screen.
+    /// Removes the bar.
     pub fn finish(&self) {
         if let How::Bar(bar) = &self.how {
             bar.finish_and_clear();
@@ -95,7 +95,7 @@ impl Screen {
     }
 }
 
-/// Share that is done, and what is going on.
+/// Share done and current activity, for the bar.
 fn bar_of(event: &Event) -> Option<(f64, String)> {
     let data = &event.data;
     match event.kind.as_str() {
@@ -120,7 +120,7 @@ fn bar_of(event: &Event) -> Option<(f64, String)> {
     }
 }
 
-/// A line that stays on the screen when the bar goes on.
+/// Line that stays on the screen above the bar.
 pub(super) fn note_of(event: &Event) -> Option<String> {
     let data = &event.data;
     let at = format!("plate {:6.1} s", number(data, "at_s"));
@@ -138,7 +138,7 @@ pub(super) fn note_of(event: &Event) -> Option<String> {
     }
 }
 
-/// The event as one line.
+/// The event as one line of text.
 pub(super) fn line_of(event: &Event) -> Option<String> {
     let data = &event.data;
     let at = format!("plate {:6.1} s", number(data, "at_s"));
@@ -165,7 +165,7 @@ pub(super) fn line_of(event: &Event) -> Option<String> {
 
 struct Snapshot {
     job: Job,
-    /// `None` where the daemon has no plate of that name any more.
+    /// `None` if the daemon no longer has a plate of that name.
     plate: Option<Plate>,
 }
 

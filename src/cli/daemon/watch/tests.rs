@@ -16,7 +16,7 @@ fn event(id: Option<u64>, kind: &str, data: Value) -> Event {
     Event { id, kind: kind.to_owned(), data }
 }
 
-/// All that is heard of a job whose stream the server serves.
+/// All messages about a job whose stream the server serves.
 fn heard(server: &Server, after: Option<u64>) -> Vec<Heard> {
     let client = Client::at(&server.url).unwrap();
     let mut follower = Follower::new(client, format!("/v1/jobs/{JOB}/events"), after).restless();
