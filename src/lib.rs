@@ -1,10 +1,10 @@
 //! A Universal Planar Manipulator as a library: one flat plate, shaken sideways by four voice coils, moves many coins
 //! on it independently, while a camera closes the loop.
 //!
-//! The crate finds table and coins in pictures, measures what a plate can do, plans motions that carry every coin its
-//! own way, and runs whole jobs closed loop on a simulated rig. A task or a rig of your own is a type that implements
-//! [`goal::Goal`] or [`rig::Rig`]. Time and random numbers are passed in: equal jobs, seeds and builds give equal
-//! results to the last bit.
+//! The crate finds table and coins in pictures, measures what a plate can do, plans motions that move every coin along
+//! its own path, and runs whole jobs closed loop on a simulated rig. Add your own task or rig as a type that implements
+//! [`goal::Goal`] or [`rig::Rig`]. Time and random numbers are passed in: equal jobs, seeds and builds give
+//! bit-identical results.
 //!
 //! | purpose | module and first item |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! The `upm` command: everything it does is in the library.
+//! The `upm` command; all of its code is in the library.
 
 use std::process::ExitCode;
 
@@ -7,9 +7,9 @@ fn main() -> ExitCode {
     upm::cli::main()
 }
 
-/// Threads come and go with every run. Left alone, glibc makes up to eight arenas for each core and holds on to what is
-/// free in each: tens of MB after some hundred runs of a daemon, more or less by chance. With an arena for each core, and
-/// large blocks given back at once, what the process holds is what it uses.
+/// Sets glibc's allocator to one arena per core and to return large blocks at once, so that the memory held is about
+/// the memory in use. By default glibc creates up to eight arenas per core and keeps the free memory of each. Since
+/// threads start and end with every run, a daemon would then hold tens of MB more after some hundred runs.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[allow(unsafe_code)]
 fn keep_memory_together() {
@@ -18,7 +18,7 @@ fn keep_memory_together() {
     for (option, value) in
         [(libc::M_ARENA_MAX, cores), (libc::M_MMAP_THRESHOLD, LARGE_BYTES), (libc::M_TRIM_THRESHOLD, LARGE_BYTES)]
     {
-        // SAFETY: glibc's own options, set before there is a second thread; one that it refuses stays as it was
+        // SAFETY: documented glibc options, set before a second thread exists; a rejected option keeps its value
         unsafe { libc::mallopt(option, value) };
     }
 }
