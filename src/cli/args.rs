@@ -334,7 +334,7 @@ pub struct CheckArgs {
     /// Rig to check jobs on in place of their own, and that libraries must have been measured on
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
-    /// Report of each job whether its library can do it, how long that takes and where it is hard
+    /// Report for each job whether its library can do it, how long that takes and where it is hard
     #[arg(long)]
     pub plan: bool,
     /// Draw the coverage of the one library given as a map; with --plan the predicted paths of the one job's parts
