@@ -1,8 +1,8 @@
-//! Raw files to validated specs: what a person writes, held against a schema, its defaults written out, in SI.
+//! Validation of files: raw JSON as a person writes it becomes a spec with all defaults, in SI units.
 //!
-//! Every fault of a file is told, one line each: file, JSON path, what is expected, what was found. Keys, types and ranges
-//! come first; once those are right, what the values must be to one another. Files are JSON, up to 1 MiB, without unknown
-//! keys. Serde types stay in this room.
+//! Every fault of a file is reported on one line: file, JSON path, expected value, value found. Keys, types and ranges
+//! are checked first; only if they are right are values checked against each other. Files are JSON, up to 1 MiB,
+//! without unknown keys. Serde types stay in this room.
 //!
 //! ```
 //! use upm_runner::config::{Origin, RigSpec};

@@ -1,4 +1,5 @@
-//! Whole runs: [`config`] turns files into validated specs, [`run`] composes rig, control and sinks, and leaves a run folder.
+//! Execution of whole runs: [`config`] turns files into validated specs; [`run`] combines rig, control and sinks and
+//! writes a run folder.
 
 pub mod config;
 pub mod run;

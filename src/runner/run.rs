@@ -1,5 +1,5 @@
-//! Composition: a validated job becomes a rig, a goal, a control loop and sinks; out come a run folder and a report.
-//! The command line, the daemon and the tests all run jobs by this.
+//! Composition of a run: from a validated job it builds rig, goal, control loop and sinks, and leaves a run folder and
+//! a report. The command line, the daemon and the tests all run jobs through this module.
 
 mod bench;
 mod calibrate;
@@ -70,36 +70,36 @@ pub use tolerance::tolerance_warning;
 pub use upm_sim::Trajectories;
 pub use verify::{Verdict, VerifyError, verify};
 
-/// How to run, beside the job.
+/// Options of a run besides the job.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Folder in which the run's own folder is made.
+    /// Parent of the run folder.
     pub out: PathBuf,
-    /// Wall time of the start for the folder's name, `20260101T000000Z`.
+    /// Wall time of the start, for the folder's name: `20260101T000000Z`.
     pub started_utc: String,
-    /// Where the recording goes.
+    /// Destination of the recording.
     pub rerun: RerunMode,
-    /// True to let plate time pass no faster than the clock.
+    /// True to limit plate time to the speed of the clock.
     pub real_time: bool,
-    /// How journal and recording get to the disk.
+    /// Writers of the journal and the recording.
     pub keeping: Keeping,
-    /// The live stream that shows the run, with a recording or without.
+    /// Live stream that shows the run, with or without a recording.
     pub live: Option<LiveServer>,
 }
 
-/// What a run leaves.
+/// Results of a run.
 #[derive(Clone, Debug)]
 pub struct RunResult {
-    /// Its folder.
+    /// The run folder.
     pub folder: PathBuf,
-    /// What `report.json` says.
+    /// Contents of `report.json`.
     pub report: Report,
-    /// What went wrong beside the run itself: a recording that is not whole, a report that was not written.
+    /// Problems that did not end the run: an incomplete recording, or a report that was not written.
     pub warnings: Vec<String>,
 }
 
-/// Runs `job` to its end and writes a folder of its own. `pacing` shows how a run in real time keeps up; `watcher` is told
-/// everything, too; it changes nothing. `Err` when it cannot be run, and when something of it could not be written.
+/// Runs `job` to its end and writes a new run folder. `pacing` counts missed deadlines of a run in real time; `watcher`
+/// receives all events and does not influence the run. `Err` if the job cannot be run or a file cannot be written.
 pub fn run(
     job: &JobSpec,
     options: &RunOptions,
@@ -110,7 +110,7 @@ pub fn run(
 ) -> Result<RunResult, RunError> {
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
     let library = job_library(job).map_err(RunError::Library)?;
-    // what cannot be run leaves no folder
+    // a job that cannot be run leaves no folder
     let bench = Bench::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
@@ -121,10 +121,10 @@ pub fn run(
     written.map(|()| result)
 }
 
-/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; `links` let the caller observe and stop
-/// the run. The folder in `options` is not used. When this returns the rig is gone and the interlock free. A run whose
-/// journal could not be written ends as failed, unless it was stopped from outside; its report is in the result. If only
-/// `report.json` cannot be written, the run still succeeds, with a warning.
+/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; `links` let the caller observe and
+/// stop the run. The folder in `options` is not used. On return the rig is dropped and the interlock free. A run whose
+/// journal could not be written ends as failed, unless it was stopped from outside; its report is in the result. If
+/// only `report.json` cannot be written, the run still succeeds, with a warning.
 pub fn run_linked(
     job: &JobSpec,
     library: Arc<Library>,
@@ -145,13 +145,13 @@ pub fn run_linked(
     }
 }
 
-/// A run that came to its end, and whether its report is in the run folder.
+/// A run that has ended, and whether its files were written.
 struct Done {
     result: RunResult,
     written: Result<(), RunError>,
 }
 
-/// One run of one job.
+/// Everything needed for one run of a job.
 struct Session<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
@@ -171,7 +171,7 @@ impl Session<'_> {
         done
     }
 
-    /// No run folder without a reason in it, as far as it can be written at all.
+    /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
     fn leave_reason(&self, bench: Option<&Bench>, error: &RunError) {
         if !self.folder.state().report {
             let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
@@ -179,7 +179,7 @@ impl Session<'_> {
         }
     }
 
-    /// Runs to the end and writes everything into the folder.
+    /// Runs to the end and writes all files of the folder.
     fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
         let Self { job, library, folder, options, clock, links } = self;
         folder.write_effective(job, library)?;
@@ -229,7 +229,7 @@ impl Session<'_> {
         Ok(Done { result, written: written.and(reported) })
     }
 
-    /// Real time where it is wanted.
+    /// Pacing by the clock, for a run in real time.
     fn pace(&self, bench: &Bench) -> Option<Pace<'_>> {
         self.options.real_time.then_some(Pace {
             clock: self.clock,
@@ -246,12 +246,12 @@ impl Session<'_> {
 struct Unwritten<'a> {
     journal: &'a ScribeWatch,
     stop: &'a AtomicBool,
-    /// True once it has been told.
+    /// True once the failure was reported.
     told: bool,
 }
 
 impl Unwritten<'_> {
-    /// Looks at the journal; says it to `sinks`, once, when it has failed.
+    /// Stops the run and reports to `sinks`, once, if the journal has failed.
     fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
         if let (Some(fault), false) = (self.journal.fault(), self.told) {
             self.told = true;
@@ -261,7 +261,7 @@ impl Unwritten<'_> {
     }
 }
 
-/// The control loop on the bench, at `pace` or as fast as it goes.
+/// Runs the control loop on the bench, at `pace` or at full speed.
 fn play(
     bench: &mut Bench,
     library: &Arc<Library>,
@@ -311,7 +311,7 @@ fn start_recording(
     sink.map_err(|error| RunError::Recording(error.to_string()))
 }
 
-/// Closes the recording; a sentence about what is wrong with it, if anything is.
+/// Closes the recording; returns a message if it is incomplete.
 fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
     let finished = sink.finish();

@@ -8,7 +8,7 @@ use upm_document::{Faults, Path};
 use upm_goal::BinParams;
 
 impl Scene<'_> {
-    /// The bins in SI; faults where a kind has none or more than one, where parts do not fit in, where two overlap.
+    /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
     pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("bins");
         let mut bins: Vec<BinParams> = Vec::with_capacity(raw.len());
@@ -50,9 +50,9 @@ impl Scene<'_> {
         bin
     }
 
-    /// A fault where the parts of a bin do not find room in straight rows with [`REST_GAP_M`] between rims, half of it to the
-    /// bin's border, for the next bin may begin there. All are taken as large as the largest: what passes is what the
-    /// goal finds slots for.
+    /// Reports a bin whose parts do not fit in straight rows with [`REST_GAP_M`] between rims and half of that to the
+    /// bin's border, beyond which the next bin may begin. All parts are assumed as large as the largest, as the goal
+    /// does when it assigns slots.
     fn check_room(&self, bin: &BinParams, at: &Path, faults: &mut Faults) {
         let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
         let (count, radius_m) =
@@ -79,7 +79,7 @@ impl Scene<'_> {
     }
 }
 
-/// A fault for every bin that overlaps an earlier one; a common border is none.
+/// Reports every bin that overlaps an earlier one; a common border is allowed.
 fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Faults) {
     for (i, bin) in bins.iter().enumerate() {
         let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
@@ -91,14 +91,14 @@ fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Faults) {
     }
 }
 
-/// `[-60, 0] to [-20, 40.5]`, mm.
+/// Text for messages: `[-60, 0] to [-20, 40.5]`, mm.
 fn in_words(bin: &BinParams) -> String {
     let corner = |p: Vec2| format!("[{:.3}, {:.3}]", mm_from_m(p.x), mm_from_m(p.y));
     format!("{} to {}", corner(bin.min_m), corner(bin.max_m))
 }
 
-/// How many discs of `radius_m` with `gap_m` between rims lie in straight rows and columns in a rectangle of `size_m`. More
-/// may lie there interlocked, but not where parts get in and past each other.
+/// Number of discs of `radius_m` with `gap_m` between rims that fit in straight rows and columns in a rectangle of
+/// `size_m`. Interlocked rows hold more, but parts could not get in and past each other.
 fn in_rows(size_m: Vec2, radius_m: f64, gap_m: f64) -> usize {
     let along = |length_m: f64| {
         let centers_m = length_m - 2.0 * radius_m + ROUNDING_M;

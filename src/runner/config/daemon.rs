@@ -11,118 +11,118 @@ use super::rig::RigSpec;
 use upm_core::job::Pace;
 use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
 
-/// What a daemon runs, validated.
+/// Validated daemon file: plates, limits and folders of a daemon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DaemonSpec {
-    /// What faults call the file it came from.
+    /// Name of the file in faults.
     pub file: String,
-    /// Where it listens.
+    /// Address and port to listen on.
     pub listen: SocketAddr,
     /// Folder of the job store, run folders and latches.
     pub data: PathBuf,
     /// The plates, in the order of the file.
     pub plates: Vec<PlateSpec>,
-    /// Name of the plate of jobs that name none, if there is one.
+    /// Name of the plate for jobs that name none, if there is one.
     pub default_plate: Option<String>,
-    /// Jobs that may wait for one plate.
+    /// Most jobs that may wait for one plate.
     pub queue: usize,
-    /// How fast jobs run that do not say.
+    /// Default pace of jobs.
     pub pace: Pace,
-    /// Names under which it is reached besides its address and localhost, in lower case, without a port; addresses in the one
-    /// form in which they are compared, without brackets.
+    /// Host names under which the daemon is reached besides its address and localhost, in lower case and without a
+    /// port; addresses in canonical form, without brackets.
     pub hosts: Vec<String>,
-    /// File of the token that may do everything.
+    /// File of the token that permits everything.
     pub token_file: Option<PathBuf>,
-    /// File of the token that may only look, and stop.
+    /// File of the token that permits reading and emergency stops only.
     pub read_token_file: Option<PathBuf>,
-    /// Whether a job may bring a library that does not agree with the plate's own.
+    /// True if a job may bring a library that differs from the plate's.
     pub allow_inline_libraries: bool,
-    /// What is kept of jobs that have ended.
+    /// Retention limits for jobs that have ended.
     pub keep: KeepSpec,
-    /// With fewer bytes than this left on the disk recordings are stopped.
+    /// Free disk space below which recordings are stopped, bytes.
     pub min_free_bytes: u64,
-    /// Bytes set aside for what must be written when the disk is full.
+    /// Disk space reserved for essential writes when the disk is full, bytes.
     pub reserve_bytes: u64,
-    /// When a plate is stopped because something is wrong.
+    /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// Bytes a live stream for the Rerun viewer keeps; `None` for no live streams.
+    /// History kept by a live stream for the Rerun viewer, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
-    /// True to take jobs that make the simulated rig fail on purpose.
+    /// True to accept jobs with simulated faults.
     pub allow_faults: bool,
-    /// The file's content with every default written out.
+    /// Contents of the file with all defaults written out.
     raw: RawDaemon,
 }
 
-/// A plate that is served.
+/// A plate of the daemon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlateSpec {
-    /// Its name, fit for a file.
+    /// Name of the plate, valid as a file name.
     pub name: String,
     /// The rig.
     pub rig: RigSpec,
-    /// Its COR library: the plate's own, else the rig's.
+    /// Path of its COR library: the plate's, else the rig's.
     pub library: PathBuf,
-    /// The key that names the library's file, for faults.
+    /// Key that names the library's file, for faults.
     pub library_key: String,
-    /// Port of its live stream; `None` for any free one.
+    /// Port of its live stream; `None` for any free port.
     pub live_port: Option<u16>,
-    /// The job that runs whenever its queue is empty.
+    /// Job that runs whenever the plate's queue is empty.
     pub standing: Option<StandingSpec>,
 }
 
 /// The standing job of a plate: it runs whenever the plate's queue is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StandingSpec {
-    /// The job, on the plate's rig.
+    /// The job, with the plate's rig.
     pub job: JobSpec,
-    /// True when it waits for a person after the daemon's start.
+    /// True if the job waits for an operator after the daemon's start.
     pub starts_paused: bool,
 }
 
-/// What is kept of jobs that have ended.
+/// Retention limits for jobs that have ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeepSpec {
-    /// Most bytes of run folders.
+    /// Largest total size of run folders, bytes.
     pub runs_bytes: u64,
-    /// Longest time a run folder is kept.
+    /// Longest time for which a run folder is kept.
     pub runs_age: Duration,
-    /// Ended runs of standing jobs that are kept, for each plate.
+    /// Most ended runs of the standing job kept for each plate.
     pub standing_runs: u64,
-    /// Jobs that are remembered.
+    /// Most jobs kept in the store.
     pub jobs: u64,
-    /// Events kept of one job.
+    /// Most events kept for one job.
     pub events_per_job: u64,
-    /// Events kept of all jobs.
+    /// Most events kept for all jobs.
     pub events: u64,
 }
 
-/// When a plate is stopped because something is wrong.
+/// Limits at which the watchdog stops a plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchdogSpec {
-    /// Relaxed deadlines: no frame came, or nothing could be written, for so long, wall time.
+    /// Relaxed deadlines: longest time without a frame or without a successful write, wall time.
     pub hung: Duration,
-    /// No frame came for so long, wall time.
+    /// Longest time without a frame, wall time.
     pub no_frame: Duration,
-    /// A plan took so long, wall time.
+    /// Longest time for a plan, wall time.
     pub planning: Duration,
-    /// No part was seen for so long, s of plate time.
+    /// Longest time without a visible part, s of plate time.
     pub no_part_s: f64,
-    /// A journal or a queue of events took nothing for so long, wall time.
+    /// Longest time for which a journal or an event queue may accept nothing, wall time.
     pub blocked: Duration,
-    /// A deadline was missed by more frames than this.
+    /// Most frames by which a deadline may be missed.
     pub late_frames: u64,
-    /// More deadlines than this were missed in a second.
+    /// Most missed deadlines in a second.
     pub misses_per_s: u64,
 }
 
 impl DaemonSpec {
-    /// Reads and validates the daemon file at `path` and the rigs it names; every fault is told.
+    /// Reads and validates the daemon file at `path` and the rigs it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
-    /// Validates the daemon file in `text`; every fault is told.
+    /// Validates the daemon file in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
@@ -172,7 +172,7 @@ impl DaemonSpec {
         self.plates.iter().map(|plate| plate.name.clone()).collect()
     }
 
-    /// The file with every default written out: read again with the same origin, it gives an equal spec.
+    /// The file with all defaults written out; reading it with the same origin gives an equal spec.
     pub fn effective(&self) -> Value {
         serde_json::to_value(&self.raw).unwrap_or_default()
     }
@@ -186,13 +186,13 @@ fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
     address
 }
 
-/// The plates, all of them or none; the faults of every one are told.
+/// All plates, or `None` with the faults of every one.
 fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Option<Vec<PlateSpec>> {
     let plate_of = |(i, plate): (usize, &RawServedPlate)| {
         let at = Path::root().key("plates").index(i);
         let name = quoted(&plate.name);
         faults.demand(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
-        // file systems that do not tell cases apart would hold two latches as one
+        // case-insensitive file systems would map two latches to one file
         let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
         faults.demand(!twice, at.key("name"), &name, "a name that no plate before has");
         let library = plate.library.as_ref().map(|named| origin.named_file(named, &at.key("library"), faults));
@@ -215,7 +215,7 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Op
     plates.into_iter().collect()
 }
 
-/// The standing job of `plate`, read from the file that the daemon file names; its faults are told under its own name.
+/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name.
 fn standing_of(
     raw: &RawStandingJob,
     plate: &RawServedPlate,
@@ -235,7 +235,7 @@ fn standing_of(
     Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
 }
 
-/// A plate has one rig and one library, and its standing job is of no other plate.
+/// Checks that the standing job uses the plate's rig and names neither a library file nor another plate.
 fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Faults) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
@@ -247,7 +247,7 @@ fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: 
     faults.demand(!job.names_library_file(), root.key("library"), "a path", allowed);
 }
 
-/// A plate serves many jobs, which seldom bring a library of their own.
+/// The library that the rig names. A plate needs one, since few jobs include a library.
 fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
     if rig.library.is_none() {
         let allowed = format!("a path (rig {} names no library)", rig.model.name);
@@ -274,7 +274,7 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
     }
 }
 
-/// Names as they stand in a Host header, but for the port.
+/// Names as in a Host header, without the port.
 fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
     for (i, host) in raw.iter().enumerate() {
         let at = Path::root().key("hosts").index(i);
@@ -284,12 +284,12 @@ fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
     raw.iter().map(|host| canonical(host)).collect()
 }
 
-/// One of the many ways to write an address.
+/// Canonical form of `host`, if it is an address, which can be written in many forms.
 fn canonical(host: &str) -> String {
     address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
 }
 
-/// The address, in brackets or without, that `host` is, if it is one.
+/// The IP address in `host`, with or without brackets.
 fn address_of(host: &str) -> Option<IpAddr> {
     let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
     bare.parse().ok()
@@ -303,7 +303,7 @@ fn is_host(host: &str) -> bool {
     address_of(host).is_some() || (host.len() <= 253 && host.split('.').all(label))
 }
 
-/// A port has one owner.
+/// Checks that each port is used only once.
 fn check_ports(raw: &RawDaemon, faults: &mut Faults) {
     let listen = raw.listen.parse().ok().map(|address: SocketAddr| address.port());
     for (i, plate) in raw.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
@@ -314,7 +314,7 @@ fn check_ports(raw: &RawDaemon, faults: &mut Faults) {
     }
 }
 
-/// Recordings stop before the reserve is touched.
+/// Checks that recordings stop before the reserve is used.
 fn check_room(disk: &RawDisk, faults: &mut Faults) {
     let allowed = format!("at least twice disk.reserve_mb ({})", disk.reserve_mb);
     let at = Path::root().key("disk").key("min_free_mb");

@@ -1,4 +1,4 @@
-//! Drawings in files of their own, written into the job that names them.
+//! Replaces the drawing files that a job names by their path data.
 
 use super::raw_job::{RawJob, RawTask};
 use super::raw_shapes::RawSvg;
@@ -6,14 +6,13 @@ use super::read::{Origin, exactly_one};
 use upm_document::{Fault, Faults, Path, text_of};
 use upm_shapes::path_data_of;
 
-/// Longest path data that a job may have, bytes.
+/// Longest path data accepted in a job, bytes.
 const LONGEST_DATA: usize = 65_536;
 
 impl RawJob {
-    /// The same job with the path data of its drawings in place of their files.
+    /// The same job with path data in place of its drawing files.
     ///
-    /// # Errors
-    /// Every file that cannot be read or has no path.
+    /// # Errors Every file that cannot be read or contains no path.
     pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Fault>> {
         let mut faults = Faults::of(&origin.file);
         write_out(&mut self.task, origin, &mut faults);

@@ -1,4 +1,4 @@
-//! Faults of a job: as they stand in its file, as they are typed on the command line, and drawn by a seed.
+//! Simulated faults of a job: written in its file, typed on the command line, or drawn by a seed.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use upm_core::time::PlateTime;
 use upm_document::{Faults, Path, one_of, quoted};
 use upm_sim::faults::{Component, FaultKind, FaultSpec, ValueRange, drawn_faults};
 
-/// Names of components as a person is told them.
+/// Names of components for error messages.
 const COMPONENTS: [&str; 11] =
     ["camera", "light", "view", "coil0", "coils", "accel0", "part0", "parts", "plate", "device", "clock"];
 /// Latest onset and end, s.
@@ -79,7 +79,7 @@ impl RawValue {
 }
 
 impl RawFault {
-    /// `spec` as a file has it.
+    /// `spec` in the form of a job file.
     pub fn of(spec: &FaultSpec) -> Self {
         let count = spec.kind.values().len();
         let value = match count {
@@ -119,7 +119,7 @@ impl RawFault {
     }
 }
 
-/// The faults of a job of `parts` parts, and the list that says the same.
+/// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
 pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Faults) -> Vec<FaultSpec> {
     match raw {
         RawFaults::Drawn(drawn) => drawn_faults(drawn.seed, parts),
@@ -130,7 +130,7 @@ pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Fault
     }
 }
 
-/// The faults in `texts`, each one fault or several parted by commas, for a job of `parts` parts.
+/// Simulated faults in `texts`, each one or several separated by commas, for a job of `parts` parts.
 pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<FaultSpec> {
     let each = texts.iter().flat_map(|text| text.split(',')).map(str::trim).filter(|text| !text.is_empty());
     let mut specs = Vec::new();

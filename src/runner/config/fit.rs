@@ -1,4 +1,4 @@
-//! Whether the places of a shape, or a part on its path, fit on the plate; and the size that would fit.
+//! Checks whether the places of a shape, or a part on its path, fit on the plate, and computes the size that would fit.
 
 use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
 use super::task::Scene;
@@ -7,22 +7,22 @@ use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path, counted};
 use upm_shapes::Pattern;
 
-/// Least ratio at which one pair asks for a larger shape than another. Among equals the first pair is told.
+/// Least ratio by which a pair must ask for a larger shape to be reported in place of an earlier pair.
 pub(super) const TIGHTER: f64 = 1.0 + 1e-9;
 
-/// The figures of a job file that a shape grows with, about its middle.
+/// Lengths in a job file with which a shape scales about its middle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Growth {
-    /// What a person calls them: a key, or words.
+    /// Name for messages: a key, or words.
     pub name: &'static str,
-    /// The figures as they are, mm.
+    /// Present lengths, mm.
     pub size_mm: Vec<f64>,
-    /// The middle, m.
+    /// Fixed point of the scaling, m.
     pub center_m: Vec2,
 }
 
 impl Growth {
-    /// `height_mm of at least 131 mm`.
+    /// Text for messages: `height_mm of at least 131 mm`.
     pub fn at_least(&self, scale: f64) -> String {
         format!("{} of at least {} mm", self.name, self.scaled(scale, rounded_up))
     }
@@ -36,7 +36,7 @@ impl Growth {
         if let [only] = &figures[..] { only.clone() } else { format!("[{}]", figures.join(", ")) }
     }
 
-    /// True when there is a size between the two scales that a person can type.
+    /// True if a size between the two scales can be written with one decimal.
     fn is_between(&self, least: f64, most: f64) -> bool {
         most > 0.0
             && self.size_mm.iter().all(|size_mm| rounded_up(least * size_mm) <= rounded_down(most * size_mm))
@@ -44,7 +44,7 @@ impl Growth {
     }
 }
 
-/// To the next tenth; what is one but for rounding stays.
+/// Rounds up to a tenth of a millimetre, with a tolerance for rounding errors.
 fn rounded_up(mm: f64) -> f64 {
     (10.0 * mm - 1e-6).ceil() / 10.0
 }
@@ -53,7 +53,7 @@ fn rounded_down(mm: f64) -> f64 {
     (10.0 * mm + 1e-6).floor() / 10.0
 }
 
-/// Two parts and how near they are.
+/// A pair of parts and the distance between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pair {
     parts: [usize; 2],
@@ -62,13 +62,13 @@ struct Pair {
 }
 
 impl Pair {
-    /// How many times as large the shape must at least be.
+    /// Factor by which the shape must at least grow.
     fn scale(&self) -> f64 {
         (self.least_m - ROUNDING_M) / self.distance_m
     }
 }
 
-/// A shape with a place for each part, and where in the file it is.
+/// A shape with one place per part, and its path in the file.
 pub(super) struct Shape {
     pub at: Path,
     pub pattern: Pattern,
@@ -76,8 +76,8 @@ pub(super) struct Shape {
 }
 
 impl Scene<'_> {
-    /// The places that `shape` has for the parts, m. Faults where they are too near to each other or to the edge; each
-    /// names the size, or else the number of parts, that would fit.
+    /// Places of `shape` for the parts, m. Faults where they are too close to each other or to the edge; each names the
+    /// size, or else the number of parts, that would fit.
     pub(super) fn places_of(&self, shape: &Shape, faults: &mut Faults) -> Option<Vec<Vec2>> {
         let places_m = shape.pattern.places(self.kinds.len())?;
         let most = self.largest_scale(&places_m, &self.radii_m, shape.growth.center_m);
@@ -97,7 +97,7 @@ impl Scene<'_> {
         Some(places_m)
     }
 
-    /// A fault at `at` where a part of radius `radius_m` leaves the plate on its way through `points_m`.
+    /// Reports a part of radius `radius_m` that leaves the plate on its path through `points_m`.
     pub(super) fn check_way(&self, points_m: &[Vec2], radius_m: f64, growth: &Growth, at: &Path, faults: &mut Faults) {
         let Some(outside_m) = points_m.iter().find(|point_m| point_m.amax() > self.reach_m(radius_m)) else { return };
         let radii_m = vec![radius_m; points_m.len()];
@@ -111,7 +111,7 @@ impl Scene<'_> {
         );
     }
 
-    /// What would fit, when the shape must be at least `least` and at most `most` times as large.
+    /// Text of what would fit, if the shape must grow by at least `least` and at most `most`.
     fn remedy(&self, shape: &Shape, least: f64, most: f64) -> String {
         let Shape { growth, pattern, .. } = shape;
         if growth.is_between(least, most) {
@@ -147,8 +147,8 @@ impl Scene<'_> {
             .reduce(|tightest, pair| if pair.scale() > tightest.scale() * TIGHTER { pair } else { tightest })
     }
 
-    /// How many times as large points may be about `center_m` with discs about them still on the plate; not above 0 where
-    /// the middle itself is off.
+    /// Largest factor by which points may be scaled about `center_m` with discs about them still on the plate; at most
+    /// 0 if the centre itself is off the plate.
     fn largest_scale(&self, points_m: &[Vec2], radii_m: &[f64], center_m: Vec2) -> f64 {
         let along = |center_m: f64, point_m: f64, reach_m: f64| match point_m - center_m {
             0.0 if center_m.abs() <= reach_m => f64::INFINITY,
@@ -162,7 +162,7 @@ impl Scene<'_> {
         points_m.iter().zip(radii_m).map(of_point).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far from the middle a part's centre may be along an axis, m.
+    /// Largest distance of a part's centre from the middle along an axis, m.
     fn reach_m(&self, radius_m: f64) -> f64 {
         self.half_m - radius_m - REST_MARGIN_M + ROUNDING_M
     }

@@ -1,4 +1,4 @@
-//! Whether parts can go round their paths in phase.
+//! Checks whether parts can follow their paths in phase.
 
 use super::fit::TIGHTER;
 use super::part_path::PartPath;
@@ -8,10 +8,10 @@ use upm_core::units::mm_from_m;
 use upm_document::Faults;
 use upm_goal::PathParams;
 
-/// Laps whose lengths differ by no more than this part count as equal.
+/// Relative difference in length up to which laps count as equal.
 const SAME_LENGTH: f64 = 0.01;
 
-/// Faults where the paths differ in length, speed or repeat, or where parts in phase would touch.
+/// Reports paths that differ in length, speed or repeat, and parts in phase that would touch.
 pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
     let laps: Vec<Lap> = paths.iter().map(|path| Lap::of(&path.params)).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
@@ -35,8 +35,8 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
     }
 }
 
-/// A fault for every path on which two of its own parts would come too near to each other somewhere on the lap, and for
-/// every one whose part would come too near to that of an earlier one.
+/// Reports every path on which two of its parts come too close to each other during the lap, and every path with a part
+/// that comes too close to one of an earlier path.
 fn check_on_the_way(paths: &[PartPath], laps: &[Lap], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
     let meetings = meetings(laps, radii_m);
     let of = |part: usize| paths.get(part).map(|path| &path.at);
@@ -55,7 +55,7 @@ fn check_on_the_way(paths: &[PartPath], laps: &[Lap], radii_m: &[f64], ids: &[St
     }
 }
 
-/// Every pair of parts that come too near, by the later one.
+/// All pairs of parts that come too close, in the order of the later part.
 fn meetings(laps: &[Lap], radii_m: &[f64]) -> Vec<Meeting> {
     let discs: Vec<(&Lap, &f64)> = laps.iter().zip(radii_m).collect();
     let mut meetings = Vec::new();
@@ -71,17 +71,17 @@ fn meetings(laps: &[Lap], radii_m: &[f64]) -> Vec<Meeting> {
     meetings
 }
 
-/// Where two parts in phase are nearest to each other.
+/// Closest approach of two parts in phase.
 struct Meeting {
     parts: [usize; 2],
     least_m: f64,
     distance_m: f64,
-    /// Share of the lap.
+    /// Share of the lap at the closest approach.
     share: f64,
 }
 
 impl Meeting {
-    /// How many times as large the path of both must at least be.
+    /// Factor by which both paths must at least grow.
     fn scale(&self) -> f64 {
         (self.least_m - ROUNDING_M) / self.distance_m
     }
@@ -103,18 +103,19 @@ impl Meeting {
     }
 }
 
-/// Once round a path.
+/// One lap of a path.
 struct Lap {
-    /// The corners, from the first to where it ends, m.
+    /// Corners from the first to the end of the lap, m.
     corners_m: Vec<Vec2>,
-    /// Share of the lap at which each is passed.
+    /// Share of the lap at each corner.
     shares: Vec<f64>,
-    /// From the first corner back to it, m.
+    /// Length of the lap, back to the first corner, m.
     length_m: f64,
 }
 
 impl Lap {
-    /// The way back to the first corner counts in the length; it is gone only where the path is repeated.
+    /// The segment back to the first corner counts in the length, although parts follow it only if the path is
+    /// repeated.
     fn of(path: &PathParams) -> Self {
         let mut corners_m = path.waypoints_m.clone();
         corners_m.extend(path.waypoints_m.first());
@@ -132,7 +133,7 @@ impl Lap {
         Self { corners_m, shares, length_m }
     }
 
-    /// Where the part is at `share` of its lap, m.
+    /// Position of the part at `share` of its lap, m.
     fn at(&self, share: f64) -> Vec2 {
         let next = self.shares.partition_point(|&passed| passed <= share);
         let (before, after) = (next.saturating_sub(1), next.min(self.shares.len().saturating_sub(1)));
@@ -143,8 +144,8 @@ impl Lap {
         corner(before).lerp(&corner(after), part)
     }
 
-    /// Least distance from the part of another lap in phase with this one, m, and the share of the lap where that is.
-    /// Between consecutive corners of either path both move linearly, hence so does their relative position.
+    /// Least distance to the part on another lap in phase with this one, m, and the share of the lap at which it
+    /// occurs. Between consecutive corners of either path both move linearly, hence so does their relative position.
     fn nearest_to(&self, other: &Self) -> (f64, f64) {
         let mut shares: Vec<f64> = self.shares.iter().chain(&other.shares).copied().collect();
         shares.sort_by(f64::total_cmp);
@@ -183,7 +184,7 @@ mod tests {
 
     #[test]
     fn the_nearest_is_found_between_corners() {
-        // one goes right while the other goes left 1 below: face to face in the middle of the first side
+        // one goes right while the other goes left, 1 below: they meet in the middle of the first side
         let there = Lap::of(&path(&[[0.0, 0.0], [4.0, 0.0]], 2));
         let back = Lap::of(&path(&[[4.0, -1.0], [0.0, -1.0]], 2));
         let (distance, share) = there.nearest_to(&back);

@@ -16,57 +16,57 @@ use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Fault, Faults, Path, parse_and_build, quoted, text_of};
 use upm_sim::faults::FaultSpec;
 
-/// A validated job.
+/// Validated job file: rig, parts, task, planner and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobSpec {
-    /// What faults call the file it came from.
+    /// Name of the file in faults.
     pub file: String,
-    /// Name, fit for a folder.
+    /// Name of the job, valid as a folder name.
     pub name: String,
     /// The rig.
     pub rig: RigSpec,
-    /// The daemon's plate it asks for.
+    /// Plate of the daemon that the job names.
     pub plate: Option<String>,
     /// COR library: the job's own, else the rig's.
     pub library: Option<LibraryRef>,
-    /// Parts, in groups as given.
+    /// Groups of parts, as in the file.
     pub parts: Vec<PartGroup>,
-    /// What to do.
+    /// The task.
     pub task: TaskSpec,
-    /// The planner as the file has it, `auto` included.
+    /// Planner as in the file, `auto` included.
     pub planner: PlannerChoice,
-    /// A part this near its target has arrived, m.
+    /// Distance from the target at which a part has arrived, m.
     pub tolerance_m: f64,
-    /// Longest plate time of the run, s.
+    /// Largest plate time of the run, s.
     pub plate_time_limit_s: f64,
-    /// Faults of the simulated rig.
+    /// Simulated faults.
     pub faults: Vec<FaultSpec>,
-    /// Code of a guard that sleeps: only builds with the feature `mutants` set it.
+    /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<String>,
-    /// What happens when this computer is too slow for the plate.
+    /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
-    /// The file's content with every default written out, the rig left out.
+    /// Contents of the file with all defaults written out, without the rig.
     raw: RawJob,
 }
 
-/// A COR library by its file or as its content.
+/// A COR library, by its file or its content.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LibraryRef {
-    /// Where the file is.
+    /// Path of the file.
     File(PathBuf),
-    /// The file's content.
+    /// Content of the file.
     Inline(Map<String, Value>),
 }
 
 impl JobSpec {
-    /// Reads and validates the job file at `path` and the rig it names; every fault is told.
+    /// Reads and validates the job file at `path` and the rig it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path), None)
     }
 
-    /// Validates the job in `text`; `plate_rig` stands in where it names no rig, and a rig that it writes out must be
-    /// equal to it. Every fault is told.
+    /// Validates the job in `text`. `plate_rig` is the default rig; a rig written out in the job must be equal to it.
+    /// Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Fault>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, plate_rig, faults))
     }
@@ -79,7 +79,7 @@ impl JobSpec {
             let at = root.key("parts").index(i).key("position_mm");
             faults.demand(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
-        // a drawing's file is written out, too: a run folder needs no other file
+        // path data replaces a drawing's file, so that a run folder needs no other file
         drawings::write_out(&mut raw.task, origin, faults);
         let library = library_of(&raw, origin, faults);
         let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
@@ -92,7 +92,7 @@ impl JobSpec {
         room::check(&parts, &rig, faults);
         let at = root.key("faults");
         let of_rig = raw.faults.as_ref().map(|raw| faults::build(raw, each_kind(&parts).len(), &at, faults));
-        // what a seed drew is written out: a run folder says by itself what went wrong
+        // faults drawn by a seed are written out, so that the run folder documents them
         raw.faults = of_rig.as_ref().map(|specs| RawFaults::List(specs.iter().map(RawFault::of).collect()));
         Some(Self {
             file: origin.file.clone(),
@@ -120,22 +120,22 @@ impl JobSpec {
         })
     }
 
-    /// True when the task has no end of its own: the plate time limit completes it.
+    /// True if only the plate time limit ends the task, which completes it.
     pub fn is_endless(&self) -> bool {
         self.task.is_endless(self.plate_time_limit_s)
     }
 
-    /// True when the job itself names a library file; its rig may name another.
+    /// True if the job itself names a library file; its rig may name another.
     pub(super) fn names_library_file(&self) -> bool {
         matches!(self.raw.library, Some(LibrarySource::File(_)))
     }
 
-    /// The key that names the library: the job's own or its rig's.
+    /// Key that names the library: the job's or its rig's.
     pub fn library_key(&self) -> String {
         if self.names_library_file() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
     }
 
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub fn seed(&self) -> u64 {
         self.raw.seed
     }
@@ -146,10 +146,9 @@ impl JobSpec {
         self
     }
 
-    /// The same job with the faults in `texts` besides its own, as typed on the command line.
+    /// The same job with the faults in `texts` added, as typed on the command line.
     ///
-    /// # Errors
-    /// Every one that is none.
+    /// # Errors Every text that is not a valid fault.
     pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Fault>> {
         let mut faults = Faults::of("--faults");
         let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);
@@ -161,28 +160,28 @@ impl JobSpec {
         Ok(self)
     }
 
-    /// Kind of every part, as indices into the rig's kinds, in the order of the job.
+    /// Kind of each part, as an index into the rig's kinds, in the order of the job.
     pub fn kinds_of_parts(&self) -> Vec<usize> {
         each_kind(&self.parts)
     }
 
-    /// The kind called by index, as [`JobSpec::kinds_of_parts`] lists them.
+    /// The kind with this index, as [`JobSpec::kinds_of_parts`] lists them.
     pub fn kind(&self, index: usize) -> Option<&KindSpec> {
         self.rig.kinds.get(index)
     }
 
-    /// The job with the rig and every default written out: read again with the same origin, it gives an equal spec.
+    /// The job with the rig and all defaults written out; reading it with the same origin gives an equal spec.
     pub fn effective(&self) -> Value {
         let rig = Some(RigSource::Inline(Box::new(self.rig.raw.clone())));
         serde_json::to_value(RawJob { rig, ..self.raw.clone() }).unwrap_or_default()
     }
 
-    /// The same without the rig: what a plate that has the rig is sent.
+    /// As [`Self::effective`], without the rig: the form sent to a plate that has the rig.
     pub fn effective_without_rig(&self) -> Value {
         serde_json::to_value(&self.raw).unwrap_or_default()
     }
 
-    /// The same with the library written out too: what a run can be done again from, without any other file.
+    /// As [`Self::effective`], with the library written out too: a run can be repeated from it without any other file.
     pub fn effective_with_library(&self, library: Map<String, Value>) -> Value {
         let mut effective = self.effective();
         if let Some(members) = effective.as_object_mut() {
@@ -224,7 +223,7 @@ fn rig_of(
     }
 }
 
-/// A plate has one rig: a job may say it, and nothing else. Which library the rig names is the plate's affair.
+/// The plate's rig, if the job's is equal to it. The library of the rig is not compared, since the plate chooses it.
 fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Faults) -> Option<RigSpec> {
     let same = rig.is_as_in(raw);
     let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
@@ -232,16 +231,15 @@ fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults:
     same.then(|| rig.clone())
 }
 
-/// Synthesised fields need a rig that says how they are driven.
+/// Reports synthesised fields on a rig without `fields`.
 fn refuse_fields(faults: &mut Faults) {
     let found = "\"synthesized_field\" on a rig without `fields`";
     let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
     faults.push(Path::root().key("planner"), found, allowed);
 }
 
-/// The groups with their kinds looked up. A kind that is unknown or larger than the plate is a fault and stands as an
-/// index that no kind has, so that what does not depend on it is checked all the same and nothing is told that
-/// only follows from it.
+/// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an
+/// invalid index, so that checks of everything else still run and no consequential faults are reported.
 fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup> {
     let group_of = |(i, group): (usize, &RawParts)| {
         let at = Path::root().key("parts").index(i).key("kind");
@@ -257,12 +255,12 @@ fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup>
     raw.parts.iter().enumerate().map(group_of).collect()
 }
 
-/// Least difference of two kinds' diameters, as a part of the larger, at which a measured radius tells them apart.
-/// The finder gives a part to the kind that comes nearest, so its error may reach half of this; penny and dime, the
-/// nearest of the coins, are 6 % apart.
+/// Least relative difference in diameter, with respect to the larger one, at which a measured radius distinguishes two
+/// kinds. The finder assigns a part to the nearest kind, so its error may reach half of this; penny and dime, the
+/// closest of the coins, differ by 6 %.
 const TOLD_APART: f64 = 0.03;
 
-/// A fault at every kind that the camera cannot tell from one before it on the plate.
+/// Reports every kind that the camera cannot distinguish from an earlier kind on the plate.
 fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     let mut before: Vec<usize> = Vec::new();
     for (i, group) in groups.iter().enumerate() {

@@ -14,7 +14,7 @@ const COINS: [(&str, f64, f64, f64); 4] = [
     ("quarter", 24.26, 5.67, 1.75),
 ];
 
-/// A kind of part with what only the simulation knows of it.
+/// A kind of part with the properties that only the simulation knows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KindSpec {
     /// Name, outline, height.
@@ -25,34 +25,35 @@ pub struct KindSpec {
     pub friction: f64,
 }
 
-/// Parts of one kind.
+/// A group of parts of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartGroup {
     /// Index into the rig's kinds.
     pub kind: usize,
-    /// How many; 1 when there is a position.
+    /// Number of parts; 1 if there is a position.
     pub count: usize,
-    /// Where it starts, m; `None` for at random.
+    /// Start position, m; `None` for a random one.
     pub position_m: Option<Vec2>,
 }
 
-/// Least radius of a part that the camera is asked to find, m.
+/// Least radius of a part that the camera must find, m.
 pub(super) const LEAST_SEEN_RADIUS_M: f64 = 5e-4;
 
 impl KindSpec {
-    /// A part of this kind as it is simulated, its friction that of the kind.
+    /// Parameters of a simulated part of this kind, with the kind's mean friction.
     pub fn part(&self) -> PartParams {
         let PartKind { radius_m, thickness_m, .. } = self.kind;
         PartParams { radius_m, thickness_m, mass_kg: self.mass_kg, friction: self.friction }
     }
 
-    /// True unless the part is a point or near to one: fit for open-loop experiments alone.
+    /// True if the camera can find parts of this kind; smaller ones, points included, are for open-loop experiments
+    /// only.
     pub fn can_be_seen(&self) -> bool {
         self.kind.radius_m >= LEAST_SEEN_RADIUS_M
     }
 }
 
-/// The four coins, then the rig's own kinds by name.
+/// The four coins, then the rig's kinds by name.
 pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<KindSpec> {
     let friction = raw.friction.coefficient;
     let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
@@ -74,12 +75,13 @@ fn disc(name: &str, diameter_mm: f64, mass_g: f64, thickness_mm: f64, friction: 
     KindSpec { kind: PartKind { name: name.to_owned(), radius_m, thickness_m }, mass_kg: mass_g * 1e-3, friction }
 }
 
-/// Kind of every part in the order of the job.
+/// Kind of each part in the order of the job.
 pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
     groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
 }
 
-/// Name of every part, kind and number within it (`penny-1`), in the order of the job. A kind that does not exist is a `part`.
+/// Id of each part, kind and number within it (`penny-1`), in the order of the job. A kind that does not exist is a
+/// `part`.
 pub(super) fn part_ids(groups: &[PartGroup], kinds: &[KindSpec]) -> Vec<String> {
     let each = each_kind(groups);
     let number = |i: usize, kind: &usize| each.iter().take(i + 1).filter(|other| *other == kind).count();

@@ -1,4 +1,4 @@
-//! The line that one path of a job file follows.
+//! The polyline of one path of a job file.
 
 use super::fit::Growth;
 use super::raw_job::RawPath;
@@ -11,22 +11,22 @@ use upm_document::{Faults, Path};
 use upm_goal::PathParams;
 use upm_shapes::{Lissajous, circle_path, closed_from};
 
-/// Most corners of a drawn path.
+/// Most corners of a path made from a drawing.
 const MOST_CORNERS: usize = 2000;
 
-/// The path of one part and where it comes from.
+/// Path of one part, and its place in the file.
 pub(super) struct PartPath {
-    /// Where the path is: `task.paths[1]`.
+    /// Path of the entry in the file: `task.paths[1]`.
     pub at: Path,
-    /// Where its corners or its shape are: `task.paths[1].circle`.
+    /// Path of its corners or its shape in the file: `task.paths[1].circle`.
     pub shape_at: Path,
-    /// What a made path grows with; `None` where its corners were typed.
+    /// Lengths with which a generated path scales; `None` if its corners were typed.
     pub growth: Option<Growth>,
-    /// In SI.
+    /// The path in SI.
     pub params: PathParams,
 }
 
-/// A path before it is given to its parts.
+/// A path before it is assigned to parts.
 struct Line {
     key: &'static str,
     points_m: Vec<Vec2>,
@@ -34,8 +34,8 @@ struct Line {
 }
 
 impl PartPath {
-    /// The path at `at` once for each part that follows it. Several begin evenly spaced round it and go all the way round.
-    /// None where the file is at fault.
+    /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
+    /// whole lap. Empty if the file is at fault.
     pub fn each(raw: &RawPath, at: &Path, faults: &mut Faults) -> Vec<Self> {
         line_of(raw, at, faults).map(|line| part_paths(&line, raw, at)).unwrap_or_default()
     }

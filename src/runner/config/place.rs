@@ -8,31 +8,31 @@ use upm_core::random::{Rng, Streams};
 use upm_document::{Fault, Path, counted};
 use upm_sim::PartParams;
 
-/// Tries to find a place for one part before starting over.
+/// Attempts to place one part before starting over.
 const TRIES: usize = 2000;
 
-/// Times to start over.
+/// Attempts to place all parts.
 const ROUNDS: usize = 50;
 
 /// Least and largest friction drawn, whatever the spread.
 const FRICTION_RANGE: (f64, f64) = (0.01, 2.0);
 
-/// A part where it starts.
+/// A part with its start position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedPart {
     /// Index into the rig's kinds.
     pub kind: usize,
     /// Kind and number within it: `penny-1`.
     pub id: String,
-    /// Where its centre starts, m.
+    /// Start position of its centre, m.
     pub position_m: Vec2,
     /// Outline, mass and the friction drawn for it.
     pub params: PartParams,
 }
 
-/// Puts the job's parts on the plate, in the order of the job: given positions as they are, the rest at random by
-/// `streams`, rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Friction is drawn for each part.
-/// Fails when no places are found.
+/// Places the job's parts on the plate, in the order of the job: given positions as they are, the others at random by
+/// `streams`, with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws friction for each part.
+/// `Err` if no places are found.
 pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Fault> {
     let mut parts = unplaced(job, streams);
     let mut rng = streams.stream("placement");
@@ -49,7 +49,7 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, F
     Err(Fault::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
 }
 
-/// Every part with its given position, if it has one.
+/// Each part, and its given position if it has one.
 fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> {
     let mut ids = part_ids(&job.parts, &job.rig.kinds).into_iter();
     let mut parts = Vec::new();
@@ -66,13 +66,13 @@ fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> 
     parts
 }
 
-/// Normal about `coefficient`, cut at three standard deviations.
+/// Normal about `coefficient`, truncated at three standard deviations.
 fn drawn_friction(coefficient: f64, spread: f64, rng: &mut Rng) -> f64 {
     let normal: f64 = StandardNormal.sample(rng);
     (coefficient * (1.0 + spread * normal.clamp(-3.0, 3.0))).clamp(FRICTION_RANGE.0, FRICTION_RANGE.1)
 }
 
-/// One round: random places one after another, `None` when a part finds none.
+/// One attempt: random positions one after another; `None` if a part finds no place.
 fn scatter(parts: &[(PlacedPart, Option<Vec2>)], half_m: f64, rng: &mut Rng) -> Option<Vec<Vec2>> {
     let mut places_m: Vec<Option<Vec2>> = parts.iter().map(|(_, given_m)| *given_m).collect();
     for i in 0..parts.len() {

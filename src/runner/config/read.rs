@@ -4,32 +4,32 @@ use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
 use upm_document::{Faults, Path, quoted};
 
-/// Where a document comes from.
+/// Origin of a document: the name for its faults, and the base of its relative paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Origin {
-    /// What faults call it: the file as the person named it.
+    /// Name of the document in faults: the file as the user named it.
     pub file: String,
-    /// Folder that paths in it are relative to; `None` where files may not be named, as over HTTP.
+    /// Folder that its paths are relative to; `None` if it may not name files, as over HTTP.
     pub folder: Option<PathBuf>,
 }
 
 impl Origin {
-    /// The file at `path`.
+    /// Origin of the file at `path`.
     pub fn of_file(path: &FilePath) -> Self {
         let folder = path.parent().map(FilePath::to_path_buf).unwrap_or_default();
         Self { file: path.display().to_string(), folder: Some(folder) }
     }
 
-    /// A document that came without a file and may name none.
+    /// Origin of a document without a file, which may not name files.
     pub fn of_request(name: &str) -> Self {
         Self { file: name.to_owned(), folder: None }
     }
 
-    /// The file that the document calls `named`.
+    /// Path of the file that the document names `named`.
     pub(super) fn resolve(&self, named: &str) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join(named))
     }
-    /// The file that the document calls `named`, else a fault at `at`.
+    /// Path of the file that the document names `named`, else a fault at `at`.
     pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
         let path = self.resolve(named);
         faults.demand(path.is_some(), at, quoted(named), "nothing (files cannot be named here)");
@@ -37,21 +37,21 @@ impl Origin {
     }
 }
 
-/// The characters allowed in names, in words.
+/// Description of valid names, for messages.
 pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
 
-/// True for names that are safe as a folder: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
+/// True for names that are safe as a folder name: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
 pub fn is_plain_name(name: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
     (1..=64).contains(&name.len()) && name.chars().all(plain) && name != "." && name != ".."
 }
 
-/// A point in SI.
+/// A point in metres.
 pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
     Vec2::from(mm.map(m_from_mm))
 }
 
-/// True when exactly one of these keys of the object at `at` is there, else a fault.
+/// True if exactly one of these keys of the object at `at` is present, else a fault.
 pub(super) fn exactly_one(keys: &[(&str, bool)], at: &Path, faults: &mut Faults) -> bool {
     let given: Vec<&str> = keys.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };

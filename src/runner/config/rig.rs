@@ -14,38 +14,38 @@ use upm_core::units::m_from_mm;
 use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
-/// A validated rig. What control may know of it stands in `model`; the rest is for the simulation alone.
+/// Validated rig file. `model` holds the properties that control may know; the rest is for the simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigSpec {
-    /// The file's content with every default written out.
+    /// Contents of the file with all defaults written out.
     pub raw: RawRig,
-    /// What a person can measure or read off a data sheet.
+    /// Properties that can be measured or are in a data sheet.
     pub model: RigModel,
-    /// How the simulated rig behaves.
+    /// Parameters of the simulated rig.
     pub sim: SimParams,
-    /// Kinds of part: the four coins, then the rig's own by name.
+    /// Kinds of part: the four coins, then the rig's kinds by name.
     pub kinds: Vec<KindSpec>,
-    /// Its COR library, if it names one.
+    /// Path of its COR library, if it names one.
     pub library: Option<PathBuf>,
-    /// The key that names it, for faults: `rig upm-1.json: library`.
+    /// Key that names the library, for faults: `rig upm-1.json: library`.
     pub library_key: String,
     /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on; see [`fingerprint`].
     pub fingerprint: String,
 }
 
 impl RigSpec {
-    /// Reads and validates the rig file at `path`; every fault is told.
+    /// Reads and validates the rig file at `path`. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
-    /// Validates the rig in `text`; every fault is told.
+    /// Validates the rig in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, &Path::root(), faults))
     }
 
-    /// The shipped weak prototype. Shipped rigs are part of the program; their libraries are files of their own.
+    /// The shipped weak prototype, without its library, which is a separate file; the rig is compiled into the program.
     pub fn upm_1() -> Result<Self, Vec<Fault>> {
         Self::shipped("configs/rigs/upm-1.json", include_str!("../../../configs/rigs/upm-1.json"))
     }
@@ -62,7 +62,7 @@ impl RigSpec {
         })
     }
 
-    /// The rig that `source`, found at `at`, names or is. Pushes faults of the rig's own file under its name.
+    /// The rig that `source` at `at` names or contains. Faults in the rig's file carry that file's name.
     pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
         let named = match source {
             RigSource::Inline(raw) => return Self::build(*raw, origin, at, faults),
@@ -76,7 +76,7 @@ impl RigSpec {
         rig.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()
     }
 
-    /// The same rig as part of a file that calls it `named`: paths in it become relative to that file.
+    /// The same rig as part of a file that calls it `named`: its paths become relative to that file.
     fn rebased_from(mut self, named: &str) -> Self {
         let folder = std::path::Path::new(named).parent();
         if let (Some(folder), Some(library)) = (folder, &mut self.raw.library) {
@@ -103,19 +103,19 @@ impl RigSpec {
         (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, library_key, fingerprint })
     }
 
-    /// True when `raw`, defaults written out, is this rig but for the library it names.
+    /// True if `raw`, with defaults written out, equals this rig except for the library it names.
     pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
         let mut other = RawRig { library: None, ..raw.clone() };
         fill_in(&mut other);
         other == RawRig { library: None, ..self.raw.clone() }
     }
 
-    /// The kind called `name`, as an index into [`RigSpec::kinds`].
+    /// Index in [`RigSpec::kinds`] of the kind called `name`.
     pub fn kind(&self, name: &str) -> Option<usize> {
         self.kinds.iter().position(|spec| spec.kind.name == name)
     }
 
-    /// The kind called `name`, as [`RigSpec::kind`] has it, else a fault that lists those there are.
+    /// As [`RigSpec::kind`]; an unknown kind is a fault that lists the known ones.
     pub(super) fn known_kind(&self, name: &str, at: &Path, faults: &mut Faults) -> Option<usize> {
         let found = self.kind(name);
         if found.is_none() {
@@ -126,7 +126,7 @@ impl RigSpec {
     }
 }
 
-/// Writes out the defaults that depend on other values.
+/// Fills in the defaults that depend on other values.
 fn fill_in(raw: &mut RawRig) {
     let side_m = m_from_mm(raw.plate.side_mm);
     raw.plate.inertia_kg_m2.get_or_insert(raw.plate.mass_kg * side_m * side_m / 6.0);
@@ -222,9 +222,10 @@ fn field_drive_of(raw: &RawFields) -> FieldDriveModel {
     }
 }
 
-/// First 16 hex digits of SHA-256 over the canonical JSON (keys sorted, no spaces, defaults written out) of
-/// `plate`, `motors`, `drive`, `accelerometers` and, where there are any, `fields`: what a COR library measured on the rig rests on. Camera, friction,
-/// kinds, step, name and library are left out: a library survives another camera and another coin.
+/// First 16 hex digits of SHA-256 over the canonical JSON (keys sorted, no spaces, defaults written out) of `plate`,
+/// `motors`, `drive`, `accelerometers` and, where there are any, `fields`: the properties that a measured COR library
+/// depends on. Camera, friction, kinds, step, name and library are left out, since a library remains valid with another
+/// camera and another coin.
 pub fn fingerprint(raw: &RawRig) -> String {
     let section = |made: Result<Value, serde_json::Error>| made.unwrap_or_default();
     let sections = [
@@ -239,7 +240,7 @@ pub fn fingerprint(raw: &RawRig) -> String {
     Sha256::digest(canonical).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// JSON with keys sorted, whatever order the map keeps.
+/// JSON with sorted keys, independent of the map's order.
 fn write_canonical(value: &Value, out: &mut String) {
     match value {
         Value::Object(members) => {

@@ -5,7 +5,7 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_document::{Faults, Path};
 use upm_sim::SimParams;
 
-/// What the numbers of a rig must be to one another, beyond the range of each.
+/// Consistency checks between the numbers of a rig, beyond the range of each.
 pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     faults.demand(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
     check_plate(raw, at, faults);
@@ -65,7 +65,8 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
     );
 }
 
-/// The two coils of an axis at their limit must shake the plate harder than friction holds a part, or nothing ever slides.
+/// Reports motors too weak for friction: two coils of an axis at their limit must accelerate the plate enough for a
+/// part to slide.
 fn check_force(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (motors, plate_kg) = (&raw.motors, raw.plate.mass_kg);
     let hold_mps2 = raw.friction.coefficient * GRAVITY_MPS2;
@@ -85,7 +86,7 @@ fn check_drive(raw: &RawRig, at: &Path, faults: &mut Faults) {
     faults.demand(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
 }
 
-/// Synthesised motions drive the plate as a mass, pass the low-pass, and are read back harmonic by harmonic.
+/// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.
 fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let (Some(fields), at) = (&raw.fields, at.key("fields")) else { return };
     let (base_hz, resonance) = (fields.base_hz, &raw.plate.resonance_hz);
@@ -157,7 +158,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
     }
 }
 
-/// What a camera must see, with the height from which it would.
+/// Expected view of a camera for messages, with the height from which it would see the whole plate.
 fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
     let height = match view::least_height_m(&sim.camera, sim.plate.side_m, least_px) {
         Some(height_m) => format!("raise it: position_mm[2] of {:.0} would do", mm_from_m(height_m).ceil()),
@@ -166,9 +167,9 @@ fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
     format!("the whole plate in view, {least_px:.1} px or more inside the frame ({height})")
 }
 
-/// What vision needs of the gray levels. The finder takes a part for one from 20 % of the plate's level, at most 255, up;
-/// 60 leaves room for shading and noise. The table is the square whose edges stand out beside the picture's
-/// strongest, those of the parts: it is lost where its step is a fifth of theirs and found where it is a quarter.
+/// Checks the gray levels. The finder detects parts from 20 % of the plate's level, at most 255, upwards; 60 leaves
+/// room for shading and noise. The table is the square whose edges are detected beside the picture's strongest, those
+/// of the parts: it is lost if its step is a fifth of theirs, and found if it is a quarter.
 fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
     const LEAST_PART: f64 = 60.0;
     const LEAST_GROUND: f64 = 40.0;

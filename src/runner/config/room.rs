@@ -1,4 +1,4 @@
-//! Whether parts have room where they should lie.
+//! Checks whether parts have room at their start and at their targets.
 
 use std::f64::consts::PI;
 
@@ -14,16 +14,16 @@ pub const START_GAP_M: f64 = 3e-3;
 /// Least distance of such a rim from the plate's edge, m.
 pub const START_MARGIN_M: f64 = 5e-3;
 
-/// Gap between rims that the planner keeps, and therefore the least where parts should come to rest, m.
+/// Gap between rims that the planner keeps, and therefore the least gap between targets, m.
 pub const REST_GAP_M: f64 = 2e-3;
 
-/// Distance of rims from the plate's edge that the planner keeps, and therefore the least for such parts, m.
+/// Distance of rims from the plate's edge that the planner keeps, and therefore the least for targets, m.
 pub const REST_MARGIN_M: f64 = 1e-3;
 
-/// Shortfall that is rounding and no fault, m.
+/// Shortfall that counts as rounding, m.
 pub(super) const ROUNDING_M: f64 = 1e-9;
 
-/// True when a part of `kind` has room on the plate at all and the camera can find it, else a fault at `at`.
+/// True if a part of `kind` fits on the plate and the camera can find it, else a fault at `at`.
 pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
     let margin_m = if at_random { START_MARGIN_M } else { 0.0 };
     let found = rig.kinds.get(kind).map_or(0.0, |spec| mm_from_m(2.0 * spec.kind.radius_m));
@@ -35,7 +35,7 @@ pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path,
     is_seen && fits
 }
 
-/// Parts started off the plate or in one another, or more than there is room for.
+/// Reports parts that start off the plate or in one another, and more parts than there is room for.
 pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
@@ -52,7 +52,7 @@ pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     check_number(groups, rig, faults);
 }
 
-/// A fault unless a disc's rim lies on the plate, `margin_m` inside its edge.
+/// Reports a disc at `at` whose rim is not on the plate, `margin_m` inside its edge.
 pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m: f64, at: &Path, faults: &mut Faults) {
     let most_m = half_m - radius_m - margin_m;
     let most_mm = mm_from_m(most_m).max(0.0);
@@ -67,7 +67,7 @@ pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m:
     }
 }
 
-/// A fault for every disc whose rim is less than `gap_m` from that of an earlier one.
+/// Reports every disc whose rim is less than `gap_m` from that of an earlier one.
 pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Faults) {
     for (i, (center_m, radius_m, at)) in discs.iter().enumerate() {
         let least_m = |other_radius_m: &f64| radius_m + other_radius_m + gap_m;
@@ -82,7 +82,7 @@ pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut 
     }
 }
 
-/// What is allowed of the distance between two centres.
+/// Text of the allowed distance between two centres.
 pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
     let why = match gap_m {
         0.0 => "parts cannot overlap".to_owned(),
@@ -91,7 +91,7 @@ pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
     format!("{:.3} mm or more ({why})", mm_from_m(least_m))
 }
 
-/// A fault where the parts cannot all lie on the plate, by two bounds that no arrangement beats.
+/// Reports parts that cannot all be on the plate, by two bounds that hold for every arrangement.
 fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     const MOST_PARTS: usize = 64;
     let (side_m, at) = (rig.model.plate_side_m, Path::root().key("parts"));
@@ -108,9 +108,9 @@ fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
     }
 }
 
-/// False when discs with `gap_m` between them cannot lie in a square, because together they cover more than it, or
-/// because even that many of the smallest break Groemer's bound (Math. Z. 73, 285, 1960): points at least d apart in a
-/// convex figure number at most `2A/(√3 d²) + P/(2d) + 1`.
+/// False if discs with `gap_m` between them cannot fit in a square: together they cover more than it, or that many
+/// discs of the smallest size violate Groemer's bound (Math. Z. 73, 285, 1960): points at least d apart in a convex
+/// figure number at most `2A/(√3 d²) + P/(2d) + 1`.
 pub(super) fn fits(radii_m: &[f64], side_m: f64, gap_m: f64) -> bool {
     let smallest_m = radii_m.iter().copied().fold(f64::INFINITY, f64::min);
     let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
@@ -140,7 +140,7 @@ mod tests {
             let side = 2.0 * n as f64 + 0.1 * (n as f64 - 1.0);
             assert!(fits(&vec![1.0; n * n], side, 0.1));
         }
-        // seven rows of 6 and 5 in turn, interlocked: more than the square lattice holds
+        // seven rows of 6 and 5 in turn, interlocked: more than on the square lattice
         assert!(fits(&[1.0; 39], HEXAGONAL, 0.0));
     }
 

@@ -4,12 +4,12 @@ use super::{RawDaemon, RawJob, RawRig, RawSimulate, RawTrace};
 use upm_document::schema_of;
 use upm_library::RawLibrary;
 
-/// Names that [`schema`] knows.
+/// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {
     &["job", "rig", "simulate", "library", "trace", "daemon"]
 }
 
-/// The JSON Schema (draft 2020-12) of the file called `name`, `None` when there is none.
+/// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
 pub fn schema(name: &str) -> Option<Value> {
     match name {
         "job" => Some(schema_of::<RawJob>()),

@@ -8,15 +8,15 @@ use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
 use upm_document::{Fault, Faults, Path, parse_and_build, text_of};
 
-/// Most samples put out, over all parts.
+/// Most samples in the output, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
 
-/// Steps of the simulation and samples of the waveform generator in a period of the highest harmonic. Those of a rig's
-/// own two harmonics are held to the same.
+/// Steps of the simulation and samples of the waveform generator per period of the highest harmonic; a rig's two
+/// harmonics must meet the same limits.
 const STEPS_A_PERIOD: f64 = 50.0;
 const SAMPLES_A_PERIOD: f64 = 4.0;
 
-/// A validated open-loop experiment.
+/// Validated open-loop experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulateSpec {
     /// The rig.
@@ -25,31 +25,31 @@ pub struct SimulateSpec {
     pub plate: PlateMode,
     /// Base frequency of every pulse, rad/s.
     pub base_radps: f64,
-    /// Parts where they start, friction as their kind has it.
+    /// Parts at their start, with the friction of their kind.
     pub parts: Vec<PlacedPart>,
     /// Pulses, one after another.
     pub pulses: Vec<PulseSpec>,
-    /// Samples a second put out.
+    /// Output sampling rate, Hz.
     pub sample_hz: f64,
 }
 
-/// One pulse.
+/// A pulse in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PulseSpec {
-    /// The plate's velocity at full height, the pulse's sign included: harmonic `k` at index `k - 1`.
+    /// Velocity of the plate at full height, with the pulse's sign: harmonic `k` at index `k - 1`.
     pub harmonics: Vec<TwistHarmonic>,
-    /// Outline of the pulse.
+    /// Envelope of the pulse.
     pub envelope: Envelope,
 }
 
 impl SimulateSpec {
-    /// Reads and validates the experiment file at `path` and the rig it names; every fault is told.
+    /// Reads and validates the experiment file at `path` and the rig it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
-    /// Validates the experiment in `text`; every fault is told.
+    /// Validates the experiment in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
@@ -74,7 +74,7 @@ impl SimulateSpec {
 }
 
 impl PulseSpec {
-    /// The pulse in SI; `None` for one that has no motion.
+    /// The pulse in SI; `None` if it has no motion.
     fn of(raw: &RawPulse, rig: &RigSpec) -> Option<Self> {
         let sign = f64::from(raw.rotation);
         let harmonics = match &raw.harmonics {
@@ -101,7 +101,7 @@ impl RawHarmonic {
     }
 }
 
-/// The field of a rotation or a translation.
+/// Velocity field of a rotation or a translation.
 fn pump_of(raw: &RawPulse) -> Option<Twist> {
     match (raw.cor_mm, raw.omega_rad_s, raw.direction_deg, raw.speed_mps) {
         (Some(cor_mm), Some(omega_radps), ..) => Some(Twist::about(point_m(cor_mm), omega_radps)),
@@ -135,8 +135,8 @@ fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Faults) {
     }
 }
 
-/// A fault where a harmonic is too fast for the simulation's step or, played by motors, for the generator, and where
-/// the base is so slow that velocity is not the force's integral.
+/// Reports a harmonic too fast for the simulation's step or, if played by motors, for the generator, and a base
+/// frequency so low that the velocity is not the integral of the force.
 fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mut Faults) {
     let (highest_hz, why) = highest_hz(rig, raw.plate);
     let mut check = |harmonic: usize, at: &Path| {
@@ -161,7 +161,7 @@ fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mu
     faults.demand(above, root.key("base_hz"), base_hz, allowed);
 }
 
-/// The highest frequency that can be simulated, Hz, and what it is bounded by.
+/// Highest frequency that can be simulated, Hz, and the limit behind it.
 fn highest_hz(rig: &RigSpec, plate: PlateMode) -> (f64, String) {
     let (step_s, motors) = (rig.sim.step_s, &rig.sim.motors);
     let step = (1.0 / (STEPS_A_PERIOD * step_s), format!("{STEPS_A_PERIOD} steps of {step_s} s a period"));

@@ -6,28 +6,28 @@ use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path, counted};
 use upm_goal::{BinParams, PathParams};
 
-/// What to do, in SI.
+/// A task in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TaskSpec {
     /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
     PlusSign {
-        /// Rounds over all four branches; 0 is without end.
+        /// Rounds over all four branches; 0 for no end.
         laps: u32,
-        /// How far the part's rim stays from the plate's edge, m.
+        /// Distance of the part's rim from the plate's edge at the tips, m.
         edge_margin_m: f64,
     },
     /// Every part follows its own path.
     Trajectories {
-        /// One for each part.
+        /// One path for each part.
         paths: Vec<PathParams>,
         /// All parts are at the same share of their laps at any time.
         in_phase: bool,
     },
-    /// Every part goes to a place.
+    /// Every part goes to a target place.
     Arrange {
-        /// One for each part, m.
+        /// One place for each part, m.
         targets_m: Vec<Vec2>,
-        /// Who goes where.
+        /// Assignment of parts to places.
         assignment: Assignment,
     },
     /// Every part goes into its kind's bin.
@@ -35,15 +35,15 @@ pub enum TaskSpec {
         /// The bins; every part's kind is in exactly one.
         bins: Vec<BinParams>,
     },
-    /// Every part stays where it is.
+    /// Every part stays at its place.
     Hold {
-        /// How long, s; 0 is without end.
+        /// Duration, s; 0 for no end.
         duration_s: f64,
     },
 }
 
 impl TaskSpec {
-    /// True when the task has no end before `limit_s`, its plate time limit: the limit then completes it.
+    /// True if the task has no end before `limit_s`, its plate time limit, which then completes it.
     pub fn is_endless(&self, limit_s: f64) -> bool {
         match self {
             Self::PlusSign { laps, .. } => *laps == 0,
@@ -54,7 +54,7 @@ impl TaskSpec {
     }
 }
 
-/// The task in SI; faults where it asks for what cannot be.
+/// The task in SI. Faults where it is not feasible.
 pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) -> Option<TaskSpec> {
     let scene = Scene::new(groups, rig);
     match raw {
@@ -69,19 +69,19 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
     }
 }
 
-/// What a task is judged against.
+/// Rig and parts that a task is checked against.
 pub(super) struct Scene<'a> {
-    /// Where the task stands.
+    /// Path of the task in the file.
     pub at: Path,
     /// The rig.
     pub rig: &'a RigSpec,
     /// Half the plate's side, m.
     pub half_m: f64,
-    /// Kind of every part.
+    /// Kind of each part.
     pub kinds: Vec<usize>,
-    /// Its radius, m.
+    /// Radius of each part, m.
     pub radii_m: Vec<f64>,
-    /// Its name.
+    /// Id of each part.
     pub ids: Vec<String>,
 }
 

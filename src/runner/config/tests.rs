@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::{Fault, JobSpec, Origin, RigSpec};
 
-/// A shipped file, by its path in the repository.
+/// A shipped file by its path in the repository.
 fn shipped(path: &str) -> std::path::PathBuf {
     std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs").join(path)
 }
@@ -31,7 +31,7 @@ fn origin() -> Origin {
     Origin::of_file(&shipped("test.json"))
 }
 
-/// Sets the value at a JSON pointer; the last step may name a new key.
+/// Sets the value at a JSON pointer; the last component may name a new key.
 fn set(document: &mut Value, pointer: &str, value: Value) {
     let (parent, key) = pointer.rsplit_once('/').unwrap();
     match document.pointer_mut(parent).unwrap() {
@@ -48,7 +48,7 @@ fn rig(document: &Value) -> Result<RigSpec, Vec<Fault>> {
     RigSpec::from_json(&document.to_string(), &Origin::of_file(&shipped("rigs/test.json")))
 }
 
-/// Each fault without its file.
+/// Faults without the file name.
 fn lines(faults: Vec<Fault>) -> Vec<String> {
     faults.into_iter().map(|f| format!("{}: expected {}, found {}", f.path, f.allowed, f.found)).collect()
 }

@@ -8,17 +8,17 @@ use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_document::{Fault, Faults, Path, SchemaKey, counted, parse_and_build, text_of};
 
-/// Fewest samples to a base period that a fit can read.
+/// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;
 
-/// Reads and validates the trace file at `path`; every fault is told.
+/// Reads and validates the trace file at `path`. Errors list every fault.
 pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Fault>> {
     let text = text_of(path).map_err(|fault| vec![fault])?;
     trace_from_json(&text, &path.display().to_string())
 }
 
-/// Validates the trace in `text`, which faults call `file`; every fault is told. Gaps and clipped samples are none:
-/// whether they matter is for the fit to say.
+/// Validates the trace in `text`, called `file` in faults. Errors list every fault. Gaps and clipped samples are valid:
+/// the fit decides whether they matter.
 pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Fault>> {
     parse_and_build(text, file, |raw, faults| {
         check(&raw, faults);
@@ -26,7 +26,7 @@ pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Faul
     })
 }
 
-/// The trace file of `pulse`: a line for each key, each channel on one.
+/// Trace file of `pulse`: one line per key and per channel.
 pub fn trace_to_json(pulse: &RecordedPulse) -> String {
     laid_out(&serde_json::to_value(raw_of(pulse)).unwrap_or_default(), 0) + "\n"
 }
@@ -57,7 +57,7 @@ fn check(raw: &RawTrace, faults: &mut Faults) {
     }
 }
 
-/// Two's complement reaches one further down than up.
+/// Checks counts against `limit`; in two's complement the range extends one further down than up.
 fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Faults) {
     let (low, high) = (-i32::from(limit) - 1, i32::from(limit));
     for (i, count) in channel.iter().enumerate() {
@@ -107,7 +107,7 @@ fn raw_of(pulse: &RecordedPulse) -> RawTrace {
     }
 }
 
-/// To a billionth: 60 Hz that became rad/s are written as 60 again.
+/// Rounds to 1e-9, so that 60 Hz converted to rad/s and back is written as 60.
 fn rounded(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }

@@ -3,13 +3,13 @@ use nalgebra::{Rotation3, Vector3};
 use upm_core::geometry::Vec2;
 use upm_sim::CameraParams;
 
-/// How far the plate stays from the frame's edge, as a part of the frame's height.
+/// Least distance of the plate from the frame's edge, as a share of the frame's height.
 pub const FRAME_MARGIN: f64 = 0.01;
 
-/// Where the camera sees the point `p_m` of the plate at rest, px; `None` when the point is not in front of it.
+/// Image position of the point `p_m` of the plate at rest, px; `None` if the point is not in front of the camera.
 ///
-/// Untilted it looks down with image x along table x and image y against table y; the tilts then turn it about its
-/// own x axis, its own y axis and the optical axis, in that order, right-handed.
+/// Without tilt the camera is aligned with image x along table x and image y against table y; the tilts then rotate it
+/// about its x axis, its y axis and the optical axis, in that order, right-handed.
 pub fn image_from_plate(camera: &CameraParams, p_m: Vec2) -> Option<Vec2> {
     let [about_x, about_y, about_axis] = camera.tilt_rad;
     let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), about_x)
@@ -27,8 +27,8 @@ pub fn plate_corners_m(side_m: f64) -> [Vec2; 4] {
     [Vec2::new(-half, half), Vec2::new(half, half), Vec2::new(half, -half), Vec2::new(-half, -half)]
 }
 
-/// Least distance of the plate's outline from the frame's edge, px; negative where it leaves the frame, `None` where
-/// part of it is not in front of the camera.
+/// Least distance of the plate's outline from the frame's edge, px; negative if it leaves the frame, `None` if part of
+/// it is not in front of the camera.
 pub fn margin_px(camera: &CameraParams, side_m: f64) -> Option<f64> {
     const STEPS: usize = 16;
     let corners = plate_corners_m(side_m);
@@ -43,8 +43,8 @@ pub fn margin_px(camera: &CameraParams, side_m: f64) -> Option<f64> {
     least.is_finite().then_some(least)
 }
 
-/// The least height above the present one at which the plate's outline is `least_px` or more inside the frame; `None` where
-/// none up to ten times as high does.
+/// Least height, above the present one, at which the plate's outline is at least `least_px` inside the frame; `None` if
+/// there is none up to ten times the present height.
 pub fn least_height_m(camera: &CameraParams, side_m: f64, least_px: f64) -> Option<f64> {
     const HIGHEST: f64 = 10.0;
     const HALVINGS: usize = 40;
@@ -65,8 +65,8 @@ pub fn least_height_m(camera: &CameraParams, side_m: f64, least_px: f64) -> Opti
     Some(high_m)
 }
 
-/// True when distortion keeps different points of the plate apart: the lens's map does not fold anywhere between the
-/// principal point and the plate's outline.
+/// True if distortion is injective on the plate: the lens's map does not fold anywhere between the principal point and
+/// the plate's outline.
 pub fn is_one_to_one(camera: &CameraParams, side_m: f64) -> bool {
     const STEPS: usize = 32;
     let undistorted = CameraParams {

@@ -18,41 +18,42 @@ use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
 use upm_viewer::PartLook;
 
-/// Longest step wanted of a part in one cycle, m.
+/// Longest step of a part in one cycle, m.
 const LONGEST_STEP_M: f64 = 8e-3;
-/// Part of the strong entries' reach at the plate's centre that a step may ask for.
+/// Longest step of a part, as a share of the reach of the strong entries at the plate's centre.
 const ONE_PULSE: f64 = 0.9;
-/// Part of the tolerance within which a part must be seen to have arrived: the rest is for what the eyes are off.
+/// Share of the tolerance within which a part must be measured to have arrived; the rest allows for the measurement
+/// error.
 pub(super) const MEASURED_SHARE: f64 = 0.9;
-/// Steps smaller than half of this are not worth a pulse, m.
+/// Twice the least step that is worth a pulse, m.
 pub(super) const MIN_DISTANCE_M: f64 = 0.3e-3;
-/// How far a part's reference may run ahead of it, m.
+/// Largest lead of a part's reference, m.
 const LEAD_M: f64 = 4e-3;
-/// Seconds at rest without a part after which it is lost.
+/// Time at rest without a detection after which a part is lost, s.
 const LOST_AFTER_S: f64 = 0.4;
 
-/// A job's rig, its goal and all that control needs.
+/// A job's rig, its goal and the parameters of control.
 pub struct Bench<R = SimRig> {
     /// The rig.
     pub rig: R,
-    /// Where its parts truly are.
+    /// True positions of its parts.
     pub truth: GroundTruthHandle,
-    /// What control knows of it.
+    /// Model of the rig that control knows.
     pub model: RigModel,
-    /// What the job wants.
+    /// Goal of the job.
     pub goal: Box<dyn Goal>,
-    /// Limits and parts.
+    /// Limits and parts for control.
     pub params: ControlParams,
-    /// Parts where they start.
+    /// Parts at their start.
     pub placed: Vec<PlacedPart>,
-    /// What goes wrong with the rig.
+    /// Simulated faults of the rig.
     pub faults: Vec<FaultSpec>,
-    /// Where its randomness comes from.
+    /// Random streams of the run.
     pub streams: Streams,
 }
 
 impl Bench {
-    /// Places the parts and puts everything together.
+    /// Places the parts and builds rig, goal and parameters. `Err` if the parts find no places.
     pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
         let (rig, placed) = simulated_rig(job)?;
         let (kinds, kind_of_part) = kinds_present(job, &placed);
@@ -77,7 +78,7 @@ impl Bench {
         Ok(Self { truth: rig.probe(), rig, model, goal, params, placed, faults, streams })
     }
 
-    /// The same with the rig that `make` makes of the simulated one.
+    /// The same bench with the rig that `make` returns for the simulated one.
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Bench<R> {
         let Self { rig, truth, model, goal, params, placed, faults, streams } = self;
         Bench { rig: make(rig), truth, model, goal, params, placed, faults, streams }
@@ -90,12 +91,12 @@ impl<R: Rig> Bench<R> {
         self.rig.now()
     }
 
-    /// A window on the truth.
+    /// Handle on the true positions.
     pub fn truth(&self) -> GroundTruthHandle {
         self.truth.clone()
     }
 
-    /// How the parts are drawn.
+    /// Appearance of the parts in a recording.
     pub fn part_looks(&self) -> Vec<PartLook> {
         let look = |part: &ExpectedPart| {
             let kind = self.params.kinds.get(part.kind);
@@ -109,12 +110,13 @@ impl<R: Rig> Bench<R> {
     }
 }
 
-/// Frames without a part after which it is lost: at slow frame rates one bad picture alone shall not end a run.
+/// Number of frames without a detection after which a part is lost; at low frame rates a single bad picture does not
+/// end a run.
 fn lost_after_frames(frame_hz: f64) -> u32 {
     (LOST_AFTER_S * frame_hz).max(2.0) as u32
 }
 
-/// The rig of a job with its parts where they start.
+/// The simulated rig of a job with its parts at their start.
 pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
     let streams = Streams::new(job.seed());
     let placed = place_parts(job, streams)?;
@@ -123,7 +125,7 @@ pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), 
     Ok((rig, placed))
 }
 
-/// The kinds that lie on the plate, and each part's index into them.
+/// Kinds on the plate, and the index of each part into them.
 fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<usize>) {
     let mut numbers: Vec<usize> = placed.iter().map(|part| part.kind).collect();
     numbers.sort_unstable();
@@ -133,7 +135,7 @@ fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<us
     (kinds.collect(), of_part)
 }
 
-/// For each part whether the job says where it starts.
+/// For each part, true if the job gives its start position.
 fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
@@ -151,7 +153,7 @@ pub fn planner_params(model: &RigModel) -> PlannerParams {
     }
 }
 
-/// The same with the limit that the guard called `without` keeps where no part gets.
+/// As [`planner_params`], with the limit of the guard called `without` moved out of reach, which disables it.
 fn planner_params_without(model: &RigModel, without: Option<&str>) -> PlannerParams {
     let all = planner_params(model);
     let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
@@ -162,7 +164,7 @@ fn planner_params_without(model: &RigModel, without: Option<&str>) -> PlannerPar
     }
 }
 
-/// A step that one pulse can make in most directions: a longer one would take several, each about another centre.
+/// Longest step that one pulse can make in most directions; a longer one would take several, each about another centre.
 fn stride_m(library: &Library) -> f64 {
     let at_center = |entry: &Entry| library.displacement.max_distance(entry.speed_at(Vec2::zeros()));
     let mut reach_m: Vec<f64> = library.entries.iter().map(at_center).collect();
@@ -193,7 +195,7 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             arrive_m,
         })),
         TaskSpec::Hold { duration_s } => {
-            // without end it counts to the limit: time that passes is its only progress
+            // without an end, the limit is the duration: elapsed time is its only progress
             let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
@@ -201,7 +203,7 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
     }
 }
 
-/// The kind of motion by which the job's planner moves parts.
+/// Kind of motion that the job's planner uses.
 fn motions(job: &JobSpec, library: &Library) -> Motions {
     let parts = job.parts.iter().map(|group| group.count).sum();
     match PlannerSelection::of(job).method {
@@ -213,7 +215,7 @@ fn motions(job: &JobSpec, library: &Library) -> Motions {
     }
 }
 
-/// The planner's measure as goals ask for it.
+/// The planner's cost of steps, as goals request it.
 #[derive(Debug)]
 struct RotationEffort(FlowEffort);
 
@@ -261,17 +263,17 @@ fn trajectories(
     Box::new(Trajectories::new(paths.to_vec(), LEAD_M, job.tolerance_m))
 }
 
-/// Length of a closed path, the way from its last corner back to its first included, m.
+/// Length of a closed path including the segment from its last corner back to its first, m.
 fn lap_m(corners_m: &[Vec2]) -> f64 {
     let next = corners_m.iter().cycle().skip(1);
     corners_m.iter().zip(next).map(|(a, b)| (b - a).norm()).sum()
 }
 
-/// Puts the truth into the order in which control named the parts; comes first among the sinks.
+/// Sink that orders the truth as control named the parts; must be the first sink.
 pub struct NamedTruth(GroundTruthHandle);
 
 impl NamedTruth {
-    /// For this truth.
+    /// Sink for this truth.
     pub fn new(truth: GroundTruthHandle) -> Self {
         Self(truth)
     }
@@ -327,7 +329,7 @@ mod tests {
             let placed = place_parts(&smallest, Streams::new(1)).unwrap();
             let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
             let gaps_m = sort_params(&smallest, bins, discs(&placed), Motions::Independent).gaps_m();
-            // slots are spread by halving, to less than a micrometre
+            // slots are spread by bisection, to less than a micrometre
             prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
         }
     }

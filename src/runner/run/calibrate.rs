@@ -8,15 +8,15 @@ use upm_core::random::Streams;
 use upm_library::Library;
 use upm_sim::SimRig;
 
-/// Where the calibration coins lie, in parts of half the plate's side: spread over radii and directions, far
-/// enough inside that the longest pulse leaves them on the plate.
+/// Positions of the calibration coins, in half sides of the plate: spread over radii and directions, and far enough
+/// inside that the longest pulse leaves them on the plate.
 const COINS: [[f64; 2]; 7] =
     [[0.05, 0.0], [-0.45, 0.1], [0.4, 0.4], [0.1, -0.5], [-0.3, -0.45], [-0.2, 0.55], [0.55, -0.2]];
 
-/// Longest displacement to be measured, in parts of half the plate's side: no coin leaves the plate by it.
+/// Longest displacement that is measured, in half sides of the plate; no coin leaves the plate by it.
 const LONGEST: f64 = 0.18;
 
-/// Measures the simulated rig `rig` with pennies on it.
+/// Calibrates the simulated rig `rig` with pennies on it. `Err` if a check of the calibration fails or `stop` is set.
 pub fn calibrate(
     rig: &RigSpec,
     seed: u64,
@@ -40,7 +40,7 @@ fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
     Ok(SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), Streams::new(seed)))
 }
 
-/// The full calibration of `rig`, pennies on the plate.
+/// Parameters of the full calibration of `rig`, with pennies on the plate.
 pub fn calibration_params(rig: &RigSpec) -> CalibrationParams {
     let kinds = rig.kinds.first().map(|spec| spec.kind.clone()).into_iter().collect();
     let coin = |i: usize| ExpectedPart { id: format!("coin-{}", i + 1), kind: 0, expected_m: None };
@@ -62,7 +62,7 @@ mod tests {
     use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
     use upm_sim::Plant;
 
-    /// A small calibration of a shipped rig under a camera of a quarter of the pixels: nine centres on the plate, a
+    /// A small calibration of a shipped rig under a camera with a quarter of the pixels: nine centres on the plate, a
     /// ring of four, four translations.
     pub(super) fn small() -> (RigSpec, CalibrationParams) {
         let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
@@ -87,8 +87,8 @@ mod tests {
         calibrate(rig, 1, params, &AtomicBool::new(false), &mut |_| ())
     }
 
-    /// Equal but for what the sines of another platform may change: a count, and what a count or a grain of noise
-    /// moves in the read-out.
+    /// Compares with tolerances for the sines of other platforms: one count, and the change of the read-out by one
+    /// count or by one random number of noise.
     /// `UPM_REMAKE_GOLDEN=1` writes the file anew.
     #[test]
     fn a_small_library_comes_out_the_same_again() {
@@ -120,7 +120,7 @@ mod tests {
             }
         }
         assert_eq!(library.fingerprint, golden.fingerprint);
-        // with the friction of seven pennies on the plate
+        // includes the friction of seven pennies on the plate
         let (plate, truth) = (library.plate.unwrap(), &rig.sim.plate);
         for axis in 0..3 {
             assert!((plate.natural_radps[axis] / (TAU * truth.resonance_hz[axis]) - 1.0).abs() < 0.03, "{plate:?}");
@@ -129,8 +129,8 @@ mod tests {
     }
 
     /// The harmonics of the plate's true velocity over the last six base periods of the sustain of `drive`, played from
-    /// rest on an empty plate, phasors of x, y and spin: a discrete Fourier transform under a Hann window, which leaves
-    /// out the slow swing that the attack sets off.
+    /// rest on an empty plate, as phasors of x, y and spin: a discrete Fourier transform under a Hann window, which
+    /// rejects the slow oscillation excited by the attack.
     fn true_velocity(rig: &RigSpec, drive: &Drive) -> Vec<Vector3<Complex<f64>>> {
         let mut plant = Plant::new(&rig.sim, &[], &Streams::new(1));
         let end_s = drive.envelope.attack_s + drive.envelope.sustain_s;
@@ -154,7 +154,7 @@ mod tests {
         sums
     }
 
-    /// The response as measured by the accelerometers alone, then a wave of eight random harmonics through it.
+    /// Measures the response by the accelerometers alone, then plays a wave of eight random harmonics through it.
     #[test]
     fn a_wave_of_eight_harmonics_comes_out_on_the_plate() {
         let mut rig = RigSpec::upm_2().unwrap();
@@ -190,7 +190,7 @@ mod tests {
         }
     }
 
-    /// The shipped rigs' resonances on an empty plate, beside those of their files.
+    /// Compares the measured resonances of the shipped rigs on an empty plate with those of their files.
     #[test]
     fn resonances_of_the_shipped_rigs_are_found() {
         let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
@@ -210,7 +210,8 @@ mod tests {
         }
     }
 
-    /// A sustain of 0.05 s holds a quarter of the slowest axis's period: the search says so or finds it.
+    /// A sustain of 0.05 s holds a quarter of the slowest axis's period: the search finds the resonance or reports that
+    /// it cannot.
     #[test]
     fn resonance_beyond_the_longest_sustain_is_left_out() {
         let mut rig = RigSpec::upm_2().unwrap();

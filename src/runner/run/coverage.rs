@@ -1,4 +1,4 @@
-//! What a COR library can do on a plate: how well it moves a part where, and where its centres lie.
+//! Coverage of a COR library: how well it moves a part at each place of the plate, and the positions of its centres.
 
 use upm_core::geometry::Vec2;
 use upm_library::Library;
@@ -9,53 +9,53 @@ pub(super) mod fixture;
 #[cfg(test)]
 mod tests;
 
-/// Places along each side of the plate that are looked at; odd, so that one is its middle.
+/// Sampled places along each side of the plate; odd, so that one is the plate's centre.
 const PLACES: usize = 21;
 
-/// Steps along each side in which the largest gap is looked for.
+/// Grid steps along each side in the search for the largest gap.
 const GAP_STEPS: usize = 200;
 
-/// A centre farther away than this many sides is that of a translation: the flow turns by less than 6 degrees over
-/// the plate.
+/// Distance of a centre, in sides of the plate, beyond which the entry counts as a translation: the flow turns by less
+/// than 6 degrees over the plate.
 const FAR_SIDES: f64 = 10.0;
 
-/// What a library can do on a plate.
+/// Coverage of a plate by a COR library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
     /// Half the plate's side, m.
     pub half_side_m: f64,
-    /// Middles of equal squares that fill the plate, row by row from the top, each from the left.
+    /// Places at the middles of equal squares that fill the plate, row by row from the top, each from the left.
     pub places: Vec<Place>,
-    /// Places in a row, and rows.
+    /// Number of places in a row, equal to the number of rows.
     pub columns: usize,
-    /// Every entry's centre of rotation that is no translation's, m.
+    /// Centres of rotation of all entries that are not translations, m.
     pub centers_m: Vec<Vec2>,
-    /// How many of them lie on the plate.
+    /// Number of centres on the plate.
     pub inside: usize,
-    /// How many lie outside it.
+    /// Number of centres outside the plate.
     pub outside: usize,
-    /// Entries that move the whole plate nearly one way.
+    /// Number of entries that move the whole plate in nearly one direction.
     pub translations: usize,
-    /// The place on the plate farthest from every centre; `None` where there is no centre.
+    /// Place on the plate farthest from all centres; `None` without centres.
     pub gap: Option<Gap>,
-    /// Entries that at no place and along no direction do most.
+    /// Indices of entries that are not the strongest at any place in any direction.
     pub never_strongest: Vec<usize>,
-    /// The longest step that was measured at all, m.
+    /// Longest measured step, m.
     pub best_step_m: f64,
 }
 
-/// How well a part at one place is moved in the direction in which it is moved worst.
+/// Effect of single pulses on a part at one place, in the direction in which they move it least.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Where, m.
+    /// Position, m.
     pub position_m: Vec2,
-    /// Unit vector of that direction.
+    /// Weakest direction, as a unit vector.
     pub weakest_direction: Vec2,
-    /// The longest step along it as a part of the longest that was measured, 0 to 1.
+    /// Longest step along it as a share of the longest measured step, 0 to 1.
     pub share: f64,
     /// Longest step along it in one pulse, m.
     pub longest_step_m: f64,
-    /// Standard deviation of such a step, m.
+    /// Standard deviation of the longest step, m.
     pub longest_sd_m: f64,
     /// Shortest step along it in one pulse, m; `None` where there is none.
     pub shortest_step_m: Option<f64>,
@@ -64,17 +64,17 @@ pub struct Place {
 /// A place far from every centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Where, m, to a two-hundredth of the plate's side.
+    /// Position, m, to a two-hundredth of the plate's side.
     pub position_m: Vec2,
-    /// From there to the nearest centre, m.
+    /// Distance to the nearest centre, m.
     pub distance_m: f64,
 }
 
 impl Place {
-    /// Below this share of the longest measured step a direction counts as one that cannot be reached.
+    /// Share of the longest measured step below which a direction counts as unreachable.
     pub const LEAST_SHARE: f64 = 0.1;
 
-    /// The place at `position_m`, of the reach there.
+    /// Place at `position_m` with the reach there.
     pub(super) fn of(position_m: Vec2, reach: &Reach) -> Self {
         Self {
             position_m,
@@ -86,14 +86,14 @@ impl Place {
         }
     }
 
-    /// True where a part can be moved in every direction.
+    /// True if a part can be moved in every direction.
     pub fn is_reached(&self) -> bool {
         self.share >= Self::LEAST_SHARE
     }
 }
 
 impl Coverage {
-    /// What `library` can do on its rig's plate.
+    /// Coverage of the plate that `library` was measured on.
     pub fn of(library: &Library) -> Self {
         let half_side_m = 0.5 * library.plate_side_m;
         let model = &library.displacement;
@@ -122,17 +122,17 @@ impl Coverage {
         }
     }
 
-    /// The place where a part is moved worst.
+    /// Place with the least share.
     pub fn weakest(&self) -> Option<&Place> {
         self.places.iter().min_by(|a, b| a.longest_step_m.total_cmp(&b.longest_step_m))
     }
 
-    /// The longest step along the weakest direction, at the place where it is longest, m.
+    /// Longest step along the weakest direction over all places, m.
     pub fn strongest_step_m(&self) -> f64 {
         self.places.iter().map(|place| place.longest_step_m).fold(0.0, f64::max)
     }
 
-    /// Part of the plate where some direction cannot be reached, 0 to 1.
+    /// Share of the places at which some direction is unreachable, 0 to 1.
     pub fn unreached_share(&self) -> f64 {
         self.places.iter().filter(|place| !place.is_reached()).count() as f64 / self.places.len().max(1) as f64
     }

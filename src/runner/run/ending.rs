@@ -1,4 +1,4 @@
-//! The ending of a run as its report has it, and what the truth says of it.
+//! Ending of a run for its report, and the verdict of the ground truth on it.
 
 use super::{Bench, PlannerSelection, RunError};
 use crate::config::{Assignment, JobSpec, TaskSpec};
@@ -10,10 +10,10 @@ use upm_core::units::mm_from_m;
 use upm_recording::{Ending, FaultReport, PartEnding, PartReport, Report, Verdict};
 use upm_sim::faults::FaultSpec;
 
-/// What a true error may exceed the tolerance by, mm: what the eyes are off by.
+/// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
 
-/// The ending of a run; without a bench of one that never had a plate.
+/// Ending of a run; without a bench for a run that had no plate.
 pub(super) fn ending<R: Rig>(job: &JobSpec, bench: Option<&Bench<R>>, finish: Finish, wall_time_s: f64) -> Ending {
     let Finish { ending, wanted, measured_m, lost } = finish;
     let part_ending = |(i, part): (usize, &ExpectedPart), bench: &Bench<R>| PartEnding {
@@ -41,8 +41,8 @@ pub(super) fn ending<R: Rig>(job: &JobSpec, bench: Option<&Bench<R>>, finish: Fi
     }
 }
 
-/// Adds `error`, about a file that could not be written, to the ending of a run. A lost part and a stop from outside stay its
-/// cause.
+/// Adds `error`, about a file that could not be written, to the ending of a run. A lost part and a stop from outside
+/// remain its cause.
 pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
     let lost = ending.cause.filter(|&cause| cause == StopCause::PartLost);
     match (lost, ending.outcome, ending.cause) {
@@ -57,7 +57,7 @@ pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
     }
 }
 
-/// The faults that have begun by now.
+/// Faults that have begun by now.
 fn faults_within<R: Rig>(bench: &Bench<R>) -> Vec<FaultReport> {
     let now = bench.now();
     let begun = bench.faults.iter().filter(|fault| fault.from <= now);
@@ -71,8 +71,8 @@ fn faults_within<R: Rig>(bench: &Bench<R>) -> Vec<FaultReport> {
     begun.map(report).collect()
 }
 
-/// What the truth says of `report`, a run of `job`; `None` where it is not known. Parts on paths without end, or at
-/// prescribed speeds, have no last place: they must lie where they are believed to be.
+/// Verdict of the ground truth on `report`, a run of `job`; `None` if the truth is unknown. Parts on endless paths or
+/// at prescribed speeds have no final target: their true positions are compared with the measured ones.
 pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
     if report.parts.is_empty() || report.parts.iter().any(|part| part.true_mm.is_none()) {
         return None;
@@ -107,8 +107,8 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
     Some(if is_false { Verdict::FalseSuccess } else { Verdict::True })
 }
 
-/// True when a part of the right kind truly lies at each `place_mm`, whichever it is: parts of a kind may exchange their
-/// targets, and their names where the camera cannot tell them apart.
+/// True if a part of the right kind truly is at each `place_mm`, whichever part it is: parts of a kind may exchange
+/// their targets, and their names where the camera cannot distinguish them.
 fn each_has_its_part(report: &Report, job: &JobSpec, place_mm: impl Fn(&PartReport) -> Option<[f64; 2]>) -> bool {
     let (kinds, within_mm) = (job.kinds_of_parts(), mm_from_m(job.tolerance_m) + SENSING_MM);
     let mut left: Vec<(usize, [f64; 2])> =

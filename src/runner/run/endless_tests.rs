@@ -40,7 +40,7 @@ fn report_of(task: &Value, plate_time_s: f64) -> Report {
     run(&job, &options(&out), &MonotonicClock::new(), &stop, &PacingStats::default(), &mut watcher).unwrap().report
 }
 
-/// Asks a run to give way in the first frame of a pulse after `after_s`.
+/// Requests a run to give way in the first frame of a pulse after `after_s`.
 struct InAPulse<'a> {
     after_s: f64,
     give_way: &'a AtomicBool,
@@ -57,8 +57,8 @@ impl Sink for InAPulse<'_> {
     }
 }
 
-/// A run that is asked to give way in a pulse: its folder, its report, the lines of its journal, and plate time from the
-/// request to the end, s.
+/// Requests a run to give way in a pulse; returns its folder, its report, the lines of its journal, and the plate time
+/// from the request to the end, s.
 fn gives_way(task: &Value) -> (TempDir, Report, Vec<Value>, f64) {
     let (out, job) = (TempDir::new().unwrap(), job(task, 60.0));
     let options = options(&out);
@@ -74,7 +74,7 @@ fn gives_way(task: &Value) -> (TempDir, Report, Vec<Value>, f64) {
     (out, done.report, journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect(), took_s)
 }
 
-/// A square for each part, the second one off to the left.
+/// A square path for each part, the second one offset to the left.
 fn squares(repeat: u32, in_phase: bool) -> Value {
     let path = |x: f64| {
         let waypoints_mm = [[x, 0.0], [x + 20.0, 0.0], [x + 20.0, 20.0], [x, 20.0]];
@@ -85,7 +85,7 @@ fn squares(repeat: u32, in_phase: bool) -> Value {
 
 #[test]
 fn task_without_end_completes_at_its_plate_time_limit() {
-    // a hold beyond the ten seconds after which a run without a pulse would count as stalled
+    // a hold longer than the ten seconds after which another run without a pulse would count as stalled
     for (task, plate_time_s) in [
         (squares(0, false), 2.0),
         (squares(0, true), 2.0),

@@ -1,33 +1,33 @@
 use upm_core::rig::RigFault;
 use upm_document::Fault;
 
-/// Why a job was not run, or its run not written down.
+/// Reason why a job was not run, or its files were not written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A file is not valid, or not there.
+    /// Faults of a file, or a missing file.
     #[error("{}", one_a_line(.0))]
     Document(Vec<Fault>),
-    /// The job cannot be run.
+    /// Fault of a job that cannot be run.
     #[error("{0}")]
     Job(Fault),
-    /// The library is none or of another rig.
+    /// The library is invalid or was measured on another rig.
     #[error("{}", one_a_line(.0))]
     Library(Vec<Fault>),
     /// A file of the run folder could not be written.
     #[error("cannot write {path}: {reason}")]
     Write {
-        /// Which.
+        /// Path of the file.
         path: String,
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
-    /// The recording cannot go where it was said to go.
+    /// The recording cannot go to the chosen destination.
     #[error("--rerun: {0}")]
     RerunMode(String),
     /// The recording could not be started.
     #[error("recording: {0}")]
     Recording(String),
-    /// The rig is not there for this run.
+    /// The rig is not available for this run.
     #[error("rig: {0}")]
     Rig(#[from] RigFault),
 }
@@ -39,12 +39,12 @@ impl From<Vec<Fault>> for RunError {
 }
 
 impl RunError {
-    /// One line for every fault.
+    /// Message with one line per fault.
     pub fn lines(&self) -> Vec<String> {
         self.to_string().lines().map(str::to_owned).collect()
     }
 
-    /// True when the fault lies in what was given, not in the machine.
+    /// True if the input is at fault, not the machine.
     pub fn is_bad_input(&self) -> bool {
         matches!(self, Self::Document(_) | Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
     }

@@ -9,7 +9,7 @@ use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 use upm_recording::Verdict as Truth;
 
-/// Two pennies that go 40 mm each, with `faults`.
+/// Two pennies that are moved by 40 mm each, with `faults`.
 fn job(faults: &Value) -> JobSpec {
     let task = json!({"type": "arrange", "targets_mm": [[30, -10], [-30, -10]], "assignment": "fixed"});
     job_of(&task, faults)
@@ -59,7 +59,7 @@ fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
     assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
     assert!(!plain.folder.join(folder::TRUTH_FILE).exists());
     assert_eq!((plain.report.verdict, plain.report.faults.len()), (Some(Truth::True), 0));
-    // a fault that never begins changes nothing but what is written of it
+    // a fault that never begins changes only the record of it
     let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
     assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
     assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.frames);
@@ -109,7 +109,7 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
     }
 }
 
-/// Code of the end, or that of the last guard that fired in a run that completed; and whether it completed.
+/// Cause of the end, or code of the last guard that fired in a run that completed; whether it completed; its verdict.
 fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
     let (_folder, done) = played(&job(&Value::Null).with_faults(&[fault.to_owned()]).unwrap());
     let Report { outcome, stop, guards, verdict, reason, .. } = done.report;

@@ -14,34 +14,34 @@ use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_recording::{Keeping, Report, RoomyFile, Scribe};
 
-/// Folders of one name that may exist before a new one is refused.
+/// Most folders of one name; another one is refused.
 const MOST_NAMESAKES: u32 = 1000;
 
 /// Name of the file that [`TruthLog`] writes.
 pub(super) const TRUTH_FILE: &str = "truth.jsonl";
 
-/// The folder a run writes into: `effective.json`, `journal.jsonl`, `run.rrd`, `report.json`.
+/// A run folder, which holds `effective.json`, `journal.jsonl`, `run.rrd` and `report.json`.
 #[derive(Clone, Debug)]
 pub struct RunFolder(PathBuf);
 
-/// Which files a run folder has. `effective.json` and `report.json` are whole where they are; a journal may end in
-/// half a line, and a partial recording anywhere.
+/// Files present in a run folder. `effective.json` and `report.json` are complete if present; a journal may end in an
+/// incomplete line, and a partial recording anywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FolderState {
-    /// `effective.json`: the run was about to begin.
+    /// `effective.json`, written just before the run begins.
     pub effective: bool,
     /// `journal.jsonl`.
     pub journal: bool,
-    /// `run.rrd.part`: a recording that was not closed.
+    /// `run.rrd.part`, a recording that was not closed.
     pub part: bool,
     /// `run.rrd`.
     pub rrd: bool,
-    /// `report.json`: the run is over.
+    /// `report.json`, written when the run is over.
     pub report: bool,
 }
 
 impl RunFolder {
-    /// Makes `OUT/<name>-<seed>-<utc>/`; a number is added when that exists.
+    /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
     pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
         let plain = format!("{}-{}-{started_utc}", job.name, job.seed());
         let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
@@ -58,12 +58,12 @@ impl RunFolder {
         Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
     }
 
-    /// The folder of an earlier run; `None` where there is no folder (a link to one is none).
+    /// Folder of an earlier run; `None` if `path` is not a folder (a link to one is rejected).
     pub fn reopen(path: &Path) -> Option<Self> {
         fs::symlink_metadata(path).is_ok_and(|found| found.is_dir()).then(|| Self(path.to_owned()))
     }
 
-    /// What lies in it.
+    /// Files present in the folder.
     pub fn state(&self) -> FolderState {
         let has = |name: &str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
         FolderState {
@@ -75,7 +75,7 @@ impl RunFolder {
         }
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.0
     }
@@ -84,7 +84,7 @@ impl RunFolder {
         RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
     }
 
-    /// Writes `effective.json`: the version, and the job with rig, library and every default written out.
+    /// Writes `effective.json`: the version, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let library = match serde_json::from_str(&library.to_json()) {
             Ok(Value::Object(members)) => members,
@@ -107,14 +107,14 @@ impl RunFolder {
             .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
     }
 
-    /// Makes the names in it outlive a power cut, on a disk that can.
+    /// Makes the file names durable over a power cut, on a disk that can.
     fn sync_names(&self) {
         sync_folder(&self.0).ok();
     }
 
     fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
-        // whole or not at all: what stands under its name was written to its end, and is on the disk
+        // atomic: a file under its final name is complete and on the disk
         let draft = self.0.join(format!("{name}.part"));
         File::create(&draft)
             .and_then(|file| write_whole(file, &draft, &self.0.join(name), (text + "\n").as_bytes()))
@@ -124,8 +124,8 @@ impl RunFolder {
     }
 }
 
-/// Writes where the parts truly are, a line a frame, into the folder of a run with faults: what those are judged by who
-/// share no code with the run. `{"at_s", "parts": [[x_mm, y_mm, 1 while on the plate]]}`, in the order of the report.
+/// Log of the true positions in a run with faults, one line per frame, for checks that share no code with the run:
+/// `{"at_s", "parts": [[x_mm, y_mm, 1 while on the plate]]}`, in the order of the report.
 #[derive(Debug, Default)]
 pub(super) struct TruthLog {
     to: Option<(GroundTruthHandle, BufWriter<File>)>,
@@ -133,7 +133,7 @@ pub(super) struct TruthLog {
 }
 
 impl TruthLog {
-    /// For `bench`, which has faults or has none.
+    /// Log for `bench`; writes nothing if the bench has no faults.
     pub(super) fn of(bench: &Bench, folder: &RunFolder) -> Result<Self, RunError> {
         if bench.faults.is_empty() {
             return Ok(Self::default());
@@ -143,7 +143,7 @@ impl TruthLog {
         Ok(Self { to: Some((bench.truth(), BufWriter::new(file))), broken: None })
     }
 
-    /// Everything is in the file, or the first thing that went wrong.
+    /// Flushes the file; `Err` has the first error of any write.
     pub(super) fn finish(self) -> io::Result<()> {
         self.broken.map_or(Ok(()), Err)?;
         self.to.map_or(Ok(()), |(_, mut file)| file.flush())

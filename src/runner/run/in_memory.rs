@@ -16,7 +16,7 @@ use upm_library::Library;
 use upm_recording::{Ending, Fanout, Report, Tally};
 use upm_sim::SimRig;
 
-/// A run that leaves no files: a job with its simulated rig, its goal and its library, put together in memory.
+/// A run without files: a job with its simulated rig, its goal and its library, built in memory.
 ///
 /// It reads no clock and starts no thread, so equal jobs have equal reports; wall times in them are zero.
 pub struct InMemoryRun<'a> {
@@ -30,22 +30,21 @@ pub struct InMemoryRun<'a> {
 impl<'a> InMemoryRun<'a> {
     /// Reads the library of `job` and places its parts.
     ///
-    /// # Errors
-    /// When there is no library of its rig, or the parts find no places.
+    /// # Errors No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
         let bench = Bench::new(job, &library).map_err(RunError::Job)?;
         Ok(Self { job, library, bench, watcher: None, has_own_goal: false })
     }
 
-    /// Tells `sink` everything that happens, besides the report.
+    /// Adds `sink`, which receives all events besides the report.
     pub fn watched_by(mut self, sink: &'a mut dyn Sink) -> Self {
         self.watcher = Some(sink);
         self
     }
 
-    /// Pursues `goal` in place of the task that the job names. It is told the parts in the order of the job and ends the
-    /// run by [`done`](upm_goal::Wanted::done). The report has no verdict, which would rest on the task.
+    /// Replaces the task of the job by `goal`, which receives the parts in the order of the job and ends the run by
+    /// [`done`](upm_goal::Wanted::done). The report then has no verdict, which would be about the task.
     pub fn with_goal(mut self, goal: impl Goal + 'static) -> Self {
         self.bench.goal = Box::new(goal);
         self.bench.params.endless = false;
@@ -53,17 +52,17 @@ impl<'a> InMemoryRun<'a> {
         self
     }
 
-    /// The library it plans with.
+    /// COR library of the run.
     pub fn library(&self) -> &Arc<Library> {
         &self.library
     }
 
-    /// Parts, tolerance and limits, as control has them.
+    /// Parts, tolerance and limits of the control loop.
     pub fn params(&self) -> &ControlParams {
         &self.bench.params
     }
 
-    /// Runs to the end on the simulated rig, with the faults that the job gives it.
+    /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
         let Self { job, library, mut bench, watcher, has_own_goal } = self;
         let mut notes = Notes::of(&bench);
@@ -72,11 +71,10 @@ impl<'a> InMemoryRun<'a> {
         notes.report(job, &library, &bench, finish, has_own_goal)
     }
 
-    /// Runs to the end on the rig that `make` makes of the simulated one, and returns that rig with the report: a rig
-    /// that logs, delays or checks what passes through it. Truth in the report is the simulated rig's.
+    /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
+    /// rig that logs, delays or checks the calls to it. Truth in the report is the simulated rig's.
     ///
-    /// # Errors
-    /// When the job names faults: those are for the simulated rig alone.
+    /// # Errors A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
         let Self { job, library, bench, watcher, has_own_goal } = self;
         if !bench.faults.is_empty() {
@@ -95,7 +93,7 @@ impl<'a> InMemoryRun<'a> {
     }
 }
 
-/// The sinks that a report rests on.
+/// Sinks that the report is made from.
 struct Notes {
     named: NamedTruth,
     first_look: FirstLook,
@@ -163,7 +161,7 @@ mod tests {
         json!([{"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2}])
     }
 
-    /// What a run with a folder reports of the job, no clock running.
+    /// Report of a run of the job with a folder and without pacing.
     fn written(job: &JobSpec) -> Report {
         let out = tempfile::TempDir::new().unwrap();
         let options = RunOptions {
@@ -205,7 +203,7 @@ mod tests {
         assert!(error.to_string().contains("faults: expected none on a rig of the caller's, found 1 fault"), "{error}");
     }
 
-    /// Has every part stay, for so many looks.
+    /// Goal that holds every part for this many looks.
     struct Looks(u32);
 
     impl Goal for Looks {
@@ -220,7 +218,7 @@ mod tests {
     fn own_goal_replaces_the_task_and_has_no_verdict() {
         let job = job(json!([]));
         let report = InMemoryRun::new(&job).unwrap().with_goal(Looks(3)).run();
-        // the probe is every run's first pulse
+        // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
         assert_eq!((report.verdict, report.bound_s), (None, None));
     }

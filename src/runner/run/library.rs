@@ -7,7 +7,7 @@ use crate::config::{Fault, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_core::random::Streams;
 use upm_library::{FieldFacts, Library, RigFacts};
 
-/// The COR library a job runs with, checked against its rig.
+/// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let library = match &job.library {
         Some(LibraryRef::File(path)) => return fitting_library(path, &job.library_key(), &job.rig).map(Arc::new),
@@ -22,7 +22,7 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     fitting(library, &file_of(job), &job.rig)
 }
 
-/// The COR library that `rig` names, checked against it.
+/// Reads the COR library that `rig` names and checks it against the rig.
 pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let Some(path) = &rig.library else {
         return Err(vec![Fault::new(&rig.model.name, "library", "nothing", "a COR library, made by `upm calibrate`")]);
@@ -30,13 +30,13 @@ pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
     fitting_library(path, &format!("rig {}: library", rig.model.name), rig).map(Arc::new)
 }
 
-/// `library`, read from `file`, if it fits the rig.
+/// `library`, read from `file`, or the reasons why it does not fit the rig.
 fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let faults = library_faults(&library, file, rig);
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 
-/// The COR library in the file at `path`, checked against `rig`; its faults carry the key that names the file.
+/// Reads the COR library at `path` and checks it against `rig`; faults carry the key that names the file.
 pub fn fitting_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Library, Vec<Fault>> {
     let library = Library::load(path).and_then(|library| {
         let faults = library_faults(&library, &path.display().to_string(), rig);
@@ -45,20 +45,20 @@ pub fn fitting_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Lib
     library.map_err(|faults| faults.into_iter().map(|fault| fault.named_by(named_by)).collect())
 }
 
-/// What keeps `job` from being run with `library`: a library of another rig, parts that find no places. It looks at no
-/// picture and plans nothing, so it can be asked of every job that comes in.
+/// Checks whether `job` can be run with `library`: that the library fits the rig and the parts find places. No picture
+/// is taken and nothing is planned, so the check is cheap enough for every submitted job.
 pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
     let mut faults = library_faults(library, &file_of(job), &job.rig);
     faults.extend(check_places(job).err());
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
-/// The part of [`check_job`] that is left where the library is known to fit the rig: parts that find no places.
+/// The part of [`check_job`] for a library known to fit the rig: whether the parts find places.
 pub fn check_places(job: &JobSpec) -> Result<(), Fault> {
     place_parts(job, Streams::new(job.seed())).map(|_| ())
 }
 
-/// Where the library of `job` is, for people.
+/// Name of the library of `job` for messages.
 fn file_of(job: &JobSpec) -> String {
     match &job.library {
         Some(LibraryRef::File(path)) => path.display().to_string(),
@@ -66,7 +66,7 @@ fn file_of(job: &JobSpec) -> String {
     }
 }
 
-/// Everything that keeps `library`, read from `file`, from being used on `rig`.
+/// All reasons why `library`, read from `file`, cannot be used on `rig`.
 pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Fault> {
     let model = &rig.model;
     let facts = RigFacts {

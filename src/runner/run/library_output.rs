@@ -8,40 +8,40 @@ use upm_core::files::write_whole;
 use upm_document::{Fault, reason};
 use upm_library::Library;
 
-/// The file that a library which is still to be measured will replace.
+/// Output file of a library that is still to be measured.
 ///
 /// The file is replaced as a whole, by a library that its own loader has read back; until then it is left untouched.
 #[derive(Debug)]
 pub struct LibraryOutput {
     out: PathBuf,
-    /// A file beside it, which is renamed.
+    /// Temporary file beside it, to be renamed.
     draft: PathBuf,
 }
 
-/// Why a library was not written.
+/// Reason why a library was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryOutputFault {
-    /// A folder or a device has that name.
+    /// The path is a folder or a device.
     #[error("{}: expected the path of a file, found a folder or device", path.display())]
     NotAFile {
         /// The path.
         path: PathBuf,
     },
-    /// The folder or the disk does not take it.
+    /// The file cannot be written.
     #[error("cannot write {}: {}", path.display(), reason(error))]
     Write {
         /// The path.
         path: PathBuf,
-        /// Why.
+        /// Cause of the failure.
         error: io::Error,
     },
-    /// What was measured is a library that no run would take; one line a fault.
+    /// The measured library is invalid for runs; one line per fault.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Unusable(Vec<Fault>),
 }
 
 impl LibraryOutput {
-    /// Makes sure, before anything is measured, that a library can be written to `out`.
+    /// Checks, before anything is measured, that a library can be written to `out`.
     pub fn check(out: &Path) -> Result<Self, LibraryOutputFault> {
         let is_plain = fs::metadata(out).map_or(true, |found| found.is_file());
         let Some(name) = out.file_name().filter(|_| is_plain) else {
@@ -54,7 +54,7 @@ impl LibraryOutput {
         Ok(Self { out: out.to_owned(), draft })
     }
 
-    /// Reads the bytes of `library` back as a run on `rig` would, and only then replaces the file.
+    /// Reads the bytes of `library` back as a run on `rig` would, and replaces the file only if they are valid.
     pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), LibraryOutputFault> {
         let (text, file) = (library.to_json(), self.out.display().to_string());
         let read = Library::from_json(&text, &file).map_err(LibraryOutputFault::Unusable)?;
@@ -70,7 +70,7 @@ impl LibraryOutput {
 
 impl Drop for LibraryOutput {
     fn drop(&mut self) {
-        // gone already when it took the place of the file
+        // absent if it was already renamed
         fs::remove_file(&self.draft).ok();
     }
 }

@@ -7,43 +7,43 @@ use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
-/// What reaches into a run from outside while it goes on.
+/// Links through which the caller observes and stops a run.
 #[derive(Clone, Copy)]
 pub struct Links<'a> {
     /// Set to stop after the next frame.
     pub stop: &'a AtomicBool,
     /// Set to end between two cycles, with motors at zero and parts at rest.
     pub give_way: &'a AtomicBool,
-    /// Cuts the motors at once. The run fits it to its rig, and the rig is gone when the run returns.
+    /// Cuts the motors at once. The run connects it to its rig, which is dropped when the run returns.
     pub interlock: &'a Interlock,
-    /// Told of deadlines that are missed.
+    /// Statistics of missed deadlines, updated by the run.
     pub pacing: &'a PacingStats,
-    /// Who stopped the run and why, asked once it was stopped.
+    /// Cause of a stop from outside; called once the run was stopped.
     pub cause: &'a dyn Fn() -> Option<ExternalStop>,
 }
 
-/// Why a run was stopped from outside.
+/// Cause of a stop from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExternalStop {
-    /// For programs.
+    /// Machine-readable cause.
     pub cause: StopCause,
-    /// The same for people, one line.
+    /// Explanation on one line.
     pub reason: String,
 }
 
 impl ExternalStop {
-    /// A stop by `cause`, whose `reason` is followed by the remedy, if there is one.
+    /// A stop by `cause` with `reason`, followed by the remedy if there is one.
     pub fn of(cause: StopCause, reason: impl fmt::Display) -> Self {
         Self { cause, reason: Ending::failed_because(cause, reason).reason }
     }
 
-    /// The person at the program interrupted it.
+    /// Interruption by the operator at the program.
     pub(super) fn by_operator() -> Self {
         Self { cause: StopCause::Interrupted, reason: Ending::stopped().reason }
     }
 
-    /// What a run that was too late for its plate adds to its reason, and what would help; `real_time` for one that kept
-    /// to the clock.
+    /// Text added to the reason of a run that was too late for its plate, with the remedy; `real_time` for a run paced
+    /// by the clock.
     pub fn too_busy(real_time: bool) -> &'static str {
         if real_time {
             "this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job"
@@ -54,7 +54,7 @@ impl ExternalStop {
 }
 
 impl Links<'_> {
-    /// Says of a run that was stopped what stopped it: in an event, and in its ending. Others are left as they are.
+    /// Reports the cause of a stop in an event and in the ending. Runs that were not stopped are left unchanged.
     pub(super) fn explain(&self, finish: &mut Finish, sink: &mut dyn Sink, at: PlateTime) {
         if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::GaveWay) {
             return;
@@ -64,7 +64,7 @@ impl Links<'_> {
         if let Some(trip) = trip {
             finish.ending = Ending::from(RigFault::Stopped(trip));
         }
-        // only a plate in real time passes the time in which nobody drives it
+        // plate time passes without a driver only in real time
         if trip == Some(Trip::Lease) {
             finish.ending.cause = Some(StopCause::DeadlineMissed);
             finish.ending.reason = format!("{}; {}", finish.ending.reason, ExternalStop::too_busy(true));

@@ -11,7 +11,7 @@ use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;
 
-/// A rig whose camera shows nothing any more from pulse `blind_from` on, counted from 1.
+/// A rig whose camera shows uniform gray from pulse `blind_from` on, counted from 1.
 struct Blinded<'a> {
     rig: &'a mut dyn Rig,
     pulses: u64,
@@ -63,8 +63,8 @@ impl Sink for FirstCycle {
     }
 }
 
-/// The first cycle of four coins moved by one rotation after the other: its pulses, how the run ended, and how long it
-/// went on without a picture, s.
+/// Runs the first cycle of four coins moved by one rotation after the other; returns its pulses, the ending, and the
+/// time for which it continued without a picture, s.
 fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
     let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let file = root.join("configs/arrange-4.json");

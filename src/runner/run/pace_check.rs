@@ -13,31 +13,31 @@ use upm_core::rig::Interlock;
 use upm_core::time::Clock;
 use upm_library::Library;
 
-/// A computer that falls behind by less than this keeps up, s a minute: one short stall in a check of two seconds.
+/// Largest delay that counts as keeping up, s a minute: one short stall in a check of two seconds.
 const TOLERATED_S_PER_MINUTE: f64 = 1.0;
 
-/// How this computer keeps up with a plate in real time, measured on one penny.
+/// Speed of this computer against a plate in real time, measured with one penny.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaceCheck {
-    /// Time from one frame of the camera to the next, s.
+    /// Frame period of the camera, s.
     pub period_s: f64,
-    /// What simulation and control take for a frame, s: median.
+    /// Computing time of simulation and control per frame, median, s.
     pub loop_p50_s: f64,
-    /// The same, 99th percentile.
+    /// Computing time per frame, 99th percentile, s.
     pub loop_p99_s: f64,
-    /// How far plate time falls behind the clock, s a minute.
+    /// Increase of the delay of plate time against the clock, s a minute.
     pub behind_s_per_minute: f64,
 }
 
 impl PaceCheck {
-    /// True for a computer that keeps up.
+    /// True if the computer keeps up.
     pub fn keeps_up(&self) -> bool {
         self.behind_s_per_minute < TOLERATED_S_PER_MINUTE
     }
 }
 
-/// Runs a plus sign on a simulated `rig` in real time for so long, in memory, and measures how it keeps up. `nap` parks the
-/// thread. `Err` in one line when such a job cannot be run on that rig.
+/// Runs a plus sign on a simulated `rig` in real time for so long, in memory, and measures the computing time and the
+/// delay. `nap` parks the thread. `Err` in one line if such a job cannot be run on that rig.
 pub fn check_pace(
     rig: &RigSpec,
     library: &Arc<Library>,
@@ -72,7 +72,7 @@ fn one_line(faults: &[Fault]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// A moment of a run.
+/// Readings of the clocks at a frame.
 #[derive(Clone, Copy)]
 struct Moment {
     at: Duration,
@@ -80,20 +80,20 @@ struct Moment {
     behind: Duration,
 }
 
-/// Measures the time from frame to frame without the naps in it, and stops the run when it has lasted long enough.
+/// Sink that measures the time from frame to frame without the naps, and stops the run after the given time.
 struct LoopTimes<'a> {
     clock: &'a dyn Clock,
     napped: &'a Cell<Duration>,
     stats: &'a PacingStats,
     lasting: Duration,
     stop: &'a AtomicBool,
-    /// The first frame, and the newest.
+    /// The first frame and the latest one.
     begin: Option<(Moment, Moment)>,
     loops: Vec<Duration>,
 }
 
 impl LoopTimes<'_> {
-    /// `None` without two frames.
+    /// Result; `None` with less than two frames.
     fn result(mut self, period_s: f64) -> Option<PaceCheck> {
         let (first, newest) = self.begin?;
         self.loops.sort_unstable();
@@ -130,7 +130,7 @@ mod tests {
 
     use super::*;
 
-    /// A computer that takes a given time each time it reads the clock, and none otherwise.
+    /// A computer on which every reading of the clock takes a given time, and all else none.
     #[derive(Default)]
     struct Computer {
         now: Cell<Duration>,

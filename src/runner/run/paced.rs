@@ -6,10 +6,10 @@ use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::{Clock, PlateTime};
 
-/// A thread that the interlock does not wake looks at it this often while it waits.
+/// Interval at which a waiting thread polls an interlock that does not wake it.
 const LONGEST_NAP: Duration = Duration::from_millis(20);
 
-/// What real time is kept by.
+/// Clock, statistics and policies of real-time pacing.
 pub(super) struct Pace<'a> {
     pub(super) clock: &'a dyn Clock,
     /// Parks the thread for that long, or until it is woken.
@@ -18,27 +18,27 @@ pub(super) struct Pace<'a> {
     pub(super) interlock: &'a Interlock,
     /// Frames a second of the rig's camera.
     pub(super) frame_hz: f64,
-    /// Whether the drive lease runs out on control that is late.
+    /// Decides whether the drive lease expires when control is late.
     pub(super) deadlines: DeadlinePolicy,
 }
 
-/// A rig whose plate time never runs ahead of the clock: for watching a simulated plate as if it stood there.
+/// A rig whose plate time never runs ahead of the clock, so that a simulated plate moves at the speed of a real one.
 ///
-/// The first frame starts it. Control that comes late for the next frame finds the plate where it left it: a simulated
-/// plate waits, and from then on its time is that much further behind the clock. It never hurries to catch up.
+/// The first frame starts it. If control is late for the next frame, the simulated plate waits for it, and from then on
+/// its time is behind the clock by that delay, which is never made up for.
 ///
-/// Under strict deadlines a plate does not wait while a pulse sounds: control that comes later than
-/// [`Interlock::LEASE_S`], as after the process stood still, was not there to drive it, and the drive lease runs out.
+/// Under strict deadlines a plate does not wait during a pulse: if control is later than [`Interlock::LEASE_S`], for
+/// example because the process was suspended, it was not there to drive the plate, and the drive lease expires.
 pub(super) struct Paced<'a> {
     rig: &'a mut dyn Rig,
     pace: Pace<'a>,
     period: Duration,
-    /// What the clock showed at plate time zero, if time had always passed as it does now.
+    /// Reading of the clock at plate time zero, extrapolated from the present offset.
     epoch: Option<Epoch>,
     sounding_until: PlateTime,
 }
 
-/// Nanoseconds by the clock at plate time zero; below zero where the plate's time began before the clock's.
+/// Reading of the clock at plate time zero, ns; negative if the plate's time began before the clock's.
 #[derive(Clone, Copy)]
 struct Epoch(i128);
 
@@ -47,12 +47,12 @@ impl Epoch {
         Self(elapsed.as_nanos() as i128 - i128::from(now.nanos()))
     }
 
-    /// Plate time passes so much later than it did.
+    /// The epoch after a delay of plate time.
     fn later(self, by: Duration) -> Self {
         Self(self.0 + by.as_nanos() as i128)
     }
 
-    /// How far the clock is past plate time `now`, and how far it has still to go there.
+    /// Delay of plate time `now` against the clock, and its lead; at least one of them is zero.
     fn late_and_early(self, elapsed: Duration, now: PlateTime) -> (Duration, Duration) {
         let late_ns = elapsed.as_nanos() as i128 - self.0 - i128::from(now.nanos());
         let up = |nanos: i128| Duration::from_nanos(u64::try_from(nanos.max(0)).unwrap_or(u64::MAX));
@@ -67,7 +67,7 @@ impl<'a> Paced<'a> {
         Self { rig, pace, period, epoch: None, sounding_until: PlateTime::ZERO }
     }
 
-    /// Before the rig goes on: settles what came late.
+    /// Accounts for a delay before the rig continues.
     fn keep_up(&mut self) -> Result<(), RigFault> {
         let late = self.late();
         if late <= self.period {
@@ -88,13 +88,13 @@ impl<'a> Paced<'a> {
         Ok(())
     }
 
-    /// How far the clock is past the plate's time; zero at first.
+    /// Delay of plate time against the clock; zero at first.
     fn late(&mut self) -> Duration {
         let (elapsed, now) = (self.pace.clock.elapsed(), self.rig.now());
         self.epoch.get_or_insert(Epoch::of(elapsed, now)).late_and_early(elapsed, now).0
     }
 
-    /// Waits until the clock is where the plate is. A trip ends the wait, and so does a clock that stands still.
+    /// Waits until the clock reaches plate time. A trip ends the wait, and so does a clock that does not advance.
     fn wait(&self) {
         let Some(epoch) = self.epoch else { return };
         let mut elapsed = self.pace.clock.elapsed();
@@ -118,7 +118,7 @@ impl Rig for Paced<'_> {
     }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
-        // what was late before a pulse does not count as time without a driver
+        // a delay before a pulse does not count as time without a driver
         self.keep_up()?;
         let started_at = self.rig.now();
         self.rig.play(drive)?;
@@ -134,7 +134,7 @@ impl Rig for Paced<'_> {
         self.keep_up()?;
         self.rig.capture(frame)?;
         self.wait();
-        // at once, not when control comes back for the next frame
+        // at once, not only when control asks for the next frame
         self.pace.interlock.tripped().map_or(Ok(()), |trip| {
             self.rig.stop();
             Err(RigFault::Stopped(trip))
@@ -154,11 +154,11 @@ impl Rig for Paced<'_> {
     }
 }
 
-/// Deadlines missed in real time, to be read from any thread while a plate runs.
+/// Statistics of missed deadlines in real time, readable from any thread while a plate runs.
 ///
-/// A deadline is missed when control comes for its next frame more than a frame's period late: a camera would have
-/// taken that frame without anybody looking. The count goes on over all runs of a plate, the worst is that of its
-/// present or last run, and so is how far the plate fell behind.
+/// A deadline is missed if control is more than a frame period late for its next frame: a real camera would have taken
+/// that frame unobserved. Misses are counted over all runs of a plate; the worst miss and the delay are those of the
+/// present or last run.
 #[derive(Debug, Default)]
 pub struct PacingStats {
     misses: AtomicU64,
@@ -167,22 +167,22 @@ pub struct PacingStats {
 }
 
 impl PacingStats {
-    /// Deadlines missed so far, in all runs.
+    /// Number of missed deadlines in all runs.
     pub fn misses(&self) -> u64 {
         self.misses.load(Ordering::Relaxed)
     }
 
-    /// Whole frame periods by which the worst one of this run was missed.
+    /// Delay of the worst miss of this run, in whole frame periods.
     pub fn worst_frames(&self) -> u64 {
         self.worst_frames.load(Ordering::Relaxed)
     }
 
-    /// How far plate time has fallen behind the clock in this run, in all: it is never made up for.
+    /// Total delay of plate time against the clock in this run; it is never made up for.
     pub fn behind(&self) -> Duration {
         Duration::from_nanos(self.behind_ns.load(Ordering::Relaxed))
     }
 
-    /// A run starts; the deadlines missed before it.
+    /// Resets the figures of a run; returns the number of deadlines missed before it.
     pub(super) fn start_run(&self) -> u64 {
         self.worst_frames.store(0, Ordering::Relaxed);
         self.behind_ns.store(0, Ordering::Relaxed);
@@ -194,7 +194,7 @@ impl PacingStats {
         self.worst_frames.fetch_max(frames, Ordering::Relaxed);
     }
 
-    /// The plate waited for control, and is that much further behind the clock.
+    /// Adds a delay during which the plate waited for control.
     pub(super) fn fall_behind(&self, by: Duration) {
         self.behind_ns.fetch_add(nanos(by), Ordering::Relaxed);
     }

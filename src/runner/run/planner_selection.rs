@@ -4,28 +4,28 @@ use crate::config::{JobSpec, PlannerChoice};
 use upm_planner::Method;
 use upm_recording::{PlannerReport, SelectedBy};
 
-/// Parts from which on one motion for all of them beats rotations one after another.
+/// Number of parts from which on one motion for all of them is faster than rotations one after another.
 const SEVERAL: usize = 2;
 
-/// The planner of a job, why it is that one, and the others that its rig could run.
+/// Planner of a job, the reason for it, and the other planners that its rig supports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannerSelection {
     /// The planner that runs.
     pub method: Method,
-    /// Why.
+    /// Reason for the choice.
     pub reason: SelectionReason,
-    /// The other planners that the rig could run, the most promising first.
+    /// Other planners that the rig supports, the most promising first.
     pub alternatives: Vec<Method>,
 }
 
-/// Why a job has the planner it has.
+/// Reason for the choice of a planner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SelectionReason {
     /// The job file names it.
     NamedByJob,
     /// The rig has fields and several parts are to be moved.
     SeveralParts {
-        /// How many.
+        /// Number of parts.
         parts: usize,
     },
     /// A single part gains nothing from a field.
@@ -35,7 +35,7 @@ pub enum SelectionReason {
 }
 
 impl PlannerSelection {
-    /// Of `job`. Every part counts as moved: each has a goal, if only to stay where it is.
+    /// Selects the planner of `job`. Every part counts as moved: each has a goal, if only to stay at its place.
     pub fn of(job: &JobSpec) -> Self {
         let has_fields = job.rig.model.fields.is_some();
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
@@ -57,12 +57,12 @@ impl PlannerSelection {
         name_of(self.method)
     }
 
-    /// Names of the others that the rig could run.
+    /// Names of the alternatives in a job file.
     pub fn alternative_names(&self) -> Vec<&'static str> {
         self.alternatives.iter().copied().map(name_of).collect()
     }
 
-    /// For `report.json`.
+    /// The selection in the form of `report.json`.
     pub fn report(&self) -> PlannerReport {
         PlannerReport {
             name: self.name().into(),
@@ -75,7 +75,7 @@ impl PlannerSelection {
 }
 
 impl SelectionReason {
-    /// A name for programs that never changes.
+    /// Stable code of the reason.
     pub fn code(self) -> &'static str {
         match self {
             Self::NamedByJob => "named_by_job",
@@ -97,7 +97,7 @@ impl fmt::Display for SelectionReason {
     }
 }
 
-/// The name of a planner in a job file.
+/// Name of a planner in a job file.
 fn name_of(method: Method) -> &'static str {
     match method {
         Method::CorSequence => "cor_sequence",

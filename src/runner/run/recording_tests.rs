@@ -19,7 +19,7 @@ impl Sink for StopsAt {
     }
 }
 
-/// Two seconds of a job whose recording is stopped at a frame.
+/// Runs two seconds of a job whose recording is stopped at a frame.
 fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let text = json!({
@@ -46,7 +46,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     (done, recording.state())
 }
 
-/// Events of a run folder that tell of its recording.
+/// Events about the recording in the journal of a run folder.
 fn told(folder: &Path) -> Vec<Value> {
     let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     let events = journal.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
@@ -66,7 +66,7 @@ fn a_run_goes_on_without_its_recording_and_says_so() {
     assert_eq!(told.len(), 1, "{told:?}");
     assert_eq!((&told[0]["level"], &told[0]["text"]), (&json!("warning"), &json!(text)));
     assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
-    // the disk decided that, so a repetition knows nothing of it
+    // the disk decided that, so a repetition has no such event
     let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingSwitch::default())).unwrap();
     assert!(matches!(verdict, Verdict::Equal { .. }), "{verdict:?}");
 }

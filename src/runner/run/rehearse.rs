@@ -1,5 +1,5 @@
-//! What a job is predicted to come to, before anything moves: what the library can do where its parts are and shall be,
-//! and a few rehearsals on the displacement model.
+//! Forecast of a job before anything moves: the reach of the library at the starts and targets of the parts, and a few
+//! rehearsals on the displacement model.
 
 use std::sync::Arc;
 
@@ -16,52 +16,53 @@ use upm_core::time::PlateTime;
 use upm_library::Library;
 use upm_planner::{FieldPlanner, Independence, Method, Reach};
 
-/// Most rehearsals of one job.
+/// Most rehearsals of a job.
 const REHEARSALS: u64 = 5;
-/// Modelled computing time of all of them, ms; at least one is begun.
+/// Limit on the modelled computing time of all rehearsals, ms; at least one is run.
 const WORK_MS: f64 = 1900.0;
-/// How much longer than those before it a rehearsal may take that is begun.
+/// Allowance for the computing time of another rehearsal, relative to the mean of the previous ones.
 const MARGIN: f64 = 1.3;
 
-/// What a job is predicted to come to.
+/// Forecast of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
-    /// The planner of the job and why.
+    /// Planner of the job, with the reason for it.
     pub planner: PlannerSelection,
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// The parts, in the order of the job.
     pub parts: Vec<PartForecast>,
-    /// How far all of them can be moved independently where they start, by what the job plans with.
+    /// Degree to which the planner's motions can move all parts independently at their starts.
     pub independence: Independence,
-    /// True when it plans with synthesised fields.
+    /// True if the job plans with synthesised fields.
     pub fields: bool,
-    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, no strict bound.
-    /// `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the steps.
+    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, not a strict
+    /// bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the
+    /// steps.
     pub bound_s: Option<f64>,
-    /// The rehearsals, each with numbers of its own.
+    /// The rehearsals, each with different random numbers.
     pub rehearsals: Vec<Rehearsal>,
-    /// Standard deviation of how far parts go against each other in them: the spread of friction in the rig's file.
+    /// Relative standard deviation of the parts' displacements in them: the spread of friction in the rig's file.
     pub friction_spread: f64,
 }
 
-/// One part of a job and what the library can do with it.
+/// A part of a job and the reach of the library at its places.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartForecast {
-    /// Its name: `penny-1`.
+    /// Id: `penny-1`.
     pub id: String,
-    /// Its outline, m.
+    /// Radius, m.
     pub radius_m: f64,
-    /// Where it starts.
+    /// Start.
     pub start: Spot,
-    /// Where it was to go at the end of the first rehearsal.
+    /// Target at the end of the first rehearsal.
     pub target: Option<Spot>,
 }
 
-/// A place of a part and what the library can do there.
+/// A position of a part with the reach of the library there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spot {
-    /// Where, and what one pulse does in the direction in which it does least.
+    /// Position, and effect of one pulse in the weakest direction.
     pub place: Place,
     /// Singular values of the flows of all entries there, larger first; see [`Reach`].
     pub singular_values: [f64; 2],
@@ -74,23 +75,23 @@ impl Spot {
     }
 }
 
-/// What the rehearsals of a job say of it.
+/// Prediction from the rehearsals of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanVerdict {
-    /// Every rehearsal reaches the goal.
+    /// All rehearsals reach the goal.
     CanBeDone,
-    /// Most do.
+    /// Most rehearsals reach the goal.
     Likely,
-    /// Most do not.
+    /// Most rehearsals fail.
     Unlikely,
-    /// None does.
+    /// All rehearsals fail.
     CannotBeDone,
-    /// The job is too long for a rehearsal: all were left off on the way.
+    /// The job is too long for a rehearsal: all were broken off.
     Undecided,
 }
 
 impl PlanVerdict {
-    /// A name for programs that never changes.
+    /// Stable code of the verdict.
     pub fn code(self) -> &'static str {
         match self {
             Self::CanBeDone => "can_be_done",
@@ -101,32 +102,32 @@ impl PlanVerdict {
         }
     }
 
-    /// True when the job is predicted to fail.
+    /// True if the job is predicted to fail.
     pub fn is_failure(self) -> bool {
         matches!(self, Self::Unlikely | Self::CannotBeDone)
     }
 }
 
-/// How far the rehearsals of a job are.
+/// Progress of the rehearsals of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RehearsalProgress {
-    /// Number of the present one, from 1.
+    /// Number of the current rehearsal, from 1.
     pub rehearsal: u64,
-    /// How many there will be, as far as that is known.
+    /// Expected number of rehearsals.
     pub of: u64,
-    /// Plate time in it.
+    /// Plate time in the current rehearsal.
     pub at: PlateTime,
-    /// Part of all of them that is done, 0 to 1.
+    /// Share of all rehearsals that is done, 0 to 1.
     pub done: f64,
 }
 
-/// Rehearses `job` with `library`; `watch` is told how far it is. The fault is that of parts that find no place.
+/// Rehearses `job` with `library`; `watch` receives the progress. `Err` if the parts find no places.
 pub fn rehearse(
     job: &JobSpec,
     library: &Arc<Library>,
     watch: &mut dyn FnMut(RehearsalProgress),
 ) -> Result<Forecast, Fault> {
-    // the bench has a rig beside what is wanted of it here; nothing is played on it
+    // only parts and parameters of the bench are used; nothing is played on its rig
     let Bench { params, placed, model, .. } = Bench::new(job, library)?;
     let starts_m = named(&placed, &params);
     let planner = FreshPlanner::new(params.method, library, params.planner);
@@ -177,16 +178,16 @@ pub fn rehearse(
     })
 }
 
-/// How many rehearsals fit when the first `done` of them took `work_ms`: another is begun only if it can take somewhat
-/// longer than those, since one that is left off on the way tells nothing.
+/// Number of rehearsals that fit if the first `done` of them took `work_ms`. Another one must have time to take
+/// somewhat longer than the previous ones, since one that is broken off has no result.
 fn affordable(work_ms: f64, done: u64) -> u64 {
     let each_ms = MARGIN * work_ms / done as f64;
     let more = if each_ms > 0.0 { ((WORK_MS - work_ms).max(0.0) / each_ms) as u64 } else { REHEARSALS };
     (done + more).min(REHEARSALS)
 }
 
-/// Where each part starts by the names that control will give: of one kind, parts without a given place are named from
-/// left to right.
+/// Start of each part in the order of the names that control will give: of one kind, parts without a given place are
+/// named from left to right.
 fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
     let mut starts_m: Vec<Vec2> = placed.iter().map(|part| part.position_m).collect();
     for kind in 0..params.kinds.len() {
@@ -200,7 +201,7 @@ fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
 }
 
 impl Forecast {
-    /// What the rehearsals say of the job.
+    /// Verdict of the rehearsals.
     pub fn verdict(&self) -> PlanVerdict {
         match (self.completed(), self.decided()) {
             (_, 0) => PlanVerdict::Undecided,
@@ -211,17 +212,17 @@ impl Forecast {
         }
     }
 
-    /// How many rehearsals came to their end.
+    /// Number of rehearsals that completed.
     pub fn completed(&self) -> usize {
         self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal)).count()
     }
 
-    /// How many rehearsals were not left off before they could complete or fail.
+    /// Number of rehearsals that completed or failed, that is, were not broken off.
     pub fn decided(&self) -> usize {
         self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal) || !rehearsal.left_off).count()
     }
 
-    /// Reasons for which rehearsals ended, those that failed first, and how many of each.
+    /// Reasons of the rehearsals' endings, failures first, with the number of each.
     pub fn endings(&self) -> Vec<(&str, usize)> {
         let mut endings: Vec<(&str, usize)> = Vec::new();
         let (completed, failed): (Vec<&Rehearsal>, Vec<&Rehearsal>) =
@@ -235,7 +236,7 @@ impl Forecast {
         endings
     }
 
-    /// Least, median and most of a figure of the rehearsals that came to their end; `None` when none did.
+    /// Least, median and largest value of a figure over the completed rehearsals; `None` if none completed.
     pub fn range(&self, figure: impl Fn(&Rehearsal) -> f64) -> Option<[f64; 3]> {
         let completed = self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal));
         let mut figures: Vec<f64> = completed.map(figure).collect();
@@ -249,12 +250,12 @@ impl Forecast {
         Some([*figures.first()?, median, *figures.last()?])
     }
 
-    /// The least gap between two parts in any rehearsal.
+    /// Least gap between two parts in any rehearsal.
     pub fn nearest(&self) -> Option<Nearest> {
         self.rehearsals.iter().filter_map(|rehearsal| rehearsal.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
     }
 
-    /// What kept plans from being made, all rehearsals together, most often first.
+    /// Limits that prevented plans, over all rehearsals, the most frequent first.
     pub fn limits_met(&self) -> Vec<LimitMet> {
         let mut all: Vec<LimitMet> = Vec::new();
         for met in self.rehearsals.iter().flat_map(|rehearsal| &rehearsal.limits_met) {

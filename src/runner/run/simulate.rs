@@ -13,7 +13,7 @@ pub fn simulate(spec: &SimulateSpec) -> Result<Trajectories, OpenLoopError> {
     sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), spec.base_radps, spec.sample_hz)
 }
 
-/// Refuses what [`simulate`] would refuse, without playing it.
+/// Returns the error that [`simulate`] would return, without playing anything.
 pub fn check_simulate(spec: &SimulateSpec) -> Result<(), OpenLoopError> {
     sim::check_pulses(&spec.rig.sim, mode(spec), &pulses(spec), spec.base_radps)
 }
@@ -30,10 +30,10 @@ fn mode(spec: &SimulateSpec) -> PlateMode {
     }
 }
 
-/// The first camera frame of a job and where everything truly is.
+/// First camera frame of a job with the ground truth.
 #[derive(Clone, Debug)]
 pub struct FirstFrame {
-    /// The frame.
+    /// The camera frame.
     pub frame: Frame,
     /// The plate's corners, px, clockwise from top left.
     pub corners_px: [Vec2; 4],
@@ -41,20 +41,20 @@ pub struct FirstFrame {
     pub parts: Vec<TruePart>,
 }
 
-/// Where a part truly is.
+/// True position of a part.
 #[derive(Clone, Debug)]
 pub struct TruePart {
-    /// Its name.
+    /// Id, kind and number within it.
     pub id: String,
-    /// Its kind.
+    /// Name of its kind.
     pub kind: String,
     /// Its centre on the table, m.
     pub position_m: Vec2,
-    /// Where the camera sees that point of the plate, px.
+    /// Image position of that point of the plate, px.
     pub foot_px: Vec2,
 }
 
-/// Why there is no first frame.
+/// Reason why there is no first frame.
 #[derive(Debug, thiserror::Error)]
 pub enum FirstFrameError {
     /// The parts find no places.

@@ -19,7 +19,7 @@ fn job() -> JobSpec {
     JobSpec::load(&config_file("plus-sign.json")).unwrap()
 }
 
-/// A penny that goes some millimetres, with these deadlines.
+/// A penny that is moved by some millimetres, with these deadlines.
 fn short_job(deadlines: &str) -> JobSpec {
     let text = serde_json::json!({
         "name": "short", "rig": "rigs/upm-1.json", "deadlines": deadlines,
@@ -29,7 +29,7 @@ fn short_job(deadlines: &str) -> JobSpec {
     JobSpec::from_json(&text.to_string(), &Origin::of_file(&config_file("short.json")), None).unwrap()
 }
 
-/// Does something once, in a frame of a pulse.
+/// Calls a function once, in a frame of a pulse.
 struct InPulse<F: FnMut()> {
     number: u64,
     act: F,
@@ -38,7 +38,7 @@ struct InPulse<F: FnMut()> {
     clock: Arc<PlateClock>,
 }
 
-/// Shows plate time, and what is added to it.
+/// Clock that shows plate time plus an offset.
 #[derive(Default)]
 struct PlateClock {
     shown_ns: AtomicU64,
@@ -78,12 +78,12 @@ fn keeping() -> Keeping {
 }
 
 impl Stopped {
-    /// Runs the plus sign, `act` in the third frame of pulse `number`, from 1.
+    /// Runs the plus sign and calls `act` in the third frame of pulse `number`, from 1.
     fn run(plate: &Plate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
         Self::run_job(&job(), plate, real_time, number, act, cause)
     }
 
-    /// The same with another job.
+    /// As [`run`], with another job.
     fn run_job(
         job: &JobSpec,
         plate: &Plate,
@@ -131,7 +131,7 @@ impl Stopped {
     }
 
     fn holds(&self) -> Verdict {
-        // the repetition goes on to the end of the job; as far as the stopped run went is enough
+        // the repetition would continue to the end of the job; equality up to the stop is enough
         let stop = AtomicBool::new(false);
         let mut watcher = InPulse {
             number: self.pulses as u64 + 3,

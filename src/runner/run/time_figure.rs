@@ -1,4 +1,4 @@
-//! The time figure of a job: the least plate time of its steps by rotations, to hold a run or a forecast against.
+//! Time figure of a job: the least plate time of its steps by rotations, a reference for a run or a forecast.
 
 use std::sync::Arc;
 
@@ -8,14 +8,15 @@ use upm_core::geometry::Vec2;
 use upm_library::Library;
 use upm_planner::{PartState, RotationPlanner};
 
-/// Most parts of a job that has a time figure: the program takes 50 to 200 ms for 16 parts and grows with their third power.
+/// Most parts of a job with a time figure: the program takes 50 to 200 ms for 16 parts and grows with their third
+/// power.
 const MOST_PARTS: usize = 16;
 
-/// The least plate time by rotations from `starts_m` to `targets_m`, s: the relaxed program over the library at the flows of
-/// the start, which is no strict bound. It is the figure of rotations for jobs by synthesised fields, too.
+/// Least plate time by rotations from `starts_m` to `targets_m`, s: the relaxed program over the library at the flows
+/// of the start, which is not a strict bound. Jobs by synthesised fields have the figure of rotations, too.
 ///
-/// `None` for tasks whose parts follow paths or stay where they are, for more than 16 parts, and where the library cannot
-/// make the steps.
+/// `None` for tasks whose parts follow paths or stay at their places, for more than 16 parts, and where the library
+/// cannot make the steps.
 pub(super) fn time_figure_s(
     job: &JobSpec,
     library: &Arc<Library>,
@@ -41,8 +42,8 @@ pub(super) fn time_figure_s(
     RotationPlanner::new(Arc::clone(library), params.planner).least_time_s(&parts)
 }
 
-/// Positions and final targets at the first look of a run. The figure is computed once the run has ended, so that it
-/// costs the run no time.
+/// Positions and final targets at the first look of a run. The figure is computed after the run, so that it costs the
+/// run no time.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FirstLook {
     observed_m: Vec<Vec2>,
@@ -50,7 +51,7 @@ pub(super) struct FirstLook {
 }
 
 impl FirstLook {
-    /// The time figure of the run; `None` too for a run that ended in its first cycle.
+    /// Time figure of the run; also `None` for a run that ended in its first cycle.
     pub fn time_figure_s(&self, job: &JobSpec, library: &Arc<Library>, params: &ControlParams) -> Option<f64> {
         time_figure_s(job, library, params, &self.observed_m, &self.targets_m)
     }
@@ -74,7 +75,7 @@ mod tests {
     use crate::config::Origin;
     use crate::run::{Bench, job_library};
 
-    /// The figure of a job of pennies on `upm-2`, from where they are placed to `targets_m`.
+    /// Time figure of a job of pennies on `upm-2`, from their starts to `targets_m`.
     fn figure(pennies: &[[f64; 2]], task: Value, targets_m: &[Vec2]) -> Option<f64> {
         let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
         let parts: Vec<Value> = pennies.iter().map(|at| json!({"kind": "penny", "position_mm": at})).collect();

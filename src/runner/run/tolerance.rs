@@ -1,4 +1,4 @@
-//! The tolerance that a job can hold on its rig.
+//! Finest tolerance that a job can hold on its rig.
 
 use std::f64::consts::SQRT_2;
 
@@ -12,33 +12,34 @@ use upm_planner::Method;
 /// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise and
 /// lens included.
 const SENSING_PX: f64 = 0.01;
-/// What every planner leaves of a way: a shorter step gets no pulse, m.
+/// Longest residual displacement that every planner leaves, since shorter steps get no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
-/// Scatter of a part along one axis after a synthesised field, m; the library has none. In runs on `upm-2` parts end 0.05 mm
-/// off at random in both axes together, as rehearsals draw it.
+/// Scatter of a part along one axis after a synthesised field, m; the library has no such figure. In runs on `upm-2`
+/// parts end 0.05 mm off at random in both axes together, as rehearsals draw it.
 const FIELD_SCATTER_M: f64 = 0.035e-3;
-/// Standard deviations of sensing and scatter that a part may be off on top.
+/// Number of standard deviations of sensing and scatter that are allowed for.
 const DEVIATIONS: f64 = 3.0;
-/// A part of a hold that has drifted is brought back to half of its tolerance.
+/// Share of the tolerance to which a hold brings back a part that has drifted.
 const BROUGHT_BACK: f64 = 0.5;
 
-/// The finest tolerance that the parts of `job` can hold, m: the way that the planner leaves, and three standard deviations
-/// of sensing and scatter, all within the share of the tolerance in which a part is seen to have arrived:
+/// Finest tolerance that the parts of `job` can hold, m: the displacement that the planner leaves plus three standard
+/// deviations of sensing and scatter must fit in the share of the tolerance within which a part is measured to have
+/// arrived:
 ///
 /// `(left + 3 hypot(sensing, scatter)) / 0.9`
 ///
-/// A synthesised field leaves 0.15 mm of each part's way. Rotations leave √2 times that where there are several parts,
-/// since each pulse for one of them moves the others, and scatter as the library's shortest useful pulses do. On `upm-2`
-/// that gives 0.29 mm by fields and 0.28 mm by rotations. Runs of arrange-2 and arrange-4 that reached their goal, with
-/// seeds 1 to 3, and 1 to 6 from 0.22 mm on:
+/// A synthesised field leaves 0.15 mm of each part's displacement. Rotations leave √2 times that if there are several
+/// parts, since each pulse for one of them moves the others, and scatter like the library's shortest useful pulses. On
+/// `upm-2` that gives 0.29 mm by fields and 0.28 mm by rotations. Runs of arrange-2 and arrange-4 that reached their
+/// goal, with seeds 1 to 3, and 1 to 6 from 0.22 mm on:
 ///
 /// | tolerance, mm | 0.05 | 0.1 | 0.15 | 0.2 | 0.22 | 0.28 |
 /// |---|---|---|---|---|---|---|
 /// | fields | 0 of 6 | 2 of 6 | 3 of 6 | 5 of 6 | 11 of 12 | 12 of 12 |
 /// | rotations | 0 of 6 | 0 of 6 | 1 of 6 | 2 of 6 | 10 of 12 | 12 of 12 |
 ///
-/// A hold brings parts back to half of its tolerance, and has the time for another try: what is left must fit in there.
-/// `None` for sorting, whose bins are larger than any such distance.
+/// A hold brings parts back to half of its tolerance and has time for further attempts, so the displacement left must
+/// fit in that half. `None` for sorting, whose bins are larger than any such distance.
 pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64> {
     let parts: usize = job.parts.iter().map(|group| group.count).sum();
     let (left_m, scatter_m) = match PlannerSelection::of(job).method {
@@ -57,8 +58,8 @@ pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64
     }
 }
 
-/// Scatter of the shortest useful pulses: the root mean square over the speeds of the standard deviation of the shortest
-/// pulse that carries a part far enough to be worth one, m.
+/// Scatter of the shortest useful pulses: the root mean square over the speeds of the standard deviation of the
+/// shortest pulse whose displacement is worth a pulse, m.
 fn scatter_m(model: &DisplacementModel) -> f64 {
     let shortest = |(distances, sds): (&Vec<f64>, &Vec<f64>)| {
         let at = distances.iter().position(|&distance_m| distance_m >= MIN_DISTANCE_M)?;
@@ -68,7 +69,7 @@ fn scatter_m(model: &DisplacementModel) -> f64 {
     (sds.iter().map(|sd| sd * sd).sum::<f64>() / sds.len().max(1) as f64).sqrt()
 }
 
-/// A warning for a job whose tolerance is finer than it can hold, in the form of a fault. The job stays valid: a run may
+/// Warning, in the form of a fault, for a job whose tolerance is finer than it can hold. The job stays valid: a run may
 /// reach its goal by luck, and ends where it makes no progress.
 pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Fault> {
     let finest_mm = (100.0 * mm_from_m(finest_tolerance_m(job, library)?)).ceil() / 100.0;

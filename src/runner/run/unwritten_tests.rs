@@ -9,7 +9,7 @@ use upm_control::FrameFacts;
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
 
-/// Takes the name under which the report is begun, in every folder of `out`.
+/// Blocks the temporary name of the report in every folder of `out`.
 struct InTheWay<'a>(&'a Path);
 
 impl Sink for InTheWay<'_> {

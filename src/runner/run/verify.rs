@@ -15,52 +15,52 @@ use upm_core::job::{RecordingEnd, StopCause, legacy};
 use upm_core::time::StoppedClock;
 use upm_recording::{Fanout, Journal};
 
-/// The event of a stop stands among the last lines of a journal; after it come its cause, what became of the recording,
-/// and a cycle that never ended.
+/// Number of lines at the end of a journal among which the event of a stop is found; it is followed by its cause, the
+/// events of the recording, and a cycle that never ended.
 const TAIL_LINES: usize = 6;
 
-/// What comparing a run with its repetition showed.
+/// Result of the comparison of a run with its repetition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Byte for byte the same journal.
+    /// The journals are byte for byte equal.
     Equal {
-        /// Lines compared.
+        /// Number of lines compared.
         lines: usize,
-        /// True when the run was stopped from outside, and compared up to there.
+        /// True if the run was stopped from outside and compared up to there.
         stopped: bool,
     },
-    /// The journals part ways.
+    /// The journals differ.
     Differs {
         /// First line that differs, from 1.
         line: usize,
-        /// What the run folder says there.
+        /// That line in the run folder.
         recorded: String,
-        /// What the repetition says there.
+        /// That line in the repetition.
         repeated: String,
     },
 }
 
-/// Why a run could not be repeated.
+/// Reason why a run could not be repeated.
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// A file of the run folder is missing or unreadable.
     #[error("{path}: {reason}")]
     Read {
-        /// Which.
+        /// Path of the file.
         path: String,
-        /// Why.
+        /// Cause of the failure.
         reason: String,
     },
     /// The job in `effective.json` is not valid.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Job(Vec<Fault>),
-    /// It cannot be run.
+    /// The job cannot be run.
     #[error(transparent)]
     Run(#[from] RunError),
 }
 
-/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when it is known
-/// how they compare, or `stop` is set. A run that was stopped from outside is compared as far as it went.
+/// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when the result
+/// is known or `stop` is set. A run that was stopped from outside is compared up to the stop.
 pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verdict, VerifyError> {
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
@@ -113,11 +113,11 @@ fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
     JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
 }
 
-/// Takes the journal of the repetition, a line a write, and holds it against the recorded one.
+/// Writer of the repetition's journal, one line per write, which compares it with the recorded one.
 struct Repetition<'a> {
     recorded: Vec<&'a str>,
     stopped: bool,
-    /// Lines that are equal.
+    /// Number of equal lines so far.
     equal: usize,
     differs: Option<Verdict>,
     /// Set when no further line can change the verdict.
@@ -138,7 +138,7 @@ impl<'a> Repetition<'a> {
         this
     }
 
-    /// All of a stopped run has been repeated: what comes then, it cannot know of.
+    /// True if all of a stopped run has been repeated; the repetition has no counterpart to the lines after that.
     fn is_through(&self) -> bool {
         self.stopped && self.equal == self.recorded.len()
     }
@@ -183,7 +183,7 @@ impl Write for Repetition<'_> {
     }
 }
 
-/// An event of a journal; those of 0.1.0 have no code.
+/// An event of a journal; events of 0.1.0 have no code.
 #[derive(Deserialize)]
 struct EventLine<'a> {
     #[serde(rename = "type", borrow)]
@@ -197,12 +197,12 @@ struct EventLine<'a> {
 }
 
 impl<'a> EventLine<'a> {
-    /// `None` for a line that is no event.
+    /// `None` if the line is not an event.
     fn of(line: &'a str) -> Option<Self> {
         serde_json::from_str(line).ok().filter(|line: &Self| line.kind == "event")
     }
 
-    /// True where it says what became of the recording, which the disk decides and not the run.
+    /// True for an event about the end of the recording, which depends on the disk and not on the run.
     fn is_of_recording(&self) -> bool {
         match self.code.as_deref() {
             Some(code) => RecordingEnd::of_code(code).is_some(),
@@ -210,7 +210,7 @@ impl<'a> EventLine<'a> {
         }
     }
 
-    /// True where something outside the run ended it.
+    /// True for an event of a stop from outside the run.
     fn is_external_stop(&self) -> bool {
         match (&self.outcome, self.code.as_deref()) {
             (Some(_), Some(code)) => StopCause::of_code(code).is_some_and(StopCause::is_external),
@@ -220,8 +220,8 @@ impl<'a> EventLine<'a> {
     }
 }
 
-/// Lines up to the stop from outside; `None` for a run that was not stopped. What follows, the event and a cycle that
-/// never ended, the repetition cannot know of.
+/// Number of lines before the stop from outside; `None` for a run that was not stopped. The lines after it, the event
+/// and a cycle that never ended, have no counterpart in the repetition.
 fn lines_before_stop(journal: &[&str]) -> Option<usize> {
     let is_stop = |&at: &usize| EventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
     (journal.len().saturating_sub(TAIL_LINES)..journal.len()).find(is_stop)

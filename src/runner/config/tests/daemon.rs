@@ -23,7 +23,7 @@ fn the_shipped_daemon_has_three_plates_each_with_its_library() {
     assert!(spec.plates.iter().all(|plate| plate.library.exists()));
     assert_eq!(spec.default_plate.as_deref(), Some("upm-2"));
     let [strong, evening] = ["upm-2", "upm-2-evening"].map(|name| spec.plate(name).unwrap());
-    // one library serves both: they differ in light and friction alone
+    // one library serves both: they differ only in light and friction
     assert_eq!(strong.rig.fingerprint, evening.rig.fingerprint);
     assert_eq!(strong.rig.model.name, evening.rig.model.name);
     assert_ne!(strong.rig.raw.friction, evening.rig.raw.friction);

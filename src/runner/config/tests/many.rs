@@ -1,4 +1,4 @@
-//! Jobs for many parts: what is shipped, and what is refused with the numbers that clash.
+//! Jobs for many parts: the shipped ones, and ones refused with the numbers that conflict.
 
 use serde_json::{Value, json};
 

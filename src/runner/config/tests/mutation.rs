@@ -35,7 +35,7 @@ fn anything() -> impl Strategy<Value = Value> {
     })
 }
 
-/// Every place in a document, by JSON pointer.
+/// JSON pointers of all values in a document.
 fn places(document: &Value, at: &str, out: &mut Vec<String>) {
     out.push(at.to_owned());
     for (key, member) in document.as_object().into_iter().flatten().filter(|(key, _)| !key.contains(['/', '~'])) {
@@ -65,7 +65,7 @@ fn experiment() -> Value {
     })
 }
 
-/// Reads `text` as everything; faults are one line each and there is at least one where it is refused.
+/// Reads `text` as every kind of document; a refusal has at least one fault, each on one line.
 fn read(text: &str) -> Result<(), TestCaseError> {
     fn refused<T>(result: Result<T, Vec<Fault>>) -> Result<Option<T>, TestCaseError> {
         match result {

@@ -66,7 +66,7 @@ fn no_room_is_a_fault_not_a_hang() {
     rig["kinds"] = json!({"puck": {"diameter_mm": 45, "mass_g": 80, "thickness_mm": 2}});
     let mut document = mixed(json!([{"kind": "puck", "count": 16}]));
     document["rig"] = rig;
-    // the bounds let 16 pass, for they fit side by side; not so at random
+    // the bounds admit 16, which fit side by side, but not at random positions
     let spec = job(&document).unwrap();
     let fault = place_parts(&spec, Streams::new(1)).unwrap_err();
     assert_eq!(fault.path, "parts");

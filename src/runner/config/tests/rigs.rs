@@ -34,7 +34,7 @@ fn the_first_rig_is_weak_and_the_second_is_not() {
     assert!((strong.count_limit * strong.newtons_per_count - 222.0).abs() < 1e-4);
 }
 
-/// Largest acceleration any accelerometer channel can see: all motors at their limit, signs at their worst.
+/// Largest acceleration at any accelerometer channel: all motors at their limit, with the worst signs.
 #[test]
 fn accelerometers_are_not_driven_out_of_range() {
     for name in ["rigs/upm-1.json", "rigs/upm-2.json"] {

@@ -1,4 +1,4 @@
-//! Small calibrations of a rig with one fault each: refused with the right cause.
+//! Small calibrations of a rig with one fault each, which must be refused with the right cause.
 
 use super::tests::small;
 use super::*;
@@ -7,21 +7,21 @@ use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame, Motor, Shaping};
 use upm_core::time::PlateTime;
 
-/// What is done to a drive before it is played, and to a trace before it is read.
+/// Alteration of a drive before it is played, or of a trace or frame before it is read.
 enum Alteration {
     /// None.
     Nothing,
-    /// Coil and what its force is multiplied by.
+    /// Coil and factor of its force.
     Coil(usize, f64),
-    /// Two coils that are exchanged.
+    /// Two coils to be exchanged.
     Swap(usize, usize),
-    /// Channel and what its counts are multiplied by.
+    /// Channel and factor of its counts.
     Channel(usize, f64),
-    /// What the camera sees stands still.
+    /// The camera repeats the same picture.
     Camera,
 }
 
-/// A simulated rig that is altered from a plate time on.
+/// A simulated rig with an alteration from a plate time on.
 struct AlteredRig {
     rig: SimRig,
     from_s: f64,
@@ -196,8 +196,8 @@ fn accelerometer_channel_of_another_gain_is_refused_by_name() {
     assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: ChannelFault::Gain { .. } }), "{fault}");
 }
 
-/// Plate times of the small calibration: steps of the coins are measured from 48 s to 120 s, centres from there to 126
-/// s.
+/// Plate time within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s to
+/// 126 s.
 const DURING_STEPS_S: f64 = 60.0;
 const DURING_CENTRES_S: f64 = 121.0;
 

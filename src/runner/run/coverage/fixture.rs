@@ -1,11 +1,11 @@
-//! A library without a rig for tests: few belts, distances by hand.
+//! Synthetic library for tests, without a rig: few belt speeds, with distances chosen by hand.
 
 use upm_core::geometry::Twist;
 use upm_library::{DisplacementModel, Library};
 
 pub const HALF_M: f64 = 0.1;
 
-/// Steps of 1 to 10 mm and 2 to 20 mm on belts of 0.1 and 0.5 m/s, a tenth of them as standard deviation.
+/// Steps of 1 to 10 mm and 2 to 20 mm on belts of 0.1 and 0.5 m/s, with standard deviations of a tenth of the step.
 pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
     let distance_m = vec![vec![0.001, 0.01], vec![0.002, 0.02]];
     let displacement = DisplacementModel {

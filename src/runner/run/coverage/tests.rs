@@ -34,7 +34,7 @@ fn between_two_axes_both_do_their_part() {
     }
     let leaning = Coverage::of(&library([along(0.5, 0.0), along(0.0, 0.1)]));
     let weakest = leaning.weakest().unwrap();
-    // 20 mm along x, 10 mm along y: both do the same where 2 |x| = |y|
+    // 20 mm along x, 10 mm along y: the two entries are equally strong where 2 |x| = |y|
     assert!((weakest.weakest_direction.y - 2.0 / 5f64.sqrt()).abs() < 0.01, "{weakest:?}");
     assert!((weakest.longest_step_m - 0.02 / 5f64.sqrt()).abs() < 0.0002, "{weakest:?}");
     assert!((weakest.shortest_step_m.unwrap() - 0.002 / 5f64.sqrt()).abs() < 0.00001, "1 mm along y: {weakest:?}");
@@ -79,7 +79,7 @@ proptest! {
         for place in &coverage.places {
             let step = |entry: usize| made.displacement_at(entry, place.position_m, 0.2).dot(&direction).abs();
             let longest = (0..made.entries.len()).map(step).fold(0.0, f64::max);
-            // half a degree between the directions that were looked at
+            // the sampled directions are half a degree apart
             prop_assert!(place.longest_step_m <= longest + 0.009 * 0.02, "{longest} {place:?}");
             prop_assert!(place.shortest_step_m.is_none_or(|shortest| shortest <= place.longest_step_m + 1e-12));
         }

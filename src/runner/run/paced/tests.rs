@@ -9,7 +9,7 @@ use upm_core::signal::Envelope;
 const PERIOD_NS: u64 = 16_666_667;
 const PERIOD: Duration = Duration::from_nanos(PERIOD_NS);
 
-/// A clock and a rig of one frame every period, whose capture takes a given time on that clock.
+/// A clock, and a rig with one frame per period whose capture takes a given time on that clock.
 #[derive(Default)]
 struct World {
     clock_ns: Cell<u64>,
@@ -100,7 +100,7 @@ impl Rig for MadeUp<'_> {
     }
 }
 
-/// Sounds for 0.3 s and rests as long.
+/// A pulse that sounds for 0.3 s and rests as long.
 fn pulse() -> Drive {
     let envelope = Envelope { attack_s: 0.05, sustain_s: 0.2, rest_s: 0.3 };
     Drive { base_radps: 377.0, envelope, ..Drive::default() }

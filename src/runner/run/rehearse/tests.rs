@@ -16,7 +16,7 @@ fn along_x_alone_nothing_goes_up() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)]);
     let one = Independence::of_rotations(&made, &[Vec2::new(0.02, 0.03)]);
     let [first, second] = one.singular_values[..] else { panic!("{one:?}") };
-    // two columns of length 1: both count a metre of the fastest part
+    // two columns of length 1: each counts one metre of the fastest part
     assert!((first - 2f64.sqrt()).abs() < 1e-12 && second < 1e-7 && one.share() < 1e-7, "{one:?}");
     let (part, direction) = one.weakest.unwrap();
     assert!(part == 0 && direction.x.abs() < 1e-9 && (direction.y.abs() - 1.0).abs() < 1e-9, "{one:?}");
