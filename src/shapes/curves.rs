@@ -1,18 +1,18 @@
-//! Closed curves as chains of points that begin and end at the same one. How many there are does not depend on the size, so
-//! that a curve twice as large has the same points twice as far out.
+//! Closed curves as polylines that end at their first point. The number of points does not depend on the size, so a
+//! curve scaled by two has the same points at twice the distance from its centre.
 
 use std::f64::consts::TAU;
 
 use super::TOLERANCE_M;
 use upm_core::geometry::Vec2;
 
-/// Pieces of a circle: one a degree, which is within the tolerance up to a radius of 1.3 m.
+/// Segments of a circle: one per degree, within the tolerance up to a radius of 1.3 m.
 const CIRCLE_PIECES: usize = 360;
 
-/// The largest figure that is kept to within the tolerance, m.
+/// Largest figure for which the tolerance holds, m.
 const LARGEST_M: f64 = 1.0;
 
-/// Once round a circle, from `start_rad`, counter-clockwise or clockwise. All points are on the circle.
+/// One turn of a circle from `start_rad`, counter-clockwise or clockwise. All points are on the circle.
 pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: bool) -> Vec<Vec2> {
     let way_rad = if clockwise { -TAU } else { TAU };
     closed(CIRCLE_PIECES, |share| {
@@ -24,18 +24,18 @@ pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: boo
 /// The figure `x = w/2 sin(a t + phase)`, `y = h/2 sin(b t)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lissajous {
-    /// Middle, m.
+    /// Centre, m.
     pub center_m: Vec2,
     /// Width and height, m.
     pub size_m: Vec2,
-    /// `a` and `b`, without a common factor.
+    /// Coprime frequencies `a` and `b`.
     pub frequencies: [u32; 2],
-    /// Phase of x at the start.
+    /// Phase of x at the start, rad.
     pub phase_rad: f64,
 }
 
 impl Lissajous {
-    /// Once round.
+    /// One period of the figure as a closed polyline, m.
     pub fn path(&self) -> Vec<Vec2> {
         let [a, b] = self.frequencies.map(f64::from);
         let reach_m = 0.5 * self.size_m;
@@ -46,8 +46,8 @@ impl Lissajous {
         })
     }
 
-    /// A piece over a time of h is at most `h²/8` times the greatest acceleration off the curve. Without a phase there is
-    /// a point wherever x or y is greatest.
+    /// Number of segments. A segment over a time h deviates from the curve by at most `h²/8` times the greatest
+    /// acceleration. Without a phase there is a point wherever x or y is greatest.
     fn pieces(&self) -> usize {
         let [a, b] = self.frequencies.map(f64::from);
         let most = 0.5 * LARGEST_M * Vec2::new(a * a, b * b).norm();
@@ -56,13 +56,13 @@ impl Lissajous {
     }
 }
 
-/// The curve in `pieces` pieces.
+/// Closed polyline with `pieces` segments.
 fn closed(pieces: usize, at_share: impl Fn(f64) -> Vec2) -> Vec<Vec2> {
-    // the last point is the first to the last bit
+    // the last point equals the first bit for bit
     (0..=pieces).map(|i| at_share((i % pieces) as f64 / pieces as f64)).collect()
 }
 
-/// The closed line through `points_m` and back to the first, begun and ended at `share` of its length.
+/// Closed polyline through `points_m` and back to the first, rotated to begin and end at `share` of its length.
 pub fn closed_from(points_m: &[Vec2], share: f64) -> Vec<Vec2> {
     let mut around: Vec<Vec2> = points_m.to_vec();
     around.extend(points_m.first());

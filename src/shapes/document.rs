@@ -5,16 +5,15 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::svg::parsed;
 
-/// Most nodes of a document.
+/// Most nodes of a document; larger ones are rejected.
 const MOST_NODES: u32 = 100_000;
 
-/// Elements whose content is drawn elsewhere, if at all.
+/// Elements whose content is not drawn where it is defined.
 const NOT_DRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "symbol"];
 
-/// Path data of every `path` element of an SVG document in document order, with its transforms carried out.
+/// Path data of every `path` element of an SVG document in document order, with its transforms applied.
 ///
-/// # Errors
-/// What is wrong, in words.
+/// # Errors A message about the first fault of the document.
 pub fn path_data_of(document: &str) -> Result<String, String> {
     let options = ParsingOptions { allow_dtd: true, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(document, options).map_err(|error| error.to_string())?;
@@ -31,7 +30,7 @@ pub fn path_data_of(document: &str) -> Result<String, String> {
     Ok(whole.to_svg())
 }
 
-/// True for an element of this name, in the namespace of SVG or in none.
+/// True for an element of this name, in the namespace of SVG or without one.
 fn is_element(node: Node<'_, '_>, name: &str) -> bool {
     node.is_element() && node.tag_name().name() == name
 }
@@ -40,7 +39,7 @@ fn is_hidden(node: Node<'_, '_>) -> bool {
     node.ancestors().any(|above| NOT_DRAWN.iter().any(|name| is_element(above, name)))
 }
 
-/// From the coordinates of `node` to those of the document.
+/// Transform from the coordinates of `node` to those of the document.
 fn transform_of(node: Node<'_, '_>) -> Result<Affine, String> {
     let mut written = node.ancestors().filter_map(|above| above.attribute("transform"));
     written.try_fold(Affine::IDENTITY, |inner, text| {

@@ -2,20 +2,20 @@ use kurbo::{BezPath, ParamCurve, PathEl, PathSeg};
 
 use upm_core::geometry::{Polyline, Vec2};
 
-/// Greatest distance between a curve and the straight pieces that stand in for it, in sizes of the drawing. No plate has
-/// room for a drawing of 1 m, so it is less than [`super::TOLERANCE_M`].
+/// Greatest distance between a curve and its polyline, in sizes of the drawing. A drawing of 1 m fits on no plate, so
+/// the distance stays below [`super::TOLERANCE_M`].
 const TOLERANCE: f64 = 5e-5;
 
-/// Points nearer to each other than this are one, in sizes of the drawing.
+/// Distance within which points count as equal, in sizes of the drawing.
 const SAME: f64 = 1e-6;
 
-/// Gaps that differ by less than this part are equally wide.
+/// Relative difference within which gaps count as equal.
 const SAME_GAP: f64 = 1e-6;
 
-/// Cosine of the least turn that counts as a corner, 30 degrees.
+/// Cosine of the smallest turn that counts as a corner, 30 degrees.
 const COS_CORNER: f64 = 0.866;
 
-/// Lines with knots: points that always get a place. Between knots places are spread evenly by arc length.
+/// A drawing of lines with knots, which always get a place. Between knots, places are spread evenly by arc length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     stretches: Vec<Stretch>,
@@ -25,25 +25,25 @@ pub struct Drawing {
     center_m: Vec2,
 }
 
-/// A line from knot to knot, in sizes of the drawing from its middle.
+/// A line between two knots, in sizes of the drawing from its middle.
 #[derive(Clone, Debug, PartialEq)]
 struct Stretch {
     line: Polyline,
-    /// The knots at its ends; the same one on a closed line.
+    /// Indices of the knots at its ends; equal on a closed line.
     ends: [usize; 2],
 }
 
-/// Which points of a path are knots.
+/// Choice of the points of a path that become knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Knots {
-    /// The ends of its lines; on a closed line the point where it begins.
+    /// Ends of lines; on a closed line its first point.
     Ends,
-    /// Corners, and points that its lines have in common, too.
+    /// Ends, corners, and points shared by lines.
     EndsCornersJunctions,
 }
 
 impl Drawing {
-    /// The lines of `path`, whose size is 1 and whose middle the origin, `size_m` large and with the middle at `center_m`.
+    /// Drawing of `path`, which has size 1 about the origin, scaled to `size_m` about `center_m`.
     pub(super) fn of_path(path: &BezPath, knots: Knots, size_m: f64, center_m: Vec2) -> Self {
         let lines = lines_of(path);
         let shared = if knots == Knots::Ends { Vec::new() } else { junctions(&lines) };
@@ -70,12 +70,12 @@ impl Drawing {
         self.center_m
     }
 
-    /// Number of knots: the fewest places that the drawing can have.
+    /// Number of knots, which is the least number of places.
     pub fn fewest(&self) -> usize {
         self.knots
     }
 
-    /// The one line of the drawing, m; `None` where it has several.
+    /// The only line of the drawing, m; `None` if it has several.
     pub fn single_line(&self) -> Option<Vec<Vec2>> {
         match self.stretches.as_slice() {
             [only] => Some(only.line.points_m().iter().map(|point| self.in_table(*point)).collect()),
@@ -84,7 +84,7 @@ impl Drawing {
     }
 
     /// `count` places, m: one at every knot, and the others such that the widest gap along the lines is as narrow as
-    /// it can be. `None` for fewer than [`Drawing::fewest`].
+    /// possible. `None` for fewer than [`Drawing::fewest`].
     pub fn places(&self, count: usize) -> Option<Vec<Vec2>> {
         let more = count.checked_sub(self.knots)?;
         let gaps = self.gaps(more).filter(|gaps| !gaps.is_empty())?;
@@ -102,7 +102,7 @@ impl Drawing {
         Some(places_m)
     }
 
-    /// How many gaps each stretch has when `more` places are added to its ends, one after another in the widest gap.
+    /// Number of gaps of each stretch after adding `more` places, one after another in the widest gap.
     fn gaps(&self, more: usize) -> Option<Vec<usize>> {
         let mut gaps = vec![1; self.stretches.len()];
         for _ in 0..more {
@@ -115,7 +115,7 @@ impl Drawing {
     }
 }
 
-/// The segments of every line of `path` as chains of points. Segments without length are left out.
+/// Segments of every line of `path` as polylines; segments of no length are left out.
 fn lines_of(path: &BezPath) -> Vec<Vec<Vec<Vec2>>> {
     let has_length = |chain: &Vec<Vec2>| chain.windows(2).any(|pair| (pair[1] - pair[0]).norm() > SAME);
     path.subpaths()
@@ -133,7 +133,7 @@ fn flattened(segment: PathSeg) -> Vec<Vec2> {
     points
 }
 
-/// Points at which ends of segments meet other than one after another.
+/// Points at which ends of segments meet that are not consecutive.
 fn junctions(lines: &[Vec<Vec<Vec2>>]) -> Vec<Vec2> {
     let starts = lines.iter().filter_map(|line| line.first()?.first());
     let ends = lines.iter().flatten().filter_map(|segment| segment.last());
@@ -146,7 +146,7 @@ fn junctions(lines: &[Vec<Vec<Vec2>>]) -> Vec<Vec2> {
     shared
 }
 
-/// True where the line has a corner between two segments.
+/// True if the line has a corner between two consecutive segments.
 fn turns(before: &[Vec2], after: &[Vec2]) -> bool {
     let (Some([.., a, b]), Some([c, d, ..])) = (before.last_chunk::<2>(), after.first_chunk::<2>()) else {
         return false;
@@ -159,7 +159,7 @@ fn contains(points: &[Vec2], point: &Vec2) -> bool {
     points.iter().any(|other| (other - point).norm() <= SAME)
 }
 
-/// Index of the knot at `point`, which is added where it is new.
+/// Index of the knot at `point`, added if it is new.
 fn knot(knots: &mut Vec<Vec2>, point: Vec2) -> usize {
     knots.iter().position(|knot| (knot - point).norm() <= SAME).unwrap_or_else(|| {
         knots.push(point);
@@ -167,7 +167,7 @@ fn knot(knots: &mut Vec<Vec2>, point: Vec2) -> usize {
     })
 }
 
-/// The chains as one.
+/// The consecutive polylines joined into one.
 fn joined(chains: &[Vec<Vec2>]) -> Vec<Vec2> {
     let first = chains.first().and_then(|chain| chain.first()).copied();
     first.into_iter().chain(chains.iter().flat_map(|chain| chain.iter().skip(1).copied())).collect()

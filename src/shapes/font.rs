@@ -1,4 +1,4 @@
-//! The stroke font: capitals, digits and a few signs, drawn for places rather than for ink.
+//! Stroke font of capitals, digits and a few signs, designed for placing parts along its lines.
 
 use kurbo::{Affine, BezPath, Shape};
 use thiserror::Error;
@@ -11,13 +11,13 @@ use upm_core::geometry::Vec2;
 /// Height of a capital in the units of [`GLYPHS`].
 const CAPITAL: f64 = 4.0;
 
-/// From the right of a letter to the left of the next, in the same units.
+/// Gap between two letters, in the same units.
 const BETWEEN: f64 = 1.8;
 
 /// Width of a space, in the same units.
 const SPACE: f64 = 1.2;
 
-/// Letters as SVG path data in which y goes up, from 0 to [`CAPITAL`]. Lines that touch do so at ends of their segments:
+/// Letters as SVG path data with y upwards, from 0 to [`CAPITAL`]. Lines touch only at ends of their segments, so that
 /// those points become knots.
 const GLYPHS: &[(char, &str)] = &[
     ('A', "M0 0 L.4375 1.4 L1.25 4 L2.0625 1.4 L2.5 0 M.4375 1.4 H2.0625"),
@@ -61,21 +61,20 @@ const GLYPHS: &[(char, &str)] = &[
     ('/', "M0 0 L2 4"),
 ];
 
-/// A letter that the font has not.
+/// Error: the font lacks this letter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("no letter {0:?} in the stroke font")]
 pub struct UnknownLetter(pub char);
 
-/// Every letter of the font, the space left out.
+/// All letters of the font except the space.
 pub fn known_letters() -> impl Iterator<Item = char> {
     GLYPHS.iter().map(|(letter, _)| *letter)
 }
 
 impl Drawing {
-    /// One line of text, its capitals `height_m` high, its middle at `center_m`. Small letters are drawn as capitals.
+    /// One line of text with capitals of `height_m`, centred at `center_m`. Small letters are drawn as capitals.
     ///
-    /// # Errors
-    /// The first letter that the font has not.
+    /// # Errors The first letter that the font lacks.
     pub fn of_text(text: &str, height_m: f64, center_m: Vec2) -> Result<Self, UnknownLetter> {
         let (mut path, mut at, mut right) = (BezPath::new(), 0.0, 0.0);
         for letter in text.chars() {

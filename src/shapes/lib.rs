@@ -1,5 +1,5 @@
-//! Shapes as people name them: lines, grids, circles, letters of a stroke font, SVG paths, Lissajous figures. [`Pattern`]
-//! spreads places over a shape, the closed curves lead a part along one. A shape knows neither plates nor parts.
+//! Shapes by name: lines, grids, circles, letters of a stroke font, SVG paths, Lissajous figures. [`Pattern`] spreads
+//! places over a shape; closed curves are paths for a part. Shapes are independent of plates and parts.
 //!
 //! ```
 //! use upm_core::geometry::Vec2;
@@ -23,5 +23,5 @@ pub use font::{UnknownLetter, known_letters};
 pub use pattern::Pattern;
 pub use svg::{Size, SvgError};
 
-/// Greatest distance between a curve and the straight pieces that stand in for it, m.
+/// Greatest distance between a curve and its polyline, m.
 pub const TOLERANCE_M: f64 = 5e-5;

@@ -3,10 +3,10 @@ use std::f64::consts::TAU;
 use super::Drawing;
 use upm_core::geometry::Vec2;
 
-/// A rule that gives any number of places.
+/// Rule that generates any number of places.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pattern {
-    /// Evenly from one point to another, both included; a single place is in the middle.
+    /// Evenly spaced from one point to another, both included; a single place is in the middle.
     Line {
         /// First place, m.
         from_m: Vec2,
@@ -15,7 +15,7 @@ pub enum Pattern {
     },
     /// Row by row from the top left. Where one of `rows` and `columns` is `None`, it follows from the number of places.
     Grid {
-        /// Middle of the whole grid, m.
+        /// Centre of the grid, m.
         center_m: Vec2,
         /// Number of rows.
         rows: Option<usize>,
@@ -24,23 +24,23 @@ pub enum Pattern {
         /// Distance between neighbours along a row or a column, m.
         spacing_m: f64,
     },
-    /// Evenly round a circle.
+    /// Evenly spaced on a circle.
     Circle {
         /// Centre, m.
         center_m: Vec2,
         /// Radius, m.
         radius_m: f64,
-        /// Direction of the first place from the centre, counter-clockwise from x.
+        /// Direction of the first place from the centre, rad counter-clockwise from x.
         start_rad: f64,
-        /// Runs clockwise, not counter-clockwise.
+        /// True for clockwise order.
         clockwise: bool,
     },
-    /// Along the lines of a drawing.
+    /// Evenly spaced along the lines of a drawing.
     Drawn(Drawing),
 }
 
 impl Pattern {
-    /// The point about which the pattern grows when its size does, m.
+    /// Fixed point of the pattern when its size changes, m.
     pub fn center_m(&self) -> Vec2 {
         match self {
             Self::Line { from_m, to_m } => 0.5 * (from_m + to_m),
@@ -49,7 +49,7 @@ impl Pattern {
         }
     }
 
-    /// `count` places, m; `None` where the pattern has not that many, or needs more.
+    /// `count` places, m; `None` if the pattern has fewer places or needs more.
     pub fn places(&self, count: usize) -> Option<Vec<Vec2>> {
         match self {
             Self::Line { from_m, to_m } => {

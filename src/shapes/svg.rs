@@ -1,4 +1,4 @@
-//! SVG path data as a drawing. SVG has y downwards and the table upwards: a drawing looks as it does on a screen.
+//! Drawings from SVG path data. SVG has y downwards and the table upwards; drawings keep their orientation on a screen.
 
 use kurbo::{Affine, BezPath, Shape};
 use svgtypes::{SimplePathSegment, SimplifyingPathParser};
@@ -11,43 +11,43 @@ use upm_core::geometry::Vec2;
 /// Most lines of a drawing; no plate has parts for more.
 const MOST_LINES: usize = 256;
 
-/// Greatest ratio of a drawing's other side to the one whose length is given.
+/// Greatest ratio of a drawing's derived side to the side given.
 const MOST_SHAPE: f64 = 1e3;
 
-/// Extent of a drawing along one axis, m. The other follows.
+/// Extent of a drawing along one axis, m; the other extent follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Size {
-    /// Along x.
+    /// Extent along x, m.
     Width(f64),
-    /// Along y.
+    /// Extent along y, m.
     Height(f64),
 }
 
-/// Path data that is no drawing.
+/// Reason why path data is not a drawing.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SvgError {
-    /// It breaks the grammar of path data.
+    /// The path data violates the grammar.
     #[error("{0}")]
     Grammar(String),
-    /// A number in it is too large.
+    /// A number is too large.
     #[error("a number out of range")]
     Number,
-    /// It draws nothing.
+    /// The path data draws nothing.
     #[error("no line")]
     Empty,
-    /// It has more than [`MOST_LINES`].
+    /// The drawing has more than [`MOST_LINES`]; here their number.
     #[error("{0} lines")]
     Lines(usize),
-    /// It has no extent to speak of along the axis whose size is given.
+    /// The drawing has almost no extent along the axis whose size is given.
     #[error("a drawing with next to no extent along that axis")]
     Flat,
 }
 
 impl Drawing {
-    /// The lines that the path data `d` draws, `size` large with the middle of their extent at `center_m`.
+    /// Drawing of the path data `d`, scaled to `size`, with the middle of its extent at `center_m`.
     ///
-    /// # Errors
-    /// Where `d` is no path data or draws nothing of any size.
+    /// # Errors [`SvgError`] if `d` is not valid path data, has too many lines, draws nothing, or has no extent along
+    /// the given axis.
     pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, SvgError> {
         let mut path = parsed(d)?;
         let lines = path.subpaths().count();
@@ -73,7 +73,7 @@ impl Drawing {
     }
 }
 
-/// The path that `d` draws.
+/// Parsed path data.
 pub(super) fn parsed(d: &str) -> Result<BezPath, SvgError> {
     let mut path = BezPath::new();
     for segment in SimplifyingPathParser::from(d) {
