@@ -4,9 +4,9 @@
 //! cargo run --no-default-features --example draw_principle
 //! ```
 //!
-//! Arrows are displacements by a single pulse, at the scale of the plate. On the left they are what calibration measured
-//! for one entry of the library; on the right the planner searches one motion for six coins, and probe discs all over
-//! the plate are forecast under the same motion.
+//! Arrows are displacements by a single pulse, at the scale of the plate. On the left they were measured by calibration
+//! for one entry of the library; on the right the planner searches one motion for six coins, and the displacements of
+//! probe discs all over the plate are predicted for the same motion.
 
 use std::error::Error;
 use std::path::Path;
@@ -21,26 +21,26 @@ use upm::units::{m_from_mm, mm_from_m};
 /// Width of the picture and of each plate in it, px.
 const WIDTH_PX: f64 = 800.0;
 const PLATE_PX: f64 = 368.0;
-/// Upper edge of the plates and height of the picture, px.
+/// Top edge of the plates and height of the picture, px.
 const TOP_PX: f64 = 52.0;
 const HEIGHT_PX: f64 = 480.0;
-/// Places of arrows along a side of the plate.
+/// Number of arrows along a side of the plate.
 const ARROWS: usize = 15;
 /// Arrows shorter than this are not drawn, px.
 const SHORTEST_PX: f64 = 1.0;
-/// Widths of the arrows of the field and of the coins, px.
+/// Line widths of the field's arrows and of the coins, px.
 const THIN_PX: f64 = 1.1;
 const THICK_PX: f64 = 2.4;
 
 const PENNY_M: f64 = 9.525e-3;
-/// Wanted centre of rotation, mm: off the middle of the plate.
+/// Requested centre of rotation, mm: away from the middle of the plate.
 const CENTER_MM: [f64; 2] = [-62.0, 38.0];
-/// Sustain of the rotation's pulses, s, and how many of them carry the coins.
+/// Sustain of the rotation's pulses, s, and the number of pulses played on the coins.
 const SUSTAIN_S: f64 = 0.2;
 const PULSES: usize = 4;
 /// Coins on the left, mm.
 const CARRIED_MM: [[f64; 2]; 4] = [[-72.0, -16.0], [30.0, 50.0], [-104.0, 92.0], [60.0, -110.0]];
-/// Coins on the right and the step that each should make, mm.
+/// Coins on the right, each with its wanted step, mm.
 const STEERED_MM: [[[f64; 2]; 2]; 6] = [
     [[-96.0, 82.0], [22.0, 0.0]],
     [[4.0, 92.0], [0.0, -22.0]],
@@ -49,7 +49,7 @@ const STEERED_MM: [[[f64; 2]; 2]; 6] = [
     [[6.0, -12.0], [-20.0, -8.0]],
     [[76.0, -92.0], [14.0, 16.0]],
 ];
-/// Motions that are searched, each from other starts; the one that misses least is drawn.
+/// Number of searches for a motion, each from other starting values; the one with the least error is drawn.
 const SEARCHES: usize = 8;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -77,7 +77,7 @@ pub fn picture(library: &Arc<Library>) -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// The field of the entry whose centre is nearest to the wanted one, and coins carried by it.
+/// Panel of the entry whose centre is nearest to the requested one, with coins moved by it.
 fn rotation(library: &Library) -> Result<Panel, Box<dyn Error>> {
     let wanted_m = Vec2::from(CENTER_MM.map(m_from_mm));
     let fastest = library.entries.iter().map(|entry| entry.pump.spin_radps.abs()).fold(0.0, f64::max);
@@ -96,7 +96,7 @@ fn rotation(library: &Library) -> Result<Panel, Box<dyn Error>> {
     Ok(panel)
 }
 
-/// One motion for all coins on the right: its forecast for them, and for probe discs on a grid.
+/// Panel of one motion for all coins on the right: its forecast for them, and for probe discs on a grid.
 fn field(library: &Arc<Library>) -> Result<Panel, Box<dyn Error>> {
     let params = PlannerParams {
         half_side_m: 0.5 * library.plate_side_m,
@@ -128,7 +128,7 @@ fn field(library: &Arc<Library>) -> Result<Panel, Box<dyn Error>> {
     Ok(panel)
 }
 
-/// What the ends leave of the steps: root of the sum of squares, m.
+/// Error of the steps: root of the sum of squares, m.
 fn missed_m(coins: &[PartState], ends_m: &[Vec2]) -> f64 {
     let left = coins.iter().zip(ends_m).map(|(coin, end_m)| coin.position_m + coin.step_m - end_m);
     left.map(|left| left.norm_squared()).sum::<f64>().sqrt()
@@ -139,7 +139,7 @@ fn part(position_mm: [f64; 2], step_mm: [f64; 2]) -> PartState {
     PartState { position_m, step_m, radius_m: PENNY_M, gain: 1.0 }
 }
 
-/// A plate from above, drawn as elements of an SVG document; places are px from its upper left corner.
+/// A plate from above as elements of an SVG document; positions are px from its upper left corner.
 struct Panel {
     half_side_m: f64,
     drawn: String,
@@ -158,7 +158,7 @@ impl Panel {
         [self.half_side_m + p.x, self.half_side_m - p.y].map(|along_m| along_m * self.px_per_m())
     }
 
-    /// Places of arrows, half a pitch inside the edge.
+    /// Positions of the arrows, half a pitch inside the edge.
     fn grid(&self) -> impl Iterator<Item = Vec2> + use<> {
         let half_side_m = self.half_side_m;
         let at = move |i: usize| half_side_m * ((2 * i + 1) as f64 / ARROWS as f64 - 1.0);
@@ -170,7 +170,7 @@ impl Panel {
         self.drawn.push('\n');
     }
 
-    /// An arrow for each way; of those that leave the plate the part on it.
+    /// An arrow for each displacement; those that leave the plate are clipped with the panel.
     fn arrows(&mut self, ways: impl IntoIterator<Item = [Vec2; 2]>, color: Color, width_px: f64) {
         let (mut shafts, mut heads) = (String::new(), String::new());
         for [from_m, to_m] in ways {
@@ -206,7 +206,7 @@ impl Panel {
         ));
     }
 
-    /// A coin where it starts (dashed), its way, and where it ends (filled).
+    /// A coin at its start (dashed), its path, and at its end (filled).
     fn coin(&mut self, i: usize, places_m: &[Vec2]) {
         let (Some(&start_m), Some(&end_m)) = (places_m.first(), places_m.last()) else { return };
         let (radius, paint) = (PENNY_M * self.px_per_m(), hex(Color::nth(i)));
@@ -220,7 +220,8 @@ impl Panel {
         self.arrows(places_m.windows(2).map(|way| [way[0], way[1]]), Color::nth(i), THICK_PX);
     }
 
-    /// The finished panel with its left edge at `left_px`, a title above and a caption below. The inner element clips.
+    /// The finished panel with its left edge at `left_px`, a title above and a caption below, clipped by the inner
+    /// element.
     fn element(&self, left_px: f64, [title, caption]: [&str; 2]) -> String {
         let (middle, below) = (left_px + 0.5 * PLATE_PX, TOP_PX + PLATE_PX + 26.0);
         format!(

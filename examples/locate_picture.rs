@@ -1,4 +1,4 @@
-//! Finds the table and the coins in a picture: one from a file, or one that is rendered here and whose truth is known.
+//! Finds the table and the coins in a picture from a file, or in one rendered here with known truth.
 //!
 //! ```text
 //! cargo run --example locate_picture
@@ -14,7 +14,7 @@ use upm::signal::Frame;
 use upm::units::{INCH_M, mm_from_m};
 use upm::vision::{CoinFinder, Detection, locate_table};
 
-/// Side of the papers' small plate, m; a picture does not show how large its plate is.
+/// Side of the papers' small plate, m; a picture does not reveal the size of its plate.
 const PLATE_SIDE_M: f64 = 8.0 * INCH_M;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -52,7 +52,7 @@ fn frame_of(path: &str) -> Result<Frame, Box<dyn Error>> {
     Frame::of_picture(width, height, gray.into_raw()).ok_or("the picture has no pixels".into())
 }
 
-/// Holds what was found against what was rendered.
+/// Compares the coins found with those rendered.
 fn compare(coins: &[Detection], truth: &[PartTruth]) {
     let nearest_m = |at_m: Vec2| coins.iter().map(|coin| (coin.position_m - at_m).norm()).fold(f64::INFINITY, f64::min);
     let errors_mm: Vec<f64> = truth.iter().map(|part| mm_from_m(nearest_m(part.at_m))).collect();

@@ -1,5 +1,5 @@
-//! A task that no job file knows: the coins form a circle, each at its place by its angle. It runs closed loop, with
-//! the camera, the planner and the guards of every other job.
+//! A custom task, which job files do not have: the coins form a circle, each at the place of its angle. It runs closed
+//! loop, with the camera, the planner and the guards of every other job.
 //!
 //! ```text
 //! cargo run --example own_goal
@@ -18,7 +18,7 @@ use upm::time::PlateTime;
 /// The task: every part on a circle about the plate's centre.
 struct Circle {
     radius_m: f64,
-    /// A part this near its place has arrived, m.
+    /// Distance from its place within which a part has arrived, m.
     arrive_m: f64,
     places_m: Vec<Vec2>,
 }
@@ -51,7 +51,7 @@ impl Goal for Circle {
 }
 
 fn main() -> Result<(), RunError> {
-    // rig, coins and limits come from a job file; its task is replaced
+    // rig, coins and limits come from a job file, and only the task is replaced
     let job = JobSpec::load(Path::new("configs/arrange-4.json"))?;
     let circle = Circle { radius_m: 0.06, arrive_m: 0.9 * job.tolerance_m, places_m: Vec::new() };
     let report = InMemoryRun::new(&job)?.with_goal(circle).run();

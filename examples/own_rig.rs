@@ -1,5 +1,5 @@
-//! A rig that wraps another, logs every pulse and refuses those that are too strong. A rig of real hardware implements
-//! the same seven methods.
+//! A custom rig that wraps another, logs every pulse and refuses those that are too strong. A driver of real hardware
+//! implements the same seven methods.
 //!
 //! ```text
 //! cargo run --example own_rig
@@ -14,7 +14,7 @@ use upm::run::{InMemoryRun, RunError};
 use upm::signal::{AccelTrace, Drive, Frame};
 use upm::time::PlateTime;
 
-/// Logs the pulses of `rig`, and refuses those that are stronger than `limit_counts`.
+/// Rig that logs the pulses of `rig` and refuses those stronger than `limit_counts`.
 struct Logged<R> {
     rig: R,
     limit_counts: f64,

@@ -1,5 +1,5 @@
-//! Plans one motion that brings three coins nearer to each other, plays it on the simulated rig, and compares the
-//! forecast with the truth.
+//! Plans one motion that moves three coins towards each other, plays it on the simulated rig, and compares the forecast
+//! with the truth.
 //!
 //! ```text
 //! cargo run --example plan_and_simulate
@@ -19,12 +19,12 @@ use upm::signal::Frame;
 use upm::sim::SimRig;
 use upm::units::mm_from_m;
 
-/// Where the coins lie and how far each should go, mm.
+/// Position of each coin and its wanted step, mm.
 const WANTED_MM: [([f64; 2], [f64; 2]); 3] =
     [([-100.0, -60.0], [1.5, 1.0]), ([0.0, 90.0], [0.0, -2.0]), ([100.0, -60.0], [-1.5, 1.0])];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // the rig as its file describes it, and the library that calibration measured on it
+    // the rig as described by its file, and the library measured on it by calibration
     let spec = RigSpec::load(Path::new("configs/rigs/upm-2.json")).map_err(RunError::from)?;
     let library = rig_library(&spec).map_err(RunError::from)?;
     let penny = &spec.kinds[spec.kind("penny").ok_or("the rig knows no penny")?];
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let plan = planner.plan(&coins);
     println!("{:?}: {} motions for {} coins", plan.status, plan.pulses.len(), coins.len());
 
-    // played on the simulated rig, until the coins are at rest
+    // play the plan on the simulated rig until the coins are at rest
     let parts = coins.iter().map(|coin| (penny.part(), Pose::at(coin.position_m))).collect();
     let mut rig = SimRig::new(spec.model, spec.sim, parts, Streams::new(1));
     let mut frame = Frame::new(0, 0);
