@@ -1,4 +1,4 @@
-//! Who may import whom, held against the sources. The table below is the one of `ARCHITECTURE.md` in a form that can fail.
+//! Checks the imports of all sources against the table below, which is that of `ARCHITECTURE.md` in executable form.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,7 +10,7 @@ mod scan;
 
 use scan::{Scan, scan};
 
-/// Crates and the rooms in them. A crate whose only room has its name is that room.
+/// Crates and their rooms. If a crate's only room has the crate's name, the crate is that room.
 const CRATES: &[(&str, &[&str])] = &[
     (
         "core",
@@ -50,8 +50,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fixtures", &["fixtures"]),
 ];
 
-/// A room and what it may import besides itself: a room, or single items of it (`*Params`: all that end so).
-/// The rooms of `BASE` may be imported by all.
+/// Rooms and their permitted imports: a room, or single items of it (`*Params`: all items that end so). Every room may
+/// also import itself and the rooms of `BASE`.
 const ROOMS: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("time", &[]),
@@ -182,10 +182,10 @@ const ROOMS: &[(&str, &[&str])] = &[
 const BASE: &[&str] =
     &["units", "time", "priority", "random", "geometry", "background", "coded_enum", "files", "job", "document"];
 
-/// What neither control nor anything it imports may name, tests included.
+/// Rooms that neither control nor anything it imports may name, tests included.
 const TRUTH: &[&str] = &["sim", "ground_truth"];
 
-/// Paths outside the workspace and the only places that may name them.
+/// Paths outside the workspace, and the only places that may name them.
 const OUTSIDE: &[(&str, &[&str])] = &[
     ("clarabel", &["src/qp"]),
     ("crossbeam_channel", &["src/core/background"]),
@@ -229,7 +229,7 @@ const OUTSIDE: &[(&str, &[&str])] = &[
     ("std::env", &["src/cli", "src/main"]),
 ];
 
-/// The rooms where data meets the outside; of the library only its file form. The words for jobs are the same there.
+/// Rooms that read or write external data; of the library only its file form. Job words are the same outside.
 const SERDE: &[&str] = &[
     "src/core/coded_enum",
     "src/core/job",
@@ -245,19 +245,20 @@ const SERDE: &[&str] = &[
 
 const LONGEST_FILE: usize = 400;
 
-/// The crate that `name` (`upm_core`, `core`) is, and its rooms.
+/// Crate of `name` (`upm_core`, `core`), with its rooms.
 fn crate_rooms(name: &str) -> Option<(&'static str, &'static [&'static str])> {
     let name = name.strip_prefix("upm_").unwrap_or(name);
     CRATES.iter().find(|(of, _)| *of == name).copied()
 }
 
-/// The member crate that `file` is in; `None` in the root package.
+/// Member crate of `file`; `None` for the root package.
 fn crate_of(file: &str) -> Option<(&'static str, &'static [&'static str])> {
     let (folder, _) = file.strip_prefix("src/")?.split_once('/')?;
     crate_rooms(folder)
 }
 
-/// `src/core/geometry/lens.rs` is in `geometry`, `src/sim/plate.rs` in `sim`; the list of a crate's rooms is in none.
+/// Room of a source: `src/core/geometry/lens.rs` is in `geometry`, `src/sim/plate.rs` in `sim`; a crate's `lib.rs` that
+/// only lists rooms is in none.
 fn room_of(file: &str) -> Option<&str> {
     let inside = file.strip_prefix("src/")?;
     let inside = match crate_of(file) {
@@ -270,13 +271,13 @@ fn room_of(file: &str) -> Option<&str> {
     (room != "lib").then_some(room)
 }
 
-/// How deep the file's module lies in its crate.
+/// Depth of the file's module in its crate.
 fn depth_of(file: &str) -> usize {
     let folders = file.matches('/').count() - usize::from(crate_of(file).is_some());
     if file.ends_with("/lib.rs") { 0 } else { folders }
 }
 
-/// A path of this workspace as seen from `file`: the room, and what is named of it.
+/// Room, and item in it, of a path of this workspace as seen from `file`.
 fn room_and_item<'a>(file: &str, segments: &'a [String]) -> Option<(&'a str, Option<&'a str>)> {
     let segment = |k: usize| segments.get(k).map(String::as_str);
     let (of, rooms) = match segment(0)? {
@@ -305,7 +306,7 @@ fn may_import(allowed: &[&str], room: &str, item: Option<&str>) -> bool {
         })
 }
 
-/// True when a module for tests alone holds `file`.
+/// True if `file` belongs to a module that is compiled for tests only.
 fn is_test_file(files: &[(String, String)], scans: &[Scan], file: &str) -> bool {
     files.iter().zip(scans).any(|((parent, _), scan)| {
         let folder = parent.trim_end_matches("/mod.rs").trim_end_matches("/lib.rs").trim_end_matches(".rs");
@@ -315,7 +316,7 @@ fn is_test_file(files: &[(String, String)], scans: &[Scan], file: &str) -> bool 
     })
 }
 
-/// Circles among `files` (path and text), tests left out.
+/// Import cycles among `files` (path and text), tests left out.
 fn circles_in(files: &[(String, String)]) -> Vec<String> {
     let scans: Vec<Scan> = files.iter().map(|(file, text)| scan(text, depth_of(file))).collect();
     let all = files.iter().zip(&scans).map(|((file, _), scan)| (file.as_str(), scan));
@@ -324,12 +325,12 @@ fn circles_in(files: &[(String, String)]) -> Vec<String> {
     circles::circles(&shipped, &members)
 }
 
-/// Every breach of the rules in `files` (path and text), as `file:line: rule`.
+/// All violations of the rules in `files` (path and text), as `file:line: rule`.
 fn faults(files: &[(String, String)]) -> Vec<String> {
     let scans: Vec<Scan> = files.iter().map(|(file, text)| scan(text, depth_of(file))).collect();
     let is_test_file = |file: &str| is_test_file(files, &scans, file);
     let mut faults = Vec::new();
-    // For every room where its imports outside tests are written.
+    // For every room, the place of each import outside tests.
     let mut imports: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     let mut truth_mentions = Vec::new();
     for ((file, text), scan) in files.iter().zip(&scans) {
@@ -367,7 +368,7 @@ fn faults(files: &[(String, String)]) -> Vec<String> {
             }
         }
     }
-    // Nothing that control can reach may see the truth, tests included.
+    // Control must not reach the truth by any chain of imports, tests included.
     let (mut ways, mut queue) = (BTreeMap::from([("control", "control".to_owned())]), vec!["control"]);
     while let Some(room) = queue.pop() {
         for &next in imports.get(room).into_iter().flatten().filter(|next| !TRUTH.contains(*next)) {
@@ -432,7 +433,7 @@ fn every_room_is_on_the_map() {
     }
 }
 
-/// Sections of a manifest's dependencies with the workspace's crates that each names.
+/// Sections of a manifest's dependencies, with the workspace's crates in each.
 fn member_dependencies(manifest: &str) -> Vec<(String, String)> {
     let (mut section, mut found) = (String::new(), Vec::new());
     for line in manifest.lines() {

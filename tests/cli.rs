@@ -1,4 +1,4 @@
-//! The command line from the outside: exit status, one line a fault, results on stdout.
+//! The command line as a subprocess: exit status, one line per fault, results on stdout.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::fs;
@@ -55,7 +55,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The shipped plus-sign job with its rig's path made absolute, changed, in a file of its own.
+/// The shipped plus-sign job with an absolute rig path, altered by `change`, in a new file.
 fn job(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let text = fs::read_to_string(root().join("configs/plus-sign.json")).unwrap();
     let mut job: Value = serde_json::from_str(&text).unwrap();
@@ -66,7 +66,7 @@ fn job(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     path
 }
 
-/// Runs `upm` with these arguments, expects this exit status, gives back stdout and stderr.
+/// Runs `upm`, expects this exit status, returns stdout and stderr.
 fn status(args: &[&str], expected: i32) -> (String, String) {
     let output = upm().args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
@@ -233,7 +233,7 @@ fn shells_offer_the_names_that_commands_take() {
             assert!(words.contains(name), "{shell}: {name}");
         }
     }
-    // what a shell offers is not all that a command takes, and a wrong name is refused in the command's own line
+    // completions do not list all valid values, and the command itself refuses a wrong name in its message
     for args in [&["schema", "jobs"][..], &["run", "configs/arrange-2.json", "--rerun", "saved"]] {
         let (_, stderr) = status(args, 2);
         assert!(stderr.lines().count() == 1 && stderr.starts_with("upm: "), "{stderr}");

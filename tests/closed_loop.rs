@@ -1,4 +1,4 @@
-//! The whole loop through the command line: run, report, journal, verification, endings.
+//! The closed loop through the command line: run, report, journal, verification, endings.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::fs;
@@ -141,7 +141,7 @@ fn running_out_of_time_is_a_failure_with_its_reason() {
     assert!(run.report["reason"].as_str().unwrap().contains("1.5 s"), "{}", run.report);
 }
 
-/// The shipped library of `upm-1`, changed, next to the job that names it.
+/// The shipped library of `upm-1`, altered by `change`, beside the job that names it.
 fn with_library(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();
@@ -153,7 +153,7 @@ fn with_library(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
 #[test]
 fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
     let folder = TempDir::new().unwrap();
-    // a library that has every direction wrong drives the coin away from where it should go
+    // a library with all directions reversed drives the coin away from its target
     let file = with_library(folder.path(), |library| {
         for entry in library["entries"].as_array_mut().unwrap() {
             for amplitude in entry["amplitudes"].as_array_mut().unwrap() {
@@ -225,7 +225,7 @@ fn an_interrupt_closes_the_run_in_good_order() {
 #[test]
 fn a_run_in_real_time_counts_its_deadlines() {
     let folder = TempDir::new().unwrap();
-    // at rest, so that a machine that stands still costs deadlines and no more
+    // at rest, so that a computer that stalls only misses deadlines
     let file = job(folder.path(), "upm-1", |job| job["task"] = json!({"type": "hold", "duration_s": 0.5}));
     let out = folder.path().join("out");
     let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--pace", "real-time", "--json"];
@@ -260,7 +260,7 @@ fn a_run_that_cannot_begin_leaves_its_reason() {
     let bad_address = Command::cargo_bin("upm").unwrap().args(args).arg("connect=nonsense").output().unwrap();
     assert_eq!(bad_address.status.code(), Some(2));
     assert!(!out.exists(), "bad usage leaves nothing");
-    // Rerun warns of a viewer started where nobody looks
+    // with `CI` set, Rerun warns about a viewer that no one would see
     let spawn = |upm: &mut Command| upm.args(args).arg("spawn").env("PATH", "").env_remove("CI").output().unwrap();
     let no_viewer = spawn(&mut Command::cargo_bin("upm").unwrap());
     assert_eq!(no_viewer.status.code(), Some(1));

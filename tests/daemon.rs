@@ -1,4 +1,4 @@
-//! The daemon from the outside: the built binary serves, clients and raw sockets ask.
+//! The daemon as a subprocess, with the client commands and with raw sockets.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 #![allow(clippy::disallowed_methods)] // how long the daemon takes is seen on a clock

@@ -1,11 +1,11 @@
-//! Documentation that can be followed: every relative link in a Markdown file leads to a file, and to a heading in it.
+//! Links of the documentation: every relative link in a Markdown file leads to a file and to a heading in it.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Largest size of the front page, which a newcomer reads in three minutes.
+/// Most lines of the front page, which a newcomer should read in three minutes.
 const README_LINES: usize = 150;
 const README_WORDS: usize = 1200;
 
@@ -28,13 +28,13 @@ fn prose(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Targets of the inline links in a page.
+/// Destinations of the inline links in a page.
 fn links(text: &str) -> Vec<String> {
     let after_brackets = prose(text).flat_map(|line| line.split("](").skip(1));
     after_brackets.filter_map(|rest| rest.split_once(')')).map(|(target, _)| target.to_owned()).collect()
 }
 
-/// Anchors of a page's headings, as GitHub makes them.
+/// Anchors of a page's headings by GitHub's rules.
 fn anchors(text: &str) -> BTreeSet<String> {
     let headings = prose(text).filter(|line| line.starts_with('#'));
     let anchor = |heading: &str| -> String {

@@ -1,11 +1,11 @@
-//! Every example of `examples/` runs and prints what it promises. `cargo test` builds them; after
-//! `cargo build --examples` this test runs alone.
+//! Runs every program of `examples/` and checks its output. `cargo test` builds them; after `cargo build --examples`
+//! this test runs alone.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::env::consts::EXE_SUFFIX;
 use std::process::Command;
 
-/// What the example prints.
+/// Output of the example on stdout.
 fn output_of(example: &str, args: &[&str]) -> String {
     let test = std::env::current_exe().unwrap();
     let program = test.ancestors().nth(2).unwrap().join("examples").join(format!("{example}{EXE_SUFFIX}"));
@@ -16,7 +16,7 @@ fn output_of(example: &str, args: &[&str]) -> String {
     stdout
 }
 
-/// The numbers in a line.
+/// All numbers in a line.
 fn numbers(line: &str) -> Vec<f64> {
     let words = line.split(|c: char| c.is_whitespace() || c == ',');
     words.filter_map(|word| word.parse().ok()).collect()

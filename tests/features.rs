@@ -1,5 +1,5 @@
-//! What a build without some features does, and says. `cargo test --no-default-features --test features` tries the
-//! smallest one; with all features on, the same tests hold that nothing is missing.
+//! Behaviour and messages of builds without some features. `cargo test --no-default-features --test features` tests the
+//! smallest one; with all features on, the same tests check that nothing is missing.
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall say so
 
 use std::fs;
@@ -14,7 +14,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Exit status, stdout and stderr of `upm` with these arguments.
+/// Runs `upm`; returns exit status, stdout and stderr.
 fn upm(args: &[&str]) -> (i32, String, String) {
     let output = Command::cargo_bin("upm").unwrap().current_dir(root()).args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
@@ -78,7 +78,7 @@ fn a_command_that_the_build_lacks_says_which_feature_it_needs() {
     }
 }
 
-/// Every build runs jobs and keeps what `upm verify` needs; a recording only where it can.
+/// Every build runs jobs and keeps the files that `upm verify` needs; a recording only if the build can write one.
 #[test]
 fn every_build_runs_a_job_and_verifies_it() {
     let folder = tempfile::tempdir().unwrap();

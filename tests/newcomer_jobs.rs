@@ -1,4 +1,4 @@
-//! Jobs as somebody types them on the first day: short, without coordinates worked out by hand, and they complete.
+//! Jobs as newcomers write them: short, without coordinates computed by hand; all of them must complete.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::fs;
@@ -13,7 +13,8 @@ fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("configs")
 }
 
-/// The longest list of numbers in `value`, and whether a list holds lists: coordinates that somebody worked out.
+/// Length of the longest list of numbers in `value`, and whether a list contains lists, which would be computed
+/// coordinates.
 fn coordinates(value: &Value) -> (usize, bool) {
     let longer = |(a, b): (usize, bool), (c, d): (usize, bool)| (a.max(c), b || d);
     match value {

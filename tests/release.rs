@@ -1,4 +1,4 @@
-//! What `tools/release` would make, held against the manifest and the files it packs. Nothing is built here.
+//! Checks `tools/release` against the manifest and the files it packs, without building anything.
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall say so
 
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ fn all_that_is_packed_is_there() {
     assert!(files.len() > 5);
     for (source, place) in files {
         assert!(root().join(source).exists(), "{source}");
-        // configurations name libraries by relative paths, so each keeps its place
+        // configurations name libraries by relative paths, which must be kept
         assert_eq!(place, source);
     }
     let profile = text("Cargo.toml");
@@ -78,7 +78,7 @@ fn all_that_is_packed_is_there() {
     assert!(dist.contains("strip = true"), "{dist}");
 }
 
-/// The container is made of files that are there, with the compiler that the manifest promises.
+/// The container is made of existing files, with the compiler version of the manifest.
 #[test]
 fn the_container_builds_from_what_is_there() {
     let (file, manifest) = (text("Dockerfile"), text("Cargo.toml"));

@@ -1,5 +1,5 @@
-//! `$schema`: every shipped configuration names the schema of its kind, the schemas are those of the program, and the
-//! key changes nothing.
+//! `$schema`: every shipped configuration names the schema of its kind, the shipped schemas equal those of the program,
+//! and the key has no effect.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::collections::BTreeSet;
@@ -89,7 +89,7 @@ fn shipped_configuration_names_the_schema_of_its_kind() {
     }
 }
 
-/// A small document of every kind.
+/// A small document of each kind.
 fn one_of_each() -> Vec<Value> {
     let channel = json!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     let rig = root().join("configs/rigs/upm-1.json");
@@ -139,7 +139,7 @@ fn every_kind_of_document_takes_the_key_as_a_text_and_as_nothing_else() {
     }
 }
 
-/// The bytes of `effective.json` and `journal.jsonl` that a run of `job` leaves.
+/// Runs `job`; returns `effective.json` and `journal.jsonl`.
 fn run(job: &Value) -> [String; 2] {
     let folder = TempDir::new().unwrap();
     let (file, out) = (folder.path().join("job.json"), folder.path().join("out"));

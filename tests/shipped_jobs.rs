@@ -1,4 +1,4 @@
-//! Every job that is shipped ends as completed on its rig, with no guard fired: nothing in it is at fault.
+//! Every shipped job completes on its rig without a guard firing.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::thread;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 
-/// Jobs among the shipped configurations.
+/// All jobs among the shipped configurations.
 fn jobs() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());

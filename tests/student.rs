@@ -1,5 +1,5 @@
-//! `docs/student.md` shows what the program does: its commands run in order and print what the page says, and its pictures
-//! are those that the named commands draw. `UPM_REMAKE_GOLDEN=1` writes the pictures anew.
+//! Checks `docs/student.md` against the program: its commands run in order and print the text of the page, and its
+//! pictures equal those drawn by the commands it names. `UPM_REMAKE_GOLDEN=1` writes the pictures anew.
 #![cfg(all(feature = "lab", target_os = "linux"))]
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
@@ -15,14 +15,14 @@ use tempfile::TempDir;
 #[allow(dead_code)] // its main
 mod draw_principle;
 
-/// Figures of the wall clock follow this.
+/// Text on a line before figures of the wall clock.
 const WALL_TIME: &str = ", run in ";
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A folder that looks like the repository's to a reader who types commands there.
+/// A folder laid out like the repository, for the commands of the page.
 fn workplace() -> TempDir {
     let folder = TempDir::new().unwrap();
     for name in ["configs", "assets"] {
@@ -37,14 +37,14 @@ fn blocks(page: &str) -> Vec<(&str, &str)> {
     fences.map(|block| block.split_once('\n').unwrap()).collect()
 }
 
-/// Runs `script` in `folder` with `upm` as the program under test: its exit status, and all that it prints.
+/// Runs `script` in `folder` with the `upm` under test; returns its exit status and all of its output.
 fn typed(folder: &Path, script: &str) -> (i32, String) {
     let script = format!("exec 2>&1\nupm() {{ '{}' \"$@\"; }}\n{script}\n", env!("CARGO_BIN_EXE_upm"));
     let output = Command::new("bash").args(["-c", &script]).current_dir(folder).output().unwrap();
     (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
 }
 
-/// The line as it is on the page and in any run: up to an ellipsis or to figures of the wall clock.
+/// The part of a line that is equal in every run: up to an ellipsis or to figures of the wall clock.
 fn lasting(line: &str) -> &str {
     let line = line.split('…').next().unwrap();
     line.split(WALL_TIME).next().unwrap()
@@ -74,7 +74,7 @@ fn commands_of_the_page_print_what_it_says() {
     assert!(ran >= 10, "the page has commands: {ran}");
 }
 
-/// Pictures of the page, the command that draws each, and the file that it writes.
+/// Pictures of the page: each with the command that draws it and the file that it writes.
 const PICTURES: &[(&str, &str, &str)] = &[
     ("force-curve.svg", "upm lab force-curve", "runs/lab/force-curve.svg"),
     ("pulse-law-wave.svg", "upm lab pulse-law", "runs/lab/pulse-law-wave.svg"),

@@ -1,22 +1,23 @@
-//! Circles: files of one crate that import each other. To hand a name on (`pub use`) is no import, and a name that was handed
-//! on counts for the file that defines it.
+//! Import cycles among the files of one crate. A re-export (`pub use`) is not an import, and a re-exported name counts
+//! for the file that defines it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::scan::{Scan, Written};
 
-/// Names followed from file to file at most.
+/// Most re-exports followed for one name.
 const DEEPEST: usize = 12;
 
-/// The modules of one crate: where each stands, and what its file says.
+/// The modules of one crate: file and scan of each.
 struct Crate<'a> {
     modules: BTreeMap<Vec<String>, (&'a str, &'a Scan)>,
 }
 
-/// Imports of each file: the other file and one name taken from it.
+/// Imports of each file: the other file, and one name imported from it.
 type Imports<'a> = BTreeMap<&'a str, BTreeMap<&'a str, String>>;
 
-/// `src/core/job/pace.rs` is the module `job::pace` of the crate in `src/core`; `src/cli/args.rs` is `cli::args` of the root.
+/// Crate and module path of a file: `src/core/job/pace.rs` is `job::pace` of the crate in `src/core`; `src/cli/args.rs`
+/// is `cli::args` of the root.
 fn module_of<'a>(file: &'a str, members: &[&str]) -> Option<(&'a str, Vec<String>)> {
     let inside = file.strip_prefix("src/")?.strip_suffix(".rs")?;
     let (of, inside) = match inside.split_once('/') {
@@ -33,7 +34,7 @@ impl<'a> Crate<'a> {
         self.modules.contains_key(&child).then_some(child)
     }
 
-    /// The path from the crate's root that `path`, written in `module`, stands for; `None` where it leaves the crate.
+    /// Absolute form of `path`, written in `module`, from the crate's root; `None` if it leaves the crate.
     fn path_from_root(&self, module: &[String], inline: usize, path: &[String]) -> Option<Vec<String>> {
         let climbs = path.iter().take_while(|segment| *segment == "super").count();
         let rest = |start: &[String], skipped: usize| Some([start, &path[skipped..]].concat());
@@ -46,14 +47,14 @@ impl<'a> Crate<'a> {
         }
     }
 
-    /// The `use` in `module` that gives `name` a meaning.
+    /// The `use` in `module` that binds `name`.
     fn bound(&self, module: &[String], name: &str) -> Option<&'a Written> {
         let (_, scan) = self.modules.get(module)?;
         let uses = scan.mentions.iter().filter(|mention| !mention.in_test).map(|mention| &mention.written);
         uses.filter(|written| written.bound.as_deref() == Some(name)).find(|written| written.path.len() > 1)
     }
 
-    /// The module behind a `use …::*` in `module` that defines `name`.
+    /// Module of a glob import in `module` that defines `name`.
     fn by_glob(&self, module: &[String], name: &str) -> Option<Vec<String>> {
         let (_, scan) = self.modules.get(module)?;
         let globs = scan.mentions.iter().filter(|mention| !mention.in_test).map(|mention| &mention.written);
@@ -63,7 +64,7 @@ impl<'a> Crate<'a> {
         })
     }
 
-    /// The file in which the thing stands that `path`, from the crate's root, names.
+    /// File that defines the item at `path`, from the crate's root.
     fn file_of(&self, path: &[String], depth: usize) -> Option<&'a str> {
         let mut module: Vec<String> = Vec::new();
         for (k, segment) in path.iter().enumerate() {
@@ -84,7 +85,7 @@ impl<'a> Crate<'a> {
         self.modules.get(&module).map(|(file, _)| *file)
     }
 
-    /// The path from the root of what is written in `module`, names that a `use` gives there included.
+    /// Absolute path of a path in `module`, with names bound by a `use` resolved.
     fn absolute(&self, module: &[String], written: &Written) -> Option<Vec<String>> {
         if let Some(path) = self.path_from_root(module, written.inline, &written.path) {
             return Some(path);
@@ -110,7 +111,7 @@ impl<'a> Crate<'a> {
     }
 }
 
-/// Every file that `from` reaches by imports.
+/// All files that `from` reaches by imports.
 fn reached<'a>(imports: &Imports<'a>, from: &'a str) -> BTreeSet<&'a str> {
     let (mut reached, mut queue) = (BTreeSet::new(), vec![from]);
     while let Some(file) = queue.pop() {
@@ -123,7 +124,7 @@ fn reached<'a>(imports: &Imports<'a>, from: &'a str) -> BTreeSet<&'a str> {
     reached
 }
 
-/// Every circle among `files` (path and what it says; tests left out), as its imports: `a.rs -> b.rs: Name`.
+/// All import cycles among `files` (path and scan; tests left out), each as its imports: `a.rs -> b.rs: Name`.
 pub fn circles(files: &[(&str, &Scan)], members: &[&str]) -> Vec<String> {
     let mut crates: BTreeMap<&str, Crate> = BTreeMap::new();
     for &(file, scan) in files {

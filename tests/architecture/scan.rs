@@ -1,25 +1,25 @@
-//! Paths as they are written in Rust sources, without a compiler: enough for sources that compile.
+//! Scanner for paths in Rust sources; it assumes sources that compile.
 
-/// A path as written in a source: `crate::geometry::Vec2`, made absolute where it starts with `super`.
+/// A path in a source, made absolute if it starts with `super`: `crate::geometry::Vec2`.
 #[derive(Debug)]
 pub struct Mention {
     pub line: usize,
     pub segments: Vec<String>,
     pub in_test: bool,
-    /// As it stands there.
+    /// Its form in the source.
     pub written: Written,
 }
 
-/// A path as it stands in a source.
+/// A path in its form in the source.
 #[derive(Debug)]
 pub struct Written {
     pub line: usize,
     pub path: Vec<String>,
-    /// The name that a `use` gives it.
+    /// Name bound by a `use`.
     pub bound: Option<String>,
-    /// Modules in the same file around it.
+    /// Number of inline modules around it in the same file.
     pub inline: usize,
-    /// True for a `pub use`: the file hands the name on.
+    /// True for a `pub use`, which re-exports the name.
     pub is_handed_on: bool,
 }
 
@@ -35,7 +35,7 @@ impl Token {
     }
 }
 
-/// Names, `::` and single marks; comments, strings and characters left out.
+/// Tokens: names, `::` and single punctuation marks, without comments, strings and characters.
 fn tokens(source: &str) -> Vec<Token> {
     let (mut tokens, mut rest, mut line) = (Vec::new(), source, 1);
     while let Some(c) = rest.chars().next() {
@@ -83,7 +83,7 @@ fn quoted_length(rest: &str) -> usize {
     rest.len()
 }
 
-/// Of a character with its quotes; 1 for the quote of a lifetime.
+/// Length of a character literal with its quotes; 1 for the quote of a lifetime.
 fn character_length(rest: &str) -> usize {
     let mut chars = rest.char_indices().skip(1);
     match (chars.next(), chars.next()) {
@@ -93,21 +93,21 @@ fn character_length(rest: &str) -> usize {
     }
 }
 
-/// What a source says: its paths and the modules it declares for tests alone.
+/// Paths in a source, and its modules that are compiled for tests only.
 #[derive(Debug, Default)]
 pub struct Scan {
     pub mentions: Vec<Mention>,
     pub test_modules: Vec<String>,
-    /// Names of the items that the source defines.
+    /// Names of the items defined in the source.
     pub defined: Vec<String>,
 }
 
-/// `depth` is how deep the file's module lies: 0 for a crate's root, 1 for `src/sim/plate.rs`.
+/// Scans a source; `depth` is that of its module: 0 for a crate's root, 1 for `src/sim/plate.rs`.
 pub fn scan(source: &str, depth: usize) -> Scan {
     let tokens = tokens(source);
     let text = |i: usize| tokens.get(i).map_or("", |t| t.text.as_str());
     let mut scan = Scan::default();
-    // For each open brace: does it open a module, is it in a test.
+    // For each open brace, whether it opens a module and whether it is in a test.
     let mut scopes: Vec<(bool, bool)> = Vec::new();
     let (mut pending_test, mut pending_module) = (false, false);
     let mut i = 0;
@@ -175,7 +175,7 @@ pub fn scan(source: &str, depth: usize) -> Scan {
     scan
 }
 
-/// Unfolds the tree of a `use` that starts at token `i`; gives the token after it.
+/// Expands the tree of a `use` that starts at token `i`; returns the index of the token after it.
 fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<Written>) -> usize {
     let (mut path, mut alias) = (before.to_vec(), None);
     while let Some(token) = tokens.get(i) {
@@ -206,7 +206,7 @@ fn use_tree(tokens: &[Token], mut i: usize, before: &[String], paths: &mut Vec<W
     i
 }
 
-/// A `super` path that climbs to the crate's root is a `crate` path.
+/// A `super` path that leads to the crate's root as a `crate` path.
 fn absolute(path: Vec<String>, depth: usize) -> Vec<String> {
     let climbs = path.iter().take_while(|s| *s == "super").count();
     if climbs == 0 || climbs < depth {

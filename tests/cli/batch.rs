@@ -1,4 +1,4 @@
-//! `upm run --seeds`: one job with many seeds, from the outside.
+//! `upm run --seeds` as a subprocess: one job with many seeds.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::{job, status};
 
-/// One penny from a random place to the middle.
+/// A job that moves one penny from a random place to the middle.
 fn to_the_middle(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     job(folder, |job| {
         job["name"] = json!("to-the-middle");
@@ -62,7 +62,7 @@ fn failed_seeds_are_named_with_their_reason_and_give_the_exit_status() {
     let out = folder.path().join("out");
     let file = to_the_middle(folder.path(), |_| {});
     let all = json_of(&batch(&file, &out, &["--seeds", "1..6", "--json"], 0).0);
-    // the time that half of the runs need is too short for the others
+    // with the median time as the limit, half of the runs are too slow
     let limit_s = all["figures"]["plate_time_s"]["median"].as_f64().unwrap();
     let file = to_the_middle(folder.path(), |job| job["limits"]["plate_time_s"] = json!(limit_s));
     let (table, _) = batch(&file, &out, &["--seeds", "1..6"], 1);
@@ -131,7 +131,7 @@ fn interrupted_batch_ends_in_order_with_what_ran() {
     }
 }
 
-/// Waits until the journal of some run has lines.
+/// Waits until the journal of any run has lines.
 fn until_a_run_moves(out: &Path, child: &mut Child) {
     let has_lines = |folder: PathBuf| fs::read(folder.join("journal.jsonl")).is_ok_and(|text| text.contains(&b'\n'));
     for _ in 0..3000 {

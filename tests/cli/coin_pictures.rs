@@ -1,5 +1,6 @@
-//! Pictures of coins on a plate, traced ray by ray with supersampling. They share no code with the program: a pinhole camera
-//! of its own, coins with a face, a raised rim and a side wall, an area light whose shadows are soft, uneven light, blur, noise.
+//! Pictures of coins on a plate, ray traced with supersampling. They share no code with the program and have a separate
+//! pinhole camera, coins with a face, a raised rim and a side wall, an area light with soft shadows, uneven light, blur
+//! and noise.
 
 use std::f64::consts::TAU;
 
@@ -7,14 +8,15 @@ use image::{Rgb, RgbImage};
 
 /// Rays along each side of a pixel.
 const RAYS: u32 = 4;
-/// Beyond this from a coin there is nothing of its shadow, and beyond this from an outline nothing of the coin, mm.
+/// Distance from a coin beyond which its shadow vanishes, and distance from an outline beyond which one ray per pixel
+/// is enough, mm.
 const NEAR_MM: f64 = 16.0;
 const OUTLINE_MM: f64 = 2.0;
-/// Of the world: white plate and dark ground.
+/// Colours of the white plate and the dark ground.
 const PLATE: [f64; 3] = [232.0, 229.0, 223.0];
 const GROUND: [f64; 3] = [46.0, 48.0, 52.0];
 
-/// A surface: colour under full light.
+/// Metal of a surface, with its colour under full light.
 #[derive(Clone, Copy)]
 pub(super) enum Metal {
     Silver,
@@ -35,10 +37,10 @@ impl Metal {
     }
 }
 
-/// A disc on the plate: lengths in mm, x to the right and y up from the plate's middle.
+/// A disc on the plate; lengths in mm, x to the right and y up from the plate's middle.
 #[derive(Clone, Copy)]
 pub(super) struct Coin {
-    /// The name the program has for it; `None` for one it does not know.
+    /// Name of its kind; `None` for a kind that the program does not know.
     pub name: Option<&'static str>,
     pub diameter_mm: f64,
     pub height_mm: f64,
@@ -52,7 +54,7 @@ impl Coin {
     }
 }
 
-/// A picture to be drawn.
+/// A picture to be rendered.
 #[derive(Clone)]
 pub(super) struct CoinPicture {
     pub seed: u64,
@@ -64,11 +66,11 @@ pub(super) struct CoinPicture {
     /// Tilt about the picture's x and y axes and turn in its plane, degrees.
     pub tilt_deg: [f64; 3],
     pub coins: Vec<Coin>,
-    /// How much darker a shadow's core is, how far it reaches beyond a coin and how soft its edge is, mm.
+    /// Darkness of a shadow's core, its offset from the coin and the softness of its edge, mm.
     pub shadow: f64,
     pub shadow_at_mm: [f64; 2],
     pub softness_mm: f64,
-    /// Fall of the light from one end of the plate to the other and from its middle to its corners.
+    /// Decrease of the light from one end of the plate to the other, and from its middle to its corners.
     pub fall: f64,
     pub fall_direction: f64,
     pub vignette: f64,
@@ -78,7 +80,7 @@ pub(super) struct CoinPicture {
 }
 
 impl CoinPicture {
-    /// The picture's file content.
+    /// The rendered picture.
     pub fn drawn(&self) -> RgbImage {
         let [width, height] = self.size_px;
         let camera = Camera::of(self);
@@ -96,13 +98,13 @@ impl CoinPicture {
         })
     }
 
-    /// Where the middles of the coins' tops are seen, px.
+    /// Image positions of the middles of the coins' tops, px.
     pub fn centers_px(&self) -> Vec<[f64; 2]> {
         let camera = Camera::of(self);
         self.coins.iter().map(|coin| camera.seen_at([coin.at_mm[0], coin.at_mm[1], coin.height_mm])).collect()
     }
 
-    /// Mean colour of a pixel: of one ray where everything near is smooth, else of many.
+    /// Mean colour of a pixel: one ray if its neighbourhood is smooth, else many.
     fn pixel(&self, camera: &Camera, x: f64, y: f64) -> [f64; 3] {
         let foot = camera.plate_point(x, y, 0.0);
         let off = |coin: &&Coin| (foot[0] - coin.at_mm[0]).hypot(foot[1] - coin.at_mm[1]) - coin.diameter_mm / 2.0;
@@ -119,7 +121,7 @@ impl CoinPicture {
         sum
     }
 
-    /// Colour on one ray past the coins that are `near`.
+    /// Colour on one ray, given the coins that are `near`.
     fn seen(&self, camera: &Camera, near: &[&Coin], x: f64, y: f64) -> [f64; 3] {
         let at_height = |h: f64| camera.plate_point(x, y, h);
         for coin in near {
@@ -140,7 +142,7 @@ impl CoinPicture {
         self.lit(foot, PLATE, light)
     }
 
-    /// A coin's face: a raised rim, a portrait, letters, a sheen across it.
+    /// Colour of a coin's face: a raised rim, a portrait, letters, a sheen across it.
     fn face(&self, coin: &Coin, at: [f64; 2]) -> [f64; 3] {
         let radius = coin.diameter_mm / 2.0;
         let [u, v] = [0, 1].map(|i| (at[i] - coin.at_mm[i]) / radius);
@@ -154,7 +156,7 @@ impl CoinPicture {
         coin.metal.color().map(|c| c * (1.0 + rim + letters + portrait + sheen))
     }
 
-    /// Light that reaches the plate beside a coin: a shadow to one side, and a dim line where coin and plate meet.
+    /// Light on the plate beside a coin: a shadow to one side, and a dim line at the contact of coin and plate.
     fn shade(&self, coin: &Coin, [x, y]: [f64; 2]) -> f64 {
         let off = |[dx, dy]: [f64; 2]| (x - coin.at_mm[0] - dx).hypot(y - coin.at_mm[1] - dy) - coin.diameter_mm / 2.0;
         let soft = |off: f64, width: f64| 1.0 / (1.0 + (4.0 * off / width.max(0.05)).exp());
@@ -192,7 +194,7 @@ impl Camera {
         Self { focal_px, middle_px: [(width - 1.0) / 2.0, (height - 1.0) / 2.0], axes, at_mm }
     }
 
-    /// Where the ray of a place in the picture passes the height `h` above the plate.
+    /// Intersection of the ray through a pixel with the plane at height `h` above the plate.
     fn plate_point(&self, x: f64, y: f64, h: f64) -> [f64; 2] {
         let (u, v) = ((x - self.middle_px[0]) / self.focal_px, (y - self.middle_px[1]) / self.focal_px);
         let ray = [0, 1, 2].map(|i| u * self.axes[0][i] + v * self.axes[1][i] + self.axes[2][i]);
@@ -200,7 +202,7 @@ impl Camera {
         [0, 1].map(|i| self.at_mm[i] + far * ray[i])
     }
 
-    /// Where a point of the plate's frame is seen, px.
+    /// Image position of a point of the plate's frame, px.
     fn seen_at(&self, point_mm: [f64; 3]) -> [f64; 2] {
         let off = [0, 1, 2].map(|i| point_mm[i] - self.at_mm[i]);
         let [right, down, ahead] = self.axes.map(|axis| (0..3).map(|i| axis[i] * off[i]).sum::<f64>());
@@ -208,7 +210,7 @@ impl Camera {
     }
 }
 
-/// A vector turned about a coordinate axis.
+/// A vector rotated about a coordinate axis.
 fn turn(v: [f64; 3], axis: usize, angle: f64) -> [f64; 3] {
     let (sin, cos) = angle.sin_cos();
     let (i, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -217,7 +219,7 @@ fn turn(v: [f64; 3], axis: usize, angle: f64) -> [f64; 3] {
     out
 }
 
-/// A Gaussian over rows and columns; the border goes on.
+/// Gaussian blur over rows and columns, with the border extended.
 fn blurred(levels: Vec<[f64; 3]>, width: usize, sd_px: f64) -> Vec<[f64; 3]> {
     let reach = (3.0 * sd_px).ceil() as i64;
     let weights: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sd_px.max(1e-6)).powi(2)).exp()).collect();
@@ -241,7 +243,7 @@ fn blurred(levels: Vec<[f64; 3]>, width: usize, sd_px: f64) -> Vec<[f64; 3]> {
     pass(&pass(&levels, true), false)
 }
 
-/// Numbers at random: splitmix64.
+/// Random number generator: splitmix64.
 pub(super) struct Dice(pub u64);
 
 impl Dice {

@@ -1,13 +1,13 @@
-//! Twelve pictures of mixed coins, and what a person would type for each.
+//! Twelve pictures of mixed coins, with the options that a user would type for each.
 
 use super::coin_pictures::{Coin, CoinPicture, Dice, Metal};
 
-/// A picture and the options it is looked at with.
+/// A picture, and the options with which it is searched.
 pub(super) struct CoinScene {
     pub name: &'static str,
     pub picture: CoinPicture,
     pub options: Vec<String>,
-    /// False where nothing in the picture tells how large the plate is.
+    /// False if the picture does not reveal the size of the plate.
     pub scale_is_known: bool,
 }
 
@@ -25,7 +25,7 @@ pub(super) const fn coin(name: Option<&'static str>, diameter_mm: f64, height_mm
     Coin { name, diameter_mm, height_mm, metal, at_mm: [0.0; 2] }
 }
 
-/// `count` times these coins in turn, `gap_mm` or more apart.
+/// Places each of `coins` `count` times, in turn, at random positions with gaps of at least `gap_mm`.
 fn scattered(dice: &mut Dice, side_mm: f64, coins: &[Coin], count: usize, gap_mm: f64) -> Vec<Coin> {
     let mut placed: Vec<Coin> = Vec::new();
     for coin in coins.iter().cycle().take(coins.len() * count) {
@@ -45,7 +45,7 @@ fn scattered(dice: &mut Dice, side_mm: f64, coins: &[Coin], count: usize, gap_mm
     placed
 }
 
-/// The twelve, their places, light and noise drawn by `seed`.
+/// The twelve scenes; `seed` draws places, light and noise.
 pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
     let four = [PENNY, NICKEL, DIME, QUARTER];
     let silver = [NICKEL, DIME, QUARTER];

@@ -1,4 +1,4 @@
-//! `upm check` of a COR library from the outside.
+//! `upm check` of a COR library as a subprocess.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::{root, status};
 
-/// What `upm check` says of the one library in `args`.
+/// JSON result of `upm check` for the one library in `args`.
 fn coverage(args: &[&str]) -> Value {
     let args: Vec<&str> = ["check", "--json"].iter().chain(args).copied().collect();
     let rows: Value = serde_json::from_str(&status(&args, 0).0).unwrap();

@@ -1,5 +1,5 @@
-//! Sample output and figures in README.md and docs, held against what the program prints. Commands whose figures depend on
-//! the computer (times, speeds) are left out, and so are series of runs that take minutes.
+//! Checks sample output and figures in README.md and docs against the output of the program. Commands whose figures
+//! depend on the computer (times, speeds) are left out, and so are series of runs that take minutes.
 
 use std::fs;
 
@@ -12,22 +12,22 @@ use super::{root, status};
 struct Figures(Value);
 
 impl Figures {
-    /// As `upm lab` with these arguments measures them.
+    /// Runs `upm lab` with these arguments.
     fn of(args: &[&str]) -> Self {
         let out = TempDir::new().unwrap();
         let args = [&["lab", "--json", "--out", out.path().to_str().unwrap()], args].concat();
         Self(serde_json::from_str(&status(&args, 0).0).unwrap())
     }
 
-    /// What was measured under `name`, as a multiple of `unit`.
+    /// Measured value of the figure called `name`, in `unit`.
     fn get(&self, name: &str, unit: f64) -> f64 {
         let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
         let value = figure["measured"].as_f64().unwrap() / unit;
-        // no -0.0
+        // avoids -0.0
         if value == 0.0 { 0.0 } else { value }
     }
 
-    /// `|measured - reference|` of that figure as part of the reference.
+    /// `|measured - reference|` of that figure, relative to the reference.
     fn error(&self, name: &str) -> f64 {
         let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
         figure["relative_error"].as_f64().unwrap().abs()
@@ -37,14 +37,15 @@ impl Figures {
         self.0["figures"].as_array().unwrap().iter()
     }
 
-    /// Least and largest of those whose name begins so.
+    /// Least and largest measured value of the figures whose names begin with `begin`.
     fn range(&self, begin: &str) -> [f64; 2] {
         let named = self.all().filter(|figure| figure["name"].as_str().unwrap().starts_with(begin));
         let values = named.map(|figure| figure["measured"].as_f64().unwrap());
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
     }
 
-    /// Largest `|measured - reference|` over those whose name holds `part`, as part of the reference where `relative`.
+    /// Largest `|measured - reference|` of the figures whose names contain `part`; relative to the reference if
+    /// `relative`.
     fn largest_error(&self, part: &str, relative: bool) -> f64 {
         let named = self.all().filter(|figure| figure["name"].as_str().unwrap().contains(part));
         let errors = named.filter_map(|figure| {
@@ -55,7 +56,7 @@ impl Figures {
     }
 }
 
-/// A bound with so many decimals that holds `value`.
+/// Least number with this many decimals that is not below `value`.
 fn at_most(value: f64, decimals: usize) -> String {
     let scale = 10_f64.powi(decimals as i32);
     format!("{:.decimals$}", (value * scale).ceil() / scale)
@@ -65,14 +66,14 @@ fn text_of(document: &str) -> String {
     fs::read_to_string(root().join(document)).unwrap()
 }
 
-/// The document has each of these passages; all that it lacks are told.
+/// Asserts that the document contains each of these passages; reports all that are missing.
 fn assert_says(document: &str, passages: &[String]) {
     let text = text_of(document);
     let lacking: Vec<&String> = passages.iter().filter(|passage| !text.contains(passage.as_str())).collect();
     assert!(lacking.is_empty(), "{document} does not say what the program measures:\n{lacking:#?}");
 }
 
-/// `line` without the times that the computer took.
+/// `line` without the wall times.
 fn timeless(line: &str) -> &str {
     line.split_once(", run in ").map_or(line, |(before, _)| before)
 }
@@ -84,7 +85,7 @@ fn sample_of_a_run_is_what_the_program_prints() {
     let out = TempDir::new().unwrap();
     let args = ["run", "configs/plus-sign.json", "--quiet", "--rerun", "off", "--out", out.path().to_str().unwrap()];
     let (stdout, _) = status(&args, 0);
-    // where it goes depends on the hour
+    // the name of the run folder contains the time
     let printed = stdout.lines().filter(|line| !line.trim_start().starts_with("run folder "));
     let (printed, sample): (Vec<&str>, Vec<&str>) =
         (printed.map(timeless).collect(), sample.lines().map(timeless).collect());
@@ -250,7 +251,7 @@ fn other_machines_have_the_figures_of_the_lab_page() {
     let peg = |name: &str| topple.get(name, 1.0);
     let blocks = |after: &str| (peg(after) * 100.0).round();
     let rocked = |name: &str| rock.get(name, 1.0);
-    // the last of that name, of the way to toppling
+    // the last figure of that name: the stroke on the path to toppling
     let strokes = rock.all().filter(|figure| figure["name"] == "stroke of the table for it");
     let stroke_mm = strokes.last().unwrap()["measured"].as_f64().unwrap();
     assert_says(

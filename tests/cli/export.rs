@@ -1,4 +1,4 @@
-//! `upm export` and the schemas of run folders, held against the journals and reports of real runs.
+//! `upm export` and the schemas of run folders, checked against the journals and reports of real runs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::{job, root, status, upm};
 
-/// Runs a job, which need not reach its goal; its run folder.
+/// Runs a job, which may fail to reach its goal; returns its run folder.
 fn run(folder: &Path, job: &Path, more: &[&str]) -> PathBuf {
     let out = folder.join("out");
     let args = ["run", job.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "off", "-q"];
@@ -17,7 +17,7 @@ fn run(folder: &Path, job: &Path, more: &[&str]) -> PathBuf {
     fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).next().unwrap()
 }
 
-/// Two coins that part, by rotations.
+/// A job of two coins that are moved apart by rotations.
 fn by_rotations(folder: &Path) -> PathBuf {
     job(folder, |job| {
         job["parts"] = json!([{"kind": "penny", "position_mm": [-20, 5]}, {"kind": "dime"}]);
@@ -26,7 +26,7 @@ fn by_rotations(folder: &Path) -> PathBuf {
     })
 }
 
-/// Three coins on paths, by one motion for all.
+/// A job of three coins on paths, moved by one motion for all.
 fn by_fields(folder: &Path) -> PathBuf {
     let mut job: Value =
         serde_json::from_str(&fs::read_to_string(root().join("configs/bowtie-3.json")).unwrap()).unwrap();
@@ -54,7 +54,7 @@ fn table(path: &Path) -> Vec<Row> {
     reader.deserialize().map(Result::unwrap).collect()
 }
 
-/// The value of the journal as it stands in a table.
+/// Form in which a value of the journal appears in a table.
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

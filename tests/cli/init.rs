@@ -1,4 +1,4 @@
-//! The first minute: `upm init`, the list of jobs, and the examples that are written.
+//! First steps of a user: `upm init`, the list of jobs, and the written examples.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::{root, upm};
 
-/// Runs `upm` in `folder`; exit status, stdout, stderr.
+/// Runs `upm` in `folder`; returns exit status, stdout and stderr.
 fn run_in(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
     let output = upm().args(args).current_dir(folder).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
@@ -30,7 +30,7 @@ fn json_files(base: &Path, folder: &str) -> Vec<String> {
     found
 }
 
-/// `upm init` in a new folder.
+/// A new folder after `upm init`.
 fn begun() -> TempDir {
     let folder = TempDir::new().unwrap();
     let (code, stdout, stderr) = run_in(folder.path(), &["init", "."]);
@@ -150,6 +150,6 @@ fn shipped_trace_is_what_the_lab_records_and_reads_back() {
     let figures = result["figures"].as_array().unwrap();
     let measured = |name: &str| figures.iter().find(|figure| figure["name"] == name).unwrap()["measured"].as_f64();
     let [x_mm, y_mm] = ["COR along x", "COR along y"].map(|name| measured(name).unwrap());
-    // the pulse of the lab is about (136.8, 68.1) mm
+    // the lab's pulse has its centre at about (136.8, 68.1) mm
     assert!((x_mm - 136.8).abs() < 0.5 && (y_mm - 68.1).abs() < 0.5, "{x_mm} {y_mm}");
 }

@@ -1,4 +1,4 @@
-//! `upm lab` from the outside.
+//! `upm lab` as a subprocess.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ fn the_experiments_are_listed() {
 fn an_experiment_leaves_its_files_and_its_figures() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("a/b");
-    // from a folder without any files of the project
+    // in a folder without files of the project
     let run = |args: &[&str]| {
         let mut command = Command::cargo_bin("upm").unwrap();
         let output = command.current_dir(folder.path()).args(["lab", "-q"]).args(args).output().unwrap();
@@ -97,7 +97,7 @@ fn a_recorded_trace_gives_the_centre_it_turned_about() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("out");
     for gain in [1.0, 1.25] {
-        // a channel that shows too much, and says so
+        // a channel whose gain is too high, and is declared so
         let file = trace(folder.path(), |trace| {
             let x2 = trace["counts"]["x2"].as_array().unwrap();
             let louder = x2.iter().map(|count| json!((gain * count.as_f64().unwrap()).round() as i64)).collect();
@@ -246,7 +246,7 @@ fn an_experiment_is_recorded_when_asked() {
     status(&["lab", "waveform-fit", "--out", out, "--rerun", "connect=nowhere"], 2);
 }
 
-/// A run of `upm lab` in a folder of its own, in JSON.
+/// Runs `upm lab` in a new folder; returns its JSON.
 fn lab(args: &[&str]) -> Value {
     let folder = TempDir::new().unwrap();
     let out = folder.path().to_str().unwrap();

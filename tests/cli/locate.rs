@@ -1,4 +1,4 @@
-//! `upm locate` from the outside.
+//! `upm locate` as a subprocess.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,12 +15,12 @@ const MIDDLE_PX: [f64; 2] = [240.3, 199.6];
 const PENNY_PX: f64 = SIDE_PX * 19.05 / 203.2 / 2.0;
 const PARTS_PX: [[f64; 2]; 2] = [[170.25, 140.5], [280.0, 260.75]];
 
-/// Part of a pixel inside, for something whose edge is `inside_px` beyond the pixel's centre.
+/// Covered share of a pixel whose centre is `inside_px` inside an edge.
 fn covered(inside_px: f64) -> f64 {
     (inside_px + 0.5).clamp(0.0, 1.0)
 }
 
-/// A plate with two pennies: gray levels of ground, plate and parts.
+/// Picture of a plate with two pennies, with the gray levels of ground, plate and parts.
 fn plate([ground, plate, part]: [f64; 3]) -> GrayImage {
     GrayImage::from_fn(SIZE[0], SIZE[1], |x, y| {
         let at = [f64::from(x), f64::from(y)];
@@ -62,7 +62,7 @@ fn assert_near(found: &Value, expected: [f64; 2], within: f64) {
     }
 }
 
-/// Both parts where they were drawn, the plate where it was drawn.
+/// Asserts that plate and parts are found where they were drawn.
 fn assert_found(found: &Value) {
     let parts = found["parts"].as_array().unwrap();
     assert_eq!(parts.len(), 2, "{parts:?}");
@@ -165,7 +165,7 @@ fn options_say_what_is_looked_for() {
     let dark = saved(&folder, "dark.png", plate([30.0, 110.0, 240.0]));
     assert_found(&located(&[&dark, "--light-parts"]));
     assert_eq!(located(&[&dark])["parts"], json!([]));
-    // a plate half as large again, on which what looked like a penny is larger than any coin
+    // on a plate half as large again, the former penny is larger than any coin
     let light = saved(&folder, "light.png", papers_plate());
     assert_eq!(located(&[&light, "--plate-side-mm", "304.8", "--kinds", "penny"])["parts"], json!([]));
     let smaller = located(&[&light, "--plate-side-mm", "258.8", "--kinds", "dime,quarter"]);
@@ -186,7 +186,7 @@ fn options_say_what_is_looked_for() {
     status(&["locate"], 2);
 }
 
-/// Files that hold no picture, and why.
+/// Files that do not contain a picture, with the expected reason.
 fn no_pictures(folder: &TempDir) -> Vec<(String, &'static str)> {
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -222,7 +222,7 @@ fn what_is_no_picture_is_refused_in_a_line() {
     }
 }
 
-/// Pictures in which there is not one table to be seen whole.
+/// Pictures that do not show one whole table.
 fn no_tables(folder: &TempDir) -> Vec<String> {
     let shifted = |by: i64| {
         let mut image = GrayImage::from_pixel(SIZE[0], SIZE[1], Luma([30]));

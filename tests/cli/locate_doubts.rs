@@ -1,4 +1,4 @@
-//! What `upm locate` says of discs that it does not name, and how far it trusts the names it gives.
+//! Messages of `upm locate` about discs that it does not name, and scores of the names it gives.
 
 use image::{DynamicImage, GrayImage, Luma};
 use serde_json::Value;
@@ -26,7 +26,7 @@ fn located(path: &str, options: &[&str]) -> Value {
     serde_json::from_str(&said(path, &[&["--json"], options].concat())).unwrap()
 }
 
-/// Score of the part nearest to a place on the plate, mm; 0 where none is.
+/// Score of the part within 2 mm of a place on the plate; 0 if there is none.
 fn score_at(found: &Value, at_mm: [f64; 2]) -> f64 {
     let off = |part: &Value| {
         let [x, y] = [0, 1].map(|i| part["position_mm"][i].as_f64().unwrap() - at_mm[i]);
@@ -68,7 +68,7 @@ fn score_falls_where_the_rim_is_off_or_half_hidden() {
     let larger = Coin { diameter_mm: 1.045 * PENNY.diameter_mm, ..PENNY };
     let picture = plain(203.2, &[(PENNY, PLACES[0]), (larger, PLACES[2]), (PENNY, PLACES[3])]);
     let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
-    // a card as white as the plate over the left third of the last
+    // a card as white as the plate covers the left third of the last coin
     let [x, y] = picture.centers_px()[2];
     let radius_px = 0.85 * 640.0 / 203.2 * PENNY.diameter_mm / 2.0;
     let plate = pixels.get_pixel((x - 1.4 * radius_px) as u32, y as u32).0[0];
@@ -112,7 +112,7 @@ fn picture_without_parts_says_what_stands_out() {
     let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
     assert!(bare.contains("no parts: the table was found, nothing round stands out"), "{bare}");
     assert!(bare.contains("the plate looks bare"), "{bare}");
-    // white discs on a dark plate on a light ground
+    // white discs on a dark plate on light ground
     let inverted = |picture: &CoinPicture| {
         let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
         image::imageops::invert(&mut pixels);

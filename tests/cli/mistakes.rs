@@ -1,4 +1,5 @@
-//! Wrong commands and wrong files: each is answered in one line that says what to do, as `tests/golden/mistakes.txt` has it.
+//! Wrong commands and wrong files: each is answered on one line with a remedy, as recorded in
+//! `tests/golden/mistakes.txt`.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +9,7 @@ use tempfile::TempDir;
 
 use super::{root, upm};
 
-/// Typed in a folder that `upm init` made.
+/// Wrong command lines, run in a folder that `upm init` made.
 const COMMANDS: [&str; 28] = [
     "rnu configs/plus-sign.json",
     "configs/plus-sign.json",
@@ -40,7 +41,7 @@ const COMMANDS: [&str; 28] = [
     "serve --listen localhost",
 ];
 
-/// A shipped file, the JSON pointer of a value in it, and what stands there instead.
+/// Wrong values: a shipped file, the JSON pointer of a value in it, and the value to be put there.
 fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
     let (plus, rig) = ("plus-sign.json", "rigs/upm-1.json");
     vec![
@@ -87,7 +88,7 @@ fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
     ]
 }
 
-/// What `upm` says on stderr in `folder`; it refuses, and prints nothing else.
+/// Message on stderr of a command that must be refused and print nothing else.
 fn refusal(folder: &Path, args: &[&str]) -> String {
     let output = upm().args(args).current_dir(folder).env("COLUMNS", "80").output().unwrap();
     let (stdout, stderr) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
@@ -96,7 +97,7 @@ fn refusal(folder: &Path, args: &[&str]) -> String {
     stderr
 }
 
-/// The shipped file `name` below `folder` with one value changed, for as long as `ask` takes.
+/// Replaces one value in the shipped file `name` below `folder` while `ask` runs.
 fn with_value(folder: &Path, name: &str, pointer: &str, value: &Value, ask: impl FnOnce(&str) -> String) -> String {
     let path = folder.join("configs").join(name);
     let text = fs::read_to_string(&path).unwrap();

@@ -1,4 +1,4 @@
-//! `upm locate` on pictures as people take them: twelve drawn by a tracer that shares nothing with the program.
+//! `upm locate` on realistic pictures: twelve scenes rendered by a ray tracer that shares no code with the program.
 
 use std::path::Path;
 
@@ -10,23 +10,23 @@ use super::coin_pictures::Coin;
 use super::coin_scenes::{CoinScene, scenes};
 use super::status;
 
-/// Pictures that nothing in the program was adjusted on.
+/// Seed of pictures that the program was not tuned on.
 const SEED: u64 = 424_242;
-/// A score above this is trusted.
+/// Score above which a name counts as trusted.
 const TRUSTED: f64 = 0.9;
 
-/// What became of the coins of a picture.
+/// Results for the coins of a picture.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     coins: usize,
-    /// Known to the program.
+    /// Coins of kinds that the program knows.
     known: usize,
     named: usize,
     misnamed: usize,
     misnamed_and_trusted: usize,
     reported: usize,
     silent: usize,
-    /// Parts and discs where no coin is.
+    /// Parts and discs reported where there is no coin.
     invented: usize,
 }
 
@@ -56,7 +56,7 @@ fn located(folder: &Path, scene: &CoinScene) -> Value {
     serde_json::from_str(&stdout).unwrap()
 }
 
-/// Those of `discs` whose middle is on the coin.
+/// Those of `discs` whose centre is on the coin.
 fn on_coin<'a>(discs: &'a Value, center_px: [f64; 2], radius_px: f64) -> Vec<&'a Value> {
     let off = |disc: &Value| {
         let [x, y] = [0, 1].map(|i| disc["center_px"][i].as_f64().unwrap() - center_px[i]);
@@ -103,7 +103,7 @@ fn mixed_coins_are_named_doubted_or_reported() {
             scaled = scaled.plus(tally);
             let side_mm = found["plate"]["side_mm"].as_f64().unwrap();
             let off = side_mm / scene.picture.side_mm - 1.0;
-            // coins that are not told from their shadows are measured some parts in a hundred too large
+            // coins that are not separated from their shadows are measured a few percent too large
             assert!(off.abs() < 0.08, "{}: a plate of {side_mm} mm", scene.name);
         } else {
             assert_eq!(found["plate"]["source"], "assumed");

@@ -1,4 +1,4 @@
-//! `upm check --plan` from the outside: what a job is predicted to come to, and what a full run then takes.
+//! `upm check --plan` as a subprocess: the forecast of a job, and a full run to compare it with.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::{job, root, status};
 
-/// The row that `upm check --plan --json` gives for one job, and its exit status.
+/// Runs `upm check --plan --json` for one job and expects this exit status; returns the job's row.
 fn planned(file: &Path, expected: i32) -> Value {
     let (stdout, _) = status(&["check", file.to_str().unwrap(), "--plan", "--json"], expected);
     let rows: Value = serde_json::from_str(&stdout).unwrap();
@@ -20,7 +20,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}"))
 }
 
-/// A job on `upm-1` with a library that goes along x, and along y too slowly for coins to slip.
+/// A job on `upm-1` with a library that moves coins along x, but along y too slowly for them to slip.
 fn hardly_along_y(folder: &Path) -> PathBuf {
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();
@@ -97,7 +97,7 @@ fn run_that_rotations_cannot_do_ends_at_its_first_look_with_part_direction_and_b
     assert_eq!(report["stop"], json!({"code": "uncontrollable", "text": reason}));
 }
 
-/// A shipped job on `upm-2` with changes.
+/// A shipped job on `upm-2`, altered by `change`.
 fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
     let mut job: Value = serde_json::from_str(&fs::read_to_string(root().join("configs").join(name)).unwrap()).unwrap();
     job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
@@ -192,7 +192,7 @@ fn the_predicted_ways_are_drawn() {
     assert!(fs::read_to_string(picture).unwrap().contains("cannot be done"));
 }
 
-/// The shipped job takes what it was predicted to take, within a quarter.
+/// Asserts that the shipped job takes the predicted time within a quarter.
 fn a_run_takes_what_was_predicted(name: &str) {
     let file = root().join("configs").join(name);
     let predicted_s = number(&planned(&file, 0)["plan"]["predicted_plate_time_s"]["median"]);

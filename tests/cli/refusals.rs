@@ -1,4 +1,4 @@
-//! Jobs for many parts that cannot be done, refused from the outside.
+//! Refusals of infeasible jobs for many parts by `upm` as a subprocess.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::{root, status, upm};
 
-/// A shipped job with its rig's path made absolute, changed, in a file of its own.
+/// A shipped job with an absolute rig path, altered by `change`, in a new file.
 fn changed(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
     let text = fs::read_to_string(root().join("configs").join(format!("{name}.json"))).unwrap();
     let mut job: Value = serde_json::from_str(&text).unwrap();
@@ -100,7 +100,7 @@ fn what_clashes_is_told_before_anything_runs() {
     }
 }
 
-/// Every number in a document, by JSON pointer.
+/// JSON pointers of all numbers in a document.
 fn numbers(document: &Value, at: &str, out: &mut Vec<String>) {
     match document {
         Value::Number(_) => out.push(at.to_owned()),
@@ -113,7 +113,7 @@ fn numbers(document: &Value, at: &str, out: &mut Vec<String>) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Numbers moved about in a job leave a valid one, or faults of one line each.
+    /// A job whose numbers are changed at random is valid or has faults of one line each.
     #[test]
     fn other_numbers_are_taken_or_refused_in_words(
         which in 0..5_usize,
@@ -132,7 +132,7 @@ proptest! {
         let output = upm().args(["check", file.to_str().unwrap()]).output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         prop_assert!(matches!(output.status.code(), Some(0 | 2)), "{stderr}");
-        // a tolerance finer than the rig can hold is warned of
+        // a warning about a tolerance finer than the rig can hold is not a refusal
         let is_refused = stderr.lines().any(|line| !line.starts_with("upm: warning: "));
         prop_assert_eq!(output.status.code() == Some(2), is_refused, "{}", stderr);
         prop_assert!(stderr.lines().all(|line| line.contains(": expected ") && line.contains(", found ")), "{stderr}");

@@ -1,4 +1,4 @@
-//! Rigs from the outside: their libraries, the rig given with `--rig`, and what a camera must see.
+//! Rigs and `upm` as a subprocess: their libraries, the rig given with `--rig`, and the required view of the camera.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use super::{root, status};
 
-/// The shipped rig `name` with its library's path made absolute, changed, in a file of its own.
+/// The shipped rig `name` with an absolute library path, altered by `change`, in a new file.
 fn rig(folder: &TempDir, name: &str, change: impl FnOnce(&mut Value)) -> String {
     let text = fs::read_to_string(root().join(format!("configs/rigs/{name}.json"))).unwrap();
     let mut rig: Value = serde_json::from_str(&text).unwrap();
@@ -44,7 +44,7 @@ fn job_is_checked_on_the_rig_given() {
     assert!(stderr.lines().all(|line| line.contains("arrange-8.json: task.targets_mm")), "{stderr}");
 }
 
-/// The height that the fault of a rig's camera names, mm.
+/// Camera height that the fault names, mm.
 fn height_mm(stderr: &str) -> f64 {
     assert!(stderr.lines().count() == 1 && stderr.contains("camera: expected the whole plate in view"), "{stderr}");
     let (_, said) = stderr.split_once("position_mm[2] of ").unwrap();

@@ -1,4 +1,4 @@
-//! Jobs whose targets and paths are made by a rule, from the outside.
+//! Jobs with generated targets and paths, with `upm` as a subprocess.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::{root, status};
 
-/// A job on `upm-2` in a file of its own.
+/// A job on `upm-2` in a new file.
 fn written(folder: &Path, parts: u32, task: Value) -> PathBuf {
     let rig = root().join("configs/rigs/upm-2.json");
     let job = json!({"name": "shape", "rig": rig, "parts": [{"kind": "penny", "count": parts}], "task": task});
@@ -80,7 +80,7 @@ fn letters_that_do_not_fit_are_one_line_with_the_height_that_does() {
     status(&["check", text(84.1).to_str().unwrap()], 2);
 }
 
-/// A block of a document: the words after its fence, and its content.
+/// Fenced blocks of a document: the words after the fence, and the content.
 fn blocks(document: &str) -> Vec<(String, String)> {
     let mut blocks: Vec<(String, String)> = Vec::new();
     let mut is_open = false;
@@ -96,7 +96,7 @@ fn blocks(document: &str) -> Vec<(String, String)> {
     blocks
 }
 
-/// Where the fault is, what was found and what is allowed, without the file.
+/// A fault's path, value found and allowed values, without the file.
 fn without_file<'a>(file: &Path, line: &'a str) -> &'a str {
     line.trim_end().strip_prefix(&format!("upm: {}: ", file.display())).unwrap_or_else(|| panic!("{line}"))
 }

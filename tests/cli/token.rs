@@ -1,4 +1,4 @@
-//! `upm token` from the outside.
+//! `upm token` as a subprocess.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Who may do what.
+//! Authorisation: the token that each route requires.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -13,7 +13,7 @@ use super::wire::exchange;
 const OPERATE: &str = "operate-0123456789abcdef0123456789abcdef";
 const READ: &str = "readonly-0123456789abcdef0123456789abcdef";
 
-/// Method, path, and whether any token, one to read or one to operate is asked for.
+/// Method, path and required token: none, one to read, or one to operate.
 const ROUTES: [(&str, &str, Needs); 18] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/readyz", Needs::Nothing),
@@ -42,7 +42,7 @@ enum Needs {
     Operate,
 }
 
-/// A file that nobody else may read.
+/// Writes a file that only its owner may read.
 fn secret(path: &Path, text: &str) {
     fs::write(path, text).unwrap();
     fs::set_permissions(path, fs::Permissions::from_mode(0o600)).unwrap();

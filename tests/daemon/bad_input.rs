@@ -1,4 +1,4 @@
-//! What is wrong with a request is answered, and the plate goes on undisturbed.
+//! Invalid requests are answered with their fault, and the plate continues undisturbed.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -13,7 +13,7 @@ use super::wire::{Answer, ask, connect, exchange, head, read};
 
 const JSON: [(&str, &str); 1] = [("Content-Type", "application/json")];
 
-/// The journal of `upm run` with the same job.
+/// Journal of `upm run` with the same job.
 fn journal_of_run(served: &Served, job: &Value) -> Vec<u8> {
     let mut job = job.clone();
     job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
@@ -149,7 +149,7 @@ fn heads(served: &Served) {
     }
 }
 
-/// Writers that stop in the middle of a header, and one that goes away in the middle of a body.
+/// Connections of clients that stall in the middle of a header; another client disconnects in the middle of a body.
 fn slow_writers(served: &Served) -> Vec<TcpStream> {
     let body = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";
     connect(served.address()).write_all(body.as_bytes()).unwrap();
@@ -161,7 +161,7 @@ fn slow_writers(served: &Served) -> Vec<TcpStream> {
     ["", "GET", "GET /v1/jobs HTT", "POST /v1/jobs HTTP/1.1\r\nHost: "].map(begin).into()
 }
 
-/// They have been left, without an answer.
+/// Asserts that the connections were closed without an answer.
 fn assert_closed(slow: Vec<TcpStream>) {
     for mut stream in slow {
         assert_eq!(stream.read_to_end(&mut Vec::new()).unwrap_or(0), 0);

@@ -1,4 +1,4 @@
-//! The commands of the daemon against one that serves.
+//! The client commands against a running daemon.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::served::{LEFT, RIGHT, Served, moving, rest, root, status_of};
 
-/// The job in a file, with a rig where one is given.
+/// Writes the job to a file, with a rig if given.
 fn file(served: &Served, job: &Value, rig: Option<&str>) -> String {
     let mut job = job.clone();
     if let Some(rig) = rig {

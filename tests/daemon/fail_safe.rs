@@ -1,4 +1,4 @@
-//! What is lost, replaced or of another release fails safe.
+//! Lost, replaced or incompatible files of the daemon have safe consequences.
 
 use std::fs;
 use std::io::{Seek, SeekFrom, Write};
@@ -59,7 +59,7 @@ fn store_of_a_newer_release_is_bad_input_and_told_on_one_line() {
     for ending in ["-wal", "-shm"] {
         fs::remove_file(format!("{}{ending}", db.display())).unwrap();
     }
-    // `user_version` in the header
+    // `user_version` in the header of the database
     let mut file = fs::File::options().write(true).open(&db).unwrap();
     file.seek(SeekFrom::Start(60)).unwrap();
     file.write_all(&99u32.to_be_bytes()).unwrap();
@@ -112,7 +112,7 @@ fn mode(path: &Path) -> u32 {
     fs::metadata(path).unwrap().permissions().mode() & 0o777
 }
 
-/// A folder and all below it.
+/// A folder and everything below it.
 fn all_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = vec![folder.to_owned()];
     for entry in fs::read_dir(folder).unwrap() {

@@ -1,4 +1,4 @@
-//! Jobs named by the beginning of their id, or as the last one.
+//! Jobs named by a prefix of their id or as the last one.
 
 use super::served::{Served, rest};
 
@@ -9,7 +9,7 @@ fn job_is_found_by_a_unique_beginning_of_its_id_and_as_the_last() {
     jobs.iter().for_each(|id| drop(served.until_state(id, "completed")));
     let shown = |text: &str| served.status(&["show", text], 0).0;
     assert!(shown("last").starts_with("third on plate "));
-    // ids begin with the time, so those of one test have much in common
+    // ids begin with the time, so those of one test share a long prefix
     let is_shared = |text: &str| jobs.iter().filter(|id| id.starts_with(text)).count() > 1;
     for (id, name) in jobs.iter().zip(["first", "second", "third"]) {
         let length = (1..32).find(|&length| !is_shared(&id[..length])).unwrap();

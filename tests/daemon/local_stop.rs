@@ -1,4 +1,4 @@
-//! Emergency stops past HTTP: the socket in the data folder, and SIGUSR1.
+//! Emergency stops without HTTP: the socket in the data folder, and SIGUSR1.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::served::{LEFT, RIGHT, Served, moving, until};
 
-/// What the socket answers to this line.
+/// Answer of the socket to this line.
 fn said(served: &Served, line: &str) -> Value {
     let mut socket = UnixStream::connect(served.folder.path().join("data/estop.sock")).unwrap();
     socket.write_all(line.as_bytes()).unwrap();

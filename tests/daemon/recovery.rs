@@ -1,4 +1,4 @@
-//! What is there after a crash.
+//! State of the daemon after a crash.
 
 use std::fs;
 use std::thread::sleep;

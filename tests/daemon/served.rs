@@ -1,4 +1,4 @@
-//! A daemon of its own for a test.
+//! Test fixture: a separate daemon for each test.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
@@ -14,18 +14,18 @@ use tempfile::TempDir;
 
 use super::wire::{Answer, ask};
 
-/// Longest time anything is waited for.
+/// Longest wait for any condition.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub const LEFT: &str = "left";
 pub const RIGHT: &str = "right";
 
-/// A daemon that runs; killed when it goes out of scope.
+/// A running daemon, killed on drop.
 pub struct Served {
     child: Child,
-    /// Where it answers.
+    /// Address of the daemon.
     pub url: String,
-    /// Configuration, data and what else a test writes.
+    /// Configuration, data and files that a test writes.
     pub folder: TempDir,
 }
 
@@ -33,7 +33,8 @@ pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Two plates of one rig. The watchdog is patient: a test machine does other things beside.
+/// Configuration of two plates with one rig. The watchdog has long limits, since a test machine runs other work as
+/// well.
 pub fn config() -> Value {
     let rig = root().join("configs/rigs/upm-2.json");
     json!({
@@ -58,18 +59,18 @@ impl Served {
         Self::in_folder(folder)
     }
 
-    /// One whose configuration, and what that names, is in this folder.
+    /// Starts a daemon with the configuration and its files in this folder.
     pub fn in_folder(folder: TempDir) -> Self {
         let (child, url) = spawn(folder.path(), "127.0.0.1:0");
         Self { child, url, folder }
     }
 
-    /// Ends this one as `end` does, and starts another on what it left.
+    /// Ends this daemon by `end` and starts another on the same folder.
     pub fn again(self, end: impl FnOnce(&mut Self)) -> Self {
         self.again_at("127.0.0.1:0", end)
     }
 
-    /// The same, where it answered before.
+    /// As [`Self::again`], on the same port.
     pub fn again_there(self, end: impl FnOnce(&mut Self)) -> Self {
         let address = self.address().to_owned();
         self.again_at(&address, end)
@@ -82,29 +83,29 @@ impl Served {
         self
     }
 
-    /// As a power cut would.
+    /// Kills the daemon at once, to simulate a power cut.
     pub fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// SIGTERM; how it ended.
+    /// Sends SIGTERM and waits; returns the exit status.
     pub fn terminate(&mut self) -> ExitStatus {
         self.signal("-TERM");
         until("the daemon ends", || self.child.try_wait().unwrap())
     }
 
-    /// Sends it a signal: `-USR1`.
+    /// Sends a signal, for example `-USR1`.
     pub fn signal(&self, name: &str) {
         assert!(Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap().success());
     }
 
-    /// All that it has logged.
+    /// The complete log so far.
     pub fn log(&self) -> String {
         fs::read_to_string(self.folder.path().join("log")).unwrap()
     }
 
-    /// Host and port.
+    /// Host and port of the daemon.
     pub fn address(&self) -> &str {
         self.url.strip_prefix("http://").unwrap()
     }
@@ -119,7 +120,7 @@ impl Served {
         answer.json()
     }
 
-    /// Queues a job; its id.
+    /// Queues a job; returns its id.
     pub fn submit(&self, job: &Value, pace: &str) -> String {
         let json = [("Content-Type", "application/json")];
         let answer = self.ask("POST", &format!("/v1/jobs?pace={pace}"), &json, &job.to_string());
@@ -131,18 +132,18 @@ impl Served {
         self.get(&format!("/v1/jobs/{id}"))
     }
 
-    /// The job once it is in this state.
+    /// Waits until the job is in this state; returns the job.
     pub fn until_state(&self, id: &str, state: &str) -> Value {
         until(&format!("{id} is {state}"), || Some(self.job(id)).filter(|job| job["state"] == state))
     }
 
-    /// A plate as it is.
+    /// Current state of a plate.
     pub fn plate(&self, name: &str) -> Value {
         let plates = self.get("/v1/plates");
         plates["plates"].as_array().unwrap().iter().find(|plate| plate["name"] == name).unwrap().clone()
     }
 
-    /// The job's run folder.
+    /// Run folder of the job.
     pub fn run_folder(&self, job: &str) -> PathBuf {
         let runs = self.folder.path().join("data/runs");
         let named = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().starts_with(&format!("{job}-"));
@@ -152,7 +153,7 @@ impl Served {
         found[0].clone()
     }
 
-    /// Lines of the job's journal that are whole.
+    /// Number of complete lines in the job's journal.
     pub fn journal_lines(&self, job: &str) -> usize {
         let text = fs::read(self.run_folder(job).join("journal.jsonl")).unwrap_or_default();
         text.iter().filter(|&&byte| byte == b'\n').count()
@@ -168,14 +169,14 @@ impl Served {
         });
     }
 
-    /// `upm` asked to deal with this daemon.
+    /// `upm` with arguments that address this daemon.
     pub fn upm(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_upm"));
         command.args(args).env("UPM_URL", &self.url).env_remove("UPM_TOKEN_FILE").current_dir(self.folder.path());
         command
     }
 
-    /// Runs `upm`, expects this exit status, gives back stdout and stderr.
+    /// Runs `upm`, expects this exit status, returns stdout and stderr.
     pub fn status(&self, args: &[&str], expected: i32) -> (String, String) {
         status_of(&self.upm(args).output().unwrap(), args, expected)
     }
@@ -192,7 +193,7 @@ impl Drop for Served {
     }
 }
 
-/// Starts a daemon in this folder and reads where it answers.
+/// Starts a daemon in this folder and reads its address from stdout.
 fn spawn(folder: &Path, listen: &str) -> (Child, String) {
     let mut child = serve(folder, listen).spawn().unwrap();
     let mut stdout = BufReader::new(child.stdout.take().unwrap());
@@ -229,7 +230,7 @@ pub fn status_of(output: &Output, args: &[&str], expected: i32) -> (String, Stri
     (stdout, stderr)
 }
 
-/// What `look` finds in the end.
+/// Polls `look` until it returns a value.
 pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let from = Instant::now();
     loop {
@@ -241,18 +242,18 @@ pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// Puts a FIFO in place of what is at `path`.
+/// Replaces the file at `path` by a FIFO.
 pub fn put_fifo(path: &Path) {
     fs::remove_file(path).ok();
     mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
 }
 
-/// A job that rests, done in a moment at any pace.
+/// A job of a short hold, done in a moment at any pace.
 pub fn rest(name: &str) -> Value {
     json!({"name": name, "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}})
 }
 
-/// A job that moves a part until its plate time is over.
+/// A job that moves a part until its plate time limit.
 pub fn moving(name: &str, plate_time_s: f64) -> Value {
     json!({
         "name": name, "parts": [{"kind": "penny"}], "task": {"type": "plus_sign", "laps": 0},

@@ -1,4 +1,4 @@
-//! The end on SIGTERM, with clients that do not let go and a log that nobody reads.
+//! Shutdown on SIGTERM, with clients that keep their connections open and a log without a reader.
 
 use std::fs;
 use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Read, Write, pipe};
@@ -72,7 +72,7 @@ fn sigterm_closes_everything_in_time_whatever_clients_do() {
     }
 }
 
-/// A pipe without room for one more byte.
+/// A pipe whose buffer is full.
 fn full_pipe() -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = pipe().unwrap();
     fcntl_setfl(&writer, OFlags::NONBLOCK).unwrap();
@@ -83,7 +83,7 @@ fn full_pipe() -> (PipeReader, PipeWriter) {
     (reader, writer)
 }
 
-/// Killed when it goes out of scope.
+/// A child process that is killed on drop.
 struct Killed(Child);
 
 impl Drop for Killed {

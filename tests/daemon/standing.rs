@@ -1,4 +1,5 @@
-//! Standing jobs from the outside: they run on an idle plate, give way, and wait where a person must look first.
+//! Standing jobs of a daemon as a subprocess: they run on an idle plate, give way, and wait where an operator must act
+//! first.
 
 use std::fs;
 
@@ -7,7 +8,7 @@ use tempfile::TempDir;
 
 use super::served::{LEFT, RIGHT, Served, config, rest, root, serve, status_of, until};
 
-/// The two plates with a standing job on the left one, as fast as the machine goes.
+/// Configuration of two plates with a standing job on the left one, at full speed.
 fn with_standing(start: &str) -> Value {
     let mut config = config();
     config["pace"] = json!("max");
@@ -15,7 +16,7 @@ fn with_standing(start: &str) -> Value {
     config
 }
 
-/// A folder with that configuration and a plus sign without end beside it.
+/// A folder with that configuration, and an endless plus sign as the standing job.
 fn folder(config: &Value, change: impl FnOnce(&mut Value)) -> TempDir {
     let folder = TempDir::new().unwrap();
     let mut job = json!({
@@ -32,7 +33,7 @@ fn served(start: &str) -> Served {
     Served::in_folder(folder(&with_standing(start), |_| ()))
 }
 
-/// Waits until the standing job moves its part in a run other than `before`; that run's id.
+/// Waits until the standing job moves its part in a run other than `before`; returns that run's id.
 fn until_it_runs(served: &Served, before: Option<&str>) -> String {
     until("the standing job runs", || {
         let plate = served.plate(LEFT);

@@ -1,4 +1,4 @@
-//! HTTP by hand, so that it can be wrong.
+//! HTTP written byte by byte, so that tests can send invalid requests.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// Longest time for any answer.
+/// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// An answer as it came.
+/// An HTTP response.
 #[derive(Clone, Debug)]
 pub struct Answer {
     pub status: u16,
@@ -27,7 +27,7 @@ impl Answer {
         self.head.lines().find(named).and_then(|line| line.split_once(':')).map(|(_, value)| value.trim())
     }
 
-    /// Checks that it is a problem document of this status.
+    /// Asserts that it is a problem document with this status.
     pub fn is_problem(&self, status: u16) {
         assert_eq!(self.status, status, "{self:?}");
         assert_eq!(self.header("content-type"), Some("application/problem+json"), "{self:?}");
@@ -45,7 +45,7 @@ pub fn connect(address: &str) -> TcpStream {
     stream
 }
 
-/// Header of a request on a connection that ends with its answer.
+/// Header of a request with `Connection: close`.
 pub fn head(address: &str, method: &str, path: &str, headers: &[(&str, &str)]) -> String {
     let more: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
     format!("{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{more}")
@@ -59,15 +59,15 @@ pub fn ask(address: &str, method: &str, path: &str, headers: &[(&str, &str)], bo
     exchange(address, &[request.as_bytes(), b"\r\n", body].concat())
 }
 
-/// Sends these bytes and reads what comes until the end.
+/// Sends these bytes and reads until the connection closes.
 pub fn exchange(address: &str, bytes: &[u8]) -> Answer {
     let mut stream = connect(address);
-    // the daemon may answer, and close, before it has read all
+    // the daemon may answer and close before it has read everything
     stream.write_all(bytes).ok();
     read(&mut stream)
 }
 
-/// The answer on a connection that ends with it.
+/// Reads an answer until the connection closes.
 pub fn read(stream: &mut TcpStream) -> Answer {
     let mut bytes = Vec::new();
     match stream.read_to_end(&mut bytes) {
