@@ -1,4 +1,4 @@
-//! Shapes as a job file names them: they stand in for coordinates that a person would have to work out.
+//! Shapes in a job file, in place of coordinates that a person would have to work out.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
