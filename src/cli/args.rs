@@ -157,7 +157,7 @@ pub struct ServeArgs {
     pub log: LogFormat,
 }
 
-/// How a daemon writes its log.
+/// Log format of a daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
     /// For people; under systemd as the journal wants it.

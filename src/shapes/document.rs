@@ -13,7 +13,8 @@ const NOT_DRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "
 
 /// Path data of every `path` element of an SVG document in document order, with its transforms applied.
 ///
-/// # Errors A message about the first fault of the document.
+/// # Errors
+/// A message about the first fault of the document.
 pub fn path_data_of(document: &str) -> Result<String, String> {
     let options = ParsingOptions { allow_dtd: true, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(document, options).map_err(|error| error.to_string())?;

@@ -74,7 +74,8 @@ pub fn known_letters() -> impl Iterator<Item = char> {
 impl Drawing {
     /// One line of text with capitals of `height_m`, centred at `center_m`. Small letters are drawn as capitals.
     ///
-    /// # Errors The first letter that the font lacks.
+    /// # Errors
+    /// The first letter that the font lacks.
     pub fn of_text(text: &str, height_m: f64, center_m: Vec2) -> Result<Self, UnknownLetter> {
         let (mut path, mut at, mut right) = (BezPath::new(), 0.0, 0.0);
         for letter in text.chars() {

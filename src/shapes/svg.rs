@@ -46,7 +46,8 @@ pub enum SvgError {
 impl Drawing {
     /// Drawing of the path data `d`, scaled to `size`, with the middle of its extent at `center_m`.
     ///
-    /// # Errors [`SvgError`] if `d` is not valid path data, has too many lines, draws nothing, or has no extent along
+    /// # Errors
+    /// [`SvgError`] if `d` is not valid path data, has too many lines, draws nothing, or has no extent along
     /// the given axis.
     pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, SvgError> {
         let mut path = parsed(d)?;

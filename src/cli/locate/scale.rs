@@ -8,7 +8,8 @@ const ONE_KIND: f64 = 0.02;
 /// Relative deviation within which a size fits a kind; also the difference below which two scales, or the side found
 /// and the one assumed, are equal.
 const FITS: f64 = 0.015;
-/// The same once the scale is fitted; shadows make a coin appear a few percent larger.
+/// Relative deviation within which a size fits a kind once the scale is fitted; shadows make a coin appear a few
+/// percent larger.
 const FITS_AT_LAST: f64 = 0.008;
 /// Most discs of one size that count, and the factor by which a scale's weight must exceed all others for it to be
 /// chosen.

@@ -12,7 +12,8 @@ const LONGEST_DATA: usize = 65_536;
 impl RawJob {
     /// The same job with path data in place of its drawing files.
     ///
-    /// # Errors Every file that cannot be read or contains no path.
+    /// # Errors
+    /// Every file that cannot be read or contains no path.
     pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Fault>> {
         let mut faults = Faults::of(&origin.file);
         write_out(&mut self.task, origin, &mut faults);

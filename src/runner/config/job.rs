@@ -148,7 +148,8 @@ impl JobSpec {
 
     /// The same job with the faults in `texts` added, as typed on the command line.
     ///
-    /// # Errors Every text that is not a valid fault.
+    /// # Errors
+    /// Every text that is not a valid fault.
     pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Fault>> {
         let mut faults = Faults::of("--faults");
         let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);

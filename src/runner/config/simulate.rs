@@ -21,7 +21,7 @@ const SAMPLES_A_PERIOD: f64 = 4.0;
 pub struct SimulateSpec {
     /// The rig.
     pub rig: RigSpec,
-    /// How the plate moves.
+    /// Motion of the plate: driven by its motors, or prescribed.
     pub plate: PlateMode,
     /// Base frequency of every pulse, rad/s.
     pub base_radps: f64,

@@ -122,7 +122,7 @@ impl Coverage {
         }
     }
 
-    /// Place with the least share.
+    /// Place whose longest step along its weakest direction is shortest.
     pub fn weakest(&self) -> Option<&Place> {
         self.places.iter().min_by(|a, b| a.longest_step_m.total_cmp(&b.longest_step_m))
     }

@@ -30,7 +30,8 @@ pub struct InMemoryRun<'a> {
 impl<'a> InMemoryRun<'a> {
     /// Reads the library of `job` and places its parts.
     ///
-    /// # Errors No library of its rig, or no places for the parts.
+    /// # Errors
+    /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
         let bench = Bench::new(job, &library).map_err(RunError::Job)?;
@@ -74,7 +75,8 @@ impl<'a> InMemoryRun<'a> {
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
     /// rig that logs, delays or checks the calls to it. Truth in the report is the simulated rig's.
     ///
-    /// # Errors A job with faults, since only the simulated rig has them.
+    /// # Errors
+    /// A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
         let Self { job, library, bench, watcher, has_own_goal } = self;
         if !bench.faults.is_empty() {

@@ -78,13 +78,13 @@ impl Spot {
 /// Prediction from the rehearsals of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanVerdict {
-    /// All rehearsals reach the goal.
+    /// All rehearsals that were not broken off reach the goal.
     CanBeDone,
-    /// Most rehearsals reach the goal.
+    /// At least half of them reach the goal, but not all.
     Likely,
-    /// Most rehearsals fail.
+    /// Fewer than half of them reach the goal, but at least one.
     Unlikely,
-    /// All rehearsals fail.
+    /// None of them reaches the goal.
     CannotBeDone,
     /// The job is too long for a rehearsal: all were broken off.
     Undecided,

@@ -33,9 +33,9 @@ pub enum Verdict {
     Differs {
         /// First line that differs, from 1.
         line: usize,
-        /// That line in the run folder.
+        /// Text of that line in the run folder.
         recorded: String,
-        /// That line in the repetition.
+        /// Text of that line in the repetition.
         repeated: String,
     },
 }
