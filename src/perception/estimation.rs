@@ -1,5 +1,5 @@
-//! What the accelerometers say: a trace becomes harmonics, a plate twist, a centre of rotation
-//! (UPM paper, section 3.2, App. B and C).
+//! Plate motion from accelerometer traces: a trace is reduced to harmonics, a plate twist and a centre of rotation (UPM
+//! paper, section 3.2, App. B and C).
 
 mod felt;
 mod gains;
@@ -30,11 +30,11 @@ use nalgebra::Complex;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave};
 
-/// Weakest first or second harmonic that says anything, m/s²; a part slips from about 1.7 m/s² on.
+/// Smallest amplitude of the first or second harmonic that can be evaluated, m/s²; a part slips from about 1.7 m/s² on.
 pub const WEAKEST_MPS2: f64 = 0.3;
 
-/// The plate's motion at full height of a pulse shaped by `envelope`, out of what its accelerometers saw.
-/// `base_radps` is the drive's base frequency.
+/// Fits the plate's motion at the full height of a pulse shaped by `envelope` to its accelerometer trace. `base_radps`
+/// is the drive's base frequency.
 pub fn fit_twist(
     trace: &AccelTrace,
     envelope: &Envelope,
@@ -70,7 +70,7 @@ fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {
     Ok(())
 }
 
-/// A trace that stops within the sustain was spoiled on its way: what it lacks nobody knows.
+/// Rejects a trace that ends within the sustain: samples were lost in transmission, and how many is unknown.
 fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitFault> {
     let (found_s, needed_s) = (trace.time_s(trace.len().saturating_sub(1)), envelope.attack_s + envelope.sustain_s);
     if found_s + 1.5 / trace.sample_hz >= needed_s { Ok(()) } else { Err(FitFault::CutShort { found_s, needed_s }) }
@@ -79,7 +79,7 @@ fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitFa
 fn refuse_weak(accel_mps2: &[Coefficients; CHANNELS]) -> Result<(), FitFault> {
     let largest = |k: usize| accel_mps2.iter().map(|c| c[k].hypot(c[k + 1])).fold(0.0, f64::max);
     let found_mps2 = largest(0).max(largest(2));
-    // Written so that not-a-number is refused too.
+    // Written so that NaN is rejected too.
     if found_mps2 >= WEAKEST_MPS2 && found_mps2.is_finite() {
         Ok(())
     } else {
@@ -87,7 +87,7 @@ fn refuse_weak(accel_mps2: &[Coefficients; CHANNELS]) -> Result<(), FitFault> {
     }
 }
 
-/// The plate's two-harmonic velocity out of the four channels' acceleration coefficients.
+/// The plate's two-harmonic velocity from the four channels' acceleration coefficients.
 pub fn twist_wave(accel_mps2: &[Coefficients; CHANNELS], base_radps: f64, accelerometer_in_plate_m: Vec2) -> TwistWave {
     let [x1, y1, x2, y2] = accel_mps2.map(|coefficients| velocity_mps(&coefficients, base_radps));
     let [cos1, sin1, cos2, sin2]: [Twist; 4] = std::array::from_fn(|k| {
@@ -97,7 +97,7 @@ pub fn twist_wave(accel_mps2: &[Coefficients; CHANNELS], base_radps: f64, accele
     TwistWave { base_radps, harmonics }
 }
 
-/// The first two harmonics of `wave` as phasors of x, y and spin; a harmonic it lacks is zero.
+/// The first two harmonics of `wave` as phasors of x, y and spin; missing harmonics are zero.
 pub fn axis_phasors(wave: &TwistWave) -> [AxisPhasors; 3] {
     let harmonic = |k: usize| wave.harmonics.get(k).copied().unwrap_or_default();
     let (first, second) = (harmonic(0), harmonic(1));

@@ -1,4 +1,4 @@
-//! From raw sensor data to facts: [`vision`] finds table and parts in a camera frame, [`estimation`] reads the plate's
+//! Sensor data processing: [`vision`] finds table and parts in a camera frame, [`estimation`] determines the plate's
 //! motion from an accelerometer trace.
 
 pub mod estimation;

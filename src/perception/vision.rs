@@ -1,4 +1,5 @@
-//! Eyes: the table once, every coin, then each coin again and again. Frames in, measurements out.
+//! Camera vision: locates the table once, finds every coin, then tracks the coins from frame to frame. Input: frames;
+//! output: measurements.
 
 mod chords;
 mod coarse;

@@ -1,8 +1,8 @@
-//! What the accelerometers feel of a known periodic motion, to second order.
+//! Accelerometer readings predicted for a known periodic motion, to second order.
 //!
-//! A sensor at `r` on a plate turned by `θ` shows, along the plate's axes, `A - θ A^⊥ + α r^⊥ - ω² r`: the acceleration
-//! of the centre seen from the turned plate, that of the spin, and the pull towards the centre. The two products are a
-//! few percent of strong motions and have the same harmonics.
+//! A sensor at `r` on a plate turned by `θ` reads, along the plate's axes, `A - θ A^⊥ + α r^⊥ - ω² r`: the acceleration
+//! of the centre seen from the turned plate, the angular and the centripetal acceleration. The two products are a few
+//! percent of strong motions and have the same harmonics.
 
 use nalgebra::{Complex, Vector3};
 
@@ -15,7 +15,8 @@ pub type Velocity = Vec<Vector3<Complex<f64>>>;
 /// Acceleration phasors `c - js` of the four channels for harmonic k at index `k - 1`, m/s².
 pub type Felt = Vec<[Complex<f64>; CHANNELS]>;
 
-/// What accelerometers at `position_m` and opposite feel of the plate's `velocity`, in as many harmonics.
+/// Readings of accelerometers at `position_m` and at the opposite point for the plate's `velocity`, in as many
+/// harmonics.
 pub fn felt(velocity: &Velocity, base_radps: f64, position_m: Vec2) -> Felt {
     let rate = |k: usize| Complex::new(0.0, (k + 1) as f64 * base_radps);
     let axis = |axis: usize, factor: &dyn Fn(usize) -> Complex<f64>| -> Vec<Complex<f64>> {
@@ -58,7 +59,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
 
-        /// Against the mean over one period of the accelerations instant by instant, times the harmonic.
+        /// Compares with the mean over one period of the instantaneous accelerations times the harmonic.
         #[test]
         fn harmonics_are_those_of_the_instants(seed: u64, harmonics in 1usize..=8) {
             let mut rng = Streams::new(seed).stream("motion");

@@ -1,8 +1,8 @@
-//! The accelerometers' gains, found from the plate's being rigid (UPM paper, App. B).
+//! Accelerometer gains from the rigidity of the plate (UPM paper, App. B).
 //!
-//! The accelerations of two points of a rigid plate differ at right angles to the line between them, but for the pull
-//! towards the centre, which does not turn round with the drive. So whatever the motion, half the difference of a
-//! pulse and its reverse has nothing along that line: with channel c showing `m_c = g_c a_c` and `h_c = 1/g_c`
+//! The accelerations of two points of a rigid plate differ at right angles to the line between them, except for the
+//! centripetal acceleration, which does not change sign with the drive. For every motion half the difference of a pulse
+//! and its reverse therefore has no component along that line: with `m_c = g_c a_c` read by channel c and `h_c = 1/g_c`
 //!
 //! ```text
 //!   h_x1 m_x1 r_x + h_y1 m_y1 r_y - h_x2 m_x2 r_x - h_y2 m_y2 r_y = 0
@@ -17,34 +17,35 @@ use super::harmonics::Coefficients;
 use upm_core::geometry::Vec2;
 use upm_core::signal::CHANNELS;
 
-/// How far gains are expected to be from 1, and how exactly a coefficient is read against the largest: they weigh
-/// what the readings do not tell.
+/// Expected deviation of gains from 1, and relative error of a coefficient against the largest: the weights of the
+/// prior where the readings do not determine a gain.
 const EXPECTED_ERROR: f64 = 0.02;
 const READING_ERROR: f64 = 1e-3;
 
 /// The four channels' gains from `readings`, each the acceleration coefficients of a motion, half the difference of a
-/// pulse and its reverse, any unit. What the readings leave open stays as near to 1 as it can; the inverse gains' mean
-/// is 1.
+/// pulse and its reverse, any unit. Gains that the readings do not determine stay as near to 1 as possible; the mean of
+/// the inverse gains is 1.
 pub fn relative_gains(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> [f64; CHANNELS] {
     let normal = normal_matrix(readings, accelerometer_in_plate_m);
     let gain = inverse_gains(&normal, readings.len()).map(f64::recip);
     if gain.iter().all(|g| g.is_finite() && *g > 0.0) { gain.into() } else { [1.0; CHANNELS] }
 }
 
-/// Four channels as the same readings judge them, without the assumption that they work.
+/// Diagnosis of the four channels from the same readings, without the assumption that they work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelCheck {
-    /// What each channel shows, root mean square, as a part of the channel that shows most: near 0 for a dead one.
+    /// Root mean square of each channel over that of the strongest channel: near 0 for a dead one.
     pub share: [f64; CHANNELS],
-    /// Gain of each channel as a multiple of their median: negative for a channel with its sign reversed. Means nothing
+    /// Gain of each channel as a multiple of their median: negative for a channel with its sign reversed. Meaningless
     /// while a channel is dead.
     pub gain: [f64; CHANNELS],
-    /// What no gains explain, as a part of the readings: 0 on a rigid plate, large when a channel shows something else.
+    /// Residual that no gains explain, as a fraction of the readings: 0 on a rigid plate, large when a channel measures
+    /// something else.
     pub misfit: f64,
 }
 
-/// Judges the channels by `readings`, which are those of [`relative_gains`]. Motions along x, y and about the centre
-/// are needed for that, whatever makes them.
+/// Checks the channels with `readings` as for [`relative_gains`]. Motions along x, along y and about the centre are
+/// required, whatever drives them.
 pub fn check_channels(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> ChannelCheck {
     let shown =
         |channel: usize| readings.iter().flat_map(|reading| reading[channel]).map(|c| c * c).sum::<f64>().sqrt();
@@ -60,7 +61,7 @@ pub fn check_channels(readings: &[[Coefficients; CHANNELS]], accelerometer_in_pl
     ChannelCheck { share: shown.map(|rms| rms / most), gain: inverse.map(|h| median / h).into(), misfit }
 }
 
-/// Sum of the squares that the condition of rigidity makes of inverse gains, as a matrix.
+/// Matrix of the sum of squared rigidity residuals as a quadratic form in the inverse gains.
 fn normal_matrix(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m: Vec2) -> Matrix4<f64> {
     let r = accelerometer_in_plate_m;
     let arms = Vector4::new(r.x, r.y, -r.x, -r.y);
@@ -74,7 +75,7 @@ fn normal_matrix(readings: &[[Coefficients; CHANNELS]], accelerometer_in_plate_m
     normal
 }
 
-/// Inverse gains of mean 1 that bring the sum of squares down; 1 where there is nothing to read.
+/// Inverse gains of mean 1 that minimise the sum of squares; 1 without readings.
 fn inverse_gains(normal: &Matrix4<f64>, readings: usize) -> Vector4<f64> {
     let prior = normal.trace() * (READING_ERROR / EXPECTED_ERROR).powi(2) / (readings.max(1) as f64);
     let ones = Vector4::from_element(1.0);
@@ -93,7 +94,7 @@ mod tests {
 
     const R1_M: Vec2 = Vec2::new(-0.09, -0.08);
 
-    /// What four channels of these gains show of a motion's coefficients.
+    /// Readings of four channels with these gains for the coefficients of each motion.
     fn shown(motions: &[[Twist; 4]], gain: &[f64; CHANNELS], r1_m: Vec2) -> Vec<[Coefficients; CHANNELS]> {
         let reading = |motion: &[Twist; 4]| {
             let at = |r: Vec2| motion.map(|twist| twist.velocity_at(r));
@@ -122,8 +123,8 @@ mod tests {
 
         #[test]
         fn what_the_readings_leave_open_stays_one(errors in proptest::array::uniform4(-0.02..0.02f64)) {
-            // Along x alone: the x channels show their ratio, the y channels nothing; to the second order in the errors
-            // they stay, since the mean is held.
+            // Along x alone the x channels determine their ratio and the y channels nothing: those keep their gains to
+            // second order in the errors, since the mean is held.
             let gain = errors.map(|e| 1.0 + e);
             let motions = [[Twist::new(9.0, 0.0, 0.0); 4]];
             let found = relative_gains(&shown(&motions, &gain, R1_M), R1_M);

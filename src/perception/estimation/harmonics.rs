@@ -1,10 +1,10 @@
-//! Two harmonics of a known frequency by least squares, and what they are as velocities.
+//! Least-squares fit of two harmonics of a known frequency, and their velocities.
 //!
-//! Along with the harmonics a polynomial is fitted and thrown away: the sensor's bias and the plate's own
-//! resonance (10-20 Hz, slowly dying) that the attack set off. Left in, they leak into the coefficients. Measured on
-//! simulated plates with resonances of 11, 14 and 17 Hz, damping ratio 0.1, 60 Hz drive, attack 10 ms, three periods:
-//! 2.1 % of the first harmonic without a polynomial, 2.0 % with degree 2, 0.1 % with degree 4, 0.01 % with degree 6,
-//! which makes the coefficients 1.3 times as noisy.
+//! A polynomial is fitted with the harmonics and discarded: it takes up the sensor's bias and the plate's own resonance
+//! (10-20 Hz, slowly decaying) excited by the attack. Otherwise they leak into the coefficients. Measured on simulated
+//! plates with resonances of 11, 14 and 17 Hz, damping ratio 0.1, 60 Hz drive, attack 10 ms, three periods: 2.1 % of
+//! the first harmonic without a polynomial, 2.0 % with degree 2, 0.1 % with degree 4, 0.01 % with degree 6, which makes
+//! the coefficients 1.3 times as noisy.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -14,18 +14,19 @@ use super::window::Window;
 /// Acceleration coefficients c1, s1, c2, s2 of one channel (Eq. 12), m/s².
 pub type Coefficients = [f64; 4];
 
-/// What one channel was found to do.
+/// Fit of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HarmonicFit {
-    /// Of `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt`, times from the start of the pulse.
+    /// Coefficients of `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt`, times from the start of the pulse.
     pub coefficients: Coefficients,
-    /// Standard deviation of each coefficient, by the residuals and the normal matrix, m/s².
+    /// Standard deviation of each coefficient from the residuals and the normal matrix, m/s².
     pub sd: Coefficients,
-    /// Sum of the squares of what is left over, (m/s²)².
+    /// Residual sum of squares, (m/s²)².
     pub residual_sum: f64,
 }
 
-/// Fits every channel over `window`, with a drift of as high a degree as that many periods bear: twice their number.
+/// Fits every channel over `window`, with a drift polynomial of the highest degree that the number of periods supports:
+/// twice that number.
 pub fn fit_channels<const N: usize>(
     window: &Window,
     channels: &[Vec<f64>; N],
@@ -39,7 +40,7 @@ pub fn fit_channels<const N: usize>(
     .ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))
 }
 
-/// Least squares with `D` regressors: four of the harmonics, then Legendre polynomials from the constant up.
+/// Least squares with `D` regressors: the four of the harmonics, then Legendre polynomials from the constant up.
 /// `D = 4` fits harmonics alone; over whole periods that is a discrete Fourier transform at two bins.
 pub fn fit<const D: usize, const N: usize>(
     window: &Window,
@@ -95,7 +96,7 @@ fn regressors<const D: usize>(window: &Window, base_radps: f64) -> impl Iterator
     })
 }
 
-/// Velocity coefficients of cos wt, sin wt, cos 2wt, sin 2wt out of acceleration ones, m/s (Eq. 13).
+/// Velocity coefficients of cos wt, sin wt, cos 2wt, sin 2wt from acceleration coefficients, m/s (Eq. 13).
 pub fn velocity_mps(accel_mps2: &Coefficients, base_radps: f64) -> [f64; 4] {
     let [c1, s1, c2, s2] = *accel_mps2;
     [-s1, c1, -0.5 * s2, 0.5 * c2].map(|v| v / base_radps)

@@ -1,8 +1,10 @@
-//! Whether the plate moved as planned and, if not, which coil or accelerometer channel explains it.
+//! Fault diagnosis of a pulse: whether the plate moved as planned and, if not, which coil or accelerometer channel
+//! explains it.
 //!
-//! Every explanation predicts what the accelerometers should have shown ([`felt`]). A prediction is weighed against the
-//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and holds up to a score of 1. The
-//! simplest that holds is the verdict: the plan, then one coil, channel or pair of coils, the best of those that hold.
+//! Every explanation predicts the accelerometer readings ([`felt`]). A prediction is compared with the reading by
+//! `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a score of 1. The
+//! simplest accepted explanation is the verdict: the plan, then one coil, channel or pair of coils, the best of those
+//! accepted.
 //!
 //! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
 
@@ -17,18 +19,18 @@ use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
-/// Standard deviations within which a coefficient is as predicted, when two periods or more were read.
+/// Tolerance of a coefficient in standard deviations when two periods or more were read.
 const DEVIATIONS: f64 = 8.0;
 
 /// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
-/// healthy coefficients are up to 8 off.
+/// healthy coefficients are up to 8 standard deviations off.
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
-/// Error allowed of the library's response, as a part of the planned acceleration. Over two periods or more healthy
+/// Allowed error of the library's response, as a fraction of the planned acceleration. Over two periods or more healthy
 /// pulses are off by up to 0.013 on the strong rig and 0.022 on the weak one, noise included.
 const RESPONSE_ERROR: f64 = 0.02;
 
-/// Smallest error of a gain that is blamed on its coil or channel.
+/// Smallest gain error that is attributed to its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
 
 /// Largest gain of a dead channel, either sign.
@@ -37,31 +39,32 @@ const DEAD_GAIN: f64 = 0.1;
 /// Largest distance of a reversed channel's gain from -1.
 const REVERSED_GAIN_ERROR: f64 = 0.2;
 
-/// Planned acceleration from which on a pulse must be readable, in units of [`WEAKEST_MPS2`].
+/// Planned acceleration from which a pulse must be readable, in units of [`WEAKEST_MPS2`].
 const STRONG: f64 = 4.0;
 
-/// Part of the read acceleration's energy by which two accelerometers may differ along the line between them.
+/// Fraction of the measured acceleration's energy by which two accelerometers may differ along the line between them.
 const RIGID: f64 = 0.04;
 
-/// Base periods of sustain from which on a pulse must be readable: one, and room for the samples that fall on no edge.
+/// Base periods of sustain from which a pulse must be readable: one, and a margin since samples do not fall on the
+/// edges.
 const READABLE_PERIODS: f64 = 1.05;
 
-/// The motion that a pulse should make.
+/// The planned motion of a pulse.
 #[derive(Clone, Copy, Debug)]
 pub struct ExpectedMotion<'a> {
-    /// What the motors are sent.
+    /// Drive sent to the motors.
     pub drive: &'a Drive,
     /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt`
     /// of that coil alone, times from the start of the pulse.
     pub coils: &'a [Vec<TwistHarmonic>; MOTORS],
 }
 
-/// How far a pulse was from the plan, and why.
+/// Deviation of a pulse from the plan, and its explanation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionJudgement {
-    /// The difference; `None` where the trace could not be read.
+    /// Difference from the plan; `None` where the trace could not be read.
     pub mismatch: Option<Mismatch>,
-    /// The explanation.
+    /// Explanation of the difference.
     pub verdict: MotionVerdict,
 }
 
@@ -70,9 +73,9 @@ pub struct MotionJudgement {
 pub struct Mismatch {
     /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
     pub relative: f64,
-    /// What noise alone makes of it, by the fit's standard deviations.
+    /// Contribution of noise to `relative`, by the fit's standard deviations.
     pub relative_sd: f64,
-    /// The same difference weighed by what is allowed; up to 1 the pulse is as planned.
+    /// The same difference in units of the tolerance; up to 1 the pulse is as planned.
     pub score: f64,
 }
 
@@ -81,7 +84,7 @@ pub struct Mismatch {
 pub enum MotionVerdict {
     /// The plate moved as planned.
     AsPlanned,
-    /// The plate moved as planned, one accelerometer channel does not show it.
+    /// The plate moved as planned, but one accelerometer channel does not show it.
     Channel {
         /// Index of the channel.
         channel: usize,
@@ -92,23 +95,23 @@ pub enum MotionVerdict {
     Coil {
         /// Index into [`upm_core::signal::Motor::ALL`].
         coil: usize,
-        /// Its force over the planned one: 0 dead, -1 reversed.
+        /// Its force over the planned one: 0 for a dead coil, -1 for a reversed one.
         gain: f64,
         /// Standard deviation of `gain`, the allowed errors included.
         gain_sd: f64,
     },
-    /// Two coils play each other's part.
+    /// Two coils are exchanged: each plays the other's signal.
     Swapped {
         /// Indices into [`upm_core::signal::Motor::ALL`].
         coils: [usize; 2],
     },
-    /// The channels do not agree with each other: no motion of a plate shows like that.
+    /// The channels contradict each other: no rigid motion of the plate gives these readings.
     Channels,
     /// Not as planned, and no single coil, channel or pair of coils explains it.
     Other,
-    /// The trace could not be read, or noise drowns the motion in it.
+    /// The trace could not be read, or the noise exceeds the motion.
     Unreadable {
-        /// True when the planned motion is strong and long enough to be read: then plate or sensors failed.
+        /// True when the planned motion is strong and long enough to be read, so that plate or sensors have failed.
         strong: bool,
     },
 }
@@ -120,13 +123,13 @@ pub enum ChannelFault {
     Dead,
     /// Shows the motion with the wrong sign.
     Reversed,
-    /// Shows this much of the motion.
+    /// Shows the motion with this gain.
     Gain(f64),
     /// Shows something else; the other three agree with the plan.
     Erratic,
 }
 
-/// Judges a pulse by what was read of it.
+/// Judges a pulse by the fit of its trace.
 pub fn judge(
     expected: &ExpectedMotion<'_>,
     fit: Result<&PlateFit, &FitFault>,
@@ -142,18 +145,18 @@ fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &Acceler
     let Drive { base_radps, motors, .. } = expected.drive;
     let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
     let planned = felt(&expected.velocity(harmonics, &Played::Planned), *base_radps, sensors.position_m);
-    // these two say that this rig's traces can never be read so, whatever the plate does
+    // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) }
 }
 
-/// True for a motion that accelerometers have to show.
+/// True for a motion strong enough that accelerometers have to show it.
 fn is_strong(expected: &ExpectedMotion<'_>, planned: &Felt) -> bool {
     let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
     expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
-/// Which counts the coils play.
+/// Counts that the coils are assumed to play.
 enum Played {
     Planned,
     Gain { coil: usize, gain: f64 },
@@ -169,12 +172,12 @@ impl ExpectedMotion<'_> {
         TwistWave { base_radps: *base_radps, harmonics }
     }
 
-    /// Base periods that the pulse is held for.
+    /// Base periods of the pulse's sustain.
     fn periods(&self) -> f64 {
         self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
     }
 
-    /// The plate's velocity in so many harmonics; those that drive or response lack are zero.
+    /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
     fn velocity(&self, harmonics: usize, played: &Played) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
         for (coil, answers) in self.coils.iter().enumerate() {
@@ -192,13 +195,13 @@ impl ExpectedMotion<'_> {
     }
 }
 
-/// A reading beside the planned one.
+/// A reading and the planned one, under comparison.
 struct Judge<'a> {
     expected: &'a ExpectedMotion<'a>,
     sensors: &'a AccelerometerPair,
     read: Reading,
     planned: Felt,
-    /// One over the square of what is allowed of each coefficient, (m/s²)⁻², harmonic by harmonic.
+    /// Inverse square of the tolerance of each coefficient, (m/s²)⁻², harmonic by harmonic.
     weights: Vec<f64>,
 }
 
@@ -209,7 +212,7 @@ impl<'a> Judge<'a> {
         let coefficients = 2.0 * (CHANNELS * planned.len()) as f64;
         let response_variance = RESPONSE_ERROR * RESPONSE_ERROR * energy(&planned) / coefficients;
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
-        // what a channel full of noise leaves over says nothing of the others
+        // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
         let share = read.noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
         let weight = |variance: &f64| (deviations * deviations * share * variance + response_variance).recip();
@@ -239,7 +242,7 @@ impl<'a> Judge<'a> {
         MotionJudgement { mismatch: Some(mismatch), verdict }
     }
 
-    /// The judgement by the channels other than `channel`, which is full of noise.
+    /// The judgement without `channel`, which is full of noise.
     fn judgement_without(&self, channel: usize) -> MotionJudgement {
         let size = energy(&self.planned) - self.planned.iter().map(|of| of[channel].norm_sqr()).sum::<f64>();
         let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
@@ -253,7 +256,7 @@ impl<'a> Judge<'a> {
         MotionJudgement { mismatch: Some(mismatch), verdict: if score <= 1.0 { erratic } else { MotionVerdict::Other } }
     }
 
-    /// The best of the explanations that hold.
+    /// The best of the accepted explanations.
     fn explanation(&self) -> MotionVerdict {
         let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
         let coils = (0..MOTORS).map(|coil| self.coil(coil));
@@ -271,13 +274,14 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// True when noise makes more of every harmonic than the planned motion.
+    /// True when noise exceeds the planned motion in every harmonic.
     fn is_drowned(&self) -> bool {
         let planned = self.planned.iter().map(|of| of.iter().map(Complex::norm_sqr).sum::<f64>());
         planned.zip(&self.read.variance).all(|(planned, variance)| planned < 2.0 * CHANNELS as f64 * variance)
     }
 
-    /// True when a plate can move as the channels show: along the line between the two accelerometers they show the same.
+    /// True when a rigid plate can move as the channels show: both accelerometers show the same along the line between
+    /// them.
     fn is_rigid(&self) -> bool {
         let along: Vec2 = self.sensors.position_m / self.sensors.position_m.norm();
         let (x, y) = (along.x, along.y);
@@ -287,7 +291,7 @@ impl<'a> Judge<'a> {
         apart < DEVIATIONS * DEVIATIONS * noise + RIGID * energy(&self.read.accel_mps2)
     }
 
-    /// Score and verdict for the gain of `channel` that comes nearest to the reading.
+    /// Score and verdict for the gain of `channel` that fits the reading best.
     fn channel(&self, channel: usize) -> (f64, MotionVerdict) {
         let only = channel..channel + 1;
         let information = self.dot(&self.planned, &self.planned, only.clone());
@@ -328,7 +332,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// True for a gain that differs enough from 1 to be blamed.
+/// True for a gain far enough from 1 to be reported as a fault.
 fn is_fault(gain: f64) -> bool {
     (gain - 1.0).abs() >= LEAST_GAIN_ERROR
 }

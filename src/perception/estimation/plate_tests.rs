@@ -73,7 +73,7 @@ impl Plate {
     }
 }
 
-/// Noise, bias and steps of the converter as the rigs have them.
+/// Adds the rigs' noise, bias and converter quantisation.
 fn digitised(axes: &[Vec<f64>; 3], noise_mps2: f64, bias_mps2: f64, rng: &mut Rng) -> AccelTrace {
     let mut normal = |sd: f64| -> f64 { sd * Distribution::<f64>::sample(&StandardNormal, rng) };
     let counts = std::array::from_fn(|channel| {
@@ -97,7 +97,7 @@ fn turning_plate(rng: &mut Rng, base_hz: f64, center_m: Vec2, sign: f64) -> Plat
     Plate::random(rng, base_hz, [drive.velocity_mps.x, drive.velocity_mps.y, drive.spin_radps])
 }
 
-/// Root mean square distance of the centre of rotation read from the true one, m, over centres inside the plate.
+/// Root mean square error of the measured centre of rotation, m, over centres inside the plate.
 fn center_error_m(base_hz: f64, envelope: &Envelope, trials: u32) -> f64 {
     let mut rng = Streams::new(11).stream("plates");
     let mut sum = 0.0;

@@ -1,11 +1,11 @@
-//! Which way a shaken plate pushes, and the pump wave nearest to its motion.
+//! Direction in which a shaken plate pushes, and the pump wave nearest to its motion.
 //!
-//! A pump wave `T (cos w(t - t0) - ½ cos 2w(t - t0))` has the velocity phasors `Z1 = T e^{-jφ}` and `Z2 = -½ T e^{-2jφ}`,
-//! `φ = w t0`. `Σ Z1² = |T|² e^{-2jφ}` gives φ up to half a turn and so T up to its sign; the second harmonic knows
-//! the sign. From there both harmonics have their say: the wave nearest in acceleration, where the noise is equal in
-//! both, is `T = ½ Re(Z1 e^{jφ} - 2 Z2 e^{2jφ})` at the φ that makes it largest. It also comes nearer to the flow of
-//! imperfect waves than the first harmonic does alone: with axis responses off by 3 % (4.5 % in the second
-//! harmonic) directions of the mean force differ from its field by 2.8° rms, against 4.1°.
+//! A pump wave `T (cos w(t - t0) - ½ cos 2w(t - t0))` has the velocity phasors `Z1 = T e^{-jφ}` and
+//! `Z2 = -½ T e^{-2jφ}`, `φ = w t0`. `Σ Z1² = |T|² e^{-2jφ}` gives φ up to half a turn and so T up to its sign; the
+//! second harmonic determines the sign. Both harmonics then enter the fit: the wave nearest in acceleration, where the
+//! noise is equal in both, is `T = ½ Re(Z1 e^{jφ} - 2 Z2 e^{2jφ})` at the φ that makes it largest. It also approximates
+//! the flow of imperfect waves better than the first harmonic alone: with axis responses off by 3 % (4.5 % in the
+//! second harmonic) directions of the mean force differ from its field by 2.8° rms, against 4.1°.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +15,8 @@ use super::harmonics::Coefficients;
 use super::{AxisPhasors, PumpQuality};
 use upm_core::geometry::Twist;
 
-/// Sign of the mean friction force on a part at rest under acceleration c1, s1, c2, s2: 1, -1, or 0 on the null (Eq. 14).
+/// Sign of the mean friction force on a part at rest under acceleration c1, s1, c2, s2: 1, -1, or 0 on the null
+/// (Eq. 14).
 pub fn force_sign(accel: &Coefficients) -> f64 {
     let [c1, s1, c2, s2] = *accel;
     let sense = 2.0 * s1 * c1 * c2 + s2 * (s1 * s1 - c1 * c1);
@@ -27,8 +28,8 @@ fn force_sense(first: Complex<f64>, second: Complex<f64>) -> f64 {
     -(first * first * second.conj()).re
 }
 
-/// The amplitude of the pump wave nearest to the motion `axes` (x, y, spin), and how near that is.
-/// `spin_arm_m` is the radius at which spin counts as much as velocity. A motion that is zero has the pump zero.
+/// The amplitude of the pump wave nearest to the motion `axes` (x, y, spin), and the quality of the approximation.
+/// `spin_arm_m` is the radius at which spin is weighted like velocity. Zero motion gives a zero pump.
 pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpQuality) {
     let arms = Vector3::new(1.0, 1.0, spin_arm_m);
     let first = Vector3::from_fn(|i, _| axes[i].first * arms[i]);
@@ -39,7 +40,7 @@ pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpQua
     (twist, quality(&first, &second, &pump, phase_rad))
 }
 
-/// φ from the first harmonic, of the two half a turn apart the one whose force points along `Re(Z1 e^{jφ})`.
+/// φ from the first harmonic; of the two values half a turn apart the one whose force points along `Re(Z1 e^{jφ})`.
 fn first_guess(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>) -> f64 {
     let phase_rad = -0.5 * first.iter().map(|z| z * z).sum::<Complex<f64>>().arg();
     let direction = turned(first, phase_rad);
@@ -47,7 +48,7 @@ fn first_guess(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>) ->
     if sense < 0.0 { phase_rad + PI } else { phase_rad }
 }
 
-/// Newton's method for the φ at which [`pump_at`] is longest.
+/// Maximises the length of [`pump_at`] over φ by Newton's method.
 fn refine_phase(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>, guess_rad: f64) -> f64 {
     let mut phase_rad = guess_rad;
     for _ in 0..12 {
@@ -67,7 +68,7 @@ fn refine_phase(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>, g
     phase_rad
 }
 
-/// The best T for a given φ.
+/// The least-squares T for a given φ.
 fn pump_at(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>, phase_rad: f64) -> Vector3<f64> {
     0.5 * turned(first, phase_rad) - turned(second, 2.0 * phase_rad)
 }
@@ -82,7 +83,7 @@ fn quality(
     let energy = first.norm_squared() + 4.0 * second.norm_squared();
     let whole = AxisPhasors { first: along(first, pump), second: along(second, pump) };
     let ratio = whole.harmonic_ratio().unwrap_or_default();
-    // Seen along the pump an ideal wave has the ratio -½.
+    // Along the pump an ideal wave has the ratio -½.
     let phase = (-ratio).arg();
     PumpQuality {
         start_rad: phase_rad.rem_euclid(TAU),
@@ -92,7 +93,7 @@ fn quality(
     }
 }
 
-/// `Re(z e^{jφ})`, part by part.
+/// `Re(z e^{jφ})`, component by component.
 fn turned(z: &Vector3<Complex<f64>>, phase_rad: f64) -> Vector3<f64> {
     let (sin, cos) = phase_rad.sin_cos();
     z.map(|z| z.re * cos - z.im * sin)

@@ -7,8 +7,8 @@
 
 use upm_core::geometry::{Twist, Vec2, perp};
 
-/// The twist of a plate whose opposite corners `r1_m` and `-r1_m` move at `v1_mps` and `v2_mps`.
-/// Not a number when `r1_m` is zero.
+/// The twist of a plate whose opposite corners `r1_m` and `-r1_m` move at `v1_mps` and `v2_mps`. NaN when `r1_m` is
+/// zero.
 pub fn twist_from_corners(v1_mps: Vec2, v2_mps: Vec2, r1_m: Vec2) -> Twist {
     Twist {
         velocity_mps: 0.5 * (v1_mps + v2_mps),

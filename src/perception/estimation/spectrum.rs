@@ -1,16 +1,16 @@
-//! Spectra of accelerometer traces, and the mass-spring-damper that answers a multisine with them.
+//! Spectra of accelerometer traces, and identification of a mass-spring-damper from its response to a multisine.
 //!
-//! A plate axis obeys `M q̈ + c q̇ + k q = F` (UPM paper, Eq. 33), in the frequency domain `F/V = jωM + c + k/(jω)`. Read
-//! over one period the plate seldom is in its steady state: what the attack set off is still dying down. Integrating
-//! the equation over the period leaves, for every line, the state's change between the two ends as extra terms of a
-//! polynomial in `1/(jω)` (Pintelon and Schoukens, *System Identification*, 2nd ed., section 6.3.2):
+//! A plate axis obeys `M q̈ + c q̇ + k q = F` (UPM paper, Eq. 33), in the frequency domain `F/V = jωM + c + k/(jω)`.
+//! Over one measured period the plate is seldom in its steady state: the transient of the attack still decays.
+//! Integrating the equation over the period leaves, for every line, the state's change between the two ends as extra
+//! terms of a polynomial in `1/(jω)` (Pintelon and Schoukens, *System Identification*, 2nd ed., section 6.3.2):
 //!
 //! ```text
 //!   M A + c A/(jω) + k A/(jω)² + p0 + p1/(jω) + p2/(jω)² = F e^{-jωτ}
 //! ```
 //!
-//! with A the acceleration's line and τ the delay of the motors' low-pass, which left out would pass for damping. All
-//! but τ are linear, so least squares with a few steps on τ finds them.
+//! with A the acceleration's line and τ the delay of the motors' low-pass, which if neglected would be mistaken for
+//! damping. The equation is linear in all unknowns except τ, so least squares with a few iterations on τ solves it.
 
 use std::f64::consts::TAU;
 
@@ -22,25 +22,25 @@ use super::{Window, twist_from_corners};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
-/// Steps on the delay and on the weights.
+/// Iterations on the delay and on the weights.
 const PASSES: usize = 4;
 /// Unknowns: M, c, k, three of the transient, a correction of the delay.
 const UNKNOWNS: usize = 7;
-/// Largest departure of the periods read from whole samples, samples. Beyond it lines leak into their neighbours.
+/// Largest deviation of the evaluated periods from whole samples, samples. Beyond it lines leak into their neighbours.
 const UNEVEN_SAMPLES: f64 = 1e-3;
-/// Largest standard deviation of a natural frequency, as a part of it, and of a damping ratio.
+/// Largest accepted standard deviation of a natural frequency, as a fraction of it, and of a damping ratio.
 const LARGEST_SD: f64 = 0.05;
 
-/// A plate axis as a mass-spring-damper, with the standard deviations that the fit's residual implies.
+/// A plate axis as a mass-spring-damper, with the standard deviations from the fit's residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OscillatorFit {
     /// Undamped natural frequency `sqrt(k/M)`, rad/s.
     pub natural_radps: f64,
-    /// Its standard deviation, rad/s.
+    /// Standard deviation of `natural_radps`, rad/s.
     pub natural_sd_radps: f64,
     /// Damping ratio `c / (2 sqrt(k M))`.
     pub damping_ratio: f64,
-    /// Its standard deviation.
+    /// Standard deviation of `damping_ratio`.
     pub damping_ratio_sd: f64,
     /// Acceleration of one unit of force far above resonance: `1/M`.
     pub accel_per_force: f64,
@@ -68,13 +68,13 @@ pub fn amplitude_spectrum(values: &[f64]) -> Vec<Complex<f64>> {
     bins
 }
 
-/// Acceleration phasors of x (m/s²), y (m/s²) and spin (rad/s²) at the lines 1 to `lines` of `base_radps`, out of the
+/// Acceleration phasors of x (m/s²), y (m/s²) and spin (rad/s²) at the lines 1 to `lines` of `base_radps`, from the
 /// last whole periods at full height of a pulse shaped by `envelope`; times from the start of the pulse.
 ///
 /// # Errors
 ///
-/// [`FitFault`] for traces that are too short, cut short, clipped or incomplete, for periods that are not whole samples,
-/// and for lines above half the sampling rate.
+/// [`FitFault`] for traces that are too short, cut short, clipped or incomplete, for periods that are not whole
+/// samples, and for lines above half the sampling rate.
 pub fn axis_lines(
     trace: &AccelTrace,
     envelope: &Envelope,
@@ -105,7 +105,7 @@ pub fn axis_lines(
     Ok(axes)
 }
 
-/// A plate's x, y and spin accelerations out of its channels' (App. B), real and imaginary parts apart.
+/// A plate's x, y and spin accelerations from those of its channels (App. B), real and imaginary parts separately.
 fn axis_accelerations([x1, y1, x2, y2]: [Complex<f64>; CHANNELS], position_m: Vec2) -> [Complex<f64>; 3] {
     let re = twist_from_corners(Vec2::new(x1.re, y1.re), Vec2::new(x2.re, y2.re), position_m);
     let im = twist_from_corners(Vec2::new(x1.im, y1.im), Vec2::new(x2.im, y2.im), position_m);
@@ -125,8 +125,8 @@ fn refuse_uneven(window: &Window, base_radps: f64) -> Result<(), FitFault> {
     }
 }
 
-/// The oscillator that answers `force` with `accel`, phasors of the lines 1, 2, … of `base_radps` (any unit of force; m/s²
-/// or rad/s²). Lines without force say nothing and are left out.
+/// Fits the oscillator that responds to `force` with `accel`, phasors of the lines 1, 2, … of `base_radps` (any unit of
+/// force; m/s² or rad/s²). Lines without force carry no information and are left out.
 ///
 /// # Errors
 ///
@@ -145,7 +145,8 @@ pub fn fit_oscillator(
     if 2 * lines.len() <= UNKNOWNS {
         return Err(undetermined(f64::INFINITY));
     }
-    // Noise in A enters the equation through the impedance F/A: its inverse is the weight (Sanathanan and Koerner, 1963).
+    // Noise in A enters the equation through the impedance F/A: its inverse is the weight (Sanathanan and Koerner,
+    // 1963).
     let mut weights: Vec<f64> = lines.iter().map(|line| line.accel.norm() / line.force.norm()).collect();
     let mut delay_rad = 0.0;
     let mut solved = None;
@@ -162,7 +163,7 @@ pub fn fit_oscillator(
     let solution = solved.ok_or(undetermined(f64::INFINITY))?;
     let fit = oscillator(&solution, base_radps, delay_rad);
     let found_sd = (fit.natural_sd_radps / fit.natural_radps).max(fit.damping_ratio_sd);
-    // written so that not-a-number is refused too
+    // written so that NaN is rejected too
     if found_sd <= LARGEST_SD && fit.damping_ratio >= -fit.damping_ratio_sd {
         Ok(OscillatorFit { damping_ratio: fit.damping_ratio.max(0.0), ..fit })
     } else {

@@ -3,64 +3,64 @@ use nalgebra::Complex;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
 
-/// Where the accelerometers are and what their channels show for a true 1.
+/// Positions of the accelerometers, and their channels' readings for a true 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelerometerPair {
-    /// Place of number 1 on the plate, m; number 2 is opposite.
+    /// Position of accelerometer 1 on the plate, m; accelerometer 2 is opposite.
     pub position_m: Vec2,
     /// Gain of each channel.
     pub gain: [f64; CHANNELS],
 }
 
 impl AccelerometerPair {
-    /// Channels that show what there is.
+    /// Channels of gain 1.
     pub fn exact(position_m: Vec2) -> Self {
         Self { position_m, gain: [1.0; CHANNELS] }
     }
 }
 
-/// The plate's motion at full height of a pulse of either kind, read from one trace.
+/// The plate's motion at full height of a pulse of either kind, from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlateFit {
-    /// Of a rotation.
+    /// Motion of a rotation's pulse.
     Twist(TwistFit),
-    /// Of a synthesised motion.
+    /// Motion of a synthesised motion's pulse.
     Wave(WaveFit),
 }
 
-/// The plate's motion at full height of a rotation's pulse, read from one trace.
+/// The plate's motion at full height of a rotation's pulse, from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwistFit {
-    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: c1, s1, c2, s2 (Eq. 12).
+    /// Least-squares acceleration coefficients of each channel, m/s², corrected for its gain: c1, s1, c2, s2 (Eq. 12).
     pub accel_mps2: [[f64; 4]; CHANNELS],
-    /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
+    /// Standard deviation of each of them, m/s²: from the residuals of all channels together and the normal matrix.
     pub accel_sd_mps2: [f64; 4],
-    /// Root mean square of what the fit leaves over in each channel, m/s².
+    /// Root mean square residual of the fit in each channel, m/s².
     pub channel_residual_mps2: [f64; CHANNELS],
-    /// Root mean square of what the fit leaves over, m/s².
+    /// Root mean square residual of the fit, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
     pub wave: TwistWave,
     /// The same as phasors of x (m/s), y (m/s) and spin (rad/s), for calibration.
     pub axes: [AxisPhasors; 3],
-    /// Amplitude T of the pump wave `T (cos wt' - ½ cos 2wt')` that comes nearest; parts flow along its field.
-    /// Its sign is that of the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
+    /// Amplitude T of the nearest pump wave `T (cos wt' - ½ cos 2wt')`; parts flow along its field. Its sign is that of
+    /// the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
     pub pump: Twist,
-    /// How much of a pump wave the motion is.
+    /// How well the pump wave describes the motion.
     pub quality: PumpQuality,
 }
 
-/// The plate's motion at full height of a synthesised motion's pulse, read from one trace.
+/// The plate's motion at full height of a synthesised motion's pulse, from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WaveFit {
-    /// Least-squares acceleration coefficients of each channel, m/s², its gain taken out: for harmonic k at index k - 1
-    /// those of cos kwt and sin kwt.
+    /// Least-squares acceleration coefficients of each channel, m/s², corrected for its gain: for harmonic k at index
+    /// `k - 1` those of cos kwt and sin kwt.
     pub accel_mps2: [Vec<[f64; 2]>; CHANNELS],
-    /// Standard deviation of each of them, m/s²: by the residuals of all channels together and the normal matrix.
+    /// Standard deviation of each of them, m/s²: from the residuals of all channels together and the normal matrix.
     pub accel_sd_mps2: Vec<[f64; 2]>,
-    /// Root mean square of what the fit leaves over in each channel, m/s².
+    /// Root mean square residual of the fit in each channel, m/s².
     pub channel_residual_mps2: [f64; CHANNELS],
-    /// Root mean square of what the fit leaves over, m/s².
+    /// Root mean square residual of the fit, m/s².
     pub residual_rms_mps2: f64,
     /// The plate's velocity, times from the start of the pulse.
     pub wave: TwistWave,
@@ -70,15 +70,15 @@ pub struct WaveFit {
 /// A harmonic `c cos + s sin` is the phasor `c - js`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisPhasors {
-    /// At the base frequency.
+    /// Phasor at the base frequency.
     pub first: Complex<f64>,
-    /// At twice the base frequency.
+    /// Phasor at twice the base frequency.
     pub second: Complex<f64>,
 }
 
 impl AxisPhasors {
-    /// `second · conj(first)² / |first|³`, which no shift of time changes: -½ for a pump wave that pushes forwards,
-    /// +½ for one that pushes backwards (Eq. 5); `None` for an axis that stands still.
+    /// `second · conj(first)² / |first|³`, invariant to time shifts: -½ for a pump wave that pushes forwards, +½ for
+    /// one that pushes backwards (Eq. 5); `None` for an axis at rest.
     pub fn harmonic_ratio(&self) -> Option<Complex<f64>> {
         let size = self.first.norm();
         let ratio = self.second * (self.first.conj() / size).powi(2) / size;
@@ -86,29 +86,29 @@ impl AxisPhasors {
     }
 }
 
-/// How far a motion is from the pump wave nearest to it.
+/// Deviation of a motion from the nearest pump wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PumpQuality {
-    /// Where in the base period the pump wave has its `t' = 0`: `w t0`, rad, from 0 to 2π.
+    /// Phase of the pump wave's `t' = 0` in the base period: `w t0`, rad, from 0 to 2π.
     pub start_rad: f64,
-    /// Share of the acceleration's energy that is in the pump wave, 0 to 1.
+    /// Share of the acceleration's energy contained in the pump wave, 0 to 1.
     pub purity: f64,
-    /// Second over first harmonic of the velocity along the pump's direction; ½ is right.
+    /// Second over first harmonic of the velocity along the pump's direction; ideally ½.
     pub harmonic_ratio: f64,
-    /// By how much the second harmonic leads the one a pump wave would have, rad, from -π/2 to π/2; 0 is right, at the
-    /// ends the mean force vanishes.
+    /// Lead of the second harmonic over that of a pump wave, rad, from -π/2 to π/2; ideally 0, and at the ends the mean
+    /// force vanishes.
     pub harmonic_phase_rad: f64,
 }
 
-/// Why a trace gives no answer.
+/// Reasons why a trace cannot be evaluated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitFault {
-    /// Too short a time at full height.
+    /// The time at full height is too short.
     #[error("sustain: expected {needed_s:.3} s or more (one period of the drive), found {found_s:.3} s at full height")]
     TooShort {
-        /// What there is, s.
+        /// Time at full height in the trace, s.
         found_s: f64,
-        /// What is needed, s.
+        /// Required time, s.
         needed_s: f64,
     },
     /// The trace ends before the pulse's sustain does.
@@ -127,7 +127,7 @@ pub enum FitFault {
     Clipped {
         /// Index of the channel.
         channel: usize,
-        /// How many samples.
+        /// Number of clipped samples.
         samples: usize,
         /// The converter's limit, counts.
         limit: i16,
@@ -140,26 +140,27 @@ pub enum FitFault {
     Missing {
         /// Index of the channel.
         channel: usize,
-        /// How many samples.
+        /// Number of missing samples.
         samples: usize,
     },
-    /// The plate hardly moved.
+    /// The motion is below the smallest amplitude that can be evaluated.
     #[error("motion: expected {needed_mps2:.3} m/s² or more to be read, found {found_mps2:.3} m/s²")]
     TooWeak {
         /// Largest amplitude found, m/s².
         found_mps2: f64,
-        /// What is needed, m/s².
+        /// Required amplitude, m/s².
         needed_mps2: f64,
     },
-    /// The lines of a spectrum do not fix an axis's resonance.
+    /// The lines of a spectrum do not determine an axis's resonance.
     #[error("resonance: expected a standard deviation of {needed_sd} or less, found {found_sd:.3}")]
     Undetermined {
-        /// Larger one of natural frequency, as a part of it, and damping ratio.
+        /// The larger of the standard deviations of the natural frequency, as a fraction of it, and of the damping
+        /// ratio.
         found_sd: f64,
-        /// Largest that is accepted.
+        /// Largest accepted standard deviation.
         needed_sd: f64,
     },
-    /// The trace, or what it is read with, makes no sense.
+    /// The trace, or a parameter of its evaluation, is invalid.
     #[error("trace cannot be read: {0}")]
     Unreadable(&'static str),
 }

@@ -1,5 +1,5 @@
-//! As many harmonics as a synthesised motion has, by least squares. Bias and the plate's own resonance go into a
-//! polynomial that is thrown away, as with the two harmonics of a rotation.
+//! Least-squares fit of all harmonics of a synthesised motion. Bias and the plate's own resonance are absorbed by a
+//! polynomial that is discarded, as with the two harmonics of a rotation.
 
 use std::f64::consts::TAU;
 
@@ -13,12 +13,12 @@ use upm_core::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave}
 /// Fewest samples to the period of the highest harmonic.
 const LEAST_SAMPLES: f64 = 4.0;
 
-/// Degrees of the polynomial for each period that is read. With one more it can no longer be told from the first
-/// harmonic: over a single period that one is then off by twice itself.
+/// Degrees of the polynomial for each period that is read. With one more it can no longer be distinguished from the
+/// first harmonic, whose error over a single period is then twice its size.
 const DEGREES_A_PERIOD: usize = 2;
 
-/// The plate's motion at full height of a pulse of `harmonics` harmonics shaped by `envelope`, out of what its
-/// accelerometers saw. `base_radps` is the drive's base frequency; a sustain of less than one of its periods cannot be
+/// Fits the plate's motion at the full height of a pulse of `harmonics` harmonics shaped by `envelope` to its
+/// accelerometer trace. `base_radps` is the drive's base frequency; a sustain of less than one of its periods cannot be
 /// read.
 pub fn fit_wave(
     trace: &AccelTrace,
@@ -78,7 +78,7 @@ fn regressors(window: &Window, base_radps: f64, harmonics: usize) -> DMatrix<f64
 
 fn refuse_weak(accel_mps2: &[Vec<[f64; 2]>; CHANNELS]) -> Result<(), FitFault> {
     let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| c.hypot(*s)).fold(0.0, f64::max);
-    // written so that not-a-number is refused too
+    // written so that NaN is rejected too
     if found_mps2 >= WEAKEST_MPS2 && found_mps2.is_finite() {
         Ok(())
     } else {
@@ -86,7 +86,7 @@ fn refuse_weak(accel_mps2: &[Vec<[f64; 2]>; CHANNELS]) -> Result<(), FitFault> {
     }
 }
 
-/// The plate's velocity (App. B, harmonic by harmonic) out of the channels' acceleration coefficients.
+/// The plate's velocity (App. B, harmonic by harmonic) from the channels' acceleration coefficients.
 fn twist_wave(accel_mps2: &[Vec<[f64; 2]>; CHANNELS], base_radps: f64, accelerometer_in_plate_m: Vec2) -> TwistWave {
     let [x1, y1, x2, y2] = accel_mps2;
     let channels = x1.iter().zip(y1).zip(x2).zip(y2).enumerate();

@@ -1,4 +1,4 @@
-//! Which samples of a trace to read, and what they are in m/s².
+//! Choice of the samples of a trace to evaluate, and their conversion to m/s².
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::FitFault;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
 
-/// Most base periods one fit looks at. The plate's own resonance, set off by the attack, rings on through the sustain;
-/// over three periods a short polynomial follows it, over six it no longer does.
+/// Most base periods in one fit. The plate's own resonance, excited by the attack, decays through the sustain; a short
+/// polynomial follows it over three periods, but not over six.
 pub const MAX_PERIODS: usize = 3;
 
 /// A stretch of whole base periods at full height.
@@ -15,7 +15,7 @@ pub const MAX_PERIODS: usize = 3;
 pub struct Window {
     /// Indices of the samples.
     pub samples: Range<usize>,
-    /// Time of the first of them after the start of the pulse, s.
+    /// Time of the first sample after the start of the pulse, s.
     pub start_s: f64,
     /// Time between samples, s.
     pub step_s: f64,
@@ -30,13 +30,13 @@ impl Window {
     }
 }
 
-/// The latest whole base periods at full height that `trace` shows, [`MAX_PERIODS`] at most. Latest, because the
-/// low-pass and the plate have had the longest time to settle.
+/// The latest whole base periods at full height in `trace`, [`MAX_PERIODS`] at most. The latest, because low-pass and
+/// plate have then had the longest time to settle.
 pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<Window, FitFault> {
     if !(trace.sample_hz.is_finite() && trace.sample_hz > 0.0 && trace.first_sample_s.is_finite()) {
         return Err(FitFault::Unreadable("sample times are not numbers"));
     }
-    // Four coefficients and a drift need samples well above the second harmonic.
+    // Four coefficients and a drift need a sampling rate well above the second harmonic.
     if !(base_radps > 0.0 && trace.sample_hz * TAU >= 16.0 * base_radps) {
         return Err(FitFault::Unreadable("fewer than 16 samples to the base period"));
     }
@@ -44,7 +44,7 @@ pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) 
     let from = sample_index(trace, envelope.attack_s);
     let to = sample_index(trace, envelope.attack_s + envelope.sustain_s).min(trace.len());
     let found_s = to.saturating_sub(from) as f64 * step_s;
-    // Half a sample of slack: whole periods seldom are whole samples.
+    // Half a sample of tolerance: whole periods are seldom whole samples.
     let periods = (((found_s + 0.5 * step_s) / period_s) as usize).min(MAX_PERIODS);
     if periods == 0 {
         return Err(FitFault::TooShort { found_s, needed_s: period_s });
@@ -59,8 +59,8 @@ fn sample_index(trace: &AccelTrace, t_s: f64) -> usize {
     ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize
 }
 
-/// The samples of `window` in m/s², channel by channel. One clipped or missing sample spoils them: a fit that
-/// papered over it would be wrong without a sign of it.
+/// The samples of `window` in m/s², channel by channel. A single clipped or missing sample is an error: a fit that
+/// interpolated it would be wrong without any indication.
 pub fn accelerations_mps2(trace: &AccelTrace, window: &Window) -> Result<[Vec<f64>; CHANNELS], FitFault> {
     let mut accelerations = [const { Vec::new() }; CHANNELS];
     for (channel, (counts, out)) in trace.counts.iter().zip(&mut accelerations).enumerate() {

@@ -1,9 +1,9 @@
-//! A solid disk convolved over a rectangle by running sums: the sum under a disk is one difference of a row's running sum
-//! for each of the disk's chords. Whole numbers, so nothing is lost; for disks of few cells it is the fastest way.
+//! Convolution of a rectangle with a solid disk by running sums: each chord of the disk contributes one difference of a
+//! row's running sum. Integer arithmetic, hence exact; the fastest method for disks of few cells.
 
 use super::disk::Disk;
 
-/// What a value of 1 counts.
+/// Integer that represents a value of 1.
 const ONE: f32 = 65_535.0;
 /// Largest disk whose sum fits 31 bits, cells.
 pub(super) const LARGEST_AREA: usize = 32_000;
@@ -11,9 +11,9 @@ pub(super) const LARGEST_AREA: usize = 32_000;
 /// Running sums of the rows of a rectangle, and scratch.
 pub(super) struct ChordSums {
     width: usize,
-    /// Cells of nothing to the left and right of each row.
+    /// Zero cells to the left and right of each row.
     margin: usize,
-    /// Row by row, `width + 2 margin + 1` sums each: of all cells to the left.
+    /// Row by row, `width + 2 margin + 1` sums each: at every place that of all cells to the left.
     sums: Vec<u32>,
     row: Vec<u32>,
     values: Vec<f32>,
@@ -31,7 +31,7 @@ impl ChordSums {
         }
     }
 
-    /// Takes in rows of `width` values of 0 to 1, each written by `fill`.
+    /// Loads rows of `width` values of 0 to 1, each written by `fill`.
     pub(super) fn load(&mut self, mut fill: impl FnMut(usize, &mut [f32])) {
         let (width, margin) = (self.width, self.margin);
         if width == 0 {
@@ -49,7 +49,8 @@ impl ChordSums {
         }
     }
 
-    /// Mean of the loaded values under `disk`, of at most [`LARGEST_AREA`] cells, at every cell; 0 beyond the rectangle.
+    /// Mean of the loaded values under `disk`, of at most [`LARGEST_AREA`] cells, at every cell; 0 beyond the
+    /// rectangle.
     pub(super) fn respond(&mut self, disk: &Disk, out: &mut [f32]) {
         let (width, margin) = (self.width, self.margin);
         if width == 0 {

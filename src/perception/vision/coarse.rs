@@ -1,11 +1,11 @@
-//! The picture averaged over squares of pixels: most of what the eyes do from nothing is done on it.
+//! The picture averaged over squares of pixels; most of the search without prior knowledge runs on it.
 
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 
 /// Units of one gray level in an averaged picture.
 pub(super) const UNITS: i16 = 4;
-/// Largest square: what one column of it adds up to has to fit 16 bits.
+/// Largest square: the sum over one of its columns has to fit 16 bits.
 const LARGEST_BIN: usize = 256;
 
 /// A part of a frame, averaged over squares of `bin` by `bin` pixels.
@@ -20,13 +20,14 @@ pub(super) struct Coarse {
 }
 
 impl Coarse {
-    /// The whole frame; what does not fill a square at its right and lower side is left out.
+    /// Averages the whole frame; a remainder narrower than a square at its right and lower side is left out.
     pub(super) fn of(frame: &Frame, bin: usize) -> Self {
         let bin = bin.clamp(1, LARGEST_BIN);
         Self::part_of(frame, bin, [0, 0], [frame.width / bin, frame.height / bin])
     }
 
-    /// `size` cells of the frame (columns, rows) from cell `corner` on; cells that the frame does not hold are left out.
+    /// `size` cells of the frame (columns, rows) from cell `corner` on; cells that the frame does not hold are left
+    /// out.
     pub(super) fn part_of(frame: &Frame, bin: usize, corner: [usize; 2], size: [usize; 2]) -> Self {
         let bin = bin.clamp(1, LARGEST_BIN);
         let width = size[0].min((frame.width / bin).saturating_sub(corner[0]));
@@ -53,14 +54,14 @@ impl Coarse {
         (cell + corner) * bin + Vec2::repeat((bin - 1.0) / 2.0)
     }
 
-    /// One row of cells.
+    /// Levels of row `y` of cells.
     pub(super) fn row(&self, y: usize) -> &[i16] {
         &self.levels[y * self.width..][..self.width]
     }
 
-    /// Squares whose side the compiler knows: columns are added up over all rows of a cell at once.
+    /// Averages over squares of a side known at compile time: columns are summed over all rows of a cell at once.
     fn average<const BIN: usize>(&mut self, frame: &Frame) {
-        // 20 bits: a square of white comes to just below 2³⁰.
+        // 20 bits: the sum over a white square is just below 2³⁰.
         let scale = (i32::from(UNITS) << 20) / (BIN * BIN) as i32;
         let (x, y, columns) = (self.corner[0] * BIN, self.corner[1], self.width * BIN);
         let mut sums = vec![0u16; columns];

@@ -11,33 +11,34 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
-/// A part's darkness against the plate, 0 to 1, must reach this anywhere for parts to be looked for.
+/// Contrast threshold: parts are searched for only if the darkness against the plate, 0 to 1, reaches this somewhere.
 const LEAST_CONTRAST: f32 = 0.2;
-/// A peak's height against the highest one's below which it is not looked at closely; a hand may be darker than parts.
+/// Height of a peak over that of the highest one below which it is not examined; a hand may be darker than parts.
 const LEAST_PEAK: f32 = 0.5;
 /// The picture is averaged over squares until the smallest kernel has this radius, cells.
 const KERNEL_CELLS: f64 = 7.0;
-/// Most cells convolved at once, and most places looked at closely.
+/// Most cells convolved at once, and most candidates examined.
 const MOST_CELLS: f64 = 4e6;
 const MOST_CANDIDATES: usize = 2048;
-/// How far a radius may be from its kind's at last, as a part of it.
+/// Largest deviation of a final radius from its kind's, as a fraction of it.
 const RADIUS_TOLERANCE: f64 = 0.05;
-/// A rim of which more neighbouring rays than this show nothing may be a finger's end.
+/// A rim with more adjacent rays than this that show nothing may be the end of a finger.
 const WIDEST_GAP: usize = 14;
-/// Share of such a gap that others have to fill, and how near they have to be for that, px.
+/// Share of such a gap that other parts have to fill, and how near they have to be for that, px.
 const FILLED: f64 = 0.75;
 const FILLED_WITHIN_PX: f64 = 6.0;
-/// A place known no better than this along any direction is none, px².
+/// A detection whose variance exceeds this along any direction is rejected, px².
 const LARGEST_VARIANCE_PX2: f64 = 0.12;
-/// A rim looked at from a centre that was off by more than this is looked at once more, px.
+/// A rim measured from a centre that was off by more than this is measured once more, px.
 const SETTLED_PX: f64 = 0.1;
 
-/// Finds every part on the plate in a whole frame: the darkness of the averaged picture against the bare plate,
-/// convolved with a solid disk of each kind's radius; peaks; rims in the frame as it came.
+/// Finds every part on the plate in a whole frame: the darkness of the averaged picture against the bare plate is
+/// convolved with a solid disk of each kind's radius; its peaks are candidates, whose rims are measured in the full
+/// frame.
 pub struct CoinFinder {
     table: Table,
     judge: PartJudge,
-    /// Of each kind, px.
+    /// Disk of each kind, px.
     disks: Vec<Disk>,
     /// Reach of each kind's disk, cells.
     reaches: Vec<f64>,
@@ -56,23 +57,23 @@ struct Candidate {
     cell: [usize; 2],
 }
 
-/// A part, maybe.
+/// A possible part.
 struct Found {
     part: Detection,
     /// Rays that agree on its rim.
     agreeing: usize,
-    /// Places just beyond the rim, m, where a wide stretch of it does not show.
+    /// Places just beyond the rim, m, along a wide stretch of it that does not show.
     gap: Vec<Vec2>,
 }
 
 impl CoinFinder {
-    /// For frames of `frame_size` (columns, rows), kinds of parts and whether parts are darker than the plate.
-    /// Kernels take the plate's mean scale.
+    /// For frames of `frame_size` (columns, rows), these kinds of parts, `dark_parts` where parts are darker than the
+    /// plate. Kernels take the plate's mean scale.
     pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
         Self::with_response(table, frame_size, kinds, dark_parts, ResponseMethod::Auto)
     }
 
-    /// As [`Self::new`], with the method of the disks' response told.
+    /// As [`Self::new`], with a given method for the disks' response.
     pub fn with_response(
         table: &Table,
         frame_size: [usize; 2],
@@ -83,7 +84,7 @@ impl CoinFinder {
         let scale = table.mean_px_per_m();
         let radii: Vec<f64> = kinds.iter().map(|kind| kernel_radius_px(table, kind, scale)).collect();
         let bin = bin_for(table, frame_size, &radii);
-        // A cell across the edge is partly ground.
+        // A cell across the edge contains some of the ground.
         let plate = PlateCells::new(table, frame_size, bin, 2.0 + 0.75 * bin as f64);
         let [width, height] = plate.size;
         let binned: Vec<Disk> = radii.iter().map(|radius| Disk::new(radius / bin as f64)).collect();
@@ -101,8 +102,8 @@ impl CoinFinder {
         }
     }
 
-    /// All parts in `frame`, sorted from the top of the picture to the bottom (by `center_px.y`, then x).
-    /// None in a frame of another size than told.
+    /// All parts in `frame`, sorted from the top of the picture to the bottom (by `center_px.y`, then x). Empty for a
+    /// frame of another size than given to [`Self::new`].
     pub fn find(&mut self, frame: &Frame) -> Vec<Detection> {
         self.strongest = 0.0;
         let Some(sampler) = Sampler::new(frame) else { return Vec::new() };
@@ -184,7 +185,7 @@ impl CoinFinder {
         peaks
     }
 
-    /// Cells no lower than their neighbours, and a lattice over what a larger part covers without a peak.
+    /// Cells no lower than their neighbours, and a lattice over the area that a larger part covers without a peak.
     fn peaks(&self, kind: usize, response: &[f32]) -> Vec<Candidate> {
         let [width, height] = self.plate.size;
         let (least, full) = (LEAST_PEAK * self.strongest, 0.999 * self.strongest);
@@ -206,7 +207,7 @@ impl CoinFinder {
         found
     }
 
-    /// A candidate's place below a cell, by a parabola each way.
+    /// A candidate's position to a fraction of a cell, by a parabola along each axis.
     fn place(&self, candidate: &Candidate) -> Vec2 {
         let ([x, y], width) = (candidate.cell, self.plate.size[0]);
         let response = &self.responses[candidate.kind];
@@ -219,7 +220,8 @@ impl CoinFinder {
         Vec2::new(x as f64 + off(1), y as f64 + off(width))
     }
 
-    /// Rim of a candidate, close by or else with wide reach; then once more as the kind its radius tells.
+    /// Measures the rim of a candidate, within a short or else a long reach; then once more as the kind that matches
+    /// its radius.
     fn examine(&self, frame: &Frame, sampler: &Sampler, picture: &Coarse, candidate: &Candidate) -> Option<Found> {
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
@@ -247,8 +249,8 @@ impl CoinFinder {
         (on_plate && part.score >= LEAST_SCORE).then_some(Found { part, agreeing: fit.agreeing, gap })
     }
 
-    /// Of parts that cannot both be there, those whose rims are seen best; in the picture's order. A rim with a wide gap
-    /// has to have it filled by others or by the plate's edge.
+    /// Of parts that cannot both exist, those whose rims are seen best; in the picture's order. A wide gap in a rim has
+    /// to be filled by other parts or by the plate's edge.
     fn agreed(&self, mut found: Vec<Found>) -> Vec<Detection> {
         found.sort_by(|a, b| {
             let open = |found: &Found| !found.gap.is_empty();
@@ -267,7 +269,7 @@ impl CoinFinder {
         kept
     }
 
-    /// True where a part lies, or nearly, or the plate ends.
+    /// True at a place within or nearly within a part, or beyond the plate's edge.
     fn is_filled(&self, place_m: Vec2, parts: &[Detection]) -> bool {
         let margin_m = FILLED_WITHIN_PX / self.table.mean_px_per_m();
         let covers = |part: &Detection| {
@@ -277,8 +279,9 @@ impl CoinFinder {
         !self.table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
     }
 
-    /// A rim looked at again as the kind it tells and from where it tells, until neither changes: rays from a centre that
-    /// is off, or that end too near the rim, see one side's plate and the other's part too near the window's end.
+    /// Measures a rim again as the kind and from the centre that the last fit gave, until neither changes: with a
+    /// centre that is off, or rays that end too near the rim, the plate on one side and the part on the other are too
+    /// near the end of the window.
     fn settled(&self, first: RimFit, close: impl Fn(usize, Vec2) -> Option<RimFit>) -> Option<(usize, RimFit)> {
         let (mut fit, mut kind) = (first, self.judge.nearest_kind(first.radius_m)?);
         for _ in 0..5 {

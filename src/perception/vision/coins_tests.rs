@@ -1,4 +1,4 @@
-//! Parts in rendered pictures whose places are known.
+//! Detection of parts in rendered pictures with known positions.
 
 use super::{CoinFinder, Detection, ResponseMethod, Table, locate_table};
 use upm_core::geometry::Vec2;

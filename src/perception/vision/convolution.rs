@@ -19,7 +19,7 @@ pub(super) struct DiskConvolver {
     rows_back: Arc<dyn ComplexToReal<f32>>,
     columns_forward: Arc<dyn Fft<f32>>,
     columns_back: Arc<dyn Fft<f32>>,
-    /// Spectrum of each kernel, column by column; real, for a disk about the origin is even.
+    /// Spectrum of each kernel, column by column; real, since a disk about the origin is even.
     kernels: Vec<Vec<f32>>,
     /// Spectrum of the picture loaded, column by column.
     picture: Vec<Complex32>,
@@ -30,7 +30,7 @@ pub(super) struct DiskConvolver {
 }
 
 impl DiskConvolver {
-    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle everything counts as 0.
+    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle values are 0.
     pub(super) fn new(width: usize, height: usize, disks: &[Disk]) -> Self {
         let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
         let padded = [even_smooth(width + reach), even_smooth(height + reach)];
@@ -66,7 +66,7 @@ impl DiskConvolver {
         convolver
     }
 
-    /// Takes in rows of `width` values, each written by `fill`.
+    /// Loads rows of `width` values, each written by `fill`.
     pub(super) fn load(&mut self, mut fill: impl FnMut(usize, &mut [f32])) {
         let width = self.width;
         self.transform(self.height, |y, row| {
@@ -84,7 +84,7 @@ impl DiskConvolver {
         self.columns_back.process_with_scratch(&mut self.product, &mut self.scratch);
         transpose(&self.product, &mut self.half_rows, columns, self.padded[1], self.height);
         for (target, half) in out.chunks_exact_mut(self.width).zip(self.half_rows.chunks_exact_mut(columns)) {
-            // The first and last coefficient of a real row are real; what rounding left there is dropped.
+            // The first and last coefficient of a real row are real; the imaginary rounding error is dropped.
             half[0].im = 0.0;
             half[columns - 1].im = 0.0;
             let done = self.rows_back.process_with_scratch(half, &mut self.row, &mut self.scratch);

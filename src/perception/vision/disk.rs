@@ -1,19 +1,20 @@
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 
-/// Chords of a large disk on either side of its middle that are looked at when it is moved.
+/// Chords of a large disk on either side of its middle that are sampled when it is moved.
 const CHORDS: usize = 12;
 
-/// The solid disk kernel: all cells whose middle lies within the radius of the disk's middle cell.
+/// The solid disk kernel: all cells whose middle is within the radius of the disk's middle cell.
 #[derive(Clone, Debug)]
 pub(super) struct Disk {
-    /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry that of columns too.
+    /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry also that of
+    /// columns.
     half: Vec<usize>,
     area: usize,
 }
 
 impl Disk {
-    /// A disk of `radius_px` cells; a single cell at least, 30 000 cells at most.
+    /// A disk of `radius_px` cells; at least a single cell, at most 30 000 cells.
     pub(super) fn new(radius_px: f64) -> Self {
         let radius = radius_px.clamp(0.0, 30_000.0);
         let half: Vec<usize> =
@@ -37,7 +38,8 @@ impl Disk {
         self.half.get(dy.unsigned_abs() as usize).copied()
     }
 
-    /// The place nearest to `(x, y)` where the disk and one pixel around it fit the frame; `None` when nowhere.
+    /// The place nearest to `(x, y)` where the disk and one pixel around it fit the frame; `None` where there is no
+    /// such place.
     pub(super) fn fitted(&self, frame: &Frame, x: i64, y: i64) -> Option<(usize, usize)> {
         let margin = self.reach() as i64 + 1;
         let (right, bottom) = (frame.width as i64 - 1 - margin, frame.height as i64 - 1 - margin);
@@ -45,7 +47,7 @@ impl Disk {
             .then(|| (x.clamp(margin, right) as usize, y.clamp(margin, bottom) as usize))
     }
 
-    /// Mean gray level at a place it fits; of large disks, over every few rows.
+    /// Mean gray level at a place where the disk fits; of large disks, over every few rows.
     pub(super) fn mean(&self, frame: &Frame, x: usize, y: usize) -> f64 {
         let (mut sum, mut cells) = (0, 0);
         let mut add = |row: usize, half: usize| {
@@ -61,13 +63,13 @@ impl Disk {
         f64::from(sum) / cells as f64
     }
 
-    /// Chords from one that is looked at to the next: of a large disk some tell enough of its mean and of its steps.
+    /// Rows between sampled chords: for a large disk a few chords determine its mean and its differences well enough.
     fn stride(&self) -> usize {
         (self.reach() / CHORDS).max(1)
     }
 
-    /// How the sum over the chords looked at changes when the disk moves by a column, left and right: the pixels that
-    /// enter less those that leave.
+    /// Change of the sum over the sampled chords when the disk moves by a column, left and right: the pixels that enter
+    /// less those that leave.
     fn step_columns(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
         let (mut left, mut right) = (0, 0);
         let mut add = |row: usize, half: usize| {
@@ -84,7 +86,7 @@ impl Disk {
         [left, right]
     }
 
-    /// How that sum over columns changes when the disk moves by a row, up and down.
+    /// Change of the sum over sampled columns when the disk moves by a row, up and down.
     fn step_rows(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
         let (mut up, mut down) = (0, 0);
         let mut add = |column: usize, half: usize| {
@@ -103,7 +105,7 @@ impl Disk {
 
 #[cfg(test)]
 impl Disk {
-    /// Sum of gray levels under the disk at a place it fits.
+    /// Sum of gray levels under the disk at a place where it fits.
     pub(super) fn sum(&self, frame: &Frame, x: usize, y: usize) -> i64 {
         let chord = |row: usize, half: usize| -> u32 {
             frame.row(row)[x - half..=x + half].iter().map(|&level| u32::from(level)).sum()
@@ -113,8 +115,8 @@ impl Disk {
         i64::from(chord(y, self.half[0])) + rest
     }
 
-    /// Mean of a picture's values under the disk at cell `(x, y)`, cells outside counting 0. The plain sum,
-    /// the reference of every faster path.
+    /// Mean of a picture's values under the disk at cell `(x, y)`, cells outside counting 0. The plain sum, the
+    /// reference of all faster methods.
     #[cfg(test)]
     pub(super) fn mean_under(&self, values: &[f32], width: usize, height: usize, x: usize, y: usize) -> f32 {
         let reach = self.reach();
@@ -128,7 +130,7 @@ impl Disk {
     }
 }
 
-/// Where a climb has ended.
+/// End point of a climb.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Peak {
     pub(super) x: usize,
@@ -137,8 +139,8 @@ pub(super) struct Peak {
     pub(super) vertex_px: Vec2,
 }
 
-/// Climbs from the place nearest `(x, y)` to neighbouring ones as long as the disk gets darker (lighter when not
-/// `dark`) on them, `most_steps` at most. `None` where the disk does not fit the frame.
+/// Climbs from the place nearest `(x, y)` to neighbouring ones as long as the disk there is darker (lighter when not
+/// `dark`), `most_steps` at most. `None` where the disk does not fit the frame.
 pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most_steps: usize) -> Option<Peak> {
     let sign = if dark { -1 } else { 1 };
     let (mut x, mut y) = disk.fitted(frame, x, y)?;
@@ -154,7 +156,7 @@ pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most
         let rows = [allowed(up, 0, -1), allowed(down, 0, 1)];
         let both = disk.fitted(frame, x as i64 + uphill(columns), y as i64 + uphill(rows))?;
         let (along_x, along_y) = ((both.0, y), (x, both.1));
-        // Both at once may end in a circle: not for ever.
+        // Steps along both axes at once may cycle: their number is limited.
         let next = match () {
             () if steps < disk.reach() => both,
             () if along_x != (x, y) && columns.iter().max() >= rows.iter().max() => along_x,
@@ -170,7 +172,7 @@ pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most
     None
 }
 
-/// The better one of two ways: -1, 1, or 0 when neither gains.
+/// The better one of two directions: -1, 1, or 0 when neither gains.
 fn uphill([back, ahead]: [i32; 2]) -> i64 {
     if back.max(ahead) <= 0 {
         0
@@ -181,7 +183,7 @@ fn uphill([back, ahead]: [i32; 2]) -> i64 {
     }
 }
 
-/// Where a parabola through 0 and what is gained a step back and ahead is highest, within half a step.
+/// Vertex of the parabola through 0 and the gains of a step back and ahead, within half a step.
 fn vertex([back, ahead]: [i32; 2]) -> f64 {
     let bend = f64::from(-back - ahead);
     if bend > 0.0 { (0.5 * f64::from(ahead - back) / bend).clamp(-0.5, 0.5) } else { 0.0 }

@@ -1,5 +1,5 @@
-//! Edges of an averaged picture: Scharr gradient, thinned to ridges, kept by hysteresis (Canny, 1986).
-//! Thresholds follow the picture's own strongest edges and its noise, so light and contrast do not matter.
+//! Edges of an averaged picture: Scharr gradient, thinned to ridges, selected by hysteresis (Canny, 1986). Thresholds
+//! follow the picture's own strongest edges and its noise, so light and contrast do not matter.
 
 use super::Plane;
 use super::coarse::{Coarse, UNITS};
@@ -10,39 +10,38 @@ const FAINTEST: f32 = 1.5;
 /// Units of the gradient's size in one level a cell: Scharr's weights add up to 32.
 const GRADIENT_UNITS: f32 = 32.0 * UNITS as f32;
 
-/// One edge.
+/// One point of an edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EdgePoint {
-    /// Where, px of the frame, below a cell.
+    /// Position, px of the frame, to a fraction of a cell.
     pub(super) at_px: Vec2,
     /// Unit vector towards the dark.
     pub(super) outward: Vec2,
 }
 
-/// Size of the gradient, cell by cell.
+/// Gradient of the picture, cell by cell.
 struct Gradient<'a> {
     width: usize,
     height: usize,
-    /// What it is the gradient of.
+    /// Levels of which it is the gradient.
     levels: &'a [i16],
-    /// The larger of both components and half the smaller: the length to -0 and +12 %.
+    /// Larger magnitude of the two components plus half the smaller: the length to -0 and +12 %.
     size: Vec<i16>,
 }
 
 /// A cell whose gradient is larger than on both sides along its own direction.
 struct Ridge {
     cell: usize,
-    /// The gradient there, columns and rows.
+    /// The gradient at the cell, columns and rows.
     slope: [i16; 2],
-    /// How far off the cell's middle it runs, cells, along the axis nearer to the gradient.
+    /// Offset of the ridge from the cell's middle, cells, along the axis nearer to the gradient.
     offset: f32,
 }
 
-/// The edges of a picture. Where `plane` is given it becomes a picture of them: strength where there is an edge, else 0;
-/// levels a cell.
+/// The edges of a picture. A `plane` is filled with an image of them: strength at an edge, else 0; levels a cell.
 pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoint> {
     let smooth;
-    // Averages are smooth enough; pixels as they came are not.
+    // Averaged levels are smooth enough; single pixels are not.
     let levels = if picture.bin == 1 {
         smooth = smoothed(picture);
         &smooth
@@ -63,7 +62,7 @@ pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoin
     ridges.iter().map(|ridge| gradient.edge_at(ridge, picture)).collect()
 }
 
-/// Binomial smoothing over three cells each way.
+/// Binomial smoothing over three cells along each axis.
 fn smoothed(picture: &Coarse) -> Vec<i16> {
     let (width, height) = (picture.width, picture.height);
     let mut across = picture.levels.clone();
@@ -84,7 +83,7 @@ fn smoothed(picture: &Coarse) -> Vec<i16> {
     out
 }
 
-/// Scharr's 3 × 3 derivative, the one of its size whose direction is truest (Scharr, 2000); 0 on the border.
+/// Scharr's 3 × 3 derivative, the one of its size with the least error of direction (Scharr, 2000); 0 on the border.
 fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
     let mut size = vec![0i16; width * height];
     if width < 3 || height < 3 {
@@ -108,9 +107,9 @@ fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
     Gradient { width, height, levels, size }
 }
 
-/// Low and high threshold, in the units of the gradient's size; `None` when nothing stands out. The strongest gradients
-/// set the scale: as many cells as an eighth of the picture's half circumference exceed it. The median gradient is that
-/// of the noise, which must stay below.
+/// Low and high threshold, in the units of the gradient's size; `None` without an edge above the noise. The strongest
+/// gradients set the scale: as many cells as an eighth of the picture's half circumference exceed it. The median
+/// gradient is that of the noise, which must be below the threshold.
 fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
     const SHIFT: i16 = 4;
     const EVERY: usize = 4;
@@ -139,7 +138,7 @@ fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
 }
 
 fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
-    /// Most cells lie in stretches where nothing is: each is looked at as a whole first.
+    /// Cells tested at once: most stretches hold no edge and are skipped as a whole.
     const STRETCH: usize = 16;
     let (width, height) = (gradient.width, gradient.height);
     let mut found = Vec::new();
@@ -158,7 +157,7 @@ fn ridges(gradient: &Gradient, low: i16) -> Vec<Ridge> {
     found
 }
 
-/// The ridges that hang together with one above `high`.
+/// The ridges connected to one above `high`.
 fn linked(gradient: &Gradient, mut ridges: Vec<Ridge>, high: i16) -> Vec<Ridge> {
     const WEAK: u8 = 1;
     const KEPT: u8 = 2;
@@ -194,7 +193,7 @@ impl Gradient<'_> {
         [x, y]
     }
 
-    /// The ridge that passes through a cell two or more off the border; `None` when none does.
+    /// The ridge through a cell two or more cells off the border; `None` where there is no ridge.
     fn ridge_through(&self, cell: usize) -> Option<Ridge> {
         let slope = self.at(cell);
         let across = slope[0].abs() >= slope[1].abs();

@@ -7,15 +7,15 @@ use upm_core::geometry::Vec2;
 
 /// Columns: one degree each.
 const ANGLES: usize = 360;
-/// How far to both sides of its own direction an edge votes, columns.
+/// Columns on either side of its own direction in which an edge votes.
 const SPREAD: i32 = 2;
-/// What one vote counts: whole numbers, so that a vote withdrawn leaves nothing.
+/// Weight of one vote: an integer, so that withdrawing a vote leaves exactly nothing.
 const VOTE: f32 = 16.0;
 
 /// An edge in ideal coordinates, where the table's sides are straight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IdealEdge {
-    /// Place, px.
+    /// Position, px.
     pub(super) at: Vec2,
     /// Unit vector from light to dark.
     pub(super) outward: Vec2,
@@ -36,17 +36,17 @@ impl Line {
         Self { normal, offset: normal.dot(&a) }
     }
 
-    /// Signed distance of `p`.
+    /// Signed distance of `p` from the line, px.
     pub(super) fn distance(&self, p: Vec2) -> f64 {
         self.normal.dot(&p) - self.offset
     }
 
-    /// Place of `p` along the line.
+    /// Coordinate of `p` along the line, px.
     pub(super) fn along(&self, p: Vec2) -> f64 {
         self.normal.x * p.y - self.normal.y * p.x
     }
 
-    /// Where two lines meet.
+    /// Intersection of two lines.
     pub(super) fn meets(&self, other: &Self) -> Option<Vec2> {
         let (n, m) = (self.normal, other.normal);
         let det = n.x * m.y - n.y * m.x;
@@ -55,8 +55,8 @@ impl Line {
     }
 }
 
-/// The votes of edges, and what is left of them when those of the lines found are withdrawn: lines that lie close to
-/// each other are then told apart without a neighbourhood being guessed.
+/// The votes of edges, less those of the lines already found. Withdrawing a found line's votes separates lines close to
+/// each other without a neighbourhood size to choose.
 pub(super) struct Ballot {
     distances: usize,
     px_per_row: f64,
@@ -64,13 +64,13 @@ pub(super) struct Ballot {
     left: Vec<i16>,
     /// Highest vote left in each row.
     tops: Vec<i16>,
-    /// Direction of each column, in rows a pixel.
+    /// Unit vector of each column, in rows a pixel.
     directions: Vec<[f32; 2]>,
 }
 
 impl Ballot {
-    /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, the way out of
-    /// a bright plate; lines that would lie at negative distance are entered turned by half a turn.
+    /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, outwards for
+    /// a bright plate; lines at negative distance are entered turned by half a turn.
     pub(super) fn new(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> Self {
         let distances = (farthest_px / px_per_row).ceil() as usize + 2;
         let step = |column| direction(column as f64) / px_per_row;
@@ -97,7 +97,7 @@ impl Ballot {
         Some(((column, row), f32::from(top) / VOTE))
     }
 
-    /// Takes back the votes of a line's edges, and whatever is left at its peak.
+    /// Withdraws the votes of a line's edges, and any votes remaining at its peak.
     pub(super) fn withdraw<'a>(&mut self, peak: (usize, usize), edges: impl Iterator<Item = &'a IdealEdge>) {
         let mut touched = vec![false; self.distances];
         for edge in edges {
@@ -138,7 +138,7 @@ impl Ballot {
         }
     }
 
-    /// The line of a peak, below a cell by the centroid of the votes left around it.
+    /// The line of a peak, to a fraction of a cell by the centroid of the votes left around it.
     pub(super) fn line_at(&self, peak: (usize, usize)) -> Line {
         let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
         for r in peak.1.saturating_sub(1)..(peak.1 + 2).min(self.distances) {
@@ -155,8 +155,8 @@ impl Ballot {
     }
 }
 
-/// The column nearest a direction. Arctangent by Abramowitz and Stegun 4.4.49, within 1e-5: exact enough, and some times
-/// faster than one to the last bit.
+/// The column nearest a direction. Arctangent by Abramowitz and Stegun 4.4.49, within 1e-5: accurate enough, and
+/// several times faster than one accurate to the last bit.
 fn column_of(outward: Vec2) -> i32 {
     let (x, y) = (outward.x as f32, outward.y as f32);
     let (near, far) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
@@ -186,7 +186,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_line_of_edges_is_the_highest_peak(angle in 0.0..TAU, distance in -150.0..150.0f64) {
-            // a line through the centre has two directions, and the votes of both rows at zero may part
+            // a line through the centre has two directions, and the votes of both rows at zero may split
             prop_assume!(distance.abs() > 3.0);
             let (center, outward) = (Vec2::new(200.0, 150.0), Vec2::new(angle.cos(), angle.sin()));
             let along = Vec2::new(-outward.y, outward.x);

@@ -6,14 +6,14 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
-/// A part's score below this is no part.
+/// Lowest score of a part.
 pub(super) const LEAST_SCORE: f64 = 0.75;
-/// How far a measured radius may be from its kind's, as a part of it.
+/// Largest deviation of a measured radius from its kind's, as a fraction of it.
 const RADIUS_TOLERANCE: f64 = 0.08;
-/// Two parts are nearer than this share of their radii's sum only when they are one.
+/// Two detections nearer than this share of their radii's sum are the same part.
 pub(super) const APART: f64 = 0.8;
 
-/// Looks at a rim and says which part it is, if it is one. Shared by the full search and the tracker.
+/// Classifies a rim as a kind of part, or as none. Shared by the full search and the tracker.
 pub(super) struct PartJudge {
     pub(super) kinds: Vec<PartKind>,
     pub(super) dark_parts: bool,
@@ -25,7 +25,8 @@ impl PartJudge {
         Self { kinds: kinds.to_vec(), dark_parts, rim: RimFinder::new(dark_parts) }
     }
 
-    /// The rim of a part of `kind` whose foot is near `foot_m`: rays of `N` samples over `reach_px` to both sides of it.
+    /// Fits the rim of a part of `kind` whose foot is near `foot_m`: rays of `N` samples over `reach_px` to both sides
+    /// of it.
     pub(super) fn rim<const N: usize>(
         &self,
         sampler: &Sampler,
@@ -38,21 +39,21 @@ impl PartJudge {
         self.rim.fit::<N>(sampler, table, &RimGuess { foot_m, radius_m, thickness_m, reach_px })
     }
 
-    /// Where the foot of a part of `kind` is whose outline's middle is seen at `center_px`.
+    /// Foot of a part of `kind` whose outline is centred at `center_px`.
     pub(super) fn foot_below(&self, table: &Table, kind: usize, center_px: Vec2) -> Vec2 {
         let seen = table.table_from_image(center_px);
         let thickness_m = self.kinds.get(kind).map_or(0.0, |k| k.thickness_m);
         seen - table.parallax(seen, thickness_m).0 / 2.0
     }
 
-    /// The kind whose radius comes nearest, `None` when none comes near.
+    /// The kind with the nearest radius, `None` where none is within tolerance.
     pub(super) fn nearest_kind(&self, radius_m: f64) -> Option<usize> {
         let off = |kind: &PartKind| (radius_m / kind.radius_m - 1.0).abs();
         let best = (0..self.kinds.len()).min_by(|&a, &b| off(&self.kinds[a]).total_cmp(&off(&self.kinds[b])))?;
         (off(&self.kinds[best]) < RADIUS_TOLERANCE).then_some(best)
     }
 
-    /// What a rim shows, as a part of `kind`; `disk` is the kind's. `None` where the disk does not fit the frame.
+    /// Detection of a part of `kind` from its rim; `disk` is the kind's. `None` where the disk does not fit the frame.
     pub(super) fn detection(&self, frame: &Frame, fit: &RimFit, kind: usize, disk: &Disk) -> Option<Detection> {
         let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
         let (x, y) = disk.fitted(frame, x, y)?;
@@ -69,7 +70,7 @@ impl PartJudge {
     }
 }
 
-/// Half the length of the close look across a rim of that radius, px.
+/// Half the length of the close search across a rim of that radius, px.
 pub(super) fn reach_px(radius_px: f64) -> f64 {
     4.0f64.min(0.4 * radius_px)
 }
@@ -80,7 +81,7 @@ pub(super) fn kernel_radius_px(table: &Table, kind: &PartKind, px_per_m: f64) ->
     shown.clamp(0.0, table.side_px.max(0.0))
 }
 
-/// True when two detections cannot be two parts.
+/// True when two detections are too close to be two parts.
 pub(super) fn overlap(a: &Detection, b: &Detection) -> bool {
     (a.center_px - b.center_px).norm() < APART * (a.radius_px + b.radius_px)
 }

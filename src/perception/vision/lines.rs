@@ -1,29 +1,29 @@
-//! Sides of the table to a small part of a pixel: many profiles across a side, their half-level crossings,
-//! a straight line through them that disbelieves what does not fit (coins over the edge, a hand).
+//! Sides of the table to a small fraction of a pixel: many profiles across a side, their half-level crossings, and a
+//! robust straight line through them that rejects outliers (coins over the edge, a hand).
 
 use super::hough::{IdealEdge, Line};
 use super::sampling::{Sampler, biweight, quantile, rising_crossing};
 use upm_core::geometry::{Lens, Vec2};
 
-/// Share of a side at each end that is left out: there the blur of the next side reaches in.
+/// Share of a side at each end that is left out because of the blur of the next side.
 const ENDS: f64 = 0.03;
 /// Least share of profiles that must agree.
 const LEAST_AGREEING: f64 = 0.2;
-/// Least step across a side, as a part of that of three quarters of its profiles: at first, and once the side is known.
-/// Beside a hand over part of a side the step is another than beside the ground.
+/// Least step across a side, as a fraction of that of three quarters of its profiles: at first, and once the side is
+/// known. Where a hand covers part of a side the step differs from that to the ground.
 const FAINT_GROUND: f64 = 0.35;
 const SAME_GROUND: f64 = 0.6;
 /// Least step across a side, levels.
 const FAINTEST: f64 = 4.0;
 
-/// One edge found across a side: place along it and distance from it, ideal px, and how strong.
+/// One edge found across a side: place along it and distance from it, ideal px, and strength.
 struct Crossing {
     along: f64,
     across: f64,
     contrast: f64,
 }
 
-/// A look at one side of the table.
+/// Measurement of one side of the table.
 #[derive(Clone, Copy)]
 pub(super) struct SideLook<'a> {
     pub(super) sampler: &'a Sampler<'a>,
@@ -32,12 +32,12 @@ pub(super) struct SideLook<'a> {
     pub(super) bright: bool,
     /// Most profiles taken.
     pub(super) stations: usize,
-    /// True when the side is known so well that most of the profiles show it.
+    /// True when the side is known well enough for most of the profiles to show it.
     pub(super) known: bool,
 }
 
-/// A side as it is seen at first: the least-squares line through the edges near `from → to` (ideal px, the plate to the
-/// right hand, y down) whose dark side lies along `outward`. `None` when there are too few.
+/// First estimate of a side: the least-squares line through the edges near `from → to` (ideal px, the plate to the
+/// right hand, y down) whose dark side is along `outward`. `None` when there are too few.
 pub(super) fn through_edges(edges: &[IdealEdge], from: Vec2, to: Vec2, outward: Vec2, reach_px: f64) -> Option<Line> {
     let (along, inward) = axes(from, to);
     let length = (to - from).norm();
@@ -58,7 +58,7 @@ pub(super) fn through_edges(edges: &[IdealEdge], from: Vec2, to: Vec2, outward: 
 }
 
 impl SideLook<'_> {
-    /// The side near `from → to`, looked for over `N` pixels. `None` when too little of it shows.
+    /// Refines the side near `from → to` with profiles of `N` pixels. `None` when too little of it shows.
     pub(super) fn refine<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<Line> {
         let stations = ((to - from).norm() as usize).clamp(40, self.stations.max(40));
         let mut crossings = self.crossings::<N>(from, to, stations);
@@ -119,8 +119,8 @@ fn axes(from: Vec2, to: Vec2) -> (Vec2, Vec2) {
     (along, Vec2::new(-along.y, along.x))
 }
 
-/// `across = offset + slope · along` by least squares with biweights about the median (Beaton and Tukey, 1974).
-/// A line that is `known` is the axis itself, to within what the biweights reach.
+/// Fits `across = offset + slope · along` by least squares with biweights about the median (Beaton and Tukey, 1974).
+/// For a `known` side the start is the axis itself, to within the reach of the biweights.
 fn fit(crossings: &[Crossing], stations: usize, known: bool) -> Option<(f64, f64)> {
     const ROUNDS: usize = 5;
     let least = (LEAST_AGREEING * stations as f64).max(6.0);
@@ -155,8 +155,8 @@ fn fit(crossings: &[Crossing], stations: usize, known: bool) -> Option<(f64, f64
     (agreeing as f64 >= least).then_some((offset, slope))
 }
 
-/// Of the lines through pairs of crossings half the side apart, the one with the least median residual
-/// (Rousseeuw, 1984), so that what follows starts among the majority.
+/// Of the lines through pairs of crossings half the side apart, the one with the least median residual (Rousseeuw,
+/// 1984), so that the refinement starts among the majority.
 fn least_median_start(crossings: &[Crossing], scratch: &mut Vec<f64>) -> (f64, f64) {
     const PAIRS: usize = 24;
     const SAMPLES: usize = 48;

@@ -14,14 +14,14 @@ use upm_core::signal::Frame;
 const MOST_PIXELS: usize = 64_000_000;
 /// Shortest side of a picture, px.
 const LEAST_SIZE: usize = 32;
-/// Lines looked at: a table's four, a second table's, and clutter.
+/// Most lines considered: a table's four, a second table's, and clutter.
 const MOST_LINES: usize = 16;
-/// Weakest line looked at, as a part of the strongest one's votes.
+/// Votes of the weakest line considered, as a fraction of the strongest one's.
 const LEAST_LINE: f32 = 0.12;
-/// The picture is averaged over squares as long as its short side keeps so many cells.
+/// The picture is averaged over squares as long as its short side keeps this many cells.
 const COARSE_CELLS: usize = 200;
 
-/// Why there is no table.
+/// Reasons why no table is located.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TableFault {
     /// Width and height do not agree with the number of pixels.
@@ -31,10 +31,10 @@ pub enum TableFault {
         width: usize,
         /// Rows.
         height: usize,
-        /// Gray levels there are.
+        /// Number of gray levels.
         pixels: usize,
     },
-    /// Nothing can be seen in so small a picture.
+    /// The picture is too small for a table to be recognised.
     #[error("picture of {width} x {height} px is too small, {LEAST_SIZE} x {LEAST_SIZE} px are needed")]
     TooSmall {
         /// Columns.
@@ -42,7 +42,7 @@ pub enum TableFault {
         /// Rows.
         height: usize,
     },
-    /// More than memory should be spent on.
+    /// The picture has more pixels than the memory limit allows.
     #[error("picture of {width} x {height} px is too large, {MOST_PIXELS} pixels are the most")]
     TooLarge {
         /// Columns.
@@ -50,52 +50,52 @@ pub enum TableFault {
         /// Rows.
         height: usize,
     },
-    /// The plate's side is no length.
+    /// The plate's side is not a positive, finite length.
     #[error("plate of side {side_m} m: a positive length is needed")]
     BadSide {
-        /// What was given, m.
+        /// Given side, m.
         side_m: f64,
     },
-    /// The lens is none: a number that is not finite, a focal length that is not positive.
+    /// Invalid lens: a number that is not finite, a focal length that is not positive.
     #[error("the lens's numbers make no lens")]
     BadLens,
-    /// An even picture, or nothing but noise.
+    /// An even picture, or nothing above the noise.
     #[error("no edges stand out in the picture")]
     NoEdges,
-    /// Edges, but too few straight lines.
+    /// There are edges, but too few straight lines.
     #[error("only {found} straight lines found, a table has 4")]
     TooFewLines {
-        /// How many there are.
+        /// Number of lines found.
         found: usize,
     },
-    /// Lines, but no four that make a square lighter or darker than the ground.
+    /// There are lines, but no four that make a square lighter or darker than the ground.
     #[error("no four lines make a square that is lighter or darker than the ground")]
     NotASquare,
-    /// Part of the table lies outside the picture.
+    /// Part of the table is outside the picture.
     #[error("the table is cut by the picture's border")]
     CutByFrame,
-    /// A side that hardly shows.
+    /// Too little of a side is visible.
     #[error("the {side} side of the table is hidden")]
     SideHidden {
-        /// Which: `top`, `right`, `bottom`, `left`.
+        /// Its name: `top`, `right`, `bottom`, `left`.
         side: &'static str,
     },
-    /// Two squares side by side.
+    /// There are two squares side by side.
     #[error("more than one table in the picture")]
     MoreThanOne,
 }
 
-/// Finds the table from nothing: edges, Hough, four peaks, four sides, corners, frame. `side_m` is the plate's side,
-/// `lens` its calibration sheet.
+/// Locates the table without prior knowledge: edges, Hough, four peaks, four sides, corners, table frame. `side_m` is
+/// the plate's side, `lens` the camera's calibration.
 ///
 /// # Errors
-/// When there is not exactly one table to be seen whole; misuse (a picture or lens that is none) as well.
+/// [`TableFault`] unless exactly one whole table is visible, and for an invalid picture, lens or side.
 pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableFault> {
     located(frame, lens, side_m, None)
 }
 
-/// As [`locate_table`], and shows how: edges and Hough votes are written into `stages` as far as it came, table or not,
-/// both in the cells of the averaged picture; votes are cast in ideal coordinates, where the lens bends nothing.
+/// As [`locate_table`], with intermediate results: edges and Hough votes are written into `stages` as far as the search
+/// got, table or not, both in the cells of the averaged picture; votes are cast in ideal, undistorted coordinates.
 ///
 /// # Errors
 /// As [`locate_table`].
@@ -139,7 +139,7 @@ fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stag
     Ok(table)
 }
 
-/// The strongest lines and their peaks, strongest first; each takes its edges with it.
+/// The strongest lines and their peaks, strongest first; the edges of each line are withdrawn from the ballot.
 fn strongest_lines(ballot: &mut Ballot, edges: &[IdealEdge], cell_px: f64) -> (Vec<SeenLine>, Vec<(usize, usize)>) {
     let (mut lines, mut peaks): (Vec<SeenLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
     let mut floor = 0.0;
@@ -154,7 +154,7 @@ fn strongest_lines(ballot: &mut Ballot, edges: &[IdealEdge], cell_px: f64) -> (V
     (lines, peaks)
 }
 
-/// How far from a line of the Hough array its edges may be, px.
+/// Largest distance of an edge from its line of the Hough array, px.
 fn near_px(cell_px: f64) -> f64 {
     (1.5 * cell_px).max(3.0)
 }
@@ -180,7 +180,7 @@ fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
     Ok(())
 }
 
-/// Edges in ideal coordinates. A gradient is a covector: it goes over by the transposed Jacobian.
+/// Edges in ideal coordinates. A gradient is a covector: it transforms by the transposed Jacobian.
 fn ideal_edges(points: &[EdgePoint], lens: &Lens) -> Vec<IdealEdge> {
     let edges = points.iter().map(|&EdgePoint { at_px, outward }| {
         if lens.is_ideal() {
@@ -193,7 +193,7 @@ fn ideal_edges(points: &[EdgePoint], lens: &Lens) -> Vec<IdealEdge> {
     edges.filter(|edge| edge.at.iter().chain(edge.outward.iter()).all(|x| x.is_finite())).collect()
 }
 
-/// What the lines were found in.
+/// Data in which the lines were found.
 struct Seen<'a> {
     lens: &'a Lens,
     sampler: &'a Sampler<'a>,
@@ -203,7 +203,7 @@ struct Seen<'a> {
     cell_px: f64,
 }
 
-/// The one table among the lines, or why there is none.
+/// The one table among the lines, or the reason why there is none.
 fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
     let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
     let shown = |a: Vec2, b: Vec2| {
@@ -229,8 +229,8 @@ fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
     Ok(best.clone())
 }
 
-/// Tells a table that leaves the picture from something that is no table: two or more of the strongest lines
-/// then run into the picture's border.
+/// Distinguishes a table that leaves the picture from other pictures without a table: two or more of the strongest
+/// lines then run into the picture's border.
 fn no_quad(lines: &[SeenLine], seen: &Seen) -> TableFault {
     // No edges are found in the two outermost cells.
     let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
@@ -250,7 +250,7 @@ fn no_quad(lines: &[SeenLine], seen: &Seen) -> TableFault {
     }
 }
 
-/// Corners from the sides: through the edges found, then looked at closely, then once more with all care.
+/// Corners from the sides: first through the edges found, then from coarse profiles, then from all profiles.
 fn refined_corners(
     sampler: &Sampler,
     lens: &Lens,
@@ -274,7 +274,7 @@ fn refined_corners(
     from_sides(corners, |from, to| careful.refine::<9>(from, to))
 }
 
-/// Where the sides meet that `side` makes of each pair of corners.
+/// Intersections of the sides that `side` makes of each pair of corners.
 fn from_sides(corners: [Vec2; 4], mut side: impl FnMut(Vec2, Vec2) -> Option<Line>) -> Result<[Vec2; 4], TableFault> {
     let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
     for (i, line) in sides.iter_mut().enumerate() {

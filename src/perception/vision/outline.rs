@@ -1,10 +1,10 @@
 use super::Table;
 use upm_core::geometry::Vec2;
 
-/// Points along each side of the outline: sides bent by the lens are followed.
+/// Points along each side of the outline: enough to follow sides bent by the lens.
 const POINTS_A_SIDE: usize = 24;
 
-/// The plate in a picture of cells: a rectangle and, in each of its rows, the columns that are plate.
+/// The plate in a picture of cells: a rectangle and, in each of its rows, the columns on the plate.
 pub(super) struct PlateCells {
     /// Pixels along a cell's side.
     pub(super) bin: usize,
@@ -12,12 +12,12 @@ pub(super) struct PlateCells {
     pub(super) corner: [usize; 2],
     /// Its columns and rows.
     pub(super) size: [usize; 2],
-    /// In each row the first column of the rectangle that is plate, and the one past the last.
+    /// In each row the first column of the rectangle that is on the plate, and the one past the last.
     pub(super) spans: Vec<(usize, usize)>,
 }
 
 impl PlateCells {
-    /// Cells of `bin` by `bin` px that lie within the plate, `margin_px` off its edge, in frames of `frame_size`.
+    /// Cells of `bin` by `bin` px within the plate, `margin_px` off its edge, in frames of `frame_size`.
     pub(super) fn new(table: &Table, frame_size: [usize; 2], bin: usize, margin_px: f64) -> Self {
         let outline = outline(table, margin_px);
         let cells = frame_size.map(|n| n / bin);

@@ -12,24 +12,25 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
-/// Most foreign parts reported of one frame.
+/// Most foreign parts reported per frame.
 const MOST_FOREIGN: usize = 8;
-/// What is excused around a tracked part beyond its outline, as a part of its radius and px.
+/// Margin ignored around a tracked part beyond its outline, as a fraction of its radius and px.
 const MARGIN_RADII: f64 = 0.15;
 const MARGIN_PX: f64 = 4.0;
-/// How much darker or lighter than the bare plate a sample is that shows something else, as a part of the plate's level.
-/// Glints and shadows of parts stay below.
+/// Difference from the bare plate from which a sample counts as covered, darker or lighter, as a fraction of the
+/// plate's level. Glints and shadows of parts are below it.
 const DARKER: f32 = 0.2;
 const LIGHTER: f32 = 0.1;
-/// The same in standard deviations of the frame's noise, and never more than this part of the plate's level.
+/// The same in standard deviations of the frame's noise, and its upper bound as a fraction of the plate's level.
 const NOISE_SDS: f64 = 6.0;
 const MOST_NOISE: f64 = 0.35;
-/// Added to both, levels.
+/// Added to both thresholds, levels.
 const FLOOR: f32 = 3.0;
-/// Samples that the light is measured from, at most and at least. A prime number spreads them over all columns of the grid.
+/// Samples from which the light is measured, at most and at least. A prime number spreads them over all columns of the
+/// grid.
 const PROBES: usize = 251;
 const LEAST_PROBES: usize = 16;
-/// A plate no brighter than this, levels, or that scatters more than this about its reference is not seen.
+/// A plate no brighter than this, levels, or with more scatter than this about its reference counts as not seen.
 const DARKEST: f64 = 8.0;
 const MOST_SCATTER: f64 = 0.1;
 /// Standard deviation of a normal distribution over the lower quartile of absolute deviations, which a hand over nearly
@@ -37,39 +38,39 @@ const MOST_SCATTER: f64 = 0.1;
 const SD_OF_QUARTILE: f64 = 3.138;
 /// From this level on a sample may be saturated.
 const SATURATED: f32 = 250.0;
-/// A larger share of such samples than glints make is a plate that saturates.
+/// Share of such samples above which the plate counts as saturated; glints stay below it.
 const SATURATED_SHARE: f64 = 0.03;
-/// Squares that the plate's brightness is fitted to, px.
+/// Side of the squares to which the plate's brightness is fitted, px.
 const BIN: usize = 4;
 
-/// Something on the plate that is no tracked part.
+/// An object on the plate that is not a tracked part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForeignPart {
-    /// Middle of what is covered, m.
+    /// Middle of the covered area, m.
     pub position_m: Vec2,
     /// Area covered, m².
     pub area_m2: f64,
 }
 
-/// What one frame shows on the plate besides the tracked parts.
+/// Occupancy of the plate in one frame, apart from the tracked parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateSight<'a> {
-    /// Things of a part's size in plain view; the first 8 of them.
+    /// Objects of a part's size in plain view; the first 8 of them.
     pub foreign: &'a [ForeignPart],
-    /// Share of the plate behind something too large for a part, behind something that reaches over the plate's border,
-    /// or beside the last place of a part that is not seen: 0 to 1.
+    /// Share of the plate hidden by an object too large for a part or one that reaches over the plate's border, or
+    /// beside the last place of a part that is not seen: 0 to 1.
     pub hidden_share: f64,
-    /// True when the frame shows no plate: black, unreadable, or more than half of it something else.
+    /// True when the frame shows no plate: black, unreadable, or more than half of it covered.
     pub dark: bool,
 }
 
-/// Tells what lies on the plate besides the tracked parts.
+/// Detects objects on the plate other than the tracked parts.
 ///
-/// A grid of samples covers the plate, half a radius of the smallest kind apart. Each has a reference level: that of the
-/// first frame where it showed bare plate, until then the level of a quadratic surface through the plate's brightness. The
-/// light of a frame is the median ratio of samples and references. Samples that are lighter or darker than the lit
-/// reference, and no part's, are gathered into connected blobs; a blob is judged by its size and by what it touches.
-/// A mark on the plate as large as a part, and a fifth darker than the plate, is reported as foreign, too.
+/// A grid of samples covers the plate, half a radius of the smallest kind apart. Each has a reference level: that of
+/// the first frame where it showed bare plate, until then the level of a quadratic surface through the plate's
+/// brightness. The light of a frame is the median ratio of samples and references. Samples that are lighter or darker
+/// than the lit reference and belong to no part are connected into blobs; a blob is judged by its size and by its
+/// neighbours. A mark on the plate as large as a part, and a fifth darker than the plate, is reported as foreign, too.
 pub struct PlateWatch {
     table: Table,
     kinds: Vec<PartKind>,
@@ -77,12 +78,12 @@ pub struct PlateWatch {
     frame_size: [usize; 2],
     cells: PlateCells,
     grid: Grid,
-    /// Indices of the samples that the light is measured from.
+    /// Indices of the samples from which the light is measured.
     probes: Vec<usize>,
     reference: Reference,
     /// Gray level of each sample in the newest frame.
     levels: Vec<f32>,
-    /// State of every place if no sample differed: what tracked parts excuse is told from bare plate.
+    /// State of every place if no sample differed: places ignored because of tracked parts, and bare plate.
     excused: Vec<u8>,
     blobs: Blobs,
     foreign: Vec<ForeignPart>,
@@ -91,19 +92,19 @@ pub struct PlateWatch {
 /// Gray levels of the bare plate.
 #[derive(Default)]
 struct Reference {
-    /// Of each sample, in the light of the first frame.
+    /// Level of each sample, in the light of the first frame.
     levels: Vec<f32>,
-    /// Median of those.
+    /// Median of the levels.
     median: f64,
-    /// Samples whose level is that of the surface so far.
+    /// Samples whose level is still that of the surface.
     pending: Vec<usize>,
     /// True after the first frame that shows a plate.
     is_known: bool,
-    /// True while it is that of a saturated plate, to be learned again in less light.
+    /// True while the reference is that of a saturated plate, to be learned again in less light.
     is_saturated: bool,
 }
 
-/// Light of a frame against that of the first one, and robust standard deviation of the samples about it.
+/// Brightness of a frame relative to the first one, and robust standard deviation of the samples about it.
 #[derive(Clone, Copy)]
 struct Light {
     ratio: f64,
@@ -111,8 +112,8 @@ struct Light {
 }
 
 impl PlateWatch {
-    /// For frames of `frame_size` (columns, rows), all kinds of parts that are tracked and whether they are darker than
-    /// the plate.
+    /// For frames of `frame_size` (columns, rows), all kinds of tracked parts and `dark_parts` where they are darker
+    /// than the plate.
     pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
         let radii_m = || kinds.iter().map(|kind| kind.radius_m);
         let smallest_m = radii_m().fold(f64::INFINITY, f64::min).min(table.side_m / 4.0);
@@ -137,7 +138,7 @@ impl PlateWatch {
         }
     }
 
-    /// Looks at the plate in `frame`, in which `tracks` are where they were last seen. The first frame that shows a plate
+    /// Checks the plate in `frame`; `tracks` hold the last seen places of the parts. The first frame that shows a plate
     /// takes longer: the plate's brightness is learned from it.
     pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateSight<'_> {
         self.foreign.clear();
@@ -147,7 +148,7 @@ impl PlateWatch {
         }
     }
 
-    /// Fills `foreign` and gives the hidden share; `None` of a frame that shows no plate.
+    /// Fills `foreign` and returns the hidden share; `None` for a frame that shows no plate.
     fn hidden_share(&mut self, frame: &Frame, tracks: &[Track]) -> Option<f64> {
         let whole = frame.width.checked_mul(frame.height) == Some(frame.pixels.len());
         if !whole || [frame.width, frame.height] != self.frame_size {
@@ -170,7 +171,7 @@ impl PlateWatch {
         Some(hidden as f64 / f64::from(compared.max(1)))
     }
 
-    /// Marks the samples that tracked parts cover, or may.
+    /// Marks the samples that tracked parts cover or may cover.
     fn excuse(&mut self, tracks: &[Track]) {
         self.excused.fill(BARE);
         for Track { seen, frames_unseen } in tracks {
@@ -185,7 +186,7 @@ impl PlateWatch {
         }
     }
 
-    /// Takes the plate's brightness in `frame` for the reference of all samples.
+    /// Sets the references of all samples from the plate's brightness in `frame`.
     fn load_surface(&mut self, frame: &Frame) {
         let picture = Coarse::part_of(frame, self.cells.bin, self.cells.corner, self.cells.size);
         let shading = Shading::fit(&picture, &self.cells, self.dark_parts);
@@ -216,8 +217,8 @@ impl PlateWatch {
         saturated as f64 / open().count().max(1) as f64
     }
 
-    /// The light of the newest frame, if it shows a plate. Where most of the plate is saturated the light is that of its
-    /// dimmest places: the others only bound it from below.
+    /// The light of the newest frame, if it shows a plate. Where most of the plate is saturated the light is that of
+    /// its dimmest places: the others only bound it from below.
     fn light(&self) -> Option<Light> {
         let (mut ratios, mut count) = ([0.0; PROBES], 0);
         for &probe in self.probes.iter().filter(|&&probe| self.excused[probe] == BARE).take(PROBES) {
@@ -236,8 +237,8 @@ impl PlateWatch {
         shows_plate.then_some(Light { ratio, scatter })
     }
 
-    /// Marks the samples that differ from the lit reference and that no tracked part excuses. How many they are, and of how
-    /// many.
+    /// Marks the samples that differ from the lit reference and belong to no tracked part. Returns their number and
+    /// that of all samples compared.
     fn compare(&mut self, light: Light) -> [u32; 2] {
         let noise = (NOISE_SDS * light.scatter).min(MOST_NOISE) as f32;
         let (least, most) = (1.0 - noise.max(DARKER), 1.0 + noise.max(LIGHTER));
@@ -247,7 +248,7 @@ impl PlateWatch {
         for (state, ((level, reference), excuse)) in self.blobs.states().iter_mut().zip(samples) {
             let expected = (ratio * reference).min(255.0);
             let differs = (*level < least * expected - FLOOR) | (*level > most * expected + FLOOR);
-            // Where there is no sample the level is not a number.
+            // Without a sample the level is NaN.
             let bare = if level.is_nan() { BORDER } else { *excuse };
             *state = if bare == BARE { u8::from(differs) * DIFFERS } else { bare };
             differing += u32::from(differs & (bare == BARE));
@@ -256,7 +257,7 @@ impl PlateWatch {
         [differing, compared]
     }
 
-    /// Takes what bare plate shows for the reference of samples that have none of their own yet.
+    /// Sets references from bare plate for samples that have only the surface's level so far.
     fn learn(&mut self, light: Light) {
         let Self { reference, levels, blobs, .. } = self;
         let Reference { levels: references, pending, .. } = reference;
@@ -271,7 +272,7 @@ impl PlateWatch {
         reference.is_known = true;
     }
 
-    /// Gathers differing samples into blobs: foreign parts, and how many samples are hidden.
+    /// Connects differing samples to blobs: collects foreign parts, returns the number of hidden samples.
     fn gather(&mut self) -> usize {
         let Self { blobs, foreign, grid, .. } = self;
         let mut hidden = 0;

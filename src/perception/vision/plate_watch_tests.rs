@@ -1,4 +1,4 @@
-//! What lies on rendered plates besides the tracked parts.
+//! Foreign objects on rendered plates besides the tracked parts.
 
 use super::{Detection, PlateSight, PlateWatch, Table, Track};
 use nalgebra::Matrix2;
@@ -28,7 +28,7 @@ fn watch(scene: &Scene) -> PlateWatch {
     PlateWatch::new(&table(scene), scene.size_px, &kinds(), scene.dark_parts())
 }
 
-/// As a tracker last saw `disc`.
+/// A track whose last detection is `disc`.
 fn track(disc: &Disc, frames_unseen: u32) -> Track {
     let seen = Detection {
         kind: usize::from(disc.radius_m > 0.011),
@@ -45,7 +45,7 @@ fn tracks(discs: &[Disc]) -> Vec<Track> {
     discs.iter().map(|disc| track(disc, 0)).collect()
 }
 
-/// A disc `margin_m` or more within the edge and as far from all others, outline to outline.
+/// A disc `margin_m` or more within the edge and at least as far from all others, outline to outline.
 fn place(dice: &mut Rng, others: &[Disc], radius_m: f64, margin_m: f64) -> Disc {
     let reach_m = SIDE_M / 2.0 - radius_m - margin_m;
     let draw = |_| {
@@ -147,7 +147,7 @@ fn last_place_of_an_unseen_part_is_excused() {
     assert!(sight.foreign.is_empty() && sight.hidden_share > 0.0, "{sight:?}");
 }
 
-/// The tracks as they are while `cover` hides some of the parts.
+/// The tracks while `cover` hides some of the parts.
 fn tracks_behind(discs: &[Disc], cover: &Shape) -> Vec<Track> {
     discs.iter().map(|disc| track(disc, u32::from(cover.depth(disc.at_m) > -0.3 * disc.radius_m))).collect()
 }

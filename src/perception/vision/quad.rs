@@ -1,28 +1,28 @@
-//! Which four of the lines found are the table's sides.
+//! Selection of the four lines that are the table's sides.
 
 use super::hough::{IdealEdge, Line};
 use upm_core::geometry::Vec2;
 
-/// Sides may differ by this factor: a square seen aslant.
+/// Largest ratio of two sides: a square seen obliquely.
 const SIDE_RATIO: f64 = 1.4;
-/// Largest lack of parallel, and of square, rad.
+/// Largest deviation from parallel, and from square, rad.
 const PARALLEL_RAD: f64 = 0.35;
 const SQUARE_RAD: f64 = 0.4;
 /// Share of a side that must show an edge, and of all four together.
 const SIDE_SEEN: f64 = 0.3;
 const ALL_SEEN: f64 = 0.55;
-/// What is not seen counts more than what is, and a side that does not reach its corner as much as this share of it not
-/// seen: a strip beside the table makes a larger square of which little is missing, but that at two corners.
+/// Weights: unseen length counts double; a side that stops short of a corner costs as much as this share of it unseen.
+/// This rejects the larger square formed with a strip beside the table, which has few gaps, but two of them at corners.
 const UNSEEN: f64 = 2.0;
 const LOOSE_END: f64 = 0.3;
-/// Length of a side's end: this share of it, and so many cells at least.
+/// Length of a side's end: this share of it, and at least this many cells.
 const END: f64 = 0.05;
 const END_CELLS: f64 = 3.0;
 
-/// A line and where along it there are edges of its direction.
+/// A line, and the positions along it of edges of its direction.
 pub(super) struct SeenLine {
     pub(super) line: Line,
-    /// Cells along the line that hold an edge, ascending: first those with the dark side where the normal points.
+    /// Cells along the line that hold an edge, ascending: first those with the dark side along the normal.
     cells: [Vec<i64>; 2],
     cell_px: f64,
 }
@@ -34,14 +34,15 @@ pub(super) struct Quad {
     pub(super) lines: [usize; 4],
     /// Corners in ideal coordinates, clockwise as the picture is seen.
     pub(super) corners: [Vec2; 4],
-    /// True when it is lighter than what surrounds it.
+    /// True when it is lighter than its surroundings.
     pub(super) bright: bool,
-    /// How well it is seen, px.
+    /// Score, px: higher is better seen.
     worth_px: f64,
 }
 
 impl SeenLine {
-    /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°; and their indices.
+    /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°; also returns their
+    /// indices.
     pub(super) fn new(line: Line, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> (Self, Vec<usize>) {
         let mut cells = [Vec::new(), Vec::new()];
         let mut own = Vec::new();
@@ -61,7 +62,7 @@ impl SeenLine {
         (Self { line, cells, cell_px }, own)
     }
 
-    /// Length between `from` and `to` that shows an edge whose dark side points along `outward`, px.
+    /// Length between `from` and `to` with an edge whose dark side is along `outward`, px.
     fn seen_px(&self, from: Vec2, to: Vec2, outward: Vec2) -> f64 {
         let cells = &self.cells[usize::from(outward.dot(&self.line.normal) < 0.0)];
         let cell = |p| (self.line.along(p) / self.cell_px).floor() as i64;
@@ -71,7 +72,7 @@ impl SeenLine {
 }
 
 /// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first.
-/// `shown(a, b)` is the share of the stretch from `a` to `b` that lies within the frame.
+/// `shown(a, b)` is the share of the stretch from `a` to `b` within the frame.
 pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
     let pairs = parallel_pairs(lines, least_side_px);
     let mut found = Vec::new();
@@ -90,17 +91,17 @@ impl Quad {
         self.corners.iter().sum::<Vec2>() / 4.0
     }
 
-    /// True when `p` lies inside.
+    /// True when `p` is inside.
     pub(super) fn contains(&self, p: Vec2) -> bool {
         (0..4).all(|i| Line::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
     }
 
-    /// True for a bright plate on this, its dark mat.
+    /// True when `self` is the dark mat under the bright plate `other`.
     pub(super) fn carries(&self, other: &Self) -> bool {
         !self.bright && other.bright && self.contains(other.middle()) && other.worth_px > 0.3 * self.worth_px
     }
 
-    /// True for a second table: beside this one, and not much less of it.
+    /// True for a second table: beside this one, and with a score not much lower.
     pub(super) fn rivals(&self, other: &Self) -> bool {
         !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth_px > 0.5 * self.worth_px
     }

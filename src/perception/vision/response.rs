@@ -5,9 +5,9 @@ use super::disk::Disk;
 /// Method that computes the means under the disks. Both give the same response to within rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResponseMethod {
-    /// The one that costs fewer steps by an estimate from the sizes. With coins, which are within a factor of two of
-    /// each other, that is always [`Self::Chords`]: the picture is averaged until the smallest disk has a radius of 7 to 14
-    /// cells, and the FFT is cheaper only for disks of some 40 cells and more.
+    /// The method with fewer operations by an estimate from the sizes. For coins, whose sizes are within a factor of
+    /// two of each other, that is always [`Self::Chords`]: the picture is averaged until the smallest disk has a radius
+    /// of 7 to 14 cells, and the FFT is cheaper only for disks of some 40 cells and more.
     #[default]
     Auto,
     /// Differences of running sums, a row of the disk at a time.
@@ -16,8 +16,8 @@ pub enum ResponseMethod {
     Fft,
 }
 
-/// Means under solid disks at every cell of a rectangle. What is shared between disks (running sums, or the picture's
-/// spectrum) is made once a picture.
+/// Means under solid disks at every cell of a rectangle. Data shared between disks (running sums, or the picture's
+/// spectrum) is computed once per picture.
 pub(super) struct DiskResponder {
     disks: Vec<Disk>,
     way: Way,
@@ -29,8 +29,8 @@ enum Way {
 }
 
 impl DiskResponder {
-    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle everything counts as 0. Disks
-    /// whose sums would overflow the chords' integers take the FFT, whatever the `method`.
+    /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle values are 0. Disks whose
+    /// sums would overflow the chords' integers use the FFT, whatever the `method`.
     pub(super) fn new(width: usize, height: usize, disks: Vec<Disk>, method: ResponseMethod) -> Self {
         let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
         let wanted = match method {
@@ -54,7 +54,7 @@ impl DiskResponder {
         }
     }
 
-    /// Takes in rows of `width` values of 0 to 1, each written by `fill`.
+    /// Loads rows of `width` values of 0 to 1, each written by `fill`.
     pub(super) fn load(&mut self, fill: impl FnMut(usize, &mut [f32])) {
         match &mut self.way {
             Way::Chords(sums) => sums.load(fill),
@@ -71,9 +71,10 @@ impl DiskResponder {
     }
 }
 
-/// Chords cost one step a row of the disk and cell, the spectrum some steps a cell for each doubling of the size, there
-/// and back, and its plans about as much again. The factor follows what was measured for a picture by itself, plans
-/// included: about even at a radius of 40 cells over 150 × 150 cells, at 60 to 90 over 400 × 400.
+/// Estimates whether chords are cheaper. They cost one operation per row of the disk and cell, the FFT some operations
+/// per cell for each doubling of the size, forward and back, and its plans about as much again. The factor follows
+/// measurements for a single picture, plans included: about even at a radius of 40 cells over 150 × 150 cells, at 60 to
+/// 90 over 400 × 400.
 fn chords_are_faster(width: usize, height: usize, disks: &[Disk]) -> bool {
     const STEPS_A_DOUBLING: f64 = 4.5;
     let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);

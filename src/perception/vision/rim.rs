@@ -1,11 +1,11 @@
-//! A part's place below a pixel, from its rim.
+//! Subpixel position of a part from its rim.
 //!
-//! Rays leave a guessed centre; along each the gray level crosses half-way between part and plate. Rays and
+//! Rays start at an estimated centre; along each the gray level crosses half-way between part and plate. Rays and
 //! crossings are kept in plate coordinates, where foot and top of a disc are circles whatever the lens and the tilt:
-//! what the camera sees of a disc of radius r and height h is the hull of its foot (c, r) and of its top
-//! (c + δ, r (1 + e)), `e = h / (H - h)`, `δ = e (c - camera)`. To first order in δ/r the hull is
-//! `max(0, e r + δ·u)` beyond the foot in direction u. That is taken off every crossing, and a circle fitted
-//! to the rest is the foot itself.
+//! the outline of a disc of radius r and height h in the picture is the hull of its foot (c, r) and of its top (c + δ,
+//! r (1 + e)), `e = h / (H - h)`, `δ = e (c - camera)`. To first order in δ/r the hull is `max(0, e r + δ·u)` beyond
+//! the foot in direction u. That is subtracted from every crossing, and the circle fitted to the result is the foot
+//! itself.
 
 pub(super) mod map;
 pub(super) mod ring;
@@ -19,26 +19,27 @@ use super::Table;
 use super::sampling::{Sampler, rise_nearest_middle, share_of_rise};
 use upm_core::geometry::Vec2;
 
-/// Least difference between part and plate, levels.
+/// Least contrast between part and plate, levels.
 const LEAST_CONTRAST: f32 = 10.0;
-/// How far levels may stray from the ring's own, as a part of the contrast, before a ray counts as disturbed.
+/// Largest deviation of levels from the ring's own, as a fraction of the contrast, before a ray counts as disturbed.
 const STRAY: f32 = 0.22;
-/// Nor may they stray this many times as far as half the rays of a disturbed ring do, or as this many levels.
+/// A ray is also disturbed when it deviates by more than this many times the ring's median deviation, and by more than
+/// this many levels.
 const FAR: f32 = 5.0;
 const LEAST_FAR: f32 = 4.0;
-/// Narrowest scatter believed, px: bilinear sampling is no truer.
+/// Lower bound of the scatter, px: the accuracy of bilinear sampling.
 const LEAST_SD_PX: f64 = 0.02;
-/// What pixels and their sampling leave of a clean picture's centre, px.
+/// Error of the centre from pixels and their sampling in a noiseless picture, px.
 const SAMPLING_SD_PX: f64 = 0.003;
 
-/// What to look for where.
+/// Start values of a rim search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RimGuess {
-    /// Where the part's foot may be, m.
+    /// Estimated foot of the part, m.
     pub(super) foot_m: Vec2,
     pub(super) radius_m: f64,
     pub(super) thickness_m: f64,
-    /// How far from the guessed rim it is looked for, px.
+    /// Distance from the estimated rim within which it is searched, px.
     pub(super) reach_px: f64,
 }
 
@@ -47,16 +48,16 @@ pub(super) struct RimGuess {
 pub(super) struct RimFit {
     /// Middle of the part's foot, m.
     pub(super) foot_m: Vec2,
-    /// Its radius, m.
+    /// Radius of the foot, m.
     pub(super) radius_m: f64,
     /// Middle and radius of the outline in the picture, px.
     pub(super) center_px: Vec2,
     pub(super) radius_px: f64,
-    /// Of the middle, along the image's axes.
+    /// Covariance of the middle along the image's axes.
     pub(super) covariance_px2: Matrix2<f64>,
-    /// Rays that agree.
+    /// Rays that agree with the circle.
     pub(super) agreeing: usize,
-    /// A bit for each ray, set where the crossing comes near the circle.
+    /// Bit mask of the rays, set where the crossing is near the circle.
     pub(super) near: u64,
     /// Gray levels just outside and just inside the rim.
     pub(super) plate_level: f32,
@@ -64,7 +65,7 @@ pub(super) struct RimFit {
 }
 
 impl RimFit {
-    /// Directions, from the foot, of the most neighbouring rays of which none comes near the circle.
+    /// Directions, from the foot, of the longest run of adjacent rays without a crossing near the circle.
     pub(super) fn gap(&self) -> impl Iterator<Item = Vec2> + use<> {
         let (mut widest, mut run) = ((0, 0), 0);
         for k in 0..2 * RAYS {
@@ -88,18 +89,18 @@ pub(super) struct RimFinder {
 struct RingLevels {
     inner: PerRay,
     outer: PerRay,
-    /// Mean levels.
+    /// Mean level inside the rim; `plate` outside.
     part: f32,
     plate: f32,
     /// 1 for rays whose ends fit these levels, else 0.
     usable: PerRay,
-    /// Of the level half-way between at one ray.
+    /// Variance of the half-way level at one ray.
     variance: f64,
 }
 
-/// Where the rays cross the rim.
+/// Crossings of the rays with the rim.
 struct Crossings {
-    /// In samples from the first; 0 where there is none.
+    /// In samples from the first; 0 without a crossing.
     samples: PerRay,
     /// 1 where there is a crossing, else 0.
     present: PerRay,
@@ -167,7 +168,7 @@ impl RimFinder {
         })
     }
 
-    /// Levels along a ray between two distances in radii; the little it bends is left out.
+    /// Levels along a ray between two distances in radii; the ray's small curvature in the picture is neglected.
     fn look_along<const N: usize>(&self, sampler: &Sampler, map: &LocalMap, ray: Vec2, ends: [f64; 2]) -> [f32; N] {
         let (linear, square) = map.along(ray);
         let [from, to] = ends.map(|s| map.origin + (linear + square * s) * s);
@@ -180,8 +181,8 @@ impl RimFinder {
         levels.map(|level| level * self.sign)
     }
 
-    /// Levels just inside and just outside the rim, each a constant and a slope. Rays are unusable whose ends
-    /// do not fit: a neighbour, a speck, the plate's edge.
+    /// Levels just inside and just outside the rim, each a constant and a slope. Rays whose ends do not fit are
+    /// unusable: a neighbour, a speck, the plate's edge.
     fn ring_levels<const N: usize>(&self, profiles: &[[f32; N]; RAYS], on_plate: &PerRay) -> Option<RingLevels> {
         let inside: PerRay = std::array::from_fn(|k| (profiles[k][0] + profiles[k][1]) / 2.0);
         let outside: PerRay = std::array::from_fn(|k| (profiles[k][N - 1] + profiles[k][N - 2]) / 2.0);
@@ -201,7 +202,7 @@ impl RimFinder {
         let usable = within(&rises, &[inner; RAYS], &[outer; RAYS], [1.5 * STRAY * (outer - inner); 2]);
         let levels = self.levels(&inside, &outside, &usable)?;
         let usable = within(&usable, &levels.inner, &levels.outer, stray(&levels));
-        // What strays by less than that, yet far from the others, is disturbed too.
+        // A ray that deviates less, but far more than the others, is disturbed too.
         let levels = self.levels(&inside, &outside, &usable)?;
         let far = |values: &PerRay, ring: &PerRay| {
             let off: PerRay = std::array::from_fn(|k| (values[k] - ring[k]).abs());
@@ -224,7 +225,7 @@ impl RimFinder {
     }
 }
 
-/// Each profile, smoothed over three samples, rises through the level half-way between part and plate.
+/// Crossings of the profiles, smoothed over three samples, with the level half-way between part and plate.
 fn crossings<const N: usize>(profiles: &mut [[f32; N]; RAYS], levels: &RingLevels) -> Crossings {
     let (mut before, mut below, mut above) = ([0.0f32; RAYS], [-1.0f32; RAYS], [1.0f32; RAYS]);
     let mut present = [0.0f32; RAYS];
@@ -241,7 +242,7 @@ fn crossings<const N: usize>(profiles: &mut [[f32; N]; RAYS], levels: &RingLevel
     Crossings { samples, present, slope }
 }
 
-/// One quarter, a half, one quarter; the ends stay.
+/// Smooths by weights of one quarter, a half, one quarter; the ends keep their values.
 fn smooth<const N: usize>(profile: &mut [f32; N]) {
     let raw = *profile;
     for i in 1..N - 1 {

@@ -21,7 +21,7 @@ impl<'a> Sampler<'a> {
         })
     }
 
-    /// Bilinear gray level at `(x, y)` px; beyond the picture its border goes on.
+    /// Bilinear gray level at `(x, y)` px; outside the picture the border's level continues.
     pub(super) fn at(&self, x: f64, y: f64) -> f32 {
         let (x, y) = (x.max(0.0).min(self.last.x), y.max(0.0).min(self.last.y));
         let (column, row) = ((x as i32).min(self.last.x as i32 - 1), (y as i32).min(self.last.y as i32 - 1));
@@ -34,8 +34,8 @@ impl<'a> Sampler<'a> {
         top + fy * (bottom - top)
     }
 
-    /// Bilinear levels at points evenly spaced from `from` to `to`, in whole numbers of 1/2048 px: several times
-    /// faster than [`Sampler::at`]. `None` when the points do not all lie a pixel or more inside the picture.
+    /// Bilinear levels at points evenly spaced from `from` to `to`, in fixed-point steps of 1/2048 px: several times
+    /// faster than [`Sampler::at`]. `None` unless all points are a pixel or more inside the picture.
     pub(super) fn along<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<[f32; N]> {
         const ONE: f64 = 65536.0;
         if !(self.contains(from, 1.0) && self.contains(to, 1.0)) || self.last.amax() > 32_000.0 {
@@ -57,7 +57,7 @@ impl<'a> Sampler<'a> {
             let mix =
                 |row: &[u8]| (i32::from(row[start]) << 12) + (i32::from(row[start + 1]) - i32::from(row[start])) * fx;
             let (top, bottom) = (mix(above), mix(below));
-            // 8 bits of level, 12 and 11 of place: the largest signed number just holds them.
+            // 8 bits of level, 12 and 11 of position: just fits a signed 32-bit integer.
             *level = ((top << 11) + (bottom - top) * fy) as f32 * (1.0 / 8_388_608.0);
             x += dx;
             y += dy;
@@ -65,7 +65,7 @@ impl<'a> Sampler<'a> {
         Some(levels)
     }
 
-    /// True when `p_px` lies in the picture, `margin_px` off its border.
+    /// True when `p_px` is in the picture, at least `margin_px` off its border.
     pub(super) fn contains(&self, p_px: Vec2, margin_px: f64) -> bool {
         p_px.x >= margin_px
             && p_px.y >= margin_px
@@ -74,7 +74,8 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Where a profile rises half-way from `dark` to `light`: the crossing nearest its middle, in samples from the first.
+/// Position where a profile rises through the half-way level from `dark` to `light`: the crossing nearest its middle,
+/// in samples from the first.
 pub(super) fn rising_crossing(profile: &[f32], dark: f32, light: f32) -> Option<f64> {
     let level = (dark + light) / 2.0;
     let i = rise_nearest_middle(profile, level)?;
@@ -82,7 +83,8 @@ pub(super) fn rising_crossing(profile: &[f32], dark: f32, light: f32) -> Option<
     share.is_finite().then(|| i as f64 + f64::from(share))
 }
 
-/// The sample after which a profile rises from below `level` to it or above, nearest the middle; the first 64 count.
+/// The sample after which a profile rises from below `level` to it or above, nearest the middle; only the first 64
+/// count.
 #[inline]
 pub(super) fn rise_nearest_middle(profile: &[f32], level: f32) -> Option<usize> {
     let below = profile.iter().take(64).enumerate().fold(0u64, |bits, (i, &v)| bits | u64::from(v < level) << i);
@@ -103,10 +105,10 @@ pub(super) fn rise_nearest_middle(profile: &[f32], level: f32) -> Option<usize> 
     best
 }
 
-/// Where between two samples the half-way level is met, 0 to 1, from what they lie below and above it.
-/// The normal distribution's quantile is followed, `q + π/3 q³ + 7π²/30 q⁵` for a share of `1/2 + q`: exact for an edge
-/// seen through a Gaussian. A straight line would be wrong by some hundredths of a sample, to one side all along an
-/// edge that runs with the pixels.
+/// Fraction of a sample step, 0 to 1, at which the half-way level is crossed, from the differences of the two samples
+/// below and above it. Uses the normal distribution's quantile, `q + π/3 q³ + 7π²/30 q⁵` for a share of `1/2 + q`:
+/// exact for an edge blurred by a Gaussian. Linear interpolation would be off by some hundredths of a sample, in one
+/// direction all along an edge parallel to the pixels.
 pub(super) fn share_of_rise(below: f32, above: f32, contrast: f32) -> f32 {
     const CUBIC: f32 = std::f32::consts::FRAC_PI_3;
     const QUINTIC: f32 = 7.0 * std::f32::consts::PI * std::f32::consts::PI / 30.0;
@@ -118,7 +120,7 @@ pub(super) fn share_of_rise(below: f32, above: f32, contrast: f32) -> f32 {
     from / (from - to)
 }
 
-/// The value below which the share `q` of `values` lies; reorders them. 0 of none.
+/// Quantile `q` of `values`, which are reordered; 0 for no values.
 pub(super) fn quantile(values: &mut [f64], q: f64) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -170,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_blurred_edge_is_placed_well_whatever_its_phase() {
-        // A step seen through a Gaussian of 0.85 px, its integral by the midpoint rule.
+        // A step blurred by a Gaussian of 0.85 px, its integral by the midpoint rule.
         let share = |x: f64| {
             let slice = |i: u32| (-0.5 * ((f64::from(i) + 0.5) / 100.0 - 6.0f64).powi(2)).exp() * 0.01;
             (0..1200).filter(|&i| (f64::from(i) + 0.5) / 100.0 - 6.0 < x / 0.85).map(slice).sum::<f64>() / 2.5066

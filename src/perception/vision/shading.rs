@@ -10,21 +10,21 @@ use upm_core::geometry::Vec2;
 /// Blocks along each side of the plate's rectangle, and most samples along each side of a block.
 const BLOCKS: usize = 12;
 const SAMPLES: usize = 6;
-/// Dimmest plate, levels: keeps quotients finite in the dark.
+/// Lower bound of the plate's level: keeps quotients finite in the dark.
 const DIMMEST: f64 = 4.0;
 
-/// Gray level of the bare plate as a quadratic of place in the picture.
+/// Gray level of the bare plate as a quadratic function of position in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shading {
-    /// Of 1, u, v, u², uv, v².
+    /// Coefficients of 1, u, v, u², uv, v².
     coefficients: [f64; 6],
     center: Vec2,
     scale: f64,
 }
 
 impl Shading {
-    /// The plate's brightness in `picture`, the plate's rectangle of cells. Parts darker than the plate are passed over
-    /// by a high quantile of each block, lighter ones by a low one; blocks full of parts by biweights.
+    /// Fits the plate's brightness in `picture`, the plate's rectangle of cells. A high quantile of each block rejects
+    /// parts darker than the plate, a low one lighter parts; biweights reject blocks full of parts.
     pub(super) fn fit(picture: &Coarse, plate: &PlateCells, dark_parts: bool) -> Self {
         let share = if dark_parts { 0.7 } else { 0.3 };
         let center = Vec2::new(picture.width as f64, picture.height as f64) / 2.0;
@@ -61,7 +61,7 @@ impl Shading {
         normal.cholesky().map(|c| c.solve(&right).into())
     }
 
-    /// Quantiles of blocks that lie on the plate as a whole.
+    /// Quantiles of blocks that are wholly on the plate.
     fn samples(&self, picture: &Coarse, plate: &PlateCells, share: f64) -> Vec<(SVector<f64, 6>, f64)> {
         let (width, height) = (picture.width, picture.height);
         let edge = |i: usize, n: usize| i * n / BLOCKS;
@@ -132,7 +132,7 @@ mod tests {
             for (i, inverse) in inverse.iter().enumerate().skip(20).step_by(17).take(9) {
                 let at = coarse.frame_from_cell(Vec2::new(i as f64, row as f64));
                 let truth = 215.0 * (1.0 - 0.4 * (0.7 * at.x / 1280.0 + 0.3 * at.y / 1024.0));
-                // The quantile lies half a standard deviation of the cells' noise above the mean.
+                // The quantile is half a standard deviation of the cells' noise above the mean.
                 let off = 1.0 / f64::from(*inverse) - truth - 1.0;
                 assert!(off.abs() < 3.0, "{off} at {at:?}");
             }

@@ -1,8 +1,10 @@
-//! Round things on the plate, of whatever size and tone: what [`CoinFinder`](super::CoinFinder) does not look for.
+//! Detection of round objects of any size and tone on the plate, including those that [`CoinFinder`](super::CoinFinder)
+//! does not search for.
 //!
-//! Edges of the averaged picture vote for centres along their gradient, to both sides; of a likely centre and radius the
-//! outline is then measured in the frame by its sharpest edges. A soft shadow has none, and a rim counts whether the disc
-//! is darker than what is beside it or lighter. Made for pictures that people bring; the control loop does not use it.
+//! Edges of the averaged picture vote for centres along their gradient, to both sides; for a likely centre and radius
+//! the outline is then measured in the frame by its sharpest edges. A soft shadow has no sharp edge, and a rim counts
+//! whether the disc is darker than its surroundings or lighter. Intended for pictures supplied by users; the control
+//! loop does not use it.
 
 mod circle;
 mod relative;
@@ -20,27 +22,28 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
-/// The picture is averaged until the plate has no more cells along a side.
+/// The picture is averaged until the plate has no more cells along a side than this.
 const CELLS: f64 = 300.0;
-/// Share of its outline that a disc must show: one looked for, and one that was found before by other means.
+/// Share of its outline that a disc must show: a new one, and one already found by other means.
 const LEAST_SHARE: f64 = 0.5;
 const LEAST_SHARE_OF_KNOWN: f64 = 0.3;
-/// Edges of a disc that shows this much are explained; those of another one may be a better one's.
+/// Share of its outline above which a disc claims its edges; those of other discs stay available to better candidates.
 const SURE_SHARE: f64 = 0.65;
-/// One whose outline shows less is a disc all the same where its face differs from the plate by this.
+/// A disc whose outline shows less is accepted all the same where its face differs from the plate by this.
 const FAINT_CONTRAST: f64 = 0.15;
-/// Two discs nearer than this share of their radii's sum are one.
+/// Two discs nearer than this share of their radii's sum are the same disc.
 const APART: f64 = 0.85;
-/// Of two that are one the larger is taken where it shows this much of the other's share: coins have rings in them.
+/// Of two detections of the same disc the larger is taken where it shows this much of the other's share: coins have
+/// rings in them.
 const AS_WELL: f64 = 0.75;
-/// How far a radius may be from a seed's and from a known part's, as a part of it.
+/// Largest deviation of a radius from a seed's and from a known part's, as a fraction of it.
 const SEED_WINDOW: f64 = 0.2;
 const KNOWN_WINDOW: f64 = 0.1;
-/// Most places looked at, and most discs.
+/// Most places examined, and most discs.
 const MOST_SEEDS: usize = 150;
 const MOST_DISCS: usize = 256;
 
-/// Looks for discs of any size on the plate of `frame`; parts `known` already are measured where they are.
+/// Finds discs of any size on the plate of `frame`; parts already `known` are measured at their positions.
 pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
     let Some(sampler) = Sampler::new(frame) else { return Survey::default() };
     let bin = (table.side_px / CELLS).ceil().clamp(1.0, 256.0) as usize;
@@ -63,7 +66,7 @@ pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
     Survey { discs, darkest, lightest }
 }
 
-/// One picture in which discs are looked for.
+/// Search for discs in one picture.
 struct Surveyor<'a> {
     table: &'a Table,
     gauge: OutlineGauge<'a>,
@@ -72,7 +75,7 @@ struct Surveyor<'a> {
 }
 
 impl Surveyor<'_> {
-    /// Discs where parts are known and where edges vote for them; some of them may be one.
+    /// Discs at known parts and where edges vote for them; may contain the same disc more than once.
     fn search(&self, known: &[Detection]) -> Vec<Disc> {
         let mut votes = Votes::of(self.levels);
         let mut found: Vec<Disc> = known.iter().filter_map(|part| self.known(part)).collect();
@@ -94,7 +97,7 @@ impl Surveyor<'_> {
                 _ => {}
             }
         }
-        // of what has no clear outline, yet another tone than the plate, the best at each place
+        // of the discs without a clear outline, but of another tone than the plate, the best at each place
         found.extend(apart(faint));
         found
     }
@@ -122,13 +125,13 @@ impl Surveyor<'_> {
     }
 }
 
-/// Radius, m, of the outline that a part of `kind` shows at `at_m`: of foot and top together.
+/// Radius, m, of the outline of a part of `kind` at `at_m`: that of foot and top together.
 pub fn seen_radius_m(table: &Table, at_m: Vec2, kind: &PartKind) -> f64 {
     let (shift, growth) = table.parallax(at_m, kind.thickness_m);
     kind.radius_m * (1.0 + outline(shift / kind.radius_m, growth).1)
 }
 
-/// Of discs that are one the best.
+/// The best of all detections of the same disc.
 fn apart(mut found: Vec<Disc>) -> Vec<Disc> {
     let worth = |disc: &Disc| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
     found.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.center_px.y.total_cmp(&b.center_px.y)));

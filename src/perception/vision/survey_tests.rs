@@ -1,4 +1,4 @@
-//! Discs of any size in rendered pictures whose places are known.
+//! Discs of any size in rendered pictures with known positions.
 
 use super::{Detection, Disc, Survey, locate_table, survey};
 use upm_core::geometry::Vec2;

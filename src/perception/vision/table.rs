@@ -6,14 +6,15 @@ use upm_core::geometry::{Homography, Lens, Vec2};
 /// Corners of the square from -1 to 1 in the order of [`Table::corners_px`], y up.
 const UNIT_CORNERS: [(f64, f64); 4] = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
 
-/// Sides of a square that differ by more than twice this part, or meet at an angle whose cosine is larger than the second,
-/// are no picture of one: the edge of a hand over a side of the plate was taken for that side, 6 % too near or 1.4° aslant.
+/// Tolerances of a square: half the relative difference of the sides, and the cosine of their angle. They reject the
+/// edge of a hand over a side of the plate, which was mistaken for that side, 6 % too near or 1.4° oblique.
 const UNEQUAL_SIDES: f64 = 0.004;
 const SKEW: f64 = 0.008;
 
 impl Table {
-    /// From its corners in ideal image coordinates, px, clockwise from any of them. The frame is turned so that
-    /// its x axis lies within 45° of the image's. `None` when the four are no picture of a plane in front of the camera.
+    /// Table from its corners in ideal image coordinates, px, clockwise from any of them. The table frame is turned so
+    /// that its x axis is within 45° of the image's. `None` when the four corners cannot be the image of a plane in
+    /// front of the camera.
     pub fn from_ideal_corners(corners: [Vec2; 4], side_m: f64, lens: &Lens) -> Option<Self> {
         let corners = upright(corners);
         let unit = UNIT_CORNERS.map(|(x, y)| Vec2::new(x, y));
@@ -39,7 +40,7 @@ impl Table {
         })
     }
 
-    /// Point of the plate's plane, m, under an image point, px.
+    /// Point of the plate's plane, m, at an image point, px.
     pub fn table_from_image(&self, image_px: Vec2) -> Vec2 {
         self.table_from_ideal.apply(self.lens.ideal_from_image(image_px))
     }
@@ -49,7 +50,7 @@ impl Table {
         self.lens.image_from_ideal(self.ideal_from_table.apply(p_m))
     }
 
-    /// Pixels of one metre on the plate at `p_m`: the square root of the magnification of areas.
+    /// Scale on the plate at `p_m`, px/m: the square root of the magnification of areas.
     pub fn px_per_m_at(&self, p_m: Vec2) -> f64 {
         let ideal = self.ideal_from_table.apply(p_m);
         let map = self.lens.jacobian_at_ideal(ideal) * self.ideal_from_table.jacobian_at(p_m);
@@ -63,9 +64,9 @@ impl Table {
         scales.sum::<f64>() / 9.0
     }
 
-    /// Where something `height_m` above `p_m` hides the plate: how far from `p_m`, m, and how much larger
-    /// than itself, as a part of its size. By similar triangles from the camera's centre:
-    /// `(p - c) h / (H - h)` and `h / (H - h)`. Zero for a camera that hangs lower than twice the height.
+    /// Parallax of a point `height_m` above `p_m`: displacement of its projection onto the plate, m, and relative
+    /// magnification. By similar triangles from the camera's centre: `(p - c) h / (H - h)` and `h / (H - h)`. Zero for
+    /// a camera lower than twice the height.
     pub fn parallax(&self, p_m: Vec2, height_m: f64) -> (Vec2, f64) {
         let growth = height_m / (self.camera_in_table_m.z - height_m);
         if !(0.0..1.0).contains(&growth) {
@@ -74,21 +75,21 @@ impl Table {
         ((p_m - self.camera_in_table_m.xy()) * growth, growth)
     }
 
-    /// True when `p_m` lies on the plate, `margin_m` or more inside its edge.
+    /// True when `p_m` is on the plate, `margin_m` or more inside its edge.
     pub fn holds(&self, p_m: Vec2, margin_m: f64) -> bool {
         p_m.amax() <= self.side_m / 2.0 - margin_m
     }
 }
 
-/// Corners turned to begin with the one from which the top side runs to the right.
+/// Corners rotated to begin with the one from which the top side runs to the right.
 fn upright(corners: [Vec2; 4]) -> [Vec2; 4] {
     let turned = [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|i| corners[(i + k) % 4]));
     let rightward = |c: &[Vec2; 4]| (c[1] - c[0] + c[2] - c[3]).normalize().x;
     turned.iter().fold(corners, |best, &next| if rightward(&next) > rightward(&best) { next } else { best })
 }
 
-/// The camera's centre from the columns `K⁻¹ H = λ [r1 r2 t]` of a plane's homography (Zhang, 2000).
-/// `None` when the plate is not square for a camera of that focal length: sides or their angle off by a tenth.
+/// The camera's centre from the columns `K⁻¹ H = λ [r1 r2 t]` of a plane's homography (Zhang, 2000). `None` when the
+/// plate is not square for a camera of that focal length, to within `UNEQUAL_SIDES` and `SKEW`.
 fn camera_in_table(ideal_from_table: &Homography, lens: &Lens) -> Option<Vector3<f64>> {
     let (f, c) = (lens.focal_px, lens.principal_px);
     let k_inverse = Matrix3::new(1.0 / f, 0.0, -c.x / f, 0.0, 1.0 / f, -c.y / f, 0.0, 0.0, 1.0);

@@ -1,4 +1,4 @@
-//! Locating rendered tables whose corners are known.
+//! Location of rendered tables with known corners.
 
 use super::{Stages, Table, TableFault, locate_table, locate_table_in_stages};
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ fn located(scene: &Scene, frame: &Frame) -> Result<Table, TableFault> {
     locate_table(frame, &scene.lens, SIDE_M)
 }
 
-/// Root mean square distance of corners from where they are, over scenes, px.
+/// Root mean square error of the corners over scenes, px.
 fn corner_rms_px(scenes: &[Scene]) -> f64 {
     let mut sum = 0.0;
     for scene in scenes {
@@ -61,7 +61,7 @@ fn points_above_the_plate_appear_farther_out() {
     scene.tilt_rad[2] = 0.05;
     let table = located(&scene, &scene.frame()).unwrap();
     let p = Vec2::new(0.06, -0.03);
-    // Seen from 0.6 m straight above the middle, a point 6 mm up hides what lies 0.6/0.594 farther out.
+    // From 0.6 m straight above the middle, a point 6 mm up hides the point 0.6/0.594 times as far out.
     let expected = scene.image_from_table(p * (0.6 / 0.594));
     let raised = |height_m: f64| table.image_from_table(p + table.parallax(p, height_m).0);
     assert!((raised(0.006) - expected).norm() < 0.02);

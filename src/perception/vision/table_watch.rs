@@ -8,64 +8,65 @@ use upm_core::signal::Frame;
 /// Profiles across each side.
 const PROFILES: usize = 16;
 const ALL: usize = 4 * PROFILES;
-/// Levels along a profile, a pixel apart; its middle one lies on the side.
+/// Levels along a profile, a pixel apart; its middle one is on the side.
 const SAMPLES: usize = 13;
 const MIDDLE: f64 = (SAMPLES as f64 - 1.0) / 2.0;
 /// Share of a side at each end without profiles.
 const ENDS: f64 = 0.05;
-/// Least step across a side, levels and as a part of the strong ones in the same frame.
+/// Least step across a side, levels and as a fraction of the strong ones in the same frame.
 const FAINTEST: f32 = 4.0;
 const WEAKEST: f64 = 0.4;
-/// Steps across the sides add up to no less than this part of the sum of their sizes where most of them go from ground to
-/// plate; in noise they cancel.
+/// Least ratio of the sum of the steps across the sides to the sum of their magnitudes: near 1 where most steps go from
+/// ground to plate; in noise they cancel.
 const ONE_WAY: f32 = 0.5;
-/// Profiles of a side that must agree with the motion of the others before the side counts as seen.
+/// Profiles of a side that must agree with the motion of the other sides before it counts as seen.
 const AGREEING: usize = 4;
-/// Sides that tell a motion of the plate.
+/// Sides needed to determine a motion of the plate.
 const SIDES: usize = 3;
-/// Least-squares residuals with a larger median than this, px, come from a side that disagrees as a whole.
+/// A larger median of the least-squares residuals, px, means that a side disagrees as a whole.
 const DISAGREEMENT_PX: f64 = 0.25;
-/// Crossings that scatter more than this about a motion of the plate, px, are no side.
+/// Crossings with more scatter than this about a motion of the plate, px, are not a side.
 const MOST_SCATTER_PX: f64 = 0.5;
 const LEAST_SCATTER_PX: f64 = 0.05;
 const ROUNDS: usize = 5;
 /// From this level on a pixel may be saturated.
 const SATURATED: f32 = 250.0;
-/// The sides of a table may be seen so far from where it was located in the same frame, px.
+/// Largest distance, px, of the sides from where the table was located in the same frame.
 const MOST_LOCATION_ERROR_PX: f64 = 0.3;
-/// Levels of a profile that lies wholly on the plate or wholly on the ground differ by no more than this part of the
+/// Largest level difference within a profile that is wholly on the plate or wholly on the ground, as a fraction of the
 /// step between the two.
 const FLAT: f32 = 0.35;
-/// Samples left out at either end of such a profile: there a side at the window's end reaches in.
+/// Samples left out at either end of such a profile: there a side at the window's end has an influence.
 const FLAT_ENDS: usize = 2;
-/// Least step between plate and ground, levels, and least number of flat profiles on either of a displaced plate.
+/// Least step between plate and ground, levels, and least number of flat profiles on either, for a displaced plate.
 const FLAT_STEP: f32 = 10.0;
 const FLAT_PROFILES: usize = 10;
 
-/// Where the sides of the plate are, against where they were when the table was located.
+/// Displacement of the plate's sides since the table was located.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TableMotion {
-    /// At least three sides are seen near their places.
+    /// At least three sides are seen near their expected positions.
     Seen {
         /// Offset of each side along its outward normal, px: top, right, bottom, left in the order of
         /// [`Table::corners_px`], side `i` from corner `i` to the next. `None` where it is hidden.
         sides_px: [Option<f64>; 4],
         /// Shift of the plate's image that fits the seen sides best, px, x to the right, y down.
         shift_px: Vec2,
-        /// Turn about the plate's middle, px at its farthest corner, clockwise as seen.
+        /// Turn about the plate's middle, px at its farthest corner, clockwise in the image.
         turn_px: f64,
         /// Largest displacement of a corner, px, under that shift and turn and the growth fitted with them.
         corner_px: f64,
     },
-    /// Plate and ground are seen, and both lie where a side was: the plate has moved by more than the 6 px that
-    /// profiles reach.
+    /// Plate and ground are seen, and both where a side was: the plate has moved by more than the 6 px that profiles
+    /// reach.
     Displaced,
-    /// Too little shows to judge: a dark or unreadable frame, or two sides and more behind something.
+    /// Too little shows to judge: a dark or unreadable frame, or two or more sides covered.
     Hidden,
 }
 
 impl TableMotion {
-    /// Largest displacement of a corner, px: infinite for a displaced plate, `None` when the frame does not tell.
+    /// Largest displacement of a corner, px: infinite for a displaced plate, `None` when the frame does not determine
+    /// it.
     pub fn corner_px(&self) -> Option<f64> {
         match self {
             Self::Seen { corner_px, .. } => Some(*corner_px),
@@ -75,10 +76,10 @@ impl TableMotion {
     }
 }
 
-/// Follows the sides of a table that was located before, by gray level profiles across them.
+/// Follows the sides of a table located before, by gray level profiles across them.
 ///
-/// The half-level crossings of all profiles are fitted with one motion of the plate's image, a shift, a turn and growth;
-/// biweights leave out profiles that see something else (coins over the edge, a hand). Crossings do not depend on light,
+/// The half-level crossings of all profiles are fitted with one motion of the plate's image: a shift, a turn and
+/// growth; biweights reject profiles of other objects (coins over the edge, a hand). Crossings do not depend on light,
 /// except where the plate saturates: there every side moves outwards by up to 0.4 px, so that in saturated frames
 /// growth is not counted as displacement.
 pub struct TableWatch {
@@ -86,7 +87,7 @@ pub struct TableWatch {
     /// Corners from the plate's middle, in units of the farthest one's distance.
     corners: [Vec2; 4],
     frame_size: [usize; 2],
-    /// The motion seen in the frame in which the table was located: the error of its location.
+    /// The motion measured in the frame in which the table was located: the error of its location.
     rest: Vector4<f64>,
 }
 
@@ -94,21 +95,21 @@ pub struct TableWatch {
 #[derive(Clone, Copy)]
 struct Profile {
     center_px: Vec2,
-    /// Unit vector.
+    /// Outward unit normal of the side.
     outward: Vec2,
-    /// Offset of the side here under unit shifts along x and y, a turn and growth.
+    /// Offset of the side at the profile under unit shifts along x and y, a turn and growth.
     row: Vector4<f64>,
 }
 
-/// What the profiles show in one frame.
+/// Profile measurements of one frame.
 struct Reading {
     levels: [[f32; SAMPLES]; ALL],
-    /// Offset of the side along its outward normal, px; NaN where none is seen.
+    /// Offset of the side along its outward normal, px; NaN where no crossing is seen.
     crossings: [f64; ALL],
     saturated: bool,
 }
 
-/// The motion of a plate that most profiles show.
+/// The motion of the plate that most profiles agree on.
 struct Fit {
     /// Shift along x and y, turn and growth at the farthest corner, px.
     motion: Vector4<f64>,
@@ -126,7 +127,7 @@ impl TableWatch {
         let profiles = std::array::from_fn(|i| {
             let share = ENDS + (1.0 - 2.0 * ENDS) * ((i % PROFILES) as f64 + 0.5) / PROFILES as f64;
             let along = 2.0 * share - 1.0;
-            // Clockwise as seen: along the top to the right, down the right side, and so on.
+            // Clockwise in the image: along the top to the right, down the right side, and so on.
             let out = [Vec2::y(), Vec2::x(), -Vec2::y(), -Vec2::x()][i / PROFILES];
             let at = |along: f64| table.image_from_table((out - perp(out) * along) * half_m);
             let tangent = (at(along + 0.01) - at(along - 0.01)).normalize();
@@ -138,8 +139,8 @@ impl TableWatch {
         Self { profiles, corners: table.corners_px.map(from_middle), frame_size, rest: Vector4::zeros() }
     }
 
-    /// Measures later motions from where the sides are in `frame`, in which the table was located. Without effect where
-    /// they are farther from it than a location errs.
+    /// Takes the sides in `frame`, in which the table was located, as the zero of later motions. No effect where they
+    /// are farther from it than the error of a location.
     pub fn set_rest(&mut self, frame: &Frame) {
         self.rest = Vector4::zeros();
         let fitted = self.read(frame).and_then(|reading| self.fit(&reading));
@@ -148,7 +149,7 @@ impl TableWatch {
             .map_or(self.rest, |fit| fit.motion);
     }
 
-    /// Looks at the sides in `frame`. A frame of another size shows nothing.
+    /// Measures the sides in `frame`. A frame of another size is [`TableMotion::Hidden`].
     pub fn check(&self, frame: &Frame) -> TableMotion {
         let Some(reading) = self.read(frame) else { return TableMotion::Hidden };
         match self.fit(&reading) {
@@ -163,7 +164,7 @@ impl TableWatch {
         }
     }
 
-    /// Profiles run from outside to inside.
+    /// Reads the profiles, which run from outside to inside.
     fn read(&self, frame: &Frame) -> Option<Reading> {
         let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size)?;
         let levels = self.profiles.map(|Profile { center_px, outward, .. }| {
@@ -220,14 +221,14 @@ impl TableWatch {
         Some(Fit { motion, sides_px })
     }
 
-    /// How far a motion displaces the corners, px, at most.
+    /// Largest displacement of a corner by a motion, px.
     fn corner_px(&self, motion: &Vector4<f64>) -> f64 {
         let [x, y, turn, growth] = (*motion).into();
         let moved = |corner: Vec2| (Vec2::new(x, y) + perp(corner) * turn + corner * growth).norm();
         self.corners.iter().fold(0.0, |most: f64, &corner| most.max(moved(corner)))
     }
 
-    /// The motion to start from, and the scatter about it: of all sides, or without the side that disagrees most.
+    /// The initial motion, and the scatter about it: of all sides, or without the side that disagrees most.
     fn start(&self, crossings: &[f64; ALL], weights: &[f64; ALL]) -> Option<(Vector4<f64>, f64)> {
         let scattered = |motion: Vector4<f64>| (motion, self.scatter_px(crossings, &motion));
         let mut best = scattered(self.fitted(crossings, weights)?);
@@ -276,8 +277,8 @@ fn mean_of_side(crossings: &[f64; ALL], weights: &[f64; ALL], side: usize) -> Op
     (count >= AGREEING).then(|| agreeing().sum::<f64>() / count as f64)
 }
 
-/// True when some profiles lie wholly on something light and others wholly on something dark: the side between the two
-/// has left its place.
+/// True when some profiles are wholly on something light and others wholly on something dark: the side between the two
+/// has left its position.
 fn is_displaced(levels: &[[f32; SAMPLES]; ALL]) -> bool {
     let range = |levels: &[f32]| levels.iter().fold((f32::MAX, f32::MIN), |(a, b), &v| (a.min(v), b.max(v)));
     let ranges = levels.each_ref().map(|levels| range(&levels[FLAT_ENDS..SAMPLES - FLAT_ENDS]));

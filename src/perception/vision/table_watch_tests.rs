@@ -1,4 +1,4 @@
-//! The sides of rendered tables whose camera is knocked, hidden or dimmed.
+//! The sides of rendered tables with a displaced camera, hidden sides or dimmed light.
 
 use super::{Table, TableMotion, TableWatch};
 use proptest::prelude::*;
@@ -9,7 +9,7 @@ use upm_core::signal::Frame;
 use upm_scene::testing::{SIDE_M, penny};
 use upm_scene::{Disc, Scene, Shape, Thing};
 
-/// The largest displacement of a corner in frames of an unmoved table, px: the least that counts as a knock.
+/// The largest displacement of a corner in frames of an unmoved table, px; a larger one counts as a knock.
 const KNOCK_PX: f64 = 0.3;
 
 fn watch(scene: &Scene) -> TableWatch {
@@ -100,7 +100,7 @@ fn error_of_the_location_is_not_taken_for_a_motion() {
         let after = knocked(&scene, Vec2::new(0.2, 0.1), 0.0);
         let (seen, truth) = (corner_px(watch.check(&after.frame_with(&discs()))), truth_px(&scene, &after));
         assert!((seen - truth).abs() < 0.06, "seed {seed}: {seen} px of {truth} px");
-        // a plate that lies elsewhere was not located there
+        // a plate elsewhere was not located there
         watch.set_rest(&knocked(&scene, Vec2::new(1.0, 0.0), 0.0).frame_with(&discs()));
         assert!(corner_px(watch.check(&frame)) > 0.1);
     }
@@ -122,7 +122,7 @@ fn side_offsets_follow_a_shift_along_outward_normals() {
 #[test]
 fn turn_is_clockwise_as_seen_and_told_at_the_corner() {
     let scene = Scene::plain(1);
-    // The plate seen turned counter-clockwise.
+    // The plate turned counter-clockwise in the image.
     let after = knocked(&scene, Vec2::zeros(), -0.002);
     let motion = watch(&scene).check(&after.frame_with(&discs()));
     let TableMotion::Seen { shift_px, turn_px, corner_px, .. } = motion else { panic!("{motion:?}") };

@@ -17,16 +17,17 @@ use upm_core::signal::Frame;
 
 /// Frames between two searches of the whole frame for lost parts.
 const FULL_SEARCH_EVERY: u64 = 8;
-/// A look farther than this from where the part should be, radii, may be at another part.
+/// A detection farther than this from the expected position, radii, may be another part.
 const FAR_RADII: f64 = 0.5;
-/// Cost of a part's staying unseen, far above that of any place: minus twice the logarithm of a likelihood.
+/// Cost of an unseen part, far above that of any position: minus twice the logarithm of a likelihood.
 const UNSEEN: f64 = 1e9;
 
-/// Follows parts from frame to frame. Each part keeps its place in the list, and no two share a place on the plate.
+/// Tracks parts from frame to frame. Each part keeps its index in the list, and no two share a place on the plate.
 ///
-/// A part is looked for where its motion leads: the disk kernel climbs over its neighbours to the peak, the rim gives the
-/// rest. Not there, it is looked for over some radii around; not there either, in the whole frame, now and then.
-/// Where it is not plain which part was seen, all that was seen is given to all parts at once, the likeliest way.
+/// A part is searched where its motion predicts it: the disk kernel climbs over its neighbours to the peak, the rim
+/// gives the rest. If it is not found there, the search extends over some radii around, and if not there either, to the
+/// whole frame every few frames. Where it is ambiguous which part was seen, all detections are assigned to all parts at
+/// once, by maximum likelihood.
 pub struct Tracker {
     looker: Looker,
     finder: CoinFinder,
@@ -63,7 +64,7 @@ impl Tracker {
         }
     }
 
-    /// Looks at the next frame. In a frame of another size nothing is seen.
+    /// Tracks the parts in the next frame. In a frame of another size nothing is seen.
     pub fn track(&mut self, frame: &Frame) {
         self.frames += 1;
         self.looks.fill(None);
@@ -89,7 +90,7 @@ impl Tracker {
         }
     }
 
-    /// Lets a frame pass that shows nothing of the present.
+    /// Skips a frame that shows nothing current.
     pub fn miss(&mut self) {
         self.frames += 1;
         let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
@@ -100,7 +101,7 @@ impl Tracker {
         }
     }
 
-    /// One entry for each part of the start, in that order.
+    /// One entry for each initial part, in that order.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks
     }
@@ -110,7 +111,7 @@ impl Tracker {
         Expected { place_px: motion.place_px, speed_px: motion.velocity_px.norm(), levels: self.levels[i] }
     }
 
-    /// Each part was seen, about where it should be, and no two at one place.
+    /// True when each part was seen near its expected position, and no two at one place.
     fn is_plain(&self) -> bool {
         let near = |(look, motion): (&Option<Look>, &Motion)| {
             look.as_ref()
@@ -123,7 +124,7 @@ impl Tracker {
         self.looks.iter().zip(&self.motions).all(near) && self.looks.iter().enumerate().all(apart)
     }
 
-    /// Gathers every part that can be seen and gives them to the tracks.
+    /// Detects every visible part and assigns the detections to the tracks.
     fn settle(&mut self, frame: &Frame, sampler: Sampler) {
         let mut pool = self.distinct_looks();
         let view = View { frame, sampler, tracks: &self.tracks };
@@ -140,7 +141,7 @@ impl Tracker {
                 pool.push(look);
             }
         }
-        // One that comes back may not be the one nearest to it: then all must be seen before any is named.
+        // A part that returns may not be the one nearest to the detection: then all must be seen before any is named.
         let back = |(look, track): (&Option<Look>, &Track)| look.is_some() && track.frames_unseen > 0;
         let due = self.frames >= self.next_full_search || self.looks.iter().zip(&self.tracks).any(back);
         if pool.len() < self.tracks.len() && due {
@@ -154,7 +155,7 @@ impl Tracker {
         self.give(pool);
     }
 
-    /// The looks of this frame, of those at one place the best.
+    /// The detections of this frame, the best of those at one place.
     fn distinct_looks(&self) -> Vec<Look> {
         let mut looks: Vec<Look> = self.looks.iter().flatten().cloned().collect();
         looks.sort_by(|a, b| b.agreeing.cmp(&a.agreeing).then(b.part.score.total_cmp(&a.part.score)));
@@ -167,7 +168,8 @@ impl Tracker {
         pool
     }
 
-    /// One look each, likeliest in all: either all parts unseen went on as they moved, or they stopped when last seen.
+    /// Assigns one detection to each track, by maximum likelihood: either all unseen parts continued to move as
+    /// predicted, or they stopped when last seen.
     fn give(&mut self, pool: Vec<Look>) {
         let own = self.own_looks(&pool);
         let cost = |place: Vec2, i: usize, k: usize| {
@@ -190,7 +192,7 @@ impl Tracker {
         }
     }
 
-    /// For each part that was seen in the last frame, the look that lies where it should be, if no other claims it.
+    /// For each part that was seen in the last frame, the detection at its expected position, if no other claims it.
     fn own_looks(&self, pool: &[Look]) -> Vec<Option<usize>> {
         let claim = |(track, motion): (&Track, &Motion)| {
             let off = |look: &Look| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;

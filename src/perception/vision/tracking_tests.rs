@@ -1,4 +1,4 @@
-//! Following parts through rendered films.
+//! Tracking of parts in rendered films.
 
 use super::{CoinFinder, Detection, Table, Tracker, locate_table};
 use proptest::prelude::*;
@@ -103,7 +103,7 @@ fn a_hidden_part_is_counted_unseen_and_found_again() {
 fn two_tracks_never_claim_one_part() {
     let scene = small_scene(4);
     let (mut tracker, order) = tracker(&scene, &[penny(0.0, 0.0), penny(0.02, 0.0)]);
-    // One part is taken away, the other lies where both tracks would look.
+    // One part is taken away, the other is where both tracks would search.
     tracker.track(&scene.frame_with(&[penny(0.0095, 0.0)]));
     assert_eq!(tracker.tracks().iter().filter(|t| t.frames_unseen == 0).count(), 1);
     let discs = [penny(0.0, 0.0), penny(0.0195, 0.0)];

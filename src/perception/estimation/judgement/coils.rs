@@ -1,19 +1,20 @@
-//! Explanations of a motion by its coils: one of them, one among others that are all weak, two that are exchanged.
+//! Explanations of a motion by its coils: a faulty one, a faulty one among others that are all weak, two exchanged
+//! ones.
 
 use nalgebra::{Matrix2, Vector2};
 
 use super::{Felt, Judge, MotionVerdict, Played, felt, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
-/// Gains that an amplifier and its coil may have; one outside is the error of something else, seen through a coil that
-/// hardly has a share.
+/// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
+/// coil with hardly any share in the motion.
 const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
 
-/// Gains that coils may have in common, of an amplifier's supply.
+/// Plausible common gains of the coils, set by the amplifier's supply.
 const SHARED_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 impl Judge<'_> {
-    /// Score and verdict for the gain of `coil` that comes nearest to the reading.
+    /// Score and verdict for the gain of `coil` that fits the reading best.
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
         let (base_radps, harmonics) = (self.expected.drive.base_radps, self.planned.len());
         let predicted = |gain: f64| {
@@ -30,13 +31,13 @@ impl Judge<'_> {
         (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
     }
 
-    /// The verdict for one coil whose gain is its own while the other three share another one, as under a supply that sags.
+    /// The verdict for one coil with one gain while the other three share another, as under a sagging supply.
     pub(super) fn one_coil_of_weak_ones(&self) -> Option<MotionVerdict> {
         let best = (0..MOTORS).map(|coil| self.coil_and_others(coil)).min_by(|(a, _), (b, _)| a.total_cmp(b));
         best.filter(|(score, _)| *score <= 1.0).map(|(_, verdict)| verdict)
     }
 
-    /// Score and verdict for the gains of `coil` and of all others that come nearest to the reading.
+    /// Score and verdict for the gains of `coil` and of all others that fit the reading best.
     fn coil_and_others(&self, coil: usize) -> (f64, MotionVerdict) {
         let dead = self.expected.velocity(self.planned.len(), &Played::Gain { coil, gain: 0.0 });
         let others = felt(&dead, self.expected.drive.base_radps, self.sensors.position_m);

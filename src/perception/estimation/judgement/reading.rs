@@ -1,4 +1,4 @@
-//! What the accelerometers read in one pulse, and whether one of them is full of noise.
+//! Accelerometer readings of one pulse, and detection of a channel full of noise.
 
 use nalgebra::Complex;
 
@@ -6,7 +6,7 @@ use super::super::felt::Felt;
 use super::super::{PlateFit, WEAKEST_MPS2};
 use upm_core::signal::CHANNELS;
 
-/// A channel that leaves over so many times as much as any other is full of noise; at least [`WEAKEST_MPS2`].
+/// A channel whose residual is this many times that of any other, and at least [`WEAKEST_MPS2`], is full of noise.
 const NOISY: f64 = 10.0;
 
 /// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
@@ -42,7 +42,7 @@ impl Reading {
     }
 }
 
-/// The channel that leaves over much more than any other, and its share of the squares.
+/// The channel whose residual far exceeds that of any other, and its share of the sum of squares.
 fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
     let squares = residual_mps2.map(|rms| rms * rms);
     let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;

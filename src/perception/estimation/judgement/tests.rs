@@ -18,7 +18,7 @@ const SENSORS: AccelerometerPair = AccelerometerPair { position_m: R1_M, gain: [
 const BASE_RADPS: f64 = TAU * 30.0;
 const SAMPLE_HZ: f64 = 5000.0;
 const MPS2_PER_COUNT: f64 = 900.0 / 1024.0;
-/// The strong rig's, m/s².
+/// Sensor noise of the strong rig, m/s².
 const NOISE_MPS2: f64 = 0.5;
 
 type Coils = [Vec<TwistHarmonic>; MOTORS];
@@ -35,7 +35,7 @@ fn coils(harmonics: usize) -> Coils {
     })
 }
 
-/// Every coil plays harmonics of its own, `size` counts in all.
+/// A random drive with different harmonics on every coil, `size` counts in all.
 fn field(rng: &mut Rng, harmonics: usize, periods: f64, size: f64) -> Drive {
     let mut wave = || -> Vec<Harmonic> {
         let mut draw = || rng.random_range(-1.0..1.0) * size / (harmonics as f64).sqrt();
@@ -52,7 +52,7 @@ fn rotation(counts: [f64; MOTORS]) -> Drive {
     Drive { base_radps: BASE_RADPS, motors: counts.map(wave), envelope, ..Drive::default() }
 }
 
-/// What is wrong with the plate and what adds to its channels.
+/// A plate's faults and the disturbances added to its channels.
 #[derive(Clone, Copy)]
 struct Plate {
     coil_gain: [f64; MOTORS],
@@ -65,7 +65,7 @@ const HEALTHY: Plate =
     Plate { coil_gain: [1.0; MOTORS], swapped: None, channel_gain: [1.0; CHANNELS], noise_mps2: NOISE_MPS2 };
 
 impl Plate {
-    /// The trace of `drive` at full height from its start on, a bias on every channel.
+    /// The trace of `drive` at full height from its start, with a bias on every channel.
     fn trace(&self, drive: &Drive, rng: &mut Rng) -> AccelTrace {
         let mut played = drive.clone();
         if let Some([a, b]) = self.swapped {
@@ -143,7 +143,7 @@ fn strong_field(seed: u64, periods: f64) -> Drive {
     field(&mut Streams::new(seed).stream("field"), 8, periods, 400.0)
 }
 
-/// A rotation in which every coil has a share of its own and every channel shows at least a fifth of the motion.
+/// A rotation in which every coil has a different share and every channel shows at least a fifth of the motion.
 fn strong_rotation() -> Drive {
     rotation([700.0, -250.0, 600.0, -500.0])
 }
@@ -168,7 +168,7 @@ proptest! {
         seed: u64, coil in 0..MOTORS,
         (periods, gain) in prop_oneof![
             (2.05..6.0f64, prop_oneof![-1.5..0.85f64, 1.15..1.5f64, Just(0.0), Just(-1.0)]),
-            // over a single period 15 % may drown in what is allowed
+            // over a single period 15 % may be below the tolerance
             (1.05..2.0f64, prop_oneof![-1.5..0.5f64, 1.5..1.9f64]),
         ],
     ) {

@@ -27,8 +27,8 @@ fn force(free_mass_mps2: f64) -> Vec<Complex<f64>> {
         .collect()
 }
 
-/// Acceleration of a unit mass on a spring at every sample of the pulse. The force starts with the pulse at full height, so
-/// that the free decay of the start is as large as it can be: the closed form of the steady state plus the
+/// Acceleration of a unit mass on a spring at every sample of the pulse. The force starts at full height with the
+/// pulse, which makes the initial transient as large as possible: the closed form of the steady state plus the
 /// homogeneous solution that brings it to rest at 0.
 fn oscillator_trace((natural_hz, ratio): Axis, force: &[Complex<f64>], delay_s: f64) -> Vec<f64> {
     let natural = TAU * natural_hz;
@@ -43,7 +43,7 @@ fn oscillator_trace((natural_hz, ratio): Axis, force: &[Complex<f64>], delay_s: 
         .map(|(w, f)| (w, place(w, f)))
         .collect();
     let (x0, v0) = steady.iter().fold((0.0, 0.0), |(x, v), (w, p)| (x + p.re, v + (Complex::new(0.0, *w) * p).re));
-    // free decay e^{pt} with p = -ζω0 + jω0 sqrt(1 - ζ²), started so that place and speed are zero at 0
+    // free decay e^{pt} with p = -ζω0 + jω0 sqrt(1 - ζ²), chosen so that position and velocity are zero at 0
     let pole = Complex::new(-ratio * natural, natural * (1.0 - ratio * ratio).sqrt());
     let decay = Complex::new(-x0, (v0 - pole.re * x0) / pole.im);
     (0..4600)
@@ -55,7 +55,8 @@ fn oscillator_trace((natural_hz, ratio): Axis, force: &[Complex<f64>], delay_s: 
         .collect()
 }
 
-/// What an 11-bit converter shows of these axis accelerations, noise included, its second accelerometer opposite.
+/// Readings of an 11-bit converter for these axis accelerations, noise included, with the second accelerometer
+/// opposite.
 fn converted(axes: &[Vec<f64>; 3], mps2_per_count: f64, noise_mps2: f64, seed: u64) -> AccelTrace {
     let mut rng = Streams::new(seed).stream("noise");
     let noise = Normal::new(0.0, noise_mps2).unwrap();
@@ -71,7 +72,7 @@ fn converted(axes: &[Vec<f64>; 3], mps2_per_count: f64, noise_mps2: f64, seed: u
     AccelTrace { sample_hz: SAMPLE_HZ, first_sample_s: 0.0, mps2_per_count, count_limit: 1023, counts }
 }
 
-/// Read back through a converter, the mean of `pulses` traces.
+/// Resonances identified through a converter from the mean of `pulses` traces.
 fn identified(axes: [Axis; 3], range_mps2: f64, noise_mps2: f64, pulses: u64, seed: u64) -> [OscillatorFit; 3] {
     let forces = [force(0.3), force(0.3), force(0.3 / PLACE_M.norm())];
     let accelerations = std::array::from_fn(|axis| oscillator_trace(axes[axis], &forces[axis], 2.7e-4));
@@ -108,7 +109,7 @@ fn shipped_resonances_within_3_percent_and_damping_within_003() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
-    /// Without noise the fit is exact but for the samples' finite number, however large the transient.
+    /// Without noise the fit is exact except for the finite number of samples, however large the transient.
     #[test]
     fn noiseless_oscillator_is_recovered(
         natural_hz in 4.0..25.0f64, ratio in 0.02..0.4f64, delay_s in 0.0..5e-4f64,

@@ -8,7 +8,7 @@ use upm_core::random::{Rng, Streams};
 const R1_M: Vec2 = Vec2::new(0.13, 0.12);
 const SENSORS: AccelerometerPair = AccelerometerPair { position_m: R1_M, gain: [1.0; CHANNELS] };
 const SAMPLE_HZ: f64 = 5000.0;
-/// The rigs' converter, and one without steps to speak of: m/s² of a count and largest count.
+/// The rigs' converter, and one with negligible quantisation: m/s² of a count and largest count.
 const RIG: (f64, i16) = (400.0 / 1024.0, 1023);
 const FINE: (f64, i16) = (400.0 / 32_700.0, 32_700);
 
@@ -23,11 +23,11 @@ fn random_wave(rng: &mut Rng, base_hz: f64, harmonics: usize) -> TwistWave {
     TwistWave { base_radps, harmonics }
 }
 
-/// What is not the wave, m/s²: a value for each channel and time.
+/// A disturbance added to the wave, m/s²: a value for each channel and time.
 type Disturbance<'a> = &'a mut dyn FnMut(usize, f64) -> f64;
 
-/// The accelerations of corners that move as `wave` has it under `envelope`, by the slope of its closed form, as the
-/// converter sends them. `gain` is what each channel shows for a true 1.
+/// The converter's trace of a plate that moves as `wave` under `envelope`: corner accelerations by differentiating the
+/// closed form. `gain` is each channel's reading for a true 1.
 fn trace_of(
     wave: &TwistWave,
     envelope: &Envelope,
@@ -59,7 +59,7 @@ fn off_part(found: &TwistWave, truth: &TwistWave) -> f64 {
     (off / pairs().map(|(_, t)| square(t.cos) + square(t.sin)).sum::<f64>()).sqrt()
 }
 
-/// Two base periods of attack, so many at full height.
+/// Two base periods of attack, then `periods` at full height.
 fn pulse(base_hz: f64, periods: f64) -> Envelope {
     Envelope { attack_s: 2.0 / base_hz, sustain_s: periods / base_hz, rest_s: 0.05 }
 }
@@ -87,7 +87,7 @@ proptest! {
     }
 }
 
-/// Noise, bias, a slope and the plate's resonance ringing down, on top of a wave that is read all the same.
+/// Noise, bias, a slope and the plate's decaying resonance are added to a wave that must still be recovered.
 #[test]
 fn noise_and_drift_leave_the_wave_alone() {
     let mut rng = Streams::new(3).stream("waves");
@@ -127,7 +127,7 @@ fn a_harmonic_that_is_not_looked_for_is_residual() {
     let envelope = pulse(30.0, 4.0);
     let trace = trace_of(&wave, &envelope, RIG, [1.0; CHANNELS], &mut |_, _| 0.0);
     let fit = fit_wave(&trace, &envelope, wave.base_radps, 3, &SENSORS).unwrap();
-    // 4 m/s² on the two x channels of four, less what the polynomial takes of it
+    // 4 m/s² on the two x channels of four, less the share that the polynomial absorbs
     assert!((1.9..2.01).contains(&fit.residual_rms_mps2), "{}", fit.residual_rms_mps2);
 }
 
@@ -163,8 +163,7 @@ fn what_cannot_be_read_is_refused() {
     assert_eq!(fit(&clipped, &envelope, 8), Err(FitFault::Clipped { channel: 1, samples: 1, limit: 1023 }));
 }
 
-/// White noise alone: the errors of the coefficients, each over its own standard deviation, have a root mean square
-/// of 1.
+/// White noise alone: the coefficients' errors over their standard deviations have a root mean square of 1.
 #[test]
 fn standard_deviations_are_those_of_repeated_fits() {
     let mut rng = Streams::new(8).stream("waves");

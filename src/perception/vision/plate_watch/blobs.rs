@@ -3,28 +3,28 @@ use std::f64::consts::PI;
 use super::grid::Grid;
 use upm_core::geometry::Vec2;
 
-/// States of a place: bare plate, or a tracked part's.
+/// State of a place: bare plate.
 pub(super) const BARE: u8 = 0;
-/// Something else than bare plate.
+/// Something other than bare plate.
 pub(super) const DIFFERS: u8 = 1;
-/// Covered by a part that the frame shows, or nearly.
+/// Covered by a part that the frame shows, or within its margin.
 pub(super) const SEEN: u8 = 2;
 /// The last place of a part that the frame does not show.
 pub(super) const UNSEEN: u8 = 4;
 /// No sample: around the plate, or beyond the frame.
 pub(super) const BORDER: u8 = 8;
-/// Taken into a blob, and into a blob larger than a part.
+/// Already assigned to a blob, and to a blob larger than a part.
 const TAKEN: u8 = 16;
 const LARGE: u8 = 32;
-/// Of the samples under the smallest part this share makes a blob, and no fewer than so many.
+/// Least size of a blob: share of the samples under the smallest part, and number of samples.
 const LEAST_SHARE: f64 = 0.4;
 const LEAST_SAMPLES: usize = 3;
-/// A blob is too large for a part above this many times the samples under the largest one: two that touch are not.
+/// Largest size of a part's blob, in samples under the largest part; two parts that touch are still below it.
 const MOST_PARTS: f64 = 2.5;
-/// Blobs of a part's size looked at more closely; more in one frame are left out.
+/// Most blobs of a part's size examined in one frame; further ones are left out.
 const MOST_SMALL: usize = 32;
 
-/// A connected piece of something.
+/// A connected region of differing samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Blob {
     /// Of a part's size, in plain view.
@@ -33,11 +33,11 @@ pub(super) enum Blob {
         /// Its middle: column and row.
         middle: Vec2,
     },
-    /// Of anything else: too large, over the plate's border, beside either of those or beside a part that is not seen.
+    /// Any other: too large, over the plate's border, beside either of those or beside a part that is not seen.
     Hiding { samples: usize },
 }
 
-/// Connects differing samples. All memory is taken at the start.
+/// Connects differing samples. All memory is allocated by [`Blobs::new`].
 pub(super) struct Blobs {
     stride: usize,
     states: Vec<u8>,
@@ -47,14 +47,14 @@ pub(super) struct Blobs {
     one_part: usize,
     /// Fewest and most samples of a part.
     part: [usize; 2],
-    /// A small blob within so many samples of a large one is a piece of it: parts that are seen may lie between.
+    /// Distance, samples, within which a small blob belongs to a large one: parts that are seen may be between them.
     reach: usize,
 }
 
 /// Column and row.
 type Place = [u32; 2];
 
-/// What a blob covers.
+/// Extent of a blob.
 #[derive(Clone, Copy, Default)]
 struct Extent {
     samples: usize,
@@ -64,7 +64,7 @@ struct Extent {
 }
 
 impl Blobs {
-    /// For parts of radii between the two given, each excused over `excused_m` about its middle.
+    /// For parts of radii between the two given, each ignored within `excused_m` of its middle.
     pub(super) fn new(grid: &Grid, radii_m: [f64; 2], excused_m: f64) -> Self {
         let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / grid.sample_m2());
         Self {
@@ -114,7 +114,7 @@ impl Blobs {
         }
     }
 
-    /// The blob of the differing sample `start`; its samples are in `queue` then.
+    /// Extent of the blob of the differing sample `start`; its samples are then in `queue`.
     fn flood(&mut self, start: usize) -> Extent {
         let Self { stride, states, queue, .. } = self;
         let stride = *stride;

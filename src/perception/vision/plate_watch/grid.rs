@@ -6,18 +6,18 @@ const MOST_ALONG: f64 = 128.0;
 const LEAST_ALONG: f64 = 3.0;
 /// Distance of the outermost samples from the plate's edge, px: blur and half a sample.
 const EDGE_PX: f64 = 5.0;
-/// Pixels side by side that make a sample.
+/// Adjacent pixels averaged to a sample.
 const WIDTH: usize = 4;
-/// In place of a pixel where the grid has no sample.
+/// Pixel index of a place without a sample.
 const NONE: u32 = u32::MAX;
 
-/// A square grid of places on the plate, and where the frame shows them. A ring of places without a sample is around it,
-/// so that every sample has eight neighbours.
+/// A square grid of places on the plate, with their pixels in the frame. It is surrounded by a ring of places without a
+/// sample, so that every sample has eight neighbours.
 pub(super) struct Grid {
     /// Places along a side, the ring included.
     stride: usize,
     spacing_m: f64,
-    /// The first of the pixels of each sample.
+    /// The first pixel of each sample.
     pixels: Vec<u32>,
 }
 
@@ -41,7 +41,7 @@ impl Grid {
         grid
     }
 
-    /// Places, those without a sample included.
+    /// Number of places, those without a sample included.
     pub(super) fn len(&self) -> usize {
         self.pixels.len()
     }
@@ -51,12 +51,12 @@ impl Grid {
         self.stride
     }
 
-    /// Distance of neighbours, m.
+    /// Distance between neighbours, m.
     pub(super) fn spacing_m(&self) -> f64 {
         self.spacing_m
     }
 
-    /// Area that a sample stands for, m².
+    /// Area of one sample's grid cell, m².
     pub(super) fn sample_m2(&self) -> f64 {
         self.spacing_m * self.spacing_m
     }
@@ -71,7 +71,7 @@ impl Grid {
         self.pixels[sample] as usize
     }
 
-    /// Place on the plate, m, of a column and a row of the grid.
+    /// Position on the plate, m, of a column and a row of the grid.
     pub(super) fn place_m(&self, place: Vec2) -> Vec2 {
         (place - Vec2::repeat((self.stride - 1) as f64 / 2.0)) * self.spacing_m
     }
@@ -93,7 +93,7 @@ impl Grid {
         }
     }
 
-    /// The gray level of every sample; NaN where there is none. `levels` holds [`Grid::len`] of them.
+    /// The gray level of every sample; NaN where there is none. `levels` has [`Grid::len`] elements.
     pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32]) {
         for (level, &first) in levels.iter_mut().zip(&self.pixels) {
             let sample = pixels.get(first as usize..).and_then(|rest| rest.first_chunk::<WIDTH>());

@@ -3,7 +3,7 @@ use nalgebra::Matrix2;
 use super::super::Table;
 use upm_core::geometry::Vec2;
 
-/// The picture around a part to second order: `origin + J d + ½ dᵀ H d`, d in radii.
+/// Map from plate to picture around a part, to second order: `origin + J d + ½ dᵀ H d`, d in radii.
 pub(in super::super) struct LocalMap {
     pub(in super::super) origin: Vec2,
     x: Vec2,
@@ -14,7 +14,7 @@ pub(in super::super) struct LocalMap {
 }
 
 impl LocalMap {
-    /// About a point of the plate, m; `None` where the picture is no number.
+    /// Expands the map about a point of the plate, m; `None` where its image is not finite.
     pub(in super::super) fn new(table: &Table, origin_m: Vec2, radius_m: f64) -> Option<Self> {
         let at = |x: f64, y: f64| table.image_from_table(origin_m + Vec2::new(x, y) * radius_m);
         let origin = at(0.0, 0.0);
@@ -30,7 +30,7 @@ impl LocalMap {
             .then_some(map)
     }
 
-    /// Pixels of one radius: the square root of the magnification of areas.
+    /// Length of one radius, px: the square root of the magnification of areas.
     pub(in super::super) fn radius_px(&self) -> f64 {
         (self.x.x * self.y.y - self.x.y * self.y.x).abs().sqrt()
     }
@@ -40,8 +40,8 @@ impl LocalMap {
         (self.x * u.x + self.y * u.y, self.xx * (u.x * u.x) + self.xy * (u.x * u.y) + self.yy * (u.y * u.y))
     }
 
-    /// Centre of the area of the image of a circle, which is not the image of its centre: with q the map's quadratic part
-    /// in radii, it is the mean over the disk of `q + u (∂q/∂u)`. For a perspective picture the ellipse's centre.
+    /// Centre of the area of a circle's image, which is not the image of its centre: with q the map's quadratic part in
+    /// radii, it is the mean over the disk of `q + u (∂q/∂u)`. For a perspective picture the ellipse's centre.
     pub(in super::super) fn middle_of_circle(&self, center: Vec2, radius: f64) -> Vec2 {
         let (linear, square) = self.along(center);
         let across = self.x.x * self.y.y - self.x.y * self.y.x;
@@ -52,15 +52,15 @@ impl LocalMap {
         self.origin + linear + square + mean * (0.25 * radius * radius)
     }
 
-    /// A covariance in radii², as it is in the picture, px².
+    /// Transforms a covariance in radii² to the picture, px².
     pub(in super::super) fn covariance_px2(&self, covariance: Matrix2<f64>) -> Matrix2<f64> {
         let jacobian = Matrix2::from_columns(&[self.x, self.y]);
         jacobian * covariance * jacobian.transpose()
     }
 }
 
-/// Middle and extra radius of the circle that fits the hull of a unit disc and of its copy moved by `shift` and
-/// swollen by `growth`: mean and first harmonic of `max(0, growth + shift cos θ)`.
+/// Middle and extra radius of the circle that fits the hull of a unit disc and of its copy moved by `shift` and swollen
+/// by `growth`: mean and first harmonic of `max(0, growth + shift cos θ)`.
 pub(in super::super) fn outline(shift: Vec2, growth: f64) -> (Vec2, f64) {
     let size = shift.norm();
     if size <= growth {

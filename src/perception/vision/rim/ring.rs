@@ -6,10 +6,11 @@ use upm_core::geometry::Vec2;
 pub(in super::super) const RAYS: usize = 36;
 /// Fewest rays that must agree on a circle.
 pub(in super::super) const LEAST_AGREEING: usize = 9;
-/// Lanes of a sum: a processor adds that many numbers at once, and the order of additions stays fixed.
+/// Lanes of a sum: a processor adds this many numbers at once, and the order of additions stays fixed.
 const LANES: usize = 4;
 
-/// A crossing this many times the least scatter off the circle is still near it: a clean picture's outliers are small.
+/// Distance from the circle up to which a crossing is near it, in units of the least scatter: outliers of a noiseless
+/// picture are small.
 const NEAR: f32 = 15.0;
 
 /// One number for each ray.
@@ -22,29 +23,29 @@ pub(in super::super) struct Rays {
     sin: PerRay,
 }
 
-/// `constant + slope·u` around a ring, u the direction: light, and a circle off the rays' centre.
+/// `constant + slope·u` around a ring, u the direction: models light, and a circle off the rays' centre.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Harmonic {
     pub(in super::super) constant: f32,
     pub(in super::super) slope: [f32; 2],
-    /// Of the slope, for values of unit variance.
+    /// Covariance of the slope, for values of unit variance.
     covariance: Matrix2<f64>,
 }
 
-/// A circle through crossings, in radii of the guess.
+/// A circle through crossings, in estimated radii.
 pub(in super::super) struct Circle {
     pub(in super::super) center: Vec2,
     pub(in super::super) radius: f64,
-    /// Of one crossing about the circle.
+    /// Variance of one crossing about the circle.
     pub(in super::super) variance: f64,
-    /// Of the centre, for crossings of unit variance.
+    /// Covariance of the centre, for crossings of unit variance.
     pub(in super::super) covariance: Matrix2<f64>,
     pub(in super::super) agreeing: usize,
-    /// A bit for each ray, set where the crossing comes near the circle.
+    /// Bit mask of the rays, set where the crossing is near the circle.
     pub(in super::super) near: u64,
 }
 
-/// Of ray `k`.
+/// Unit vector of ray `k`.
 pub(in super::super) fn direction(k: usize) -> Vec2 {
     let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
     Vec2::new(cos, sin)
@@ -56,7 +57,7 @@ impl Rays {
         Self { directions, cos: directions.map(|u| u.x as f32), sin: directions.map(|u| u.y as f32) }
     }
 
-    /// Least squares; `None` below `least` weight or where the rays tell too little.
+    /// Least squares; `None` below `least` weight or where the rays do not determine the slope.
     pub(in super::super) fn fit(&self, values: &PerRay, weights: &PerRay, least: f64) -> Option<Harmonic> {
         let wx: PerRay = std::array::from_fn(|k| weights[k] * self.cos[k]);
         let wy: PerRay = std::array::from_fn(|k| weights[k] * self.sin[k]);
@@ -106,7 +107,7 @@ impl Rays {
             let fit = self.fit(&bent, &weights, LEAST_AGREEING as f64 / 3.0)?;
             let on_circle = self.values(&fit);
             let residuals: PerRay = std::array::from_fn(|k| bent[k] - on_circle[k]);
-            // Once weighted, a ring without outliers stays as it is.
+            // A ring without outliers needs no further weighting.
             let calm = || (0..RAYS).all(|k| weights[k] >= CALM * present[k]);
             if round == ROUNDS || (round > 1 && calm()) {
                 return agreed(&fit, &residuals, (&weights, present), least_sd);
@@ -152,14 +153,15 @@ pub(in super::super) fn sum(value: impl Fn(usize) -> f32) -> f64 {
     f64::from((lanes[0] + lanes[2]) + (lanes[1] + lanes[3]))
 }
 
-/// Median of the sizes of those `count` values that are `present`. The bits of numbers from zero up are in their order.
+/// Median magnitude of those `count` values that are `present`. Bit patterns of non-negative floats are ordered like
+/// their values.
 fn median_size(values: &PerRay, present: &PerRay, count: usize) -> f32 {
     let mut bits: [u32; RAYS] =
         std::array::from_fn(|k| if present[k] > 0.0 { values[k].abs().to_bits() } else { u32::MAX });
     f32::from_bits(*bits.select_nth_unstable(count / 2).1)
 }
 
-/// The value below which the share `q` of the `present` values lies; `None` of too few.
+/// Quantile `q` of the `present` values; `None` with too few of them.
 pub(in super::super) fn ring_quantile(values: &PerRay, present: &PerRay, q: f32) -> Option<f32> {
     let mut kept = [0.0f32; RAYS];
     let mut n = 0;

@@ -1,5 +1,5 @@
-//! Outlines measured by their sharp edges: along rays from a guessed middle every crest of the gradient may be the rim, and
-//! the circle is the one on which most rays have a crest.
+//! Measurement of outlines by their sharp edges: along rays from an estimated middle every crest of the gradient may be
+//! the rim, and the circle is the one on which most rays have a crest.
 
 use std::array;
 
@@ -12,27 +12,27 @@ use super::super::sampling::{Sampler, quantile};
 use super::super::{Disc, Table};
 use upm_core::geometry::Vec2;
 
-/// Rays are looked along from this far within the guessed radius to as far beyond it, radii, at so many places.
+/// Radial range of the rays about the estimated radius, radii, and number of samples in it.
 const REACH: f64 = 0.3;
 const SAMPLES: usize = 61;
-/// Length of the means whose difference is an edge's steepness, as a part of the width of the plate's own edges, and its
-/// bounds, px.
+/// Length of the two means whose difference is an edge's steepness, as a fraction of the width of the plate's own
+/// edges, and its bounds, px.
 const MEAN_SHARE: f64 = 0.6;
 const MEAN_PX: [f64; 2] = [0.8, 4.0];
-/// Most crests kept of a ray, and how sharp they must be against the rays' median sharpest and in levels.
+/// Most crests kept of a ray, and their least sharpness against the rays' median sharpest and in levels.
 const CRESTS: usize = 4;
 const LEAST_CREST: f32 = 0.2;
 const FAINTEST: f32 = 3.0;
-/// How near a crest must be to a circle to be on it, radii and px.
+/// Largest distance of a crest from a circle it is on, radii and px.
 const ON_CIRCLE: f64 = 0.02;
 const ON_CIRCLE_PX: f64 = 0.8;
 /// Bins of distances in which circles are voted for.
 const BINS: usize = 128;
-/// A middle farther from the guess than this, radii, is another disc's.
+/// A middle farther from the estimate than this, radii, is another disc's.
 const FARTHEST: f64 = 0.25;
 const LEAST_SD: f32 = 1e-3;
 
-/// Measures outlines in one picture.
+/// Measurement of outlines in one picture.
 pub(super) struct OutlineGauge<'a> {
     sampler: &'a Sampler<'a>,
     table: &'a Table,
@@ -48,14 +48,14 @@ struct Crests {
     radius_m: f64,
     /// Distances in radii; NaN beyond the last.
     at: [[f32; CRESTS]; RAYS],
-    /// Against the rays' median sharpest, 1 at most.
+    /// Against the rays' median sharpest, at most 1.
     sharpness: [[f32; CRESTS]; RAYS],
-    /// Part of the steepness that is sharp: 1 of a step, 0 of a ramp.
+    /// Fraction of the steepness that is sharp: 1 for a step, 0 for a ramp.
     crispness: [[f32; CRESTS]; RAYS],
     on_plate: [bool; RAYS],
 }
 
-/// A circle among crests, in radii of their guess.
+/// A circle among crests, in estimated radii.
 #[derive(Clone, Copy)]
 struct Fit {
     center: Vec2,
@@ -71,7 +71,7 @@ impl<'a> OutlineGauge<'a> {
         Self { sampler, table, rays: Rays::new(), mean_px }
     }
 
-    /// The disc near `at_m` whose radius is within `window` of `radius_m`, as a part of it.
+    /// The disc near `at_m` whose radius is within `window` of `radius_m`, as a fraction of it.
     pub(super) fn measure(&self, at_m: Vec2, radius_m: f64, window: f64) -> Option<Disc> {
         let first = self.crests(at_m, radius_m)?;
         let (center, radius) = self.consensus(&first, window)?;
@@ -91,7 +91,7 @@ impl<'a> OutlineGauge<'a> {
         })
     }
 
-    /// The discs with shares of what others leave open to be seen.
+    /// The discs, their outline shares referred to the outline that the others leave visible.
     pub(super) fn seen_past_each_other(&self, discs: Vec<Disc>) -> Vec<Disc> {
         let open_share = |disc: &Disc| {
             let margin_m = 1.5 / self.table.px_per_m_at(disc.at_m) + 0.03 * disc.radius_m;
@@ -156,7 +156,7 @@ impl<'a> OutlineGauge<'a> {
         Some(crests)
     }
 
-    /// Middle and radius of the circle on which most and sharpest crests lie, through three of them a third of a turn apart.
+    /// Middle and radius of the circle with most and sharpest crests, from triples of crests a third of a turn apart.
     fn consensus(&self, crests: &Crests, window: f64) -> Option<(Vec2, f64)> {
         const THIRD: usize = RAYS / 3;
         const LIKELY: usize = 3;
@@ -188,12 +188,12 @@ impl<'a> OutlineGauge<'a> {
         self.rays.directions.iter().zip(ballot).map(of_ray).sum()
     }
 
-    /// How near a crest must be to be on a circle, radii.
+    /// Largest distance of a crest from a circle it is on, radii.
     fn on_circle(&self, crests: &Crests) -> f64 {
         ON_CIRCLE.max(ON_CIRCLE_PX.max(0.5 * self.mean_px) / crests.map.radius_px())
     }
 
-    /// The circle about the rays' origin on which crests lie.
+    /// The circle about the rays' origin through the crests.
     fn fit(&self, crests: &Crests) -> Option<Fit> {
         let (mut center, mut radius, mut covariance) = (Vec2::zeros(), 1.0, Matrix2::zeros());
         let near = self.on_circle(crests);
@@ -260,7 +260,7 @@ fn bin_of(at: f64) -> usize {
     ((at - (1.0 - REACH)) / (2.0 * REACH) * BINS as f64).max(0.0) as usize
 }
 
-/// Width of the plate's own edges, px: their rise over their steepest slope, the median of places all around.
+/// Width of the plate's own edges, px: their rise over their steepest slope, the median over places all around.
 fn side_width_px(sampler: &Sampler, table: &Table) -> f64 {
     const PLACES: usize = 8;
     const ACROSS_PX: f64 = 10.0;
@@ -282,9 +282,9 @@ fn side_width_px(sampler: &Sampler, table: &Table) -> f64 {
     quantile(&mut widths, 0.5)
 }
 
-/// How much more steeply the level changes at a place than about it: the difference between the means of the `half` samples
-/// after and before, twice, less that of as many again. A ramp, as a soft shadow is, has none. Beside it, as a part of the
-/// steepness. 0 at the ends.
+/// Sharpness and crispness of every sample. Sharpness is how much more steeply the level changes at a place than around
+/// it: twice the difference between the means of the `half` samples after and before, less that of twice as many. It is
+/// 0 on a ramp, such as a soft shadow. Crispness is its fraction of the steepness. 0 at the ends.
 fn sharpness(levels: &[f32; SAMPLES], half: usize) -> [[f32; 2]; SAMPLES] {
     let mut sums = [0.0f32; SAMPLES + 1];
     for (i, level) in levels.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The plate's averaged picture against the bare plate's brightness.
+//! The plate's averaged picture relative to the bare plate's brightness.
 
 use super::super::coarse::{Coarse, UNITS};
 use super::super::outline::PlateCells;
@@ -9,7 +9,7 @@ use upm_core::geometry::Vec2;
 pub(super) struct Relative {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Row by row.
+    /// Values row by row.
     pub(super) values: Vec<f32>,
 }
 
@@ -31,7 +31,7 @@ impl Relative {
         Self { width, height, values }
     }
 
-    /// Mean within `radius` cells of a place.
+    /// Mean within `radius` cells of `at`.
     pub(super) fn under(&self, at: Vec2, radius: f64) -> f64 {
         let rows = (at.y - radius).ceil().max(0.0) as usize..((at.y + radius).max(0.0) as usize + 1).min(self.height);
         let (mut sum, mut count) = (0.0, 0.0);

@@ -1,28 +1,29 @@
-//! Likely middles of discs: the edges of an averaged picture vote for them along their gradients.
+//! Candidates for the middles of discs: the edges of an averaged picture vote for them along their gradients.
 
 use super::relative::Relative;
 use upm_core::geometry::Vec2;
 
-/// Radii voted for, cells, and the largest as a part of the rectangle's shorter side.
+/// Radii voted for: least, cells, and largest as a fraction of the rectangle's shorter side.
 const LEAST_RADIUS: f64 = 6.0;
 const LARGEST_SHARE: f64 = 0.17;
-/// An edge is this many times as steep as the median cell, and at least this steep, parts of the plate's level a cell.
+/// Least steepness of an edge, in multiples of the median cell's and absolute, as a fraction of the plate's level per
+/// cell.
 const OVER_MEDIAN: f32 = 4.0;
 const FAINTEST: f32 = 0.012;
 /// Fewest votes of a middle, over a square of 3 by 3 cells.
 const LEAST_VOTES: u16 = 24;
 /// Most places tried.
 const MOST_PEAKS: usize = 200;
-/// Share of a circle that edges must cover for its radius to be a seed's.
+/// Share of a circle that edges must cover for its radius to become a seed.
 const LEAST_COVER: f64 = 0.35;
-/// An edge belongs to a circle whose radius it meets within this cosine.
+/// Least cosine between an edge's gradient and the radius of the circle it belongs to.
 const ALONG_RADIUS: f64 = 0.9;
-/// Edges this near to a measured circle are its own, cells; within it all are.
+/// Distance within which edges belong to a measured circle, cells; all edges inside it do.
 const OWN: f64 = 1.6;
 /// Most edges kept, the steepest.
 const MOST_EDGES: usize = 8_000;
 
-/// A likely disc.
+/// A candidate disc.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seed {
     pub(super) cell: Vec2,
@@ -38,14 +39,14 @@ struct Edge {
     steepness: f32,
 }
 
-/// Edges not yet explained, and the middles they vote for.
+/// Edges not yet attributed to a disc, and the middles they vote for.
 pub(super) struct Votes {
     width: usize,
     edges: Vec<Edge>,
     radii: (f64, f64),
-    /// Places by votes, most last.
+    /// Places by votes, most votes last.
     peaks: Vec<(u16, usize)>,
-    /// Radii of the place last looked at that are still to be tried.
+    /// Untried radii of the last place examined.
     pending: Vec<Seed>,
 }
 
@@ -80,7 +81,7 @@ impl Votes {
         votes
     }
 
-    /// The next likely disc among the edges that are left.
+    /// The next candidate disc among the edges that are left.
     pub(super) fn next_seed(&mut self) -> Option<Seed> {
         loop {
             if let Some(seed) = self.pending.pop() {
@@ -92,7 +93,7 @@ impl Votes {
         }
     }
 
-    /// Radii about a place that enough edges share, those with most last.
+    /// Radii about a place with enough edges, those with most last.
     fn radii_about(&self, cell: Vec2) -> Vec<Seed> {
         let mut counts = vec![0.0f64; self.radii.1 as usize + 3];
         for edge in &self.edges {
@@ -114,7 +115,7 @@ impl Votes {
         found.into_iter().rev().take(2).rev().map(|(_, seed)| seed).collect()
     }
 
-    /// Takes the edges of a measured disc, and those within it, out of the count.
+    /// Withdraws the edges on and within a measured disc.
     pub(super) fn withdraw(&mut self, cell: Vec2, radius_cells: f64) {
         self.edges.retain(|edge| (edge.at - cell).norm() > radius_cells + OWN);
         self.pending.clear();

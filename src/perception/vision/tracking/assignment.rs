@@ -1,10 +1,10 @@
 use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 
-/// Weight of a row that stays alone: the most of 64 rows can be added, and costs are told apart to 1e-15 of it.
+/// Weight of an unassigned row: up to 64 rows can be summed with costs resolved to 1e-15 of it.
 const ALONE: f64 = (1_i64 << 52) as f64;
 
-/// Gives each of `rows` its own of `columns` at the least total cost. A row stays alone for `alone`; costs above it are no
-/// choice. The total comes second.
+/// Assigns to each of `rows` a different one of `columns` at the least total cost. An unassigned row costs `alone`;
+/// higher costs are never chosen. The total is the second value.
 pub(super) fn assign(
     rows: usize,
     columns: usize,
@@ -14,7 +14,7 @@ pub(super) fn assign(
     if rows == 0 {
         return (Vec::new(), 0.0);
     }
-    // one column more for each row to stay alone
+    // one extra column for each row to remain unassigned
     let price = |row, column| if column < columns { cost(row, column).min(2.0 * alone) } else { alone };
     let weight = |(row, column)| (price(row, column) / alone * ALONE).round() as i64;
     let (_, chosen) = kuhn_munkres_min(&Matrix::from_fn(rows, columns + rows, weight));
@@ -34,7 +34,7 @@ mod tests {
 
     const ALONE: f64 = 100.0;
 
-    /// The least total over all ways, one by one.
+    /// The least total by enumeration of all assignments.
     fn least_total(costs: &[Vec<f64>], row: usize, taken: &mut Vec<bool>) -> f64 {
         if row == costs.len() {
             return 0.0;

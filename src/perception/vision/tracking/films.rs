@@ -1,4 +1,4 @@
-//! Parts moving through rendered films, past each other and behind things, against where they truly are.
+//! Tracking of parts in rendered films, past each other and behind covers, against their true positions.
 
 use super::super::judge::overlap;
 use super::super::{CoinFinder, Table, Track, Tracker};
@@ -10,7 +10,7 @@ use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
 use upm_scene::{Disc, Scene, Shape, Thing};
 
-/// One film: where parts truly are and what hides them, frame by frame.
+/// One film: true positions of the parts and the things that hide them, frame by frame.
 struct Film {
     scene: Scene,
     table: Table,
@@ -36,7 +36,7 @@ impl Film {
         Self { scene, table, tracker, parts }
     }
 
-    /// The next frame. Whatever is seen of a part lies within `most_px` of it, and no two tracks lie on one part.
+    /// Tracks the next frame. Every detection of a part must be within `most_px` of it, and no two tracks on one part.
     fn next(&mut self, places_m: &[Vec2], covers: Vec<Thing>, most_px: f64) {
         self.scene.seed += 1;
         self.scene.covers = covers;
@@ -59,7 +59,7 @@ impl Film {
         &self.tracker.tracks()[self.parts.iter().position(|&i| i == part).unwrap()]
     }
 
-    /// How far the last look at a part is from where it is now.
+    /// Distance of the last detection of a part from its present position.
     fn error_px(&self, part: usize, places_m: &[Vec2]) -> Vec2 {
         self.table.image_from_table(self.track(part).seen.position_m) - self.table.image_from_table(places_m[part])
     }
@@ -172,7 +172,7 @@ fn equal_parts_come_back_each_on_its_own_way() {
 #[test]
 fn parts_moved_while_hidden_are_matched_overall_not_one_by_one() {
     let before = [mm(-50.0, 0.0), mm(-22.0, 0.0), mm(80.0, 80.0)];
-    // The nearest pair is the second part and the first place; together they are nearest the other way.
+    // The nearest pair is the second part and the first place; the least total is the other assignment.
     let after = [mm(-24.0, 0.0), mm(15.0, 3.0), mm(80.0, 80.0)];
     let mut film = Film::start(small_scene(5), &before);
     (0..4).for_each(|_| film.next(&before, Vec::new(), 0.5));
@@ -187,7 +187,7 @@ fn smeared_parts_are_found_in_the_middle_of_the_exposure() {
     let noise_sd = std::mem::replace(&mut film.scene.noise_sd, 0.0);
     let noise = rand_distr::Normal::new(0.0, noise_sd).unwrap();
     let (mut squares, mut looks) = (0.0, 0.0);
-    // 6 px a frame, all of it in the exposure: three tenths of a radius.
+    // 6 px a frame, all of it within the exposure: three tenths of a radius.
     let places = |k: f64| [mm(-60.0 + 2.8 * k, 40.0), mm(60.0 - 2.0 * k, -20.0 + 2.0 * k)];
     for k in 1..=16 {
         let exposures =

@@ -7,26 +7,26 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
-/// A rim fitted from rays that start farther than this from its middle, px, is fitted again from there.
+/// A rim fitted from rays that start farther than this from its middle, px, is fitted again from that middle.
 const RECENTER_PX: f64 = 0.6;
 const MOST_RECENTERS: usize = 3;
 /// Rays that agree on a part in plain view.
 pub(super) const PLAIN_RAYS: usize = RAYS * 7 / 9;
-/// Of the rays that nothing known stands before, the least share that must agree on a part partly hidden.
+/// Least share of agreeing rays for a partly hidden part, of the rays that no known object hides.
 const HIDDEN_SHARE: f64 = 0.44;
-/// The least score of a part partly hidden.
+/// Least score of a partly hidden part.
 const HIDDEN_SCORE: f64 = 0.3;
-/// How far its levels may be from those it had in plain view, as a part of the contrast.
+/// Largest deviation of its levels from those it had in plain view, as a fraction of the contrast.
 const HIDDEN_STRAY: f32 = 0.25;
-/// A motion in one frame that smears a rim no more than the close look takes, px.
+/// Largest motion per frame, px, whose motion blur the close search tolerates.
 const SLOW_PX: f64 = 6.0;
 /// Half the side of the wider search, radii, and its first step.
 const WIDE_RADII: f64 = 3.5;
 const WIDE_STEP: f64 = 0.4;
-/// Best places of the wider search that are looked at closely.
+/// Best places of the wider search that are examined.
 const WIDE_PLACES: usize = 6;
 
-/// A part as seen, and how well.
+/// A detection of a part in one frame, and its quality.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Look {
     pub(super) part: Detection,
@@ -36,17 +36,17 @@ pub(super) struct Look {
     pub(super) levels: [f32; 2],
 }
 
-/// What is known of a part before it is looked for.
+/// Prior knowledge of a part in a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Expected {
     pub(super) place_px: Vec2,
-    /// How far it moves in a frame, px.
+    /// Its motion per frame, px.
     pub(super) speed_px: f64,
     /// Gray levels of plate and part when it was last in plain view.
     pub(super) levels: Option<[f32; 2]>,
 }
 
-/// One frame, and what was last seen of all parts.
+/// One frame, and the last detections of all parts.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     pub(super) frame: &'a Frame,
@@ -54,7 +54,7 @@ pub(super) struct View<'a> {
     pub(super) tracks: &'a [Track],
 }
 
-/// Looks for one part at a time.
+/// Detects one part at a time.
 pub(super) struct Looker {
     table: Table,
     judge: PartJudge,
@@ -68,13 +68,13 @@ impl Looker {
         Self { table: table.clone(), judge: PartJudge::new(kinds, dark_parts), disks }
     }
 
-    /// Radius of the outline of a part of `kind`, px; 0 of none.
+    /// Radius of the outline of a part of `kind`, px; 0 for an unknown kind.
     pub(super) fn radius_px(&self, kind: usize) -> f64 {
         self.disks.get(kind).map_or(0.0, |disk| disk.reach() as f64)
     }
 
-    /// The step of every frame: the disk climbs from where part `i` should be, the rim gives the rest. A part partly
-    /// hidden pulls the disk away: then the rim alone is looked for, where the part should be and where it was.
+    /// Regular search in every frame: the disk climbs from the expected position of part `i`, the rim gives the rest. A
+    /// partly hidden part pulls the disk away: then only the rim is searched, at the expected and at the last position.
     pub(super) fn near(&self, view: &View, i: usize, expected: &Expected) -> Option<Look> {
         let seen = &view.tracks.get(i)?.seen;
         let disk = self.disks.get(seen.kind)?;
@@ -86,11 +86,11 @@ impl Looker {
         }
         let still = Expected { speed_px: 0.0, ..*expected };
         let by_rim = [expected.place_px, seen.center_px].map(|place| self.recognise_far(view, i, place, &still));
-        // Of equal looks the first.
+        // Of equally good detections the first.
         climbed.into_iter().chain(by_rim.into_iter().flatten()).rev().max_by_key(|look| look.agreeing)
     }
 
-    /// A part of the kind of part `i` whose rim is near `place_px`.
+    /// Detection of a part of the kind of part `i` whose rim is near `place_px`.
     fn recognise(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
         let kind = view.tracks.get(i)?.seen.kind;
         let reach = reach_px(self.radius_px(kind));
@@ -114,7 +114,7 @@ impl Looker {
         self.look(view, i, &fit, expected)
     }
 
-    /// The same from farther off.
+    /// The same over a longer reach.
     fn recognise_far(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
         let kind = view.tracks.get(i)?.seen.kind;
         let foot_m = self.judge.foot_below(&self.table, kind, place_px);
@@ -125,7 +125,7 @@ impl Looker {
         from_far.into_iter().chain(close).max_by_key(|look| look.agreeing)
     }
 
-    /// A rim turned into a look at part `i`, if it is one.
+    /// Detection of part `i` from a rim, if it is one.
     fn look(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> Option<Look> {
         let kind = view.tracks.get(i)?.seen.kind;
         let (part, disk) = (self.judge.kinds.get(kind)?, self.disks.get(kind)?);
@@ -142,8 +142,8 @@ impl Looker {
         Some(Look { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
     }
 
-    /// A rim of which a part is hidden is believed when it is long enough for what may be seen of it past the other
-    /// parts and the plate's edge, and when it has the levels of the part in plain view.
+    /// Accepts a partly hidden rim when it is long enough for the visible part of it past the other parts and the
+    /// plate's edge, and when it has the levels of the part in plain view.
     fn is_believed(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> bool {
         let others = || view.tracks.iter().enumerate().filter(|(k, t)| *k != i && t.frames_unseen == 0);
         let open = (0..RAYS).filter(|&k| {
@@ -162,8 +162,8 @@ impl Looker {
             })
     }
 
-    /// Coarse to fine over some radii around a place: the disk at every few pixels, climbs from the best. Where parts
-    /// are `taken` no other is looked for.
+    /// Coarse to fine search over some radii around a place: the disk at every few pixels, climbs from the best. Places
+    /// of `taken` parts are excluded.
     pub(super) fn wide(&self, view: &View, i: usize, expected: &Expected, taken: &[Look]) -> Option<Look> {
         let kind = view.tracks.get(i)?.seen.kind;
         let disk = self.disks.get(kind)?;
@@ -189,7 +189,8 @@ impl Looker {
         None
     }
 
-    /// Places around `center_px` on the plate, those first under which the disk is darkest (lightest for light parts).
+    /// Places around `center_px` on the plate, sorted by the level under the disk, darkest first (lightest for light
+    /// parts).
     fn dark_places(&self, frame: &Frame, disk: &Disk, center_px: Vec2) -> Vec<(f64, usize, usize)> {
         let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
         let half = (WIDE_RADII / WIDE_STEP).round() as i64;

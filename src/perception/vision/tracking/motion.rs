@@ -1,27 +1,27 @@
 use upm_core::geometry::Vec2;
 
-/// What is left of a part's velocity after a frame: parts stop between pulses.
+/// Velocity kept from one frame to the next: parts stop between pulses.
 const DAMPING: f64 = 0.98;
 /// Standard deviation of the change of velocity from frame to frame, radii.
 const PUSH_RADII: f64 = 0.05;
-/// Least variance of a place, px²: an outline moves by itself, with light and with what lies near.
+/// Least variance of a position, px²: an outline shifts with light and with its neighbourhood.
 const LEAST_VARIANCE_PX2: f64 = 1.0;
 
-/// A part's place and velocity in the picture: a Kalman filter with equal variance along both axes (Kalman, 1960;
-/// constant velocity, pushes white). Time is counted in frames.
+/// A part's position and velocity in the picture: a Kalman filter with equal variance along both axes (Kalman, 1960;
+/// constant velocity, white accelerations). Time is counted in frames.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) place_px: Vec2,
     pub(super) velocity_px: Vec2,
     push_variance: f64,
-    /// Of place, of both, of velocity.
+    /// Variance of position, covariance of both, variance of velocity.
     variance: [f64; 3],
-    /// The place is known no worse than this: it is in the picture.
+    /// Upper bound of the position's variance: the part is in the picture.
     most_variance: f64,
 }
 
 impl Motion {
-    /// At rest, in pictures of `frame_size` px.
+    /// A part at rest, in pictures of `frame_size` px.
     pub(super) fn at_rest(place_px: Vec2, radius_px: f64, frame_size: [usize; 2]) -> Self {
         let push_variance = (PUSH_RADII * radius_px).powi(2).max(0.01);
         let [width, height] = frame_size.map(|n| n as f64);
@@ -35,7 +35,7 @@ impl Motion {
         }
     }
 
-    /// One frame later.
+    /// Predicts one frame ahead.
     pub(super) fn step(&mut self) {
         let [place, both, velocity] = self.variance;
         self.place_px += self.velocity_px;
@@ -43,17 +43,17 @@ impl Motion {
         let push = self.push_variance;
         let place = (place + 2.0 * both + velocity + 0.25 * push).min(self.most_variance);
         let velocity = DAMPING * DAMPING * velocity + push;
-        // A correlation of one at most, also where the place's variance was cut.
+        // Correlation at most one, also where the position's variance was cut.
         let both = (DAMPING * (both + self.variance[2]) + 0.5 * push).min((place * velocity).sqrt());
         self.variance = [place, both, velocity];
     }
 
-    /// Variance of the place along an axis, px².
+    /// Variance of the position along an axis, px².
     pub(super) fn place_variance(&self) -> f64 {
         self.variance[0].max(LEAST_VARIANCE_PX2)
     }
 
-    /// A look at `place_px` with the variance of its centre along an axis, px².
+    /// Updates with a measured position `place_px` and its variance along an axis, px².
     pub(super) fn see(&mut self, place_px: Vec2, variance_px2: f64) {
         let [place, both, velocity] = self.variance;
         let innovation = place_px - self.place_px;
@@ -64,7 +64,7 @@ impl Motion {
         self.variance = [place * left, both * left, (velocity - both * both / total).max(0.0)];
     }
 
-    /// Puts the place back into the rectangle from `first` to `last`.
+    /// Clamps the position to the rectangle from `first` to `last`.
     pub(super) fn keep_within(&mut self, first: Vec2, last: Vec2) {
         self.place_px = self.place_px.sup(&first).inf(&last);
     }
