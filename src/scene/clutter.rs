@@ -5,10 +5,10 @@ use super::parts::kinds;
 use super::{Glint, Relief, Scene, Shape, Thing};
 use upm_core::geometry::{Vec2, perp};
 
-/// Least distance of things on the ground from the plate, m.
+/// Least distance of objects on the ground from the plate, m.
 const STRAY_GAP_M: f64 = 4e-3;
 
-/// One side of the plate: its outward normal and the way along it.
+/// One side of the plate: its outward normal and the direction along it.
 fn side(dice: &mut Dice) -> (Vec2, Vec2) {
     let (sin, cos) = (FRAC_PI_2 * dice.one_of(4) as f64).sin_cos();
     let outward = Vec2::new(cos, sin);
@@ -34,7 +34,8 @@ impl Scene {
         self.covers.extend(shapes.into_iter().map(|shape| Thing { shape, level }));
     }
 
-    /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them a square as large as the plate.
+    /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them is a square as large as the
+    /// plate.
     pub(super) fn draw_strays(&mut self, dice: &mut Dice) {
         if !dice.chance(0.55) {
             return;
@@ -63,7 +64,7 @@ impl Scene {
         }
     }
 
-    /// Bright on dark ground; beside it on any other.
+    /// Gray level of an object on the ground: bright on dark ground, else at least 40 levels darker than the ground.
     fn stray_level(&self, dice: &mut Dice) -> f64 {
         let ground = self.levels[0];
         if ground < 80.0 || (ground < 150.0 && dice.chance(0.5)) {
@@ -90,7 +91,7 @@ impl Scene {
     }
 }
 
-/// A straight bar that comes from outside and ends on the plate.
+/// A straight bar from outside that ends on the plate.
 fn bar(dice: &mut Dice, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<Shape> {
     let turn = dice.around(0.25);
     let direction = outward.y.atan2(outward.x) + turn;
@@ -120,7 +121,7 @@ fn relief(dice: &mut Dice, amplitude: f64) -> Relief {
     Relief { amplitude, waves, ring: [dice.within(0.5, 0.85), dice.within(0.04, 0.1)] }
 }
 
-/// Within `reach` of the origin, its half axes up to a quarter of `unit`.
+/// A glint within `reach` of the origin, its half axes up to a quarter of `unit`.
 fn glint(dice: &mut Dice, reach: f64, unit: f64) -> Glint {
     Glint {
         at: dice.direction() * (reach * dice.within(0.0, 1.0).sqrt()),
@@ -135,7 +136,7 @@ mod tests {
     use super::super::Family;
     use super::*;
 
-    /// Points of the plate's outline, side by side, as many on each.
+    /// Points of the plate's outline, side by side, equally many on each.
     fn outline(scene: &Scene) -> Vec<Vec2> {
         let half = scene.side_m / 2.0;
         let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half);

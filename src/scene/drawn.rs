@@ -10,30 +10,31 @@ use upm_core::geometry::{Lens, Vec2};
 use upm_core::random::{Rng, Streams};
 use upm_core::units::INCH_M;
 
-/// Frame kept free around the table, as a part of its height or width, both sides taken together.
+/// Frame kept free around the table, as a fraction of its height or width, both sides taken together.
 const FREE_SHARE: f64 = 0.03;
-/// Most of the frame's height or width that the table's outline takes up.
+/// Largest fraction of the frame's height or width that the table's outline may take up.
 const LARGEST_SHARE: f64 = 0.955;
 
-/// Scenes of one difficulty.
+/// Families of scenes by difficulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     /// Four kinds of black parts on a white plate, tilted and distorted, no noise, even light, blur 0.8 px.
     Clean,
     /// The clean scene of the same seed with noise of 8 levels, blur 1.5 px, light that falls off by 40 %.
     Rough,
-    /// Table from 40 to 95 % of the frame's height, tilt to 10°, turn to 40°, light that falls off by up to 50 %, noise to
-    /// 8 levels, both polarities; reliefs, glints, things on the ground, part of one side hidden, each in some scenes.
+    /// Table from 40 to 95 % of the frame's height, tilt to 10°, turn to 40°, light that falls off by up to 50 %, noise
+    /// to 8 levels, both polarities; reliefs, glints, objects on the ground, part of one side hidden, each in some
+    /// scenes.
     Hard,
     /// The papers' table: 8 in, 16 pennies, seen straight from above by an ideal lens of 4 picture widths focal length.
     Papers,
 }
 
 impl Family {
-    /// All of them.
+    /// All families.
     pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
 
-    /// Its name on the command line.
+    /// The family's name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clean => "clean",
@@ -60,7 +61,7 @@ impl FromStr for Family {
 }
 
 impl Scene {
-    /// The scene of `seed` in a family: equal seeds, equal pictures.
+    /// The scene of `seed` in a family; equal seeds give equal pictures.
     pub fn drawn(family: Family, seed: u64) -> Self {
         let streams = Streams::new(seed);
         let stream = |name: &str| Dice(streams.stream(name));
@@ -136,8 +137,8 @@ impl Scene {
         self.hang(dice.within(side_share[0], side_share[1]), [dice.around(1.0), dice.around(1.0)]);
     }
 
-    /// Hangs the camera so that the mean side is `side_share` of the frame's height, or less where the table would not
-    /// be wholly in the frame; `place` is where in the frame, from -1 to 1 along either axis.
+    /// Places the camera so that the mean side is `side_share` of the frame's height, or less where the table would not
+    /// be wholly in the frame; `place` is the table's position in the frame, from -1 to 1 along either axis.
     fn hang(&mut self, side_share: f64, place: [f64; 2]) {
         let size = Vec2::new(self.size_px[0] as f64, self.size_px[1] as f64);
         let to_table = self.camera_from_table().transpose();
@@ -162,7 +163,7 @@ impl Scene {
         self.camera_m = -to_table * table_in_camera_m;
     }
 
-    /// Points along the sides as seen, px; 16 a side.
+    /// Points along the sides in the picture, px; 16 a side.
     pub(super) fn table_outline_px(&self) -> [Vec2; 64] {
         std::array::from_fn(|i| {
             let along = (i % 16) as f64 / 8.0 - 1.0;
@@ -173,7 +174,7 @@ impl Scene {
     }
 }
 
-/// Numbers by chance.
+/// Random numbers for drawing scenes.
 pub(super) struct Dice(Rng);
 
 impl Dice {
@@ -181,7 +182,7 @@ impl Dice {
         self.0.random_range(from..to)
     }
 
-    /// From `-most` to `most`.
+    /// A number from `-most` to `most`.
     pub(super) fn around(&mut self, most: f64) -> f64 {
         self.within(-most, most)
     }

@@ -5,12 +5,12 @@ use upm_core::random::Streams;
 use upm_core::signal::Frame;
 
 impl Scene {
-    /// The picture.
+    /// Renders the picture.
     pub fn frame(&self) -> Frame {
         self.frame_with(&self.parts)
     }
 
-    /// The picture with `parts` in place of its own.
+    /// Renders the picture with `parts` in place of the scene's.
     pub fn frame_with(&self, parts: &[Disc]) -> Frame {
         let [width, height] = self.size_px;
         let mut levels = self.levels_by_area(parts);
@@ -25,7 +25,7 @@ impl Scene {
         frame
     }
 
-    /// Light falls off evenly, by `shading` from one corner of the picture to the opposite one.
+    /// Darkens evenly by `shading` from one corner of the picture to the opposite one.
     fn shade(&self, levels: &mut [f32]) {
         let [width, height] = self.size_px.map(|n| n as f64);
         let (sin, cos) = self.shading_direction_rad.sin_cos();
@@ -40,7 +40,7 @@ impl Scene {
     }
 }
 
-/// Gaussian blur; the picture's border goes on beyond it.
+/// Gaussian blur; outside the picture the border's level continues.
 fn blur(levels: &mut [f32], width: usize, sd_px: f64) {
     if sd_px <= 0.0 {
         return;

@@ -1,16 +1,16 @@
-//! The surfaces of a scene, and the look of each.
+//! The surfaces of a scene, and their gray levels.
 
 use super::{Disc, Glint, Relief, Scene, Shape, Thing};
 use upm_core::geometry::Vec2;
 
-/// A surface and how far it goes.
+/// A surface and its outline.
 pub(super) struct Layer<'a> {
     pub(super) shape: Shape,
     pub(super) paint: Paint<'a>,
 }
 
 impl Scene {
-    /// All that lies on the ground, later ones in front.
+    /// All surfaces on the ground, later ones in front.
     pub(super) fn layers<'a>(&'a self, parts: &'a [Disc]) -> Vec<Layer<'a>> {
         let things = |things: &'a [Thing]| {
             things.iter().map(|thing| Layer { shape: thing.shape.clone(), paint: Paint::flat(thing.level) })
@@ -30,13 +30,13 @@ impl Scene {
     }
 }
 
-/// A surface's look.
+/// Gray levels of a surface.
 pub(super) struct Paint<'a> {
-    /// Gray level where nothing else is.
+    /// Gray level outside relief and glints.
     pub(super) level: f64,
-    /// Where relief and glints have their origin, m, and the length of their unit, m.
+    /// Origin of relief and glints, m, and the length of their unit, m.
     pub(super) frame: (Vec2, f64),
-    /// Relief and the step in level that its amplitude is a part of.
+    /// Relief, and the step in level of which its amplitude is a fraction.
     pub(super) relief: Option<(Relief, f64)>,
     pub(super) glints: &'a [Glint],
 }
@@ -65,7 +65,7 @@ impl Paint<'_> {
 }
 
 impl Relief {
-    /// From minus to plus the amplitude, or less.
+    /// Height at `q`, at most the amplitude in magnitude.
     fn height_at(&self, q: Vec2) -> f64 {
         let waves: f64 = self.waves.iter().map(|(k, phase)| (k.dot(&q) + phase).cos()).sum();
         let [radius, width] = self.ring;
@@ -75,7 +75,7 @@ impl Relief {
 }
 
 impl Glint {
-    /// From 1 in its middle half to 0 at its outline, smoothly.
+    /// Smooth weight, from 1 in its middle half to 0 at its outline.
     fn share_at(&self, q: Vec2) -> f64 {
         let (sin, cos) = self.direction_rad.sin_cos();
         let d = q - self.at;

@@ -1,5 +1,5 @@
-//! Pictures whose truth is known, by seed: a plate with parts on it as a camera may see them. What the eyes are judged by.
-//! It shares nothing with the simulator's camera but the lens and homography types.
+//! Synthetic camera pictures with ground truth, reproducible by seed: a plate with parts on it, for judging the
+//! vision. The crate shares only the lens and homography types with the simulator's camera.
 //!
 //! ```text
 //!   ground ─ things on it ─ plate ─ parts ─ covers      shapes on the plate's plane, later ones in front

@@ -8,14 +8,14 @@ const COINS: [(&str, f64, f64); 4] =
     [("penny", 9.525, 1.52), ("nickel", 10.605, 1.95), ("dime", 8.955, 1.35), ("quarter", 12.13, 1.75)];
 /// Most parts in a scene.
 const MOST_PARTS: usize = 40;
-/// Parts that touch are so far apart, m: on the safe side of rounding.
+/// Gap between parts that touch, m: covers rounding errors.
 const TOUCH_M: f64 = 1e-7;
-/// Least distance of parts from things in front, m.
+/// Least distance of parts from objects in front, m.
 const CLEAR_M: f64 = 2e-3;
-/// Places tried for one part.
+/// Positions tried for one part.
 const TRIES: usize = 300;
 
-/// The kinds of part there are: penny, nickel, dime, quarter.
+/// The kinds of part: penny, nickel, dime, quarter.
 pub fn kinds() -> Vec<PartKind> {
     let kind = |(name, radius_mm, thickness_mm): (&str, f64, f64)| PartKind {
         name: name.to_owned(),
@@ -48,14 +48,14 @@ impl Scene {
                 self.parts.push(Disc { kind, ..Disc::new(at_m, radius_m, thickness_mm * 1e-3) });
             }
         }
-        // Tops lean away from below the camera, over the feet of those farther out.
+        // Tops lean away from below the camera, over the feet of parts farther out.
         let out = |part: &Disc| (part.at_m - self.camera_m.xy()).norm();
         let mut parts = self.parts.clone();
         parts.sort_by(|a, b| out(b).total_cmp(&out(a)));
         self.parts = parts;
     }
 
-    /// Beside another part, near the plate's edge or anywhere.
+    /// A position beside another part, near the plate's edge or anywhere.
     fn place(&self, dice: &mut Dice, radius_m: f64, touching: bool) -> Vec2 {
         let reach_m = self.side_m / 2.0 - radius_m;
         if touching && !self.parts.is_empty() && (self.parts.len() == 1 || dice.chance(0.6)) {
@@ -70,7 +70,7 @@ impl Scene {
         if dice.chance(0.5) { Vec2::new(edge, anywhere.y) } else { Vec2::new(anywhere.x, edge) }
     }
 
-    /// True when a part there lies wholly on the plate, over no other and clear of what is in front.
+    /// True when a part there is wholly on the plate, over no other and clear of objects in front.
     fn fits(&self, at_m: Vec2, radius_m: f64) -> bool {
         at_m.amax() + radius_m <= self.side_m / 2.0
             && self.parts.iter().all(|other| (other.at_m - at_m).norm() >= other.radius_m + radius_m)

@@ -1,14 +1,14 @@
 //! Gray level of every pixel by the area of it that each surface covers. Squares of pixels are halved until no outline
-//! crosses them; of single pixels that one does cross, the area is found.
+//! crosses them; for single pixels crossed by one, the covered area is computed.
 
 use super::layers::{Layer, Paint};
 use super::{Disc, Scene};
 use upm_core::geometry::{Homography, Lens, Vec2};
 
-/// Side of the squares begun with, and of those that are evaluated pixel by pixel, px.
+/// Side of the initial squares, and of those that are evaluated pixel by pixel, px.
 const LARGEST: usize = 64;
 const SMALLEST: usize = 8;
-/// Lines across a pixel along which one outline is intersected, and points a side where several meet.
+/// Lines across a pixel along which one outline is intersected, and points a side where several outlines meet.
 const LINES: u32 = 12;
 const POINTS: u32 = 16;
 
@@ -65,8 +65,8 @@ impl Raster<'_> {
         self.table_from_ideal.map_or(ideal, |map| map.apply(ideal))
     }
 
-    /// Paints a square of pixels. `crossing` are the layers, in order, whose outline may cross it, `behind` is what
-    /// covers it behind those.
+    /// Paints a square of pixels. `crossing` are the layers, in order, whose outline may cross it, `behind` is the
+    /// layer that covers it behind those.
     fn square(&mut self, square: Square, crossing: &[usize], behind: Option<usize>) {
         let Square { at: [x, y], side, corners } = square;
         if x >= self.size[0] || y >= self.size[1] {
@@ -149,8 +149,8 @@ impl Raster<'_> {
         let sum: f64 = (0..POINTS * POINTS)
             .map(|i| {
                 let (column, row) = (f64::from(i % POINTS), f64::from(i / POINTS));
-                // Sheared both ways: no two points share a column or a row, so that edges along the pixels
-                // are seen as finely as others.
+                // Sheared along both axes: no two points share a column or a row, so that edges along the pixels are
+                // resolved as finely as others.
                 let (u, v) = (column / n + (row + 0.5) / m, row / n + (column + 0.5) / m);
                 let p = within(corners, u, v);
                 fronts.iter().find(|front| self.layers[front.0].shape.depth(p) > 0.0).map_or(back, |front| front.1)
@@ -160,7 +160,7 @@ impl Raster<'_> {
     }
 }
 
-/// Mean over a pixel by Gauss's four points; `at` takes places in the pixel, 0 to 1, to the plate.
+/// Mean over a pixel by four-point Gauss quadrature; `at` maps positions in the pixel, 0 to 1, to the plate.
 fn mean_level(paint: &Paint, at: impl Fn(f64, f64) -> Vec2) -> f64 {
     let off = 0.5 / 3f64.sqrt();
     let (near, far) = (0.5 - off, 0.5 + off);
@@ -175,7 +175,8 @@ fn within(corners: [Vec2; 4], u: f64, v: f64) -> Vec2 {
     top + (bottom - top) * v
 }
 
-/// Share of a pixel that lies inside a smooth outline: along lines across it, which meet it once, exactly.
+/// Share of a pixel inside a smooth outline: by lines across it, each of which meets the outline once; exact for a
+/// straight outline.
 fn area_inside(layer: &Layer, corners: [Vec2; 4]) -> f64 {
     let depth = |p: Vec2| layer.shape.depth(p);
     let [a, b, c, d] = corners.map(depth);
@@ -189,7 +190,7 @@ fn area_inside(layer: &Layer, corners: [Vec2; 4]) -> f64 {
             (false, false) => 0.0,
             (inside_first, _) => {
                 let chord = from / (from - to);
-                // One step more, for rims are round.
+                // One further step, since rims are round.
                 let meets = (chord + at(chord) / (from - to)).clamp(0.0, 1.0);
                 if inside_first { meets } else { 1.0 - meets }
             }

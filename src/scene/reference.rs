@@ -1,4 +1,4 @@
-//! The renderer held against a slow one that follows a ray back from each of many points of a pixel.
+//! Tests of the renderer against a slow one that traces a ray back from each of many points of a pixel.
 
 use nalgebra::Vector3;
 
@@ -10,7 +10,7 @@ use upm_core::geometry::{Lens, Vec2};
 /// Points along each side of a pixel.
 const POINTS: usize = 64;
 
-/// A small picture with everything in it.
+/// A small picture with all kinds of objects.
 fn small() -> Scene {
     let mut scene = Scene::plain(3);
     scene.size_px = [168, 144];
@@ -92,7 +92,7 @@ fn levels_are_those_of_rays() {
     assert!(rms < 0.15 && worst < 3.0, "{rms} {worst}");
 }
 
-/// Area and its centre, of what a part covers in a rendered picture.
+/// Area and centroid of the region that a part covers in a rendered picture.
 fn rendered(scene: &Scene) -> (f64, Vec2) {
     let [_, plate, part] = scene.levels;
     let share = |(i, level): (usize, &f32)| {

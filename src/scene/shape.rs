@@ -5,7 +5,7 @@ use upm_core::geometry::Vec2;
 pub enum Shape {
     /// The hull of two circles: centres and radii.
     Hull([(Vec2, f64); 2]),
-    /// Where all of these hold: `normal · p ≤ offset`, normals of length 1.
+    /// Intersection of half-planes: `normal · p ≤ offset`, normals of length 1.
     Convex(Vec<(Vec2, f64)>),
 }
 
@@ -15,12 +15,12 @@ impl Shape {
         Self::Hull([(at_m, radius_m); 2])
     }
 
-    /// A finger's outline: all that is within `radius_m` of the way between two points.
+    /// A finger's outline: all points within `radius_m` of the segment between two points.
     pub fn capsule(from_m: Vec2, to_m: Vec2, radius_m: f64) -> Self {
         Self::Hull([(from_m, radius_m), (to_m, radius_m)])
     }
 
-    /// A rectangle by its middle, half its sides and the direction of the first of them.
+    /// A rectangle from its middle, its half sides and the direction of the first of them.
     pub fn rectangle(at_m: Vec2, half_m: [f64; 2], direction_rad: f64) -> Self {
         let (sin, cos) = direction_rad.sin_cos();
         let (along, across) = (Vec2::new(cos, sin), Vec2::new(-sin, cos));
@@ -28,13 +28,13 @@ impl Shape {
         Self::Convex(sides.map(|(normal, half)| (normal, normal.dot(&at_m) + half)).into())
     }
 
-    /// The plate.
+    /// The plate's square.
     pub fn square(side_m: f64) -> Self {
         Self::rectangle(Vec2::zeros(), [side_m / 2.0; 2], 0.0)
     }
 
-    /// How deep inside `p_m` is, m: zero on the outline and nowhere else, negative outside, and never changing by more
-    /// than the way gone. Outside corners it falls short of the distance.
+    /// Depth of `p_m` inside the outline, m: zero on the outline and nowhere else, negative outside, and never changing
+    /// by more than the distance moved. Outside corners it falls short of the distance.
     pub fn depth(&self, p_m: Vec2) -> f64 {
         match self {
             Self::Hull(circles) => hull_depth(circles, p_m),
@@ -42,7 +42,7 @@ impl Shape {
         }
     }
 
-    /// True when a corner is within `reach_m` of `p_m`, or nearly.
+    /// True when a corner is within about `reach_m` of `p_m`.
     pub(super) fn has_corner_near(&self, p_m: Vec2, reach_m: f64) -> bool {
         match self {
             Self::Hull(_) => false,
@@ -53,8 +53,8 @@ impl Shape {
     }
 }
 
-/// Beside the tangents the nearest circle's, between them the nearer tangent's. The tangents' normals are at angles from
-/// the axis whose cosine is the radii's difference over the distance.
+/// Depth in a hull: beside the tangents that of the nearest circle, between them that of the nearer tangent. The
+/// tangents' normals are at angles from the axis whose cosine is the radii's difference over the distance.
 fn hull_depth(&[(a, a_radius), (b, b_radius)]: &[(Vec2, f64); 2], p: Vec2) -> f64 {
     let circle = |center: Vec2, radius: f64| radius - (p - center).norm();
     let axis = b - a;
@@ -91,7 +91,7 @@ mod tests {
             let between = |t: f64| radii.0 + t * (radii.1 - radii.0) - (p - a - (b - a) * t).norm();
             let slow = (0..=4000).map(|i| between(f64::from(i) / 4000.0)).fold(f64::NEG_INFINITY, f64::max);
             let depth = Shape::Hull([(a, radii.0), (b, radii.1)]).depth(p);
-            // Outside, the distance is that of the nearest of those circles; inside, only the sign is.
+            // Outside, the distance is that of the nearest of those circles; inside, only the sign agrees.
             prop_assert!((depth > 0.0) == (slow > 0.0) || depth.abs() < 1e-5, "{depth} {slow}");
             prop_assert!(depth > 0.0 || (depth - slow).abs() < 1e-5, "{depth} {slow}");
         }

@@ -10,7 +10,7 @@ pub const SIDE_M: f64 = 0.2032;
 /// Radius of a penny, m.
 pub const PENNY_M: f64 = 0.009525;
 
-/// A penny at a place on the plate, m.
+/// A penny at `(x_m, y_m)` on the plate.
 pub fn penny(x_m: f64, y_m: f64) -> Disc {
     Disc::new(Vec2::new(x_m, y_m), PENNY_M, 1.52e-3)
 }

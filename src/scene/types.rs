@@ -9,18 +9,18 @@ use upm_core::units::INCH_M;
 pub struct Scene {
     /// Columns and rows, px.
     pub size_px: [usize; 2],
-    /// The camera's inner geometry.
+    /// The camera's intrinsic geometry.
     pub lens: Lens,
     /// Camera centre in the table frame, m.
     pub camera_m: Vector3<f64>,
-    /// From looking straight down: turns of the plate as seen, about the camera's x and y axes and then about the
-    /// optical axis, right-handed (x right, y down, axis away from the camera), rad.
+    /// Rotation from looking straight down: turns of the plate in the picture, about the camera's x and y axes and then
+    /// about the optical axis, right-handed (x right, y down, axis away from the camera), rad.
     pub tilt_rad: [f64; 3],
     /// Side of the plate, m.
     pub side_m: f64,
     /// Gray levels of ground, plate and parts in full light.
     pub levels: [f64; 3],
-    /// How much darker the light's far corner is than its near one.
+    /// Relative loss of light from the near corner of the picture to the far one.
     pub shading: f64,
     /// Direction in which light falls off, rad, from the picture's x to its y axis, the picture taken as a square.
     pub shading_direction_rad: f64,
@@ -34,20 +34,20 @@ pub struct Scene {
     pub parts: Vec<Disc>,
     /// Reflections of lamps in the plate, in m of the table frame.
     pub glints: Vec<Glint>,
-    /// Things on the ground, behind the plate.
+    /// Objects on the ground, behind the plate.
     pub strays: Vec<Thing>,
-    /// Things in front of everything.
+    /// Objects in front of everything.
     pub covers: Vec<Thing>,
 }
 
-/// A part: a disc that lies on the plate.
+/// A part: a disc on the plate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disc {
     /// Index into [`kinds`](super::kinds).
     pub kind: usize,
     /// Middle of its foot in the table frame, m.
     pub at_m: Vec2,
-    /// Outline, m.
+    /// Radius, m.
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
@@ -68,7 +68,7 @@ impl Disc {
 /// part to plate, `q` in radii from the part's middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relief {
-    /// Largest departure, as a part of the step from part to plate.
+    /// Largest deviation, as a fraction of the step from part to plate.
     pub amplitude: f64,
     /// Wave vectors, rad a radius, and phases, rad.
     pub waves: [(Vec2, f64); 3],
@@ -79,17 +79,17 @@ pub struct Relief {
 /// A bright ellipse with soft edges. Lengths are in metres on the plate, in radii on a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glint {
-    /// Its middle.
+    /// Middle.
     pub at: Vec2,
     /// Half axes; half as bright at about 3/4 of them.
     pub half_axes: [f64; 2],
-    /// Direction of the first of them, rad.
+    /// Direction of the first half axis, rad.
     pub direction_rad: f64,
     /// Gray level in its middle; beyond 255 it saturates.
     pub level: f64,
 }
 
-/// Something of one gray level, its outline on the plate's plane.
+/// An object of one gray level, its outline on the plate's plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thing {
     /// Outline.
@@ -98,14 +98,14 @@ pub struct Thing {
     pub level: f64,
 }
 
-/// Where a part truly is.
+/// True position of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartTruth {
     /// Index into [`kinds`](super::kinds).
     pub kind: usize,
     /// Middle of its foot in the table frame, m.
     pub at_m: Vec2,
-    /// Centre of the area of its outline as seen, px: what foot and top hide together, through the lens.
+    /// Centroid of its outline in the picture, px: the area that foot and top cover together, through the lens.
     pub center_px: Vec2,
     /// Radius of the circle of that area, px.
     pub radius_px: f64,

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::{Disc, PartTruth, Scene, Shape};
 use upm_core::geometry::{Homography, Vec2, cross};
 
-/// Points of an outline whose area is taken.
+/// Points of the polygon that approximates an outline for its area.
 const OUTLINE_POINTS: usize = 720;
 
 impl Scene {
@@ -28,7 +28,7 @@ impl Scene {
         Homography::new(k * Matrix3::from_columns(&[r.column(0).into(), r.column(1).into(), t]))
     }
 
-    /// Where a point of the plate's plane, m, is seen, px.
+    /// Image point, px, of a point of the plate's plane, m.
     pub fn image_from_table(&self, p_m: Vec2) -> Vec2 {
         self.lens.image_from_ideal(self.ideal_from_table().apply(p_m))
     }
@@ -39,7 +39,7 @@ impl Scene {
             .map(|(x, y)| self.image_from_table(Vec2::new(x, y) * (self.side_m / 2.0)))
     }
 
-    /// Where every part truly is and is seen.
+    /// True position of every part, on the plate and in the picture.
     pub fn truth(&self) -> Vec<PartTruth> {
         self.parts.iter().map(|part| self.part_truth(part)).collect()
     }
@@ -51,7 +51,7 @@ impl Scene {
             .map(|i| {
                 let (sin, cos) = (TAU * i as f64 / OUTLINE_POINTS as f64).sin_cos();
                 let normal = Vec2::new(cos, sin);
-                // The hull's point farthest out that way.
+                // The hull's farthest point along the normal.
                 let [foot, top] = circles.map(|(center, radius)| center + radius * normal);
                 let farthest = if top.dot(&normal) > foot.dot(&normal) { top } else { foot };
                 self.lens.image_from_ideal(ideal_from_table.apply(farthest))
@@ -76,7 +76,7 @@ impl Scene {
     }
 }
 
-/// Area and its centre, of a polygon, by the shoelace formula about its first point.
+/// Area and centroid of a polygon, by the shoelace formula about its first point.
 fn area_and_centre(polygon: &[Vec2]) -> (f64, Vec2) {
     let Some(&origin) = polygon.first() else {
         return (0.0, Vec2::zeros());
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_flat_part_off_the_axis_shows_the_centre_of_an_ellipse() {
-        // A circle in a tilted plane is seen as an ellipse whose middle is not the picture of its own.
+        // The image of a circle in a tilted plane is an ellipse whose middle is not the image of the circle's.
         let mut scene = Scene::general(3);
         scene.lens.radial = [0.0; 2];
         scene.lens.tangential = [0.0; 2];
