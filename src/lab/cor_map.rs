@@ -9,17 +9,17 @@ use upm_core::units::mm_from_m;
 use upm_library::{Entry, drive_for};
 use upm_perception::estimation::nearest_pump;
 
-/// Centres farther than this many half sides are translations, as `upm check` counts them.
+/// Centres farther than this many half sides count as translations, as in `upm check`.
 const FARTHEST: f64 = 20.0;
 
-/// A motion as calibration read it and as it truly is.
+/// A motion as read by calibration, and the true one.
 struct Read {
     read: Twist,
     truth: Twist,
 }
 
-/// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and around
-/// the plate and reads each through the accelerometers; the simulated plate tells where each truly was.
+/// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and
+/// around the plate and reads each through the accelerometers; the simulated plate gives the true ones.
 pub fn cor_map(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut plate = ShakenPlate::new(lab);
     let (axes, entries) = plate.steer()?;
@@ -39,7 +39,7 @@ pub fn cor_map(lab: &LabRig) -> Result<Outcome, LabFault> {
     })
 }
 
-/// Centres of what was read and of the truth, where both have one nearer than [`FARTHEST`].
+/// Measured and true centres, where both are nearer than [`FARTHEST`].
 fn centers(read: &[Read], half_side_m: f64) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
     read.iter().filter_map(move |motion| {
         let (read, truth) = (motion.read.center_of_rotation()?, motion.truth.center_of_rotation()?);
@@ -77,9 +77,9 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
     ]
 }
 
-/// True when what was read would send parts backwards.
+/// True when the measured motion would send parts backwards.
 fn is_wrong_way(motion: &Read) -> bool {
-    /// Spin counts by what it moves at this radius, m.
+    /// Radius at which spin is weighted like velocity, m.
     const REACH_M: f64 = 0.1;
     let Read { read, truth } = motion;
     let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
@@ -100,7 +100,7 @@ fn series(read: &[Read]) -> Vec<Series> {
 
 fn chart(read: &[Read], half_side_m: f64) -> Chart {
     const AROUND: f64 = 2.6;
-    /// Misses are too small to be seen at scale.
+    /// Enlargement of the errors, which are too small to be seen at scale.
     const ENLARGED: f64 = 20.0;
     let near: Vec<(Vec2, Vec2)> =
         centers(read, half_side_m).filter(|(_, truth)| truth.amax() < AROUND * half_side_m).collect();

@@ -8,11 +8,12 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::{INCH_M, mm_from_m};
 
-/// Table 1 of the UPM paper (section 4.1): amplitudes step the centre of rotation over the plate, the accelerometers
-/// read where it went. The paper's amplitudes go to the motors through the whole chain, all scaled alike where they would
-/// exceed the motors' limit: Eq. 15 knows only their ratios.
+/// Table 1 of the UPM paper (section 4.1): amplitudes step the centre of rotation over the plate, and the
+/// accelerometers measure it. The paper's amplitudes are sent to the motors through the whole chain, all scaled alike
+/// where they would exceed the motors' limit: Eq. 15 depends only on their ratios.
 ///
 /// # Errors
+///
 /// A rig whose motors leave no amplitude for the table, or whose traces cannot be read.
 pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
     let Reads { unit, compensated, plain } = read_rows(lab)?;

@@ -6,16 +6,16 @@
 
 use std::f64::consts::PI;
 
-/// Acceleration `A w` of the plate, in units of μ g, from which the pump carries a part forwards. Between the
-/// sticking threshold, 0.57, and this a part that sticks for some of the cycle creeps backwards. Found by simulation;
-/// a test holds it.
+/// Acceleration `A w` of the plate, in units of μ g, from which the pump carries a part forwards. Between the sticking
+/// threshold, 0.57, and this value a part that sticks for some of the cycle creeps backwards. Found by simulation and
+/// checked by a test.
 pub(super) const CARRIED_FROM: f64 = 1.27;
 
 /// Speed of the belt, in units of A.
 pub(super) const BELT: f64 = 0.5;
 
-/// Mean force over a cycle at a speed of 0 or more: `2 t₊/T - 1`, `t₊` from the roots of `cos a - ½ cos 2a = u`, of which there
-/// is a second pair above the belt's speed and none above 3/4.
+/// Mean force over a cycle at a speed of 0 or more: `2 t₊/T - 1`, `t₊` from the roots of `cos a - ½ cos 2a = u`, of
+/// which there is a second pair above the belt's speed and none above 3/4.
 pub(super) fn mean_force(speed: f64) -> f64 {
     let root = (3.0 - 4.0 * speed).max(0.0).sqrt();
     let [far, near] = [1.0 - root, 1.0 + root].map(|twice_cos| (0.5 * twice_cos).min(1.0).acos());
@@ -31,7 +31,8 @@ pub(super) fn time_to(speed: f64) -> f64 {
     (0..PAIRS).map(inner).sum::<f64>() * h / 3.0
 }
 
-/// Speeds of a part that starts from rest, at `count` instants `step` apart, the first at zero: Runge-Kutta's fourth order.
+/// Speeds of a part that starts from rest, at `count` instants `step` apart, the first at zero: Runge-Kutta's fourth
+/// order.
 pub(super) fn speeds(step: f64, count: usize) -> Vec<f64> {
     let next = |u: f64| {
         let k1 = mean_force(u);

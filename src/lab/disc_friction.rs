@@ -11,9 +11,10 @@ use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
 const RATIOS: usize = 200;
-/// Every how many of them a chart shows a dot.
+/// Every how many ratios a chart shows a dot.
 const DOTS: usize = 8;
-/// Near 0 and far out the closed form is a difference of nearly equal numbers; its series take over there.
+/// Slip ratio (or its inverse) below which series replace the closed form, which near 0 and far out is a difference of
+/// nearly equal numbers.
 const SERIES_BELOW: f64 = 0.01;
 
 const FARKAS: &str = "Farkas et al., Phys. Rev. Lett. 90, 248302 (2003)";
@@ -25,7 +26,7 @@ struct Row {
     exact: [f64; 2],
 }
 
-/// Adds what the comparison comes to.
+/// Adds the results of the comparison.
 pub(super) fn report(outcome: &mut Outcome) {
     let rows: Vec<Row> = slip_ratios()
         .map(|ratio| Row {
@@ -35,7 +36,7 @@ pub(super) fn report(outcome: &mut Outcome) {
         })
         .collect();
     for (i, name) in ["force", "torque"].into_iter().enumerate() {
-        // In the total order not-a-number is above all numbers: it would show.
+        // In the total order NaN is above all numbers, so that it would show.
         let worst = rows.iter().map(|row| (row.table[i] / row.exact[i] - 1.0).abs()).max_by(f64::total_cmp);
         let name = format!("relative deviation of a disc's {name}, largest");
         outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, FARKAS));
@@ -50,7 +51,7 @@ pub(super) fn report(outcome: &mut Outcome) {
     outcome.charts.push(chart(&rows));
 }
 
-/// Evenly spread over eight decades; 1 itself, where force and torque have their corner, is put in the middle.
+/// Evenly spread over eight decades; 1, where force and torque have a kink, is inserted in the middle.
 fn slip_ratios() -> impl Iterator<Item = f64> {
     let spread = (0..RATIOS - 1).map(|i| 10f64.powf(8.0 * i as f64 / (RATIOS - 2) as f64 - 4.0));
     let below = spread.clone().filter(|ratio| *ratio < 1.0 - 1e-9);

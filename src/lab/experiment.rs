@@ -4,18 +4,18 @@ use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
 use super::sweep::{Progress, Sweep};
 use super::{LabFault, LabRig, Outcome, feeder, mchip, rock, topple};
 
-/// One of the papers' experiments.
+/// One of the experiments of the papers.
 #[derive(Clone, Copy)]
 pub struct Experiment {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// One line about it.
+    /// Description in one line.
     pub about: &'static str,
-    /// True where the weak prototype cannot show it: its motors saturate.
+    /// True where the weak prototype cannot reproduce it because its motors saturate.
     pub strong_rig: bool,
     /// True where the simulated plate is the machine.
     pub on_rig: bool,
-    /// The procedure.
+    /// Procedure of the experiment.
     pub method: &'static dyn Method,
 }
 
@@ -33,37 +33,38 @@ impl Experiment {
     }
 }
 
-/// Wishes for one experiment. Without any the published experiments are repeated.
+/// Options of one experiment. Without any the published experiments are reproduced.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
-    /// Parameters that are set: one machine is measured as it is set.
+    /// Parameters that are set: a single machine with these values is measured.
     pub assignments: Vec<Assignment>,
-    /// A parameter that is swept.
+    /// The swept parameter, if any.
     pub sweep: Option<Sweep>,
 }
 
 /// A procedure whose machine can be set.
 pub trait Method: Sync {
-    /// Parameters of the machine, for people.
+    /// Descriptions of the machine's parameters.
     fn settings(&self, rig: &LabRig) -> Vec<SettingInfo>;
 
-    /// Makes the experiment.
+    /// Runs the experiment.
     ///
     /// # Errors
-    /// A parameter that is not allowed, or a rig that cannot do it.
+    ///
+    /// A parameter that is not allowed, or a rig that cannot carry out the experiment.
     fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<Outcome, LabFault>;
 }
 
 /// The procedure of an experiment on machines of type `M`.
 #[derive(Clone, Copy, Debug)]
 pub struct Procedure<M: 'static> {
-    /// Parameters of the machine.
+    /// Parameters of the machine that can be set.
     pub settings: &'static [Setting<M>],
-    /// The machine as it is unless set.
+    /// The machine with default values.
     pub usual: fn(&LabRig) -> M,
     /// Measures one machine.
     pub measure: fn(&M, Progress<'_>) -> Result<Outcome, LabFault>,
-    /// Repeats what was published.
+    /// Reproduces the published experiments.
     pub reproduce: fn(&LabRig, Progress<'_>) -> Result<Outcome, LabFault>,
 }
 
@@ -90,7 +91,7 @@ impl<M: Clone + Send + Sync> Method for Procedure<M> {
     }
 }
 
-/// Parameters of the simulated plate that experiments on it can be made with.
+/// Parameters of the simulated plate that can be set for experiments on it.
 const RIG_SETTINGS: &[Setting<LabRig>] = &[
     Setting::<LabRig>::number("friction", [0.01, 2.0], 1.0, |rig| &mut rig.penny.friction)
         .about("Coulomb friction between penny and plate"),
@@ -117,7 +118,7 @@ macro_rules! on_rig {
     };
 }
 
-/// The procedure of an experiment on a machine that has its settings in a module.
+/// The procedure of an experiment on a machine whose parameters are defined in its module.
 macro_rules! machine {
     ($module:ident, $machine:ident) => {
         &Procedure {
@@ -129,7 +130,7 @@ macro_rules! machine {
     };
 }
 
-/// All of them, in the order of the papers.
+/// All experiments, in the order of the papers.
 pub const EXPERIMENTS: &[Experiment] = &[
     Experiment::on_rig(
         "cor-steering",
@@ -192,10 +193,10 @@ pub const EXPERIMENTS: &[Experiment] = &[
     ),
 ];
 
-/// The experiment that reads a recorded trace as well.
+/// The experiment that can also evaluate a recorded trace.
 pub const WAVEFORM_FIT: &str = "waveform-fit";
 
-/// The experiment that can be made of any number of scenes.
+/// The experiment that accepts any number of scenes.
 pub const VISION: &str = "vision";
 
 /// The experiment called `name`.

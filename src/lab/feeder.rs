@@ -1,7 +1,7 @@
-//! The longitudinally vibrating feeder (Reznik and Canny, "Design verification and optimization of novel parts feeders with
-//! the Impulse dynamic simulator", section III): a plate shaken along one line carries a part by friction alone.
+//! The longitudinally vibrating feeder (Reznik and Canny, "Design verification and optimization of novel parts feeders
+//! with the Impulse dynamic simulator", section III): a plate shaken along one line carries a part by friction alone.
 //!
-//! The part is a point: a block that cannot turn about the vertical feels the same friction wherever its pressure is.
+//! The part is a point: a block that cannot turn about the vertical has the same friction wherever its pressure is.
 
 mod closed_form;
 mod part;
@@ -20,7 +20,8 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
 const DYN_N: f64 = 1e-5;
-/// Duty above which the viscosity of ±15 dyn is no longer the closed form's: the force drives the part into saturation.
+/// Duty above which the viscosity under ±15 dyn differs from the closed form: the force drives the part into
+/// saturation.
 const VISCOUS_BELOW: f64 = 0.55;
 
 /// A plate and the part on it.
@@ -58,7 +59,7 @@ impl Feeder {
         Sliding { drag_mps2: self.friction * GRAVITY_MPS2, push_mps2: self.force_n / self.mass_kg }
     }
 
-    /// Refuses what the model does not hold for: a part that sticks to the plate, or that a force carries away.
+    /// Rejects feeders outside the model: a part that sticks to the plate, or one that a force carries away.
     fn check(&self) -> Result<(), LabFault> {
         let Sliding { drag_mps2, push_mps2 } = self.sliding();
         if self.plate.accel_mps2 <= drag_mps2 {
@@ -82,10 +83,11 @@ impl Feeder {
     }
 }
 
-/// The feed rate of one feeder, beside the closed form where there is one.
+/// The feed rate of one feeder, compared with the closed form where there is one.
 ///
 /// # Errors
-/// A feeder that the model does not hold for.
+///
+/// A feeder outside the model.
 pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<Outcome, LabFault> {
     feeder.check()?;
     let Feeder { plate, friction, mass_kg, force_n } = *feeder;

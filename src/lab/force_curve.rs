@@ -1,5 +1,6 @@
-//! The Coulomb pump: mean friction against speed, equilibrium speed of the general wave, a part's approach to the belt's
-//! speed, and a disc's friction, each against its closed form; and where parts of this rig begin to slide.
+//! The Coulomb pump: mean friction against speed, equilibrium speed of the general wave, a part's approach to the
+//! belt's speed, and a disc's friction, each against its closed form; and the acceleration at which parts of this rig
+//! begin to slide.
 
 use std::f64::consts::TAU;
 
@@ -9,25 +10,26 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
 
-/// Speeds at which the mean force is taken, from rest to the belt's.
+/// Number of speeds at which the mean force is measured, from rest to the belt's.
 const SPEEDS: u32 = 20;
-/// Steps of a cycle for a force: one step too many on one side of the plate's speed is 2e-5 of μ m g.
+/// Steps of a cycle for a force: one step on the wrong side of the plate's speed is 2e-5 of μ m g.
 const FORCE_STEPS: u32 = 100_000;
 
 /// The paper's example (Appendix A): friction, amplitude of the plate's acceleration `A w` in g, base frequency.
 const PAPER_FRICTION: f64 = 0.3;
 const PAPER_PEAK_G: f64 = 2.0;
 const PAPER_HZ: f64 = 60.0;
-/// The paper's belt shaken this many times faster: a part's speed changes within a cycle by less than 1 % of the belt's.
+/// Factor on the frequency of the paper's belt: a part's speed then changes within a cycle by less than 1 % of the
+/// belt's.
 const FASTER: f64 = 100.0;
 const BELT_STEPS: u32 = 2_000;
-/// How long the approach is followed, in time constants.
+/// Duration of the approach, in time constants.
 const APPROACH: f64 = 3.0;
 
 const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
 
 /// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
-/// rig's own frequency, where its parts begin to slide, and the friction of a disc that spins.
+/// rig's own frequency, the acceleration at which its parts begin to slide, and the friction of a disc that spins.
 pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
     if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
         return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));
@@ -59,7 +61,7 @@ fn report_forces(rig: &LabRig, outcome: &mut Outcome) {
     let source = format!("{APPENDIX_A}, at {} speeds below A/2", slower.len());
     let name = "relative deviation of the mean force, largest";
     outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, &source));
-    // The closed form is zero at the belt's speed: nothing to be relative to but f0.
+    // The closed form is zero at the belt's speed: errors there are relative to f0.
     let at_belt = belt.iter().map(|[_, force, exact]| (force - exact).abs() / at_rest).fold(0.0, f64::max);
     let source = "closed form: no force at the belt's speed";
     outcome.figures.push(Figure::against("deviation of the mean force at A/2", "f0", at_belt, 0.0, source));
@@ -98,7 +100,7 @@ struct Approach {
 }
 
 impl Approach {
-    /// `μ g / A` of `line` and `part` is the scale of rates.
+    /// Simulates and evaluates in closed form; `μ g / A` of `line` and `part` is the scale of rates.
     fn of(line: &PumpedLine, part: PartParams, rate_hz: f64) -> Self {
         let duration_s = APPROACH / (2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
         let cycles = (duration_s / line.cycle_s()).ceil() as u32;
@@ -114,7 +116,7 @@ impl Approach {
         }
     }
 
-    /// When the part has 1 - 1/e of the belt's speed, s; straight lines between the cycles.
+    /// Time at which the part reaches 1 - 1/e of the belt's speed, s; linear interpolation between the cycles.
     fn rise_s(&self) -> f64 {
         let wanted = rise() * self.belt_mps;
         let steps = self.t_s.windows(2).zip(self.speed_mps.windows(2));
@@ -124,20 +126,21 @@ impl Approach {
         from + (to - from) * (wanted - before) / (after - before)
     }
 
-    /// Largest difference from the closed form, as a part of the belt's speed.
+    /// Largest deviation from the closed form, as a fraction of the belt's speed.
     fn deviation(&self) -> f64 {
         let pairs = self.speed_mps.iter().zip(&self.exact_mps);
         pairs.map(|(speed, exact)| (speed - exact).abs()).max_by(f64::total_cmp).unwrap_or(f64::NAN) / self.belt_mps
     }
 }
 
-/// The share of the belt's speed that a viscous belt gives in one time constant.
+/// Fraction of the belt's speed that a viscous belt gives in one time constant.
 fn rise() -> f64 {
     1.0 - (-1.0f64).exp()
 }
 
-/// The force hangs above the viscous belt's straight line, so that parts get to 1 - 1/e of the belt's speed sooner than
-/// in 1/k2: the time is compared with the closed-form force integrated, not with the exponential.
+/// Adds the approach to the belt's speed. The force is above the viscous belt's straight line, so that parts reach 1 -
+/// 1/e of the belt's speed sooner than in 1/k2: the time is compared with the closed-form force integrated, not with
+/// the exponential.
 fn report_approach(rig: &LabRig, outcome: &mut Outcome) {
     let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / (TAU * PAPER_HZ);
     let line = PumpedLine { amplitude_mps, base_radps: TAU * PAPER_HZ * FASTER, second: PUMP, steps: BELT_STEPS };
@@ -190,7 +193,8 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
     )
 }
 
-/// At the rig's own frequency a part's speed changes much within a cycle: its approach differs from the limit's.
+/// Adds the approach at the rig's own frequency, where a part's speed changes much within a cycle and the approach
+/// differs from the limit's.
 fn report_rig(rig: &LabRig, outcome: &mut Outcome) {
     let (friction, base_radps, step_s) = (rig.penny.friction, rig.model.base_radps, rig.sim.step_s);
     let peak = coulomb_pump::peak_acceleration();

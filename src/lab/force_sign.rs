@@ -9,20 +9,20 @@ use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_perception::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
 
-/// Within this of the null, in the sine of the phase, either sign is right.
+/// Half width of the null, in the sine of the phase, within which either sign is correct.
 const NULL: f64 = 0.0175;
-/// Mean of the sign of a velocity below which the sum over a cycle says nothing.
+/// Mean of the sign of a velocity below which the sum over a cycle is not significant.
 const FAINT: f64 = 2e-3;
 
-/// How often the sign of the force was told.
+/// Counts of the decisions on the sign of the force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Signs {
     pub tried: u32,
     pub right: u32,
 }
 
-/// Sends `count` random drives along x, both harmonics of any phase, through the whole chain and asks Eq. 14 for the sign
-/// of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle.
+/// Sends `count` random drives along x, both harmonics of any phase, through the whole chain and evaluates Eq. 14 for
+/// the sign of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle.
 pub(super) fn force_signs(lab: &LabRig, plate: &mut ShakenPlate, count: u32) -> Result<Signs, LabFault> {
     let mut rng = Streams::new(lab.seed).stream("force signs");
     let response = response(lab);

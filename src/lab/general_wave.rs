@@ -1,5 +1,5 @@
-//! The general two-harmonic wave of the UPM paper's appendix: plate acceleration `cos t + 2b cos(2t + φ)` (Eq. 27) leaves a
-//! part in equilibrium at the speed `b sin φ`, |b| < ½ (Eq. 28), in units of the first harmonic's speed.
+//! The general two-harmonic wave of the UPM paper's appendix: plate acceleration `cos t + 2b cos(2t + φ)` (Eq. 27)
+//! leaves a part in equilibrium at the speed `b sin φ`, |b| < ½ (Eq. 28), in units of the first harmonic's speed.
 
 use std::f64::consts::TAU;
 
@@ -13,14 +13,14 @@ use upm_sim::PartParams;
 const SHARES: [f64; 3] = [0.15, 0.3, 0.49];
 /// Phases φ for each, from 0 to a whole turn.
 const PHASES: u32 = 12;
-/// Steps of a cycle: the force is known to one of them.
+/// Steps of a cycle: the resolution of the force.
 const STEPS: u32 = 20_000;
 /// Halvings of the interval of speeds.
 const HALVINGS: usize = 16;
 /// Points of the curve of Eq. 28.
 const CURVE: u32 = 180;
 
-/// Adds equilibrium speeds, found as the speeds without mean force, beside Eq. 28.
+/// Adds equilibrium speeds, found as zeros of the mean force, compared with Eq. 28.
 pub(super) fn report(rig: &LabRig, outcome: &mut Outcome) {
     let part = PartParams { friction: FAINT, ..rig.penny };
     let phase_rad = |i: u32, count: u32| TAU * f64::from(i) / f64::from(count);

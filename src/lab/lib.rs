@@ -1,5 +1,5 @@
-//! The papers' experiments, on the simulated plate and on the other machines of the same papers: each measures, and sets
-//! the figures beside those of a closed form or of the paper. Nothing here is used by a run.
+//! The papers' experiments, on the simulated plate and on the other machines of the same papers: each measures figures
+//! and compares them with a closed form or with the paper's. Not used by runs.
 
 mod cor_map;
 mod cor_steering;
@@ -50,21 +50,21 @@ use upm_core::rig::RigModel;
 use upm_library::PlateResponse;
 use upm_sim::{PartParams, SimParams};
 
-/// The rig an experiment is made on.
+/// The rig on which an experiment runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabRig {
-    /// The rig as control is told of it.
+    /// Model of the rig available to control.
     pub model: RigModel,
-    /// How it is.
+    /// Parameters of the simulated rig, including those unknown to control.
     pub sim: SimParams,
-    /// The coin put on it.
+    /// The coin on the plate.
     pub penny: PartParams,
     /// Seed of noise and sensor errors.
     pub seed: u64,
 }
 
 impl LabRig {
-    /// The plate's resonances as the rig's file has them: what calibration would find.
+    /// The plate's resonances from the rig's file: those that calibration would find.
     fn plate_response(&self) -> PlateResponse {
         PlateResponse {
             natural_radps: self.sim.plate.resonance_hz.map(|hz| std::f64::consts::TAU * hz),
@@ -73,10 +73,10 @@ impl LabRig {
     }
 }
 
-/// Why an experiment came to nothing.
+/// Reasons why an experiment gives no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabFault {
-    /// This rig cannot do it.
+    /// This rig cannot carry out the experiment.
     #[error("{0}")]
     Rig(String),
     /// A parameter that is not allowed, or for which the model does not hold.
@@ -85,9 +85,9 @@ pub enum LabFault {
     /// A trace could not be read.
     #[error("{what}: {fault}")]
     Trace {
-        /// The pulse.
+        /// Name of the pulse.
         what: String,
-        /// Why it could not be read.
+        /// Fault of the trace.
         fault: upm_perception::estimation::FitFault,
     },
 }

@@ -1,5 +1,5 @@
-//! The M-Chip (Reznik, Brown, Canny, "Dynamic simulation as a design tool for a microactuator array", and section II of the
-//! Impulse paper): an array of torsional resonators that moves a small flat part, simulated impact by impact.
+//! The M-Chip (Reznik, Brown, Canny, "Dynamic simulation as a design tool for a microactuator array", and section II of
+//! the Impulse paper): an array of torsional resonators that moves a small flat part, simulated impact by impact.
 
 mod batch;
 mod belt;
@@ -31,14 +31,14 @@ use upm_core::units::mm_from_m;
 
 /// Stalls longer than this are jams, s.
 const JAM_S: f64 = 0.1;
-/// Newtons of a dyne.
+/// One dyne, N.
 const DYN_N: f64 = 1e-5;
 /// Highest frequency of the spectrum that is drawn, Hz.
 const DRAWN_HZ: f64 = 6_000.0;
-/// Points of a track that are drawn, at most.
+/// Most points of a track that are drawn.
 const DRAWN: usize = 4_000;
 
-/// An array, its drive, its part, and how often and for how long it is tried.
+/// An array, its drive, its part, and the number and length of the runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MChip {
     device: Device,
@@ -97,7 +97,7 @@ pub const SETTINGS: &[Setting<MChip>] = &[
 ];
 
 impl MChip {
-    /// The paper's array and part, every row driven alike.
+    /// The paper's array and part, with every row driven alike.
     pub fn published() -> Self {
         Self {
             device: Device::published(),
@@ -128,7 +128,7 @@ impl MChip {
         Setup { device: self.device.clone(), part, step_s: self.step_s, ..published }
     }
 
-    /// Refuses an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
+    /// Rejects an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
     fn check(&self) -> Result<(), LabFault> {
         let most_um = 1e6 * 0.5 * self.device.ridge_height_m;
         if self.device.rim_radius_m > 0.5 * self.device.ridge_height_m {
@@ -209,12 +209,12 @@ fn log_series(run: &Run) -> Vec<Series> {
     ]
 }
 
-/// Track, collisions and spectrum of one run.
+/// Charts of the track, the collisions and the spectrum of one run.
 fn charts(run: &Run) -> Vec<Chart> {
     vec![track_chart("mchip-track", &[("feed", run)]), gap_chart("mchip-collisions", run), spectrum_chart(run)]
 }
 
-/// Way of the part over time.
+/// Displacement of the part over time.
 fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
     let layer = |(i, (label, run)): (usize, &(&str, &Run))| {
         let start_m = run.samples.first().map_or(0.0, |sample| sample.state.center_m.x);
@@ -231,7 +231,8 @@ fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
     )
 }
 
-/// Angle of the resonator over the time since the contact before, contacts that push forwards and backwards apart.
+/// Angle of the resonator over the time since the previous contact, contacts that push forwards and backwards
+/// separately.
 fn gap_chart(name: &str, run: &Run) -> Chart {
     let found = arrivals(&run.impacts, batch::SETTLED_S, f64::INFINITY);
     let points = |backward: bool| {
@@ -292,7 +293,7 @@ mod tests {
         let outcome = set("force_dyn=0.9 starts=1 time_s=0.5").unwrap();
         let note = "the part left the array in 1 of 1 runs, which end there";
         assert_eq!(outcome.notes, [note]);
-        // thrown off before it has settled
+        // the part is thrown off before it has settled
         let thrown =
             set("peak_rad=0.2 drive_hz=20000 natural_hz=50000 solidity=1 mass_ug=10 force_dyn=1 starts=1 time_s=0.1");
         assert_eq!(thrown.unwrap().notes, [note]);

@@ -10,7 +10,7 @@ pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
     [y - slope * x, slope]
 }
 
-/// Halves the interval from `low` to `high` so many times; of the halves the one in which `is_high` becomes true is kept.
+/// Bisects the interval from `low` to `high` `halvings` times, keeping the half in which `is_high` becomes true.
 pub(super) fn bisect([mut low, mut high]: [f64; 2], halvings: usize, mut is_high: impl FnMut(f64) -> bool) -> [f64; 2] {
     for _ in 0..halvings {
         let middle = 0.5 * (low + high);

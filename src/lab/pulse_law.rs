@@ -1,5 +1,5 @@
-//! The pulse of the UPM paper's Figs. 8 and 9: wave, envelope and their product; a part's displacement against the square of
-//! the pulse's length, and where that law stops.
+//! The pulse of the UPM paper's Figs. 8 and 9: wave, envelope and their product; a part's displacement against the
+//! square of the pulse's length, and the limit of that law.
 
 use std::f64::consts::TAU;
 
@@ -11,19 +11,19 @@ use upm_core::signal::Envelope;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_sim::{OpenPulse, PlateMode, simulate};
 
-/// Lengths of pulses that are played, at most; each is sustained for whole periods, as others end in mid-swing.
+/// Most lengths of pulses; each is sustained for whole periods, since others end in mid-oscillation.
 const LENGTHS: usize = 24;
-/// Samples of a period.
+/// Samples per period.
 const SAMPLES: f64 = 64.0;
-/// Belt of the fast plate over the speed that the longest pulse gives; the slow plate's is just that.
+/// Belt speed of the fast plate over the speed that the longest pulse gives; the slow plate's is equal to that speed.
 const FASTER: f64 = 8.0;
 /// Periods for which the two pulses of Fig. 9 are sustained.
 const PERIODS: [f64; 2] = [2.0, 6.0];
-/// Rest after the pulse: the part stops in it, s.
+/// Rest after the pulse in which the part stops, s.
 const REST_S: f64 = 0.25;
-/// Displacements over S² that are off the largest by more are beyond the law.
+/// Deviation of displacement over S² from the largest above which a pulse is beyond the law.
 const OFF: f64 = 0.1;
-/// Steps of a period of the averaged motion.
+/// Integration steps per period of the averaged motion.
 const FINE: f64 = 200.0;
 
 /// A part in the middle of a plate that turns about one of its corners.
@@ -34,19 +34,20 @@ struct Bench<'a> {
     spin_radps: f64,
 }
 
-/// A pulse and what it did.
+/// A pulse and the resulting motion.
 struct Played {
     envelope: Envelope,
     t_s: Vec<f64>,
-    /// Distance gone at each instant, m.
+    /// Distance travelled at each instant, m.
     way_m: Vec<f64>,
 }
 
-/// A pulse's waves, the speed of a part in a short one and in a longer one, and displacement against the square of the length: on
-/// two plates that move exactly as they should, with belts much faster and as fast as the longest pulse makes a part by
-/// that law, and on the rig's own, driven as its motors can.
+/// A pulse's waves, the speed of a part in a short one and in a longer one, and displacement against the square of the
+/// length: on two ideal plates, with belts much faster than and as fast as the part after the longest pulse by that
+/// law, and on the rig's own, driven within its motors' limits.
 ///
 /// # Errors
+///
 /// A rig whose motors do not carry the part.
 pub fn pulse_law(rig: &LabRig) -> Result<Outcome, LabFault> {
     let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
@@ -89,7 +90,7 @@ fn sustains_s(rig: &LabRig) -> Vec<f64> {
 /// Displacement by one pulse.
 struct Row {
     envelope: Envelope,
-    /// Attack and decay included: friction feels the direction of slip alone, so that they count nearly in full.
+    /// Attack and decay included: friction depends only on the direction of slip, so that they count nearly in full.
     length_s: f64,
     found_m: f64,
     law_m: f64,
@@ -110,7 +111,7 @@ impl Bench<'_> {
         Ok(Played { envelope, t_s: found.t_s, way_m })
     }
 
-    /// Displacements by pulses sustained so long.
+    /// Displacements by pulses with these sustains.
     fn rows(&self, sustains_s: &[f64]) -> Result<Vec<Row>, LabFault> {
         let row = |sustain_s: &f64| {
             let played = self.play(*sustain_s)?;
@@ -127,13 +128,14 @@ impl Bench<'_> {
         self.spin_radps.abs() * self.cor_m.norm()
     }
 
-    /// Displacement over S², `½ f0 (1 + f0) μ g`: gained at the constant force on a part at rest, and coasted afterwards.
+    /// Displacement over S², `½ f0 (1 + f0) μ g`: gained at the constant force on a part at rest, and coasted
+    /// afterwards.
     fn law_mps2(&self) -> f64 {
         let at_rest = coulomb_pump::mean_force(0.0);
         0.5 * at_rest * (1.0 + at_rest) * self.rig.penny.friction * GRAVITY_MPS2
     }
 
-    /// The same with the mean force at the speed that the part has got (Eq. 18), on a plate that follows its envelope.
+    /// The same with the mean force at the part's current speed (Eq. 18), on a plate that follows its envelope.
     fn averaged_m(&self, envelope: &Envelope) -> f64 {
         let drag_mps2 = self.rig.penny.friction * GRAVITY_MPS2;
         let step_s = TAU / self.rig.model.base_radps / FINE;
@@ -201,7 +203,7 @@ fn series(rows: &[Row], plate: &str) -> [Series; 3] {
     ]
 }
 
-/// Fig. 8.
+/// Chart of Fig. 8.
 fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
     let period_s = TAU / rig.model.base_radps;
     let count = (envelope.sounding_s() / period_s * SAMPLES) as usize;
@@ -225,7 +227,7 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
     )
 }
 
-/// Fig. 9.
+/// Chart of Fig. 9.
 fn speed_chart(short: &Played, long: &Played) -> Chart {
     let samples = SAMPLES as usize;
     let mean = |played: &Played| {

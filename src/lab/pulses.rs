@@ -1,4 +1,4 @@
-//! Pulses of rotation about a point, as a rig's motors can play them.
+//! Pulses of rotation about a point, within the limits of a rig's motors.
 
 use super::{LabFault, LabRig, coulomb_pump};
 use upm_core::geometry::{Vec2, cross};
@@ -8,9 +8,9 @@ use upm_sim::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, check_pulses}
 
 /// Samples a second of a playback.
 pub(super) const PLAYBACK_HZ: f64 = 60.0;
-/// Samples for one of playback, where angles are counted and the ends of pulses are found.
+/// Simulation samples per playback sample, for counting angles and finding the ends of pulses.
 pub(super) const FINER: usize = 16;
-/// Free way left between a coin's rim and the plate's edge at the start, m: a rig's plate lets coins drift.
+/// Clearance between a coin's rim and the plate's edge at the start, m: on a rig's plate coins drift.
 pub(super) const EDGE_M: f64 = 10e-3;
 
 impl From<OpenLoopError> for LabFault {
@@ -22,12 +22,12 @@ impl From<OpenLoopError> for LabFault {
 /// Explanation of [`saturation`] for a figure.
 pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far below 1 in the ideal";
 
-/// The rig's pulse held for `sustain_s`.
+/// The rig's pulse with a sustain of `sustain_s`.
 pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
     Envelope { attack_s: rig.model.attack_s, sustain_s, rest_s: rig.model.rest_s }
 }
 
-/// The largest amplitude of spin about `cor_m` that the rig's motors play, rad/s: found by halving an interval.
+/// The largest amplitude of spin about `cor_m` within the limits of the rig's motors, rad/s, by bisection.
 pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault> {
     const DOUBLINGS: usize = 40;
     const HALVINGS: usize = 40;
@@ -57,7 +57,7 @@ pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault>
     Ok(played)
 }
 
-/// Refuses a plate that does not carry a part forwards at `radius_m` from its centre of rotation.
+/// Rejects a plate that does not carry a part forwards at `radius_m` from its centre of rotation.
 pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabFault> {
     let shaken = spin_radps * radius_m * rig.model.base_radps;
     let needed = coulomb_pump::CARRIED_FROM * rig.penny.friction * GRAVITY_MPS2;
@@ -71,17 +71,17 @@ pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Res
     )))
 }
 
-/// Place number `i` of a trajectory.
+/// Position number `i` of a trajectory.
 pub(super) fn place(trajectory: &PartTrajectory, i: usize) -> Option<Vec2> {
     Some(Vec2::new(*trajectory.x_m.get(i)?, *trajectory.y_m.get(i)?))
 }
 
-/// All places of a trajectory.
+/// All positions of a trajectory.
 pub(super) fn places(trajectory: &PartTrajectory) -> impl Iterator<Item = Vec2> {
     trajectory.x_m.iter().zip(&trajectory.y_m).map(|(&x, &y)| Vec2::new(x, y))
 }
 
-/// The way from `from_m` to `to_m` about `cor_m`: angle, rad, counter-clockwise, and length of the arc, m.
+/// Rotation from `from_m` to `to_m` about `cor_m`: angle, rad, counter-clockwise, and length of the arc, m.
 pub(super) fn turn(cor_m: Vec2, from_m: Vec2, to_m: Vec2) -> (f64, f64) {
     let (from, to) = (from_m - cor_m, to_m - cor_m);
     let angle = cross(from, to).atan2(from.dot(&to));
@@ -95,7 +95,7 @@ pub(super) fn saturation(rig: &LabRig, spin_radps: f64, radius_m: f64, envelope:
     gained_mps / (coulomb_pump::BELT * spin_radps * radius_m)
 }
 
-/// Millimetres, for maps.
+/// Position in millimetres, for maps.
 pub(super) fn mm(place_m: Vec2) -> [f64; 2] {
     [1e3 * place_m.x, 1e3 * place_m.y]
 }

@@ -1,4 +1,4 @@
-//! Parts on a plate that moves exactly as told, along one line: what the closed forms speak of.
+//! Parts on a plate with prescribed motion along one line, as assumed by the closed forms.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::{ContactParams, PartParams, Parts, PlateMotion};
 
-/// Side of the plate, m: room enough.
+/// Side of the plate, m: large enough for any displacement.
 const SIDE_M: f64 = 10.0;
 /// Slip below which a part counts as stuck, m/s.
 const STUCK_MPS: f64 = 1e-9;
@@ -17,10 +17,10 @@ const STUCK_MPS: f64 = 1e-9;
 /// Second harmonic of the pump over its first: cosine and sine.
 pub(super) const PUMP: [f64; 2] = [-0.5, 0.0];
 
-/// Friction so faint that a part's speed stays as set for a cycle: the limit of fast vibration.
+/// Friction so small that a part's speed stays constant for a cycle: the limit of fast vibration.
 pub(super) const FAINT: f64 = 1e-5;
 
-/// A plate of velocity `A (cos wt + c cos 2wt + s sin 2wt)` along x, and the grain of its simulation.
+/// A plate of velocity `A (cos wt + c cos 2wt + s sin 2wt)` along x, and the time step of its simulation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PumpedLine {
     /// A, m/s.
@@ -80,7 +80,7 @@ impl PumpedLine {
         gained_mps / (part.friction * GRAVITY_MPS2 * self.cycle_s())
     }
 
-    /// Mean speed of `part` over `cycles` cycles after `settling` others, from rest, m/s.
+    /// Mean speed of `part` from rest over `cycles` cycles after `settling` others, m/s.
     pub fn carried_mps(&self, part: PartParams, settling: u32, cycles: u32) -> f64 {
         let (mut parts, wave) = (self.part(part, 0.0), self.wave());
         let plate: Vec<PlateMotion> = (0..self.steps).map(|step| self.plate_at(&wave, step)).collect();
@@ -94,14 +94,15 @@ impl PumpedLine {
         (later_m - settled_m) / (f64::from(cycles) * self.cycle_s())
     }
 
-    /// Distance between the ends of a plate that moves as the pump: `2.2018 A/w`, twice the maximum of `sin a - ¼ sin 2a`, m.
+    /// Distance between the ends of a plate that moves as the pump: `2.2018 A/w`, twice the maximum of
+    /// `sin a - ¼ sin 2a`, m.
     pub fn stroke_m(&self) -> f64 {
         let cos = 0.5 * (1.0 - 3f64.sqrt());
         let sin = (1.0 - cos * cos).sqrt();
         2.0 * sin * (1.0 - 0.5 * cos) * self.amplitude_mps / self.base_radps
     }
 
-    /// True when `part`, riding along at first, is left behind within two cycles.
+    /// True when `part`, initially at rest on the plate, slips within two cycles.
     fn slides(&self, part: PartParams) -> bool {
         let wave = self.wave();
         let mut parts = self.part(part, self.plate_at(&wave, 0).twist.velocity_mps.x);
@@ -113,7 +114,7 @@ impl PumpedLine {
     }
 }
 
-/// The amplitude of the plate's acceleration `A w`, in units of μ g, from which `part` slides: by halving an interval.
+/// The amplitude of the plate's acceleration `A w`, in units of μ g, from which `part` slides, by bisection.
 pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) -> f64 {
     const HALVINGS: usize = 40;
     let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;

@@ -1,6 +1,7 @@
-//! The race track (UPM paper, Fig. 2): three coins on a line to the right of a centre of rotation near the plate's lower
-//! left corner flow along one rotation field. In the ideal field all go equally far, so that the inner ones turn
-//! through larger angles. Here the rig's own plate is shaken about that centre, as strongly as its motors can.
+//! The race track (UPM paper, Fig. 2): three coins on a line to the right of a centre of rotation near the plate's
+//! lower left corner flow along one rotation field. In the ideal field all travel the same distance, so that the inner
+//! ones turn through larger angles. Here the rig's own plate is shaken about that centre, as strongly as its motors
+//! can.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -13,23 +14,23 @@ use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_core::geometry::{Pose, Vec2};
 use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 
-/// Where the coins start, as parts of the way from the centre to the plate's other side.
+/// Starting positions of the coins, as fractions of the distance from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];
 const NAMES: [&str; 3] = ["inner coin", "middle coin", "outer coin"];
 const OUTER: usize = 2;
-/// Periods for which a pulse is held: as weak as it may be. Shorter ones are nearly all flank, in which the belt is slow
-/// and saturates.
+/// Periods of a pulse's sustain: as short as possible, for weak pulses. Still shorter ones are nearly all flank, in
+/// which the belt is slow and saturates.
 const SUSTAINED_PERIODS: f64 = 2.0;
-/// Pictures taken, the start included.
+/// Number of snapshots, the start included.
 const SNAPSHOTS: usize = 4;
-/// Pulses tried at first; doubled until a coin has gone as far as the plate allows.
+/// Pulses tried at first; doubled until a coin has travelled as far as the plate allows.
 const FIRST_PULSES: usize = 32;
 const MOST_PULSES: usize = 4096;
 
-/// On a plate the belt is slower near the centre, which costs where the saturation is not small.
+/// On a plate the belt is slower near the centre, which reduces the distance where the saturation is not small.
 const IDEAL: &str = "ideal field, all flow equally far: UPM paper, section 2.1";
 
-/// The field and where the coins start.
+/// The field and the starting positions of the coins.
 struct Course {
     cor_m: Vec2,
     half_side_m: f64,
@@ -37,7 +38,7 @@ struct Course {
     starts_m: [Vec2; 3],
     spin_radps: f64,
     pulse: OpenPulse,
-    /// Its length with its rest, in whole steps, s.
+    /// Length of a pulse with its rest, in whole steps, s.
     pulse_s: f64,
 }
 
@@ -93,7 +94,7 @@ impl Course {
     }
 }
 
-/// One coin's way about the centre: at every sample the angle and arc gone so far.
+/// One coin's rotation about the centre: at every sample the accumulated angle and arc.
 struct Lap {
     positions_m: Vec<Vec2>,
     angle_rad: Vec<f64>,
@@ -121,14 +122,14 @@ impl Lap {
         self.arc_m.last().copied().unwrap_or(f64::NAN)
     }
 
-    /// How much further from the centre the coin is at the end.
+    /// Increase of the coin's distance from the centre over the race.
     fn drift_m(&self, cor_m: Vec2) -> f64 {
         let radius = |place: Option<&Vec2>| place.map_or(f64::NAN, |place| (place - cor_m).norm());
         radius(self.positions_m.last()) - radius(self.positions_m.first())
     }
 }
 
-/// The pulses played, up to the last pulse before a coin would have left its quarter.
+/// The pulses played, up to the last one before a coin would have left its quarter.
 struct Race {
     course: Course,
     pulses: usize,
@@ -167,7 +168,7 @@ impl Race {
         std::array::from_fn(|k| self.course.sample_after(k * self.pulses / (SNAPSHOTS - 1)))
     }
 
-    /// The narrowest gap between two rims at any time, m.
+    /// The smallest gap between two rims at any time, m.
     fn least_gap_m(&self) -> f64 {
         let pairs = [(0, 1), (0, 2), (1, 2)];
         let gaps = pairs.into_iter().flat_map(|(a, b)| {
@@ -179,7 +180,7 @@ impl Race {
 }
 
 /// Shakes the rig's plate about a point near its lower left corner until the first coin has made a quarter turn, and
-/// measures how far each came.
+/// measures each coin's distance.
 pub fn race_track(rig: &LabRig) -> Result<Outcome, LabFault> {
     let race = Race::run(rig)?;
     Ok(Outcome {
@@ -298,7 +299,8 @@ mod tests {
         }
         for coin in &NAMES[..OUTER] {
             let arcs = figure(&outcome, &format!("{coin}: arc over the outer coin's"));
-            // the inner coin's belt is nearest to saturation; flanks of one period are a smaller part of the pulse than of two
+            // the inner coin's belt is nearest to saturation; flanks of one period are a smaller part of the pulse than
+            // of two
             assert!((0.6..1.05).contains(&arcs), "{coin}: {arcs}");
         }
     }

@@ -7,7 +7,7 @@ use upm_perception::estimation::{
     AccelerometerPair, FitFault, TwistFit, accelerations_mps2, fit_twist, sustain_window,
 };
 
-/// Reads the plate's motion out of a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
+/// Determines the plate's motion from a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
 pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
     let fault = |fault| LabFault::Trace { what: "recorded pulse".to_owned(), fault };
     let fit = fit(pulse).map_err(fault)?;
@@ -49,7 +49,7 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
     outcome.figures.push(Figure::alone("velocity integral off Eq. 13, largest", "m/s", off_mps, source));
     match TraceSpectrum::of(pulse) {
         Ok(spectrum) => spectrum.add_to(&mut outcome, &fit),
-        // it reads more of the trace than the fit does, and needs periods of whole samples
+        // the spectrum uses more of the trace than the fit does, and needs periods of whole samples
         Err(fault) => outcome.notes.push(format!("spectrum: {fault}")),
     }
     Ok(outcome)
@@ -128,7 +128,7 @@ fn figures(fit: &TwistFit) -> Vec<Figure> {
     figures
 }
 
-/// The fit, the channels' gains taken out.
+/// The fit with the channels' gains corrected.
 pub(super) fn fit(pulse: &RecordedPulse) -> Result<TwistFit, FitFault> {
     let sensors = AccelerometerPair { position_m: pulse.accelerometer_in_plate_m, gain: pulse.channel_gain };
     fit_twist(&pulse.trace, &pulse.envelope, pulse.base_radps, &sensors)

@@ -1,5 +1,5 @@
 //! Rocking on a table that is driven up and down (Singer and Seering, "Utilizing dynamic stability to orient parts",
-//! section 3): a drive that keeps a block rocking, and how much else it keeps rocking.
+//! section 3): a drive that keeps a block rocking, and the range of other starts and blocks that it keeps rocking.
 
 mod block;
 mod elliptic;
@@ -22,7 +22,7 @@ use super::{Figure, LabFault, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
-/// A block, the orbit that it is to keep, and how it is let go.
+/// A block, its intended orbit, and its initial tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rock {
     block: Block,
@@ -58,7 +58,8 @@ pub const SETTINGS: &[Setting<Rock>] = &[
 ];
 
 impl Rock {
-    /// The block of Figs. 5 and 6, started 6 % high. The paper prints neither its size nor the drive: these are ours.
+    /// The block of Figs. 5 and 6, started 6 % high. The paper prints neither its size nor the drive; these are our
+    /// choice.
     pub fn published() -> Self {
         let block = Block { length_m: 0.02, height_m: 0.04 };
         Self { block, restitution: 0.5, peak_rad: 0.16, from: 0.8, to: 0.1, ramp: 0.0, start: 1.06, time_s: 2.0 }
@@ -98,16 +99,17 @@ impl Rock {
         self.cycle().drive().ok_or_else(none)
     }
 
-    /// The block let go on its orbit, or at `share` of its peak.
+    /// Release of the block on its orbit, or at `share` of its peak.
     fn release(&self, share: f64) -> Release {
         Release { block: self.block, restitution: self.restitution, tilt_rad: share * self.peak_rad }
     }
 }
 
-/// Drive, stability and fate of one block.
+/// Drive, stability and final state of one block.
 ///
 /// # Errors
-/// A peak beyond the balance, or a window in which no drive makes up for the impact.
+///
+/// A peak beyond the balance, or a window in which no drive compensates the impact's loss.
 pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
     let drive = rock.drive()?;
     let wave = drive.ramped(rock.ramp);
@@ -129,7 +131,7 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
     Ok(Outcome { figures, notes, charts, series, ..Outcome::default() })
 }
 
-/// The wave, and what it does near its orbit.
+/// Parameters of the wave, and its effect near the orbit.
 fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave) -> Vec<Figure> {
     let alone = Figure::alone::<&str>;
     let once = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);

@@ -1,4 +1,4 @@
-//! Parameters of a machine that a person may set: `--set duty=0.55`.
+//! Parameters of a machine that the user may set: `--set duty=0.55`.
 
 use std::str::FromStr;
 
@@ -8,44 +8,44 @@ use upm_document::one_of;
 /// A parameter of machine `M`, in the unit that its key names.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting<M> {
-    /// Its name on the command line, with the unit: `period_ms`.
+    /// Name on the command line, with the unit, such as `period_ms`.
     pub key: &'static str,
-    /// One line about it.
+    /// Description in one line.
     pub about: &'static str,
-    /// Least and largest value for which the machine's model holds, both included.
+    /// Least and largest value within the machine's model, both included.
     pub range: [f64; 2],
-    /// Where it is kept.
+    /// Field of the machine that holds it.
     pub field: Field<M>,
 }
 
-/// Where a parameter is kept in machine `M`.
+/// Accessor of a parameter in machine `M`.
 #[derive(Clone, Copy, Debug)]
 pub enum Field<M> {
-    /// In SI; the second is what one unit of the key is in SI.
+    /// A number in SI; the second value is one unit of the key in SI.
     Number(fn(&mut M) -> &mut f64, f64),
     /// A whole number.
     Count(fn(&mut M) -> &mut u32),
 }
 
-/// A parameter for people: what it is, what it is unless set, and what it may be.
+/// Description of a parameter: meaning, default and range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingInfo {
-    /// Its name on the command line.
+    /// Name on the command line, with the unit.
     pub key: &'static str,
-    /// One line about it.
+    /// Description in one line.
     pub about: &'static str,
-    /// Its value unless it is set.
+    /// Default value.
     pub usual: f64,
-    /// Least and largest value.
+    /// Least and largest allowed value.
     pub range: [f64; 2],
 }
 
-/// A value for a parameter, as typed: `duty=0.55`.
+/// A value for a parameter, as typed on the command line: `duty=0.55`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
-    /// The parameter.
+    /// Name of the parameter.
     pub key: String,
-    /// Its value.
+    /// Value in the key's unit.
     pub value: f64,
 }
 
@@ -60,7 +60,7 @@ impl FromStr for Assignment {
 }
 
 impl<M> Setting<M> {
-    /// A number of which one unit of the key is `unit` in SI.
+    /// A number; one unit of the key is `unit` in SI.
     pub const fn number(key: &'static str, range: [f64; 2], unit: f64, of: fn(&mut M) -> &mut f64) -> Self {
         Self { key, about: "", range, field: Field::Number(of, unit) }
     }
@@ -70,12 +70,12 @@ impl<M> Setting<M> {
         Self { key, about: "", range, field: Field::Count(of) }
     }
 
-    /// The same with a line about it.
+    /// The same with a description.
     pub const fn about(self, about: &'static str) -> Self {
         Self { about, ..self }
     }
 
-    /// Its value in `machine`.
+    /// Its value in `machine`, in the key's unit.
     pub fn value(&self, machine: &mut M) -> f64 {
         match self.field {
             Field::Number(of, unit) => *of(machine) / unit,
@@ -83,10 +83,11 @@ impl<M> Setting<M> {
         }
     }
 
-    /// Sets it.
+    /// Sets the parameter of `machine` to `value`, in the key's unit.
     ///
     /// # Errors
-    /// A value outside its range, or a fraction of a whole number.
+    ///
+    /// A value outside its range, or a fraction for a whole number.
     pub fn set(&self, machine: &mut M, value: f64) -> Result<(), LabFault> {
         let ([least, most], is_count) = (self.range, matches!(self.field, Field::Count(_)));
         let is_allowed = (least..=most).contains(&value) && !(is_count && value.fract() != 0.0);
@@ -102,7 +103,7 @@ impl<M> Setting<M> {
     }
 }
 
-/// The parameters of `settings` as they are in `machine`, for people.
+/// Descriptions of `settings` with their values in `machine`.
 pub(super) fn infos<M: Clone>(settings: &[Setting<M>], machine: &M) -> Vec<SettingInfo> {
     let info = |setting: &Setting<M>| SettingInfo {
         key: setting.key,
@@ -127,9 +128,10 @@ pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a S
     })
 }
 
-/// `machine` with `assignments` made, the later ones over the earlier.
+/// `machine` with `assignments` made, later ones overriding earlier ones.
 ///
 /// # Errors
+///
 /// As [`find`] and [`Setting::set`].
 pub(super) fn assigned<M: Clone>(
     settings: &[Setting<M>],

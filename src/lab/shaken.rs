@@ -1,4 +1,4 @@
-//! The plate alone, shaken: played without a picture, and how it truly moves in the end.
+//! The plate without parts: played without a picture, and its true steady motion.
 
 use std::f64::consts::TAU;
 use std::sync::atomic::AtomicBool;
@@ -15,12 +15,12 @@ use upm_library::Entry;
 use upm_perception::estimation::AxisPhasors;
 use upm_sim::{Plant, SimRig};
 
-/// Time after which the rods have stopped ringing, s.
+/// Time after which the rods' oscillation has decayed, s.
 const SETTLED_S: f64 = 2.5;
-/// Time over which the steady motion is taken, s.
+/// Time over which the steady motion is measured, s.
 const WINDOW_S: f64 = 1.0;
 
-/// A rig without parts whose camera is one pixel: time passes at almost no cost.
+/// A rig without parts whose camera is one pixel, so that simulation takes almost no time.
 #[derive(Debug)]
 pub(super) struct ShakenPlate {
     model: RigModel,
@@ -37,7 +37,7 @@ impl ShakenPlate {
         Self { model, rig, frame: Frame::new(1, 1) }
     }
 
-    /// Plays a pulse to the end of its rest; what the accelerometers saw.
+    /// Plays a pulse to the end of its rest; returns the accelerometer trace.
     pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabFault> {
         let refused = |fault: upm_core::rig::RigFault| LabFault::Rig(fault.to_string());
         self.rig.play(drive).map_err(refused)?;
@@ -47,7 +47,7 @@ impl ShakenPlate {
         Ok(self.rig.trace())
     }
 
-    /// How the axes answer, as calibration finds it.
+    /// The axes' response as determined by calibration.
     pub fn axes(&mut self) -> Result<Axes, LabFault> {
         let params = CalibrationParams::full(Vec::new(), Vec::new());
         let found =
@@ -55,13 +55,13 @@ impl ShakenPlate {
         found.map_err(told)
     }
 
-    /// The resonances of x, y and spin, as calibration finds them; `None` where the sustain is too short.
+    /// The resonances of x, y and spin as determined by calibration; `None` where the sustain is too short.
     pub fn resonances(&mut self) -> Result<Option<[AxisResonance; 3]>, LabFault> {
         let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
         calibration::measure_resonances(&mut self.rig, &self.model, &params, &stop, &mut |_| ()).map_err(told)
     }
 
-    /// The axes and every motion of the library, as calibration finds them.
+    /// The axes and every motion of the library as determined by calibration.
     pub fn steer(&mut self) -> Result<(Axes, Vec<Entry>), LabFault> {
         let params = CalibrationParams::full(Vec::new(), Vec::new());
         let found = calibration::steer(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
@@ -76,7 +76,7 @@ fn told(fault: CalibrationFault) -> LabFault {
     }
 }
 
-/// How the plate truly moves once the rods have settled under `drive`, whatever its envelope: the twist's first two
+/// The plate's true motion once the rods have settled under `drive`, whatever its envelope: the twist's first two
 /// harmonics, by a discrete Fourier transform under a Hann window, phases as in the drive.
 pub(super) fn steady_motion(lab: &LabRig, drive: &Drive) -> [AxisPhasors; 3] {
     let length_s = SETTLED_S + WINDOW_S;

@@ -1,4 +1,4 @@
-//! The accelerometers' amplitude spectrum of one pulse, by FFT, beside the least-squares fit of two harmonics.
+//! The accelerometers' amplitude spectrum of one pulse, by FFT, compared with the least-squares fit of two harmonics.
 
 use std::f64::consts::TAU;
 
@@ -7,16 +7,16 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, TwistFit, Window, accelerations_mps2, amplitude_spectrum};
 
-/// Largest departure of the periods transformed from whole samples.
+/// Largest deviation of the transformed periods from whole samples.
 const UNEVEN_SAMPLES: f64 = 1e-3;
-/// Harmonics below and at this one are left out of the noise floor.
+/// Highest harmonic excluded, with those below it, from the noise floor.
 const LAST_HARMONIC: usize = 4;
 /// Lowest amplitude drawn, dB re 1 m/s².
 const FLOOR_DB: f64 = -80.0;
-/// Time after the attack that is not looked at, s.
+/// Time after the attack that is skipped, s.
 const SETTLING_S: f64 = 3e-3;
 
-/// Amplitudes of every channel, gains taken out, over the last whole base periods at full height.
+/// Amplitudes of every channel, corrected for gain, over the last whole base periods at full height.
 #[derive(Clone, Debug)]
 pub(super) struct TraceSpectrum {
     /// Base periods transformed: the bin of harmonic k is `k · periods`.
@@ -44,8 +44,8 @@ impl TraceSpectrum {
         })
     }
 
-    /// Standard deviation of white noise with the floor above the fourth harmonic, between the harmonics, m/s² a sample: its
-    /// mean square amplitude in a bin is `4 sd²/N`.
+    /// Standard deviation of the white noise with the measured floor above the fourth harmonic, between the harmonics,
+    /// m/s² a sample: its mean square amplitude in a bin is `4 sd²/N`.
     pub fn noise_mps2(&self) -> f64 {
         let above = LAST_HARMONIC * self.periods + 1;
         let floor = |amplitudes: &Vec<f64>| -> Vec<f64> {
@@ -100,7 +100,7 @@ impl TraceSpectrum {
     }
 }
 
-/// The latest base periods at full height, as many as are whole samples.
+/// The longest sequence of whole samples and base periods at full height, the latest one.
 fn whole_periods(pulse: &RecordedPulse) -> Result<Window, FitFault> {
     let (trace, envelope) = (&pulse.trace, &pulse.envelope);
     let index = |t_s: f64| ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize;

@@ -18,7 +18,7 @@ pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 /// Values of one parameter, evenly spaced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// The parameter.
+    /// Name of the parameter.
     pub key: String,
     /// First and last value.
     pub ends: [f64; 2],
@@ -43,16 +43,17 @@ impl FromStr for Sweep {
 }
 
 impl Sweep {
-    /// Its values.
+    /// Values of the parameter at all points.
     pub fn values(&self) -> Vec<f64> {
         let ([from, to], last) = (self.ends, (self.points - 1) as f64);
         (0..self.points).map(|i| from + (to - from) * i as f64 / last).collect()
     }
 
-    /// Measures at every value, on all cores, and puts the figures of each into one table. Values at which the machine
-    /// cannot be measured are empty in it, with the reason in the notes.
+    /// Measures at every value, on all cores, and collects the figures of each in one table. Rows of values at which
+    /// the machine cannot be measured are empty, with the reason in the notes.
     ///
     /// # Errors
+    ///
     /// The first fault, where no value can be measured.
     pub(super) fn run(
         &self,
@@ -110,7 +111,7 @@ fn heading(figure: &Figure) -> String {
     if figure.unit == "1" { figure.name.clone() } else { format!("{} ({})", figure.name, figure.unit) }
 }
 
-/// `work` on every item, on all cores; the results in the order of the items, whatever the number of cores.
+/// Runs `work` on every item, on all cores; the results are in the order of the items, whatever the number of cores.
 pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, work: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(items.len().max(1));
     let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(items.len())));

@@ -3,23 +3,23 @@ use super::Figure;
 /// Columns of the table of figures.
 pub const COLUMNS: usize = 6;
 
-/// Their headings.
+/// Headings of the columns.
 pub const HEADS: [&str; COLUMNS] = ["figure", "measured", "reference", "unit", "error %", "source"];
 
-/// Which of them are numbers.
+/// True for columns of numbers.
 pub const NUMBERS: [bool; COLUMNS] = [false, true, true, false, true, false];
 
-/// Digits of a number that are shown.
+/// Significant digits shown.
 const DIGITS: i32 = 4;
 
-/// Most places after the point; what needs more is written with a power of ten.
+/// Most decimal places; numbers that need more are written with a power of ten.
 const PLACES: i32 = 6;
 
-/// Whole numbers below this are shown to the last digit.
+/// Integers below this are shown in full.
 const COUNTED: f64 = 1e6;
 
 impl Figure {
-    /// Its row in a table under [`HEADS`], for people.
+    /// The figure's row in a table under [`HEADS`].
     pub fn cells(&self) -> [String; COLUMNS] {
         let numbers = [Some(self.measured), self.reference];
         let places = places(numbers.into_iter().flatten());
@@ -31,18 +31,18 @@ impl Figure {
     }
 }
 
-/// `value` with four digits, for people; a dash where it is no number.
+/// `value` with four significant digits; a dash for NaN.
 pub fn number(value: f64) -> String {
     if value.is_nan() { "-".to_owned() } else { shown(value, places_of(value)) }
 }
 
-/// Places after the point that give `value` four digits.
+/// Decimal places that give `value` four significant digits.
 fn places_of(value: f64) -> i32 {
     if value != 0.0 && value.is_finite() { DIGITS - 1 - value.abs().log10().floor() as i32 } else { 0 }
 }
 
-/// Places after the point for numbers that are compared: none where all are counts, else as many as give the largest
-/// four digits.
+/// Decimal places for numbers that are compared: none where all are counts, else as many as give the largest four
+/// digits.
 fn places(numbers: impl Iterator<Item = f64> + Clone) -> i32 {
     if numbers.clone().all(|number| number.fract() == 0.0 && number.abs() < COUNTED) {
         return 0;
@@ -50,7 +50,7 @@ fn places(numbers: impl Iterator<Item = f64> + Clone) -> i32 {
     places_of(numbers.map(f64::abs).fold(0.0, f64::max))
 }
 
-/// `value` with so many places; with a power of ten where they are too many or too few.
+/// `value` with `places` decimal places; with a power of ten where they are too many or too few.
 fn shown(value: f64, places: i32) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -61,7 +61,7 @@ fn shown(value: f64, places: i32) -> String {
     unsigned_zero(format!("{value:.*}", places.max(0) as usize))
 }
 
-/// `-0.00` and `+0.00` are 0.00.
+/// Removes the sign of zero: `-0.00` and `+0.00` become 0.00.
 fn unsigned_zero(text: String) -> String {
     match text.strip_prefix(['-', '+']) {
         Some(digits) if digits.chars().all(|c| "0.".contains(c)) => digits.to_owned(),

@@ -1,4 +1,4 @@
-//! Rigs for the lab's tests, and what holds for every table.
+//! Rigs for the lab's tests, and an assertion for every table.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ pub(super) fn lab_rig(name: &str) -> LabRig {
     LabRig { penny: penny.part(), model: spec.model, sim: spec.sim, seed: 1 }
 }
 
-/// Fails where a source is longer than fits a table.
+/// Panics where a source is longer than fits a table.
 pub(super) fn assert_sources_are_short(outcome: &Outcome) {
     for figure in &outcome.figures {
         assert!(figure.source.chars().count() <= 70, "{}: {}", figure.name, figure.source);

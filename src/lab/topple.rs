@@ -1,5 +1,5 @@
-//! Orienting parts by a low ledge (Singer and Seering, "Utilizing dynamic stability to orient parts", section 2): a part that
-//! slides against it topples from a speed on that depends on its orientation.
+//! Orienting parts by a low ledge (Singer and Seering, "Utilizing dynamic stability to orient parts", section 2): a
+//! part that slides against it topples above a critical speed that depends on its orientation.
 
 mod cascade;
 mod impact;
@@ -49,7 +49,7 @@ pub const SETTINGS: &[Setting<Topple>] = &[
 ];
 
 impl Topple {
-    /// A peg of half an inch and the paper's ledge; the scatter is ours, the paper prints none.
+    /// A peg of half an inch and the paper's ledge; the scatter is our choice, since the paper prints none.
     pub fn published() -> Self {
         let scatter = Scatter { belt: 0.01, friction: 0.3, friction_sd: 0.05, way_m: 0.3, way_sd: 0.1 };
         Self { cylinder: 1, length_m: 6.35e-3, height_m: 12.7e-3, ledge_m: 0.889e-3, scatter, seed: 1 }
@@ -61,9 +61,11 @@ impl Topple {
     }
 }
 
-/// Critical speed of one part, in closed form, simulated, and by fifteen trials a speed; for a block its other orientation, too.
+/// Critical speed of one part, in closed form, simulated, and by fifteen trials per speed; for a block also that of its
+/// other orientation.
 ///
 /// # Errors
+///
 /// A ledge as high as the part's centre.
 pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<Outcome, LabFault> {
     let peg = topple.peg();

@@ -1,8 +1,8 @@
-//! Two parts, four centres of rotation (UPM paper, Fig. 3 and Eqs. 1 to 3): how far one large step misses its goals, and
-//! how the miss falls when the same step is taken in several looks.
+//! Two parts, four centres of rotation (UPM paper, Fig. 3 and Eqs. 1 to 3): distance by which one large step misses its
+//! goals, and its decrease when the same step is split into several, each planned from a new observation (a look).
 //!
-//! First in the ideal field, which parts follow exactly; then on a plate with motors strong enough for it, whose motion is
-//! prescribed; then on the rig's own plate, as strongly as its motors can. The paper prints no figures.
+//! First in the ideal field, which parts follow exactly; then on a plate with sufficiently strong motors, whose motion
+//! is prescribed; then on the rig's own plate, as strongly as its motors can. The paper prints no figures.
 
 mod plan;
 mod plate_model;
@@ -17,7 +17,7 @@ use super::{LabFault, LabRig, Outcome};
 use upm_core::geometry::Vec2;
 use upm_sim::PlateMode;
 
-/// Takes one large step with two parts about four centres, then the same in more looks: in the ideal field, on a plate
+/// Makes one large step with two parts about four centres, then the same in more looks: in the ideal field, on a plate
 /// with strong motors and on the rig's own.
 pub fn two_parts(rig: &LabRig) -> Result<Outcome, LabFault> {
     let task = Task::on(rig);

@@ -1,4 +1,4 @@
-//! The eyes held against rendered pictures whose truth is known.
+//! Tests of the vision against rendered pictures with ground truth.
 
 mod judge;
 mod tally;
@@ -10,19 +10,20 @@ use tally::Tally;
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_scene::{Family, Scene};
 
-/// Scenes of each family where nothing else is asked for.
+/// Scenes of each family by default.
 const SCENES: usize = 50;
-/// Width of the histogram's bins, px, and their number; the last holds all that is beyond.
+/// Width of the histogram's bins, px, and their number; the last holds all larger values.
 const BIN_PX: f64 = 0.01;
 const BINS: usize = 40;
 
-/// Table and parts located from nothing in 50 scenes of every family, from the seed on. Nothing of the rig is used.
+/// Locates table and parts without prior knowledge in 50 scenes of every family, starting at the seed. Independent of
+/// the rig.
 pub fn vision(lab: &LabRig) -> Result<Outcome, LabFault> {
     Ok(vision_of(lab.seed, SCENES))
 }
 
-/// The same in `scenes` scenes of every family, of the seeds `seed`, `seed + 1`, ... The result does not depend on how
-/// many threads there are.
+/// The same in `scenes` scenes of every family, of the seeds `seed`, `seed + 1`, ... The result does not depend on the
+/// number of threads.
 pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
     let tallies = Family::ALL.map(|family| {
@@ -38,7 +39,7 @@ pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
     }
 }
 
-/// Every centre's error, and the seeds to look at again.
+/// Every centre's error, and the seeds that need attention.
 fn series(tally: &Tally) -> Vec<Series> {
     let name = tally.family().name();
     let mut series = vec![Series::new(&format!("{name}_center_error_px"), tally.center_errors_px())];
@@ -77,8 +78,8 @@ mod tests {
     use super::judge::TableVerdict;
     use super::*;
 
-    /// Fingers like parts, strips beside the table, plates on bright ground, glints, hands darker than any part: each of
-    /// these pictures was misread at some time.
+    /// Fingers like parts, strips beside the table, plates on bright ground, glints, hands darker than any part: each
+    /// of these pictures was misread by an earlier version.
     #[test]
     fn pictures_that_misled_the_eyes_are_read() {
         let hard = [20, 42, 138, 190, 272, 312, 373, 388, 422, 433, 434, 485, 525, 663, 934, 935, 961];

@@ -16,17 +16,17 @@ use upm_perception::estimation::{AxisPhasors, TwistFit, nearest_pump};
 /// The amplitudes played: row f of the paper's Table 1, in units. Its centre of rotation is off both axes and no two
 /// accelerometers move alike.
 const AMPLITUDES: [i32; 4] = [0, -2, -1, 3];
-/// Part of the motors' limit used.
+/// Fraction of the motors' limit used.
 const EFFORT: f64 = 0.9;
 const SUSTAIN_S: f64 = 0.1;
-/// Random drives whose sign is asked for.
+/// Random drives for which the sign is evaluated.
 const SIGNS: u32 = 10_000;
 const AXES: [&str; 3] = ["x", "y", "spin"];
 
 /// The least-squares fit of the accelerometers' traces (UPM paper, section 3.2, Eq. 12 and 13, App. B): one pulse
-/// through the whole chain, read back and set beside how the plate truly moves; and what calibration's
-/// pre-compensation makes of every axis. Beside it the spectrum of the same trace by FFT, and the resonances of the axes as
-/// calibration finds them.
+/// through the whole chain, measured and compared with the plate's true motion; and the effect of calibration's
+/// pre-compensation on every axis. In addition the spectrum of the same trace by FFT, and the resonances of the axes as
+/// determined by calibration.
 pub fn waveform_fit(lab: &LabRig) -> Result<Outcome, LabFault> {
     let mut plate = ShakenPlate::new(lab);
     let axes = plate.axes()?;
@@ -56,7 +56,7 @@ fn one_pulse(lab: &LabRig, plate: &mut ShakenPlate, axes: &Axes) -> Result<Outco
     Ok(outcome)
 }
 
-/// As strong as the motors allow.
+/// The drive at the allowed fraction of the motors' limit.
 fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
     const TRIAL: i32 = 1000;
     let sustain_s = SUSTAIN_S.min(lab.model.max_sustain_s);
@@ -68,7 +68,7 @@ fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
     of(unit as i32)
 }
 
-/// The motion read beside how the plate truly moves once it has settled.
+/// The measured motion compared with the plate's true steady motion.
 fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
     const TRUTH: &str = "the simulated plate's true motion, settled";
     let truth = nearest_pump(&steady_motion(lab, drive), lab.model.accelerometer_in_plate_m.norm()).0;
@@ -83,7 +83,7 @@ fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
     figures
 }
 
-/// Ratio and phase of the harmonics of every axis, driven by itself, before and after pre-compensation; true motion.
+/// Ratio and phase of the harmonics of every axis, driven alone, before and after pre-compensation; true motion.
 fn precompensation(lab: &LabRig, axes: &Axes) -> Vec<Figure> {
     const SOURCE: &str = "Eq. 5, on the simulated plate's true motion";
     let mut figures = Vec::new();
@@ -99,7 +99,7 @@ fn precompensation(lab: &LabRig, axes: &Axes) -> Vec<Figure> {
     figures
 }
 
-/// True `second · conj(first)² / |first|³` of one axis driven by itself; -½ is right.
+/// True `second · conj(first)² / |first|³` of one axis driven alone; ideally -½.
 fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> Complex<f64> {
     let amplitudes =
         [[1, -1, 0, 0], [0, 0, 1, -1], [-1, -1, 1, 1]][axis].map(|a| a * (lab.model.count_limit * 0.4) as i32);
@@ -136,7 +136,7 @@ fn add_resonances(lab: &LabRig, plate: &mut ShakenPlate, outcome: &mut Outcome) 
     Ok(())
 }
 
-/// Acceleration per force over that of a free mass: what the lines show, and the oscillators fitted.
+/// Acceleration per force over that of a free mass: at the measured lines, and of the fitted oscillators.
 fn resonance_chart(found: &[AxisResonance; 3]) -> Chart {
     const STEPS: u32 = 300;
     let mut layers = Vec::new();
@@ -187,7 +187,7 @@ mod tests {
         }
     }
 
-    /// FFT bins at w and 2w beside least squares, noise beside the sensors' own with the converter's rounding.
+    /// FFT bins at w and 2w against least squares; noise against the sensors' own and the converter's rounding.
     #[test]
     fn spectrum_agrees_with_least_squares_and_shows_the_noise() {
         for name in ["upm-1", "upm-2"] {
@@ -226,7 +226,8 @@ mod tests {
         assert_eq!(again.figures[..], outcome.figures[..again.figures.len()]);
     }
 
-    /// Ratio within 1 %, phase within 1°: the second harmonic is where Eq. 5 wants it on every axis.
+    /// Largest errors of the harmonics against Eq. 5 after calibration, over all axes: relative error of the ratio, and
+    /// phase, °. Tests require 1 % and 1°.
     fn worst_after_calibration(lab: &LabRig) -> (f64, f64) {
         let axes = ShakenPlate::new(lab).axes().unwrap();
         let ratios = [0, 1, 2].map(|axis| axis_ratio(lab, axis, &axes.shapes));

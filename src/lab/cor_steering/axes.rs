@@ -1,5 +1,5 @@
-//! Steps of the centre of rotation along the two axes: the paper's differ by an eighth, Eq. 15 knows one for both. A pair of
-//! coils stronger than the other explains it.
+//! Steps of the centre of rotation along the two axes: the paper's differ by an eighth, while Eq. 15 gives the same for
+//! both. A pair of coils stronger than the other explains the difference.
 
 use super::rows::{ROWS, Row, compares_with_paper, kappa_m, read_rows};
 use crate::numerics::line_through;
@@ -25,11 +25,12 @@ fn steps(centers: &[Vec2]) -> [f64; 2] {
     [slope(along_y, &|center| center.y), slope(along_x, &|center| center.x)]
 }
 
-/// Steps along both axes, beside Eq. 15 and the paper's; and those of this rig with a pair of coils as much stronger as would
-/// explain the paper's, its calibration not asked.
+/// Steps along both axes, compared with Eq. 15 and with the paper's; and those of this rig with the ratio of its pairs
+/// of coils that would explain the paper's, without pre-compensation.
 ///
 /// # Errors
-/// As the experiment's own.
+///
+/// Those of the experiment itself.
 pub(super) fn figures(lab: &LabRig, found_m: &[Vec2]) -> Result<Vec<Figure>, LabFault> {
     let expected_in = STEP / SUM * kappa_m(lab) / INCH_M;
     let [y_in, x_in] = steps(found_m).map(|step_m| step_m / INCH_M);
@@ -53,7 +54,7 @@ pub(super) fn figures(lab: &LabRig, found_m: &[Vec2]) -> Result<Vec<Figure>, Lab
     Ok(figures)
 }
 
-/// The rig with its X coils so many times as strong as its Y coils, their mean kept.
+/// The rig with its X coils `ratio` times as strong as its Y coils, their mean kept.
 fn with_stronger_x(lab: &LabRig, ratio: f64) -> LabRig {
     let mut lab = lab.clone();
     let (x, y) = (2.0 * ratio / (1.0 + ratio), 2.0 / (1.0 + ratio));

@@ -1,4 +1,4 @@
-//! The rows of the UPM paper's Table 1, and how the accelerometers of a rig read them.
+//! The rows of the UPM paper's Table 1, and their readings by the accelerometers of a rig.
 
 use super::vectors::Vectors;
 use crate::shaken::ShakenPlate;
@@ -15,8 +15,8 @@ pub struct Row {
     pub name: &'static str,
     /// Amplitudes X1, X2, Y1, Y2 in units of 128 as sent.
     pub amplitudes: [i32; 4],
-    /// Centre of rotation that the paper read, in; its columns stand for y and x of Eq. 15. It prints magnitudes: these
-    /// signs are the ones that give its table's steps, except row e's along y: 0.04 where it prints 0.02.
+    /// Centre of rotation measured in the paper, in; its columns correspond to y and x of Eq. 15. It prints magnitudes:
+    /// these signs are the ones that give its table's steps, except row e's along y: 0.04 where it prints 0.02.
     pub read_in: [f64; 2],
 }
 
@@ -29,30 +29,30 @@ pub const ROWS: [Row; 6] = [
     Row { name: "e", amplitudes: [-1, -1, -1, 3], read_in: [0.14, 5.34] },
     Row { name: "f", amplitudes: [0, -2, -1, 3], read_in: [3.25, 5.54] },
 ];
-/// The unit as the paper sent it, counts.
+/// Amplitude of one unit in the paper, counts.
 const UNIT: i32 = 128;
-/// Part of the motors' limit that the strongest row may use.
+/// Fraction of the motors' limit that the strongest row may use.
 const EFFORT: f64 = 0.97;
-/// `κ = I/(M r)` of the paper's plate, in, and how far a rig's may be from it for its readings to be compared.
+/// `κ = I/(M r)` of the paper's plate, in, and largest deviation of a rig's for a comparison of the readings.
 const PAPER_KAPPA_IN: f64 = 5.33;
 const SAME_KAPPA: f64 = 0.02;
 /// Sustain of each pulse, s.
 const SUSTAIN_S: f64 = 0.25;
 
-/// One row as the accelerometers show it.
+/// Measurement of one row.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
     pub center_m: Vec2,
     pub vectors: Vectors,
 }
 
-/// All rows.
+/// Measurements of all rows.
 pub struct Reads {
     /// Amplitude of one unit, counts.
     pub unit: i32,
-    /// With the waveforms that calibration found.
+    /// With the waveforms from calibration.
     pub compensated: Vec<Read>,
-    /// With those of Eq. 8.
+    /// With the waveforms of Eq. 8.
     pub plain: Vec<Read>,
 }
 
@@ -105,7 +105,7 @@ pub fn kappa_m(lab: &LabRig) -> f64 {
     lab.model.plate_inertia_kgm2 / (lab.model.plate_mass_kg * lab.model.lever_arm_m)
 }
 
-/// True where Eq. 15 says of this rig what it says of the paper's.
+/// True where Eq. 15 predicts the same for this rig as for the paper's.
 pub fn compares_with_paper(lab: &LabRig) -> bool {
     (kappa_m(lab) / INCH_M / PAPER_KAPPA_IN - 1.0).abs() <= SAME_KAPPA
 }

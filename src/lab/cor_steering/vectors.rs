@@ -1,5 +1,5 @@
-//! Accelerations as each accelerometer shows them, and the perpendiculars on which the centre of rotation lies (UPM paper,
-//! Fig. 11).
+//! Accelerations measured at each accelerometer, and the perpendiculars that intersect in the centre of rotation (UPM
+//! paper, Fig. 11).
 
 use nalgebra::Complex;
 
@@ -9,24 +9,24 @@ use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::TwistFit;
 
-/// Length of the longest arrow, of the plate's half side.
+/// Length of the longest arrow, as a fraction of the plate's half side.
 const ARROW: f64 = 0.5;
-/// Length by which a perpendicular goes on beyond the centre, of the plate's half side.
+/// Length of a perpendicular beyond the centre, as a fraction of the plate's half side.
 const BEYOND: f64 = 0.25;
 
 /// First harmonic of the acceleration at each of two accelerometers, m/s², with the signs of one common instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vectors {
-    /// Places of the accelerometers, m.
+    /// Positions of the accelerometers, m.
     pub places_m: [Vec2; 2],
     pub accel_mps2: [Vec2; 2],
 }
 
 impl Vectors {
-    /// Those of a fit; `place_m` is the first accelerometer's, the second lies opposite.
+    /// Vectors of a fit; `place_m` is the first accelerometer's position, the second is opposite.
     pub fn of(fit: &TwistFit, place_m: Vec2) -> Self {
         let phasors = fit.accel_mps2.map(|[c1, s1, ..]| Complex::new(c1, -s1));
-        // a rigid plate's channels swing in one phase or against it: squares add up whatever their signs
+        // a rigid plate's channels oscillate in phase or in antiphase: squares add up whatever their signs
         let common = phasors.iter().map(|phasor| phasor * phasor).sum::<Complex<f64>>().sqrt();
         let turn = common.conj() / common.norm().max(f64::MIN_POSITIVE);
         let [x1, y1, x2, y2] = phasors.map(|phasor| (phasor * turn).re);
@@ -42,7 +42,7 @@ impl Vectors {
         off(0).max(off(1))
     }
 
-    /// Table's outline, accelerometers, their vectors and perpendiculars, and the centre that was read.
+    /// Chart of the table's outline, the accelerometers, their vectors and perpendiculars, and the measured centre.
     pub fn chart(&self, lab: &LabRig, row: &str, center_m: Vec2) -> Chart {
         let half_side_m = 0.5 * lab.model.plate_side_m;
         let mm = |at: Vec2| [mm_from_m(at.x), mm_from_m(at.y)];

@@ -1,10 +1,10 @@
-//! Closed forms of the feed rate (Impulse paper, Eqs. 3 to 7): a point part under Coulomb friction on a plate that moves as
-//! [`PlateCycle`]. It slides all the time, or rides along for the end of the plateau.
+//! Closed forms of the feed rate (Impulse paper, Eqs. 3 to 7): a point part under Coulomb friction on a plate that
+//! moves as [`PlateCycle`]. It slides all the time, or rides along for the end of the plateau.
 
 use super::plate::PlateCycle;
 use upm_core::units::GRAVITY_MPS2;
 
-/// Duty from which on the quasi-static part keeps the plate's largest speed: 5/8.
+/// Duty from which the quasi-static part keeps the plate's largest speed: 5/8.
 pub const SATURATION: f64 = 0.625;
 
 /// Quasi-static feed rate (Eq. 3 and below it), m/s.
@@ -12,7 +12,7 @@ pub fn quasi_static_mps(plate: &PlateCycle) -> f64 {
     if plate.duty <= SATURATION { unsaturated_mps(plate) } else { plate.peak_mps() }
 }
 
-/// Feed rate without that assumption (Eqs. 3 and 7), m/s.
+/// Feed rate without the quasi-static assumption (Eqs. 3 and 7), m/s.
 pub fn feed_rate_mps(plate: &PlateCycle, friction: f64) -> f64 {
     if plate.duty <= saturation(plate.accel_mps2, friction) {
         return unsaturated_mps(plate);
@@ -26,13 +26,13 @@ fn unsaturated_mps(plate: &PlateCycle) -> f64 {
     0.25 * plate.accel_mps2 * plate.period_s * (2.0 * plate.duty - 1.0)
 }
 
-/// Duty from which on the part catches up with the plate within its plateau (Eq. 5).
+/// Duty from which the part catches up with the plate within its plateau (Eq. 5).
 pub fn saturation(accel_mps2: f64, friction: f64) -> f64 {
     let (a, drag) = (accel_mps2, friction * GRAVITY_MPS2);
     (5.0 * a * a + drag * (drag - 2.0 * a)) / (8.0 * a * a)
 }
 
-/// Viscosity `K = 4 μ m g/(a T)` (Eq. 4), N s/m: how the mean friction falls with the part's speed.
+/// Viscosity `K = 4 μ m g/(a T)` (Eq. 4), N s/m: the decrease of the mean friction with the part's speed.
 pub fn viscosity_nspm(plate: &PlateCycle, friction: f64, mass_kg: f64) -> f64 {
     4.0 * friction * mass_kg * GRAVITY_MPS2 / (plate.accel_mps2 * plate.period_s)
 }

@@ -1,21 +1,21 @@
-//! A point part on the feeder's plate, from event to event: exact to rounding.
+//! A point part on the feeder's plate, simulated from event to event: exact to rounding.
 
 use super::plate::{PlateCycle, Stretch};
 use crate::LabFault;
 
-/// Cycles after which a part that has not settled never will.
+/// Cycles after which a part that has not settled is assumed never to settle.
 const MOST_CYCLES: usize = 200_000;
 /// Change of speed over a cycle, in units of a T, below which a part has settled.
 const SETTLED: f64 = 1e-13;
-/// Slips this small, in units of a T, are rounding.
+/// Slip, in units of a T, below which it is rounding.
 const NO_SLIP: f64 = 1e-15;
 
 /// Accelerations of a part while it slides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sliding {
-    /// By friction `μ g`, m/s².
+    /// Acceleration by friction `μ g`, m/s².
     pub drag_mps2: f64,
-    /// By an external force, m/s².
+    /// Acceleration by an external force, m/s².
     pub push_mps2: f64,
 }
 
@@ -29,7 +29,7 @@ pub struct Cycle {
 }
 
 impl Sliding {
-    /// One cycle of `plate` from `speed_mps` on.
+    /// One cycle of `plate`, starting at `speed_mps`.
     pub fn cycle(&self, plate: &PlateCycle, speed_mps: f64) -> Cycle {
         let no_slip_mps = NO_SLIP * plate.accel_mps2 * plate.period_s;
         let mut now = Cycle { speed_mps, way_m: 0.0, events: vec![[0.0, speed_mps]] };
@@ -57,7 +57,8 @@ impl Sliding {
         now
     }
 
-    /// The part's acceleration at a slip of the plate against it; one that rides keeps to the plate if friction can.
+    /// The part's acceleration at a slip of the plate against it; a part at rest on the plate follows it if friction
+    /// suffices.
     fn accel_mps2(&self, slip_mps: f64, no_slip_mps: f64, plate_mps2: f64) -> f64 {
         let needed = plate_mps2 - self.push_mps2;
         if slip_mps.abs() > no_slip_mps {
@@ -69,9 +70,10 @@ impl Sliding {
         }
     }
 
-    /// The cycle that repeats itself.
+    /// The periodic steady cycle.
     ///
     /// # Errors
+    ///
     /// A part that the external force carries away.
     pub fn settled(&self, plate: &PlateCycle) -> Result<Cycle, LabFault> {
         let scale_mps = plate.accel_mps2 * plate.period_s;
@@ -89,7 +91,7 @@ impl Sliding {
         Err(LabFault::Setting("the force carries the part away: its mean friction cannot balance it".into()))
     }
 
-    /// Mean speed over `cycles` cycles that follow `settling` others, from rest, m/s.
+    /// Mean speed from rest over `cycles` cycles after `settling` others, m/s.
     pub fn mean_mps(&self, plate: &PlateCycle, settling: usize, cycles: usize) -> f64 {
         let (mut speed_mps, mut way_m) = (0.0, 0.0);
         for i in 0..settling + cycles {
@@ -114,7 +116,8 @@ mod tests {
     }
 
     proptest! {
-        /// The bar is 0.01 %; before and beyond saturation, whatever friction is against the plate's acceleration.
+        /// The tolerance is 0.01 %; before and beyond saturation, whatever friction is against the plate's
+        /// acceleration.
         #[test]
         fn rate_is_that_of_the_closed_form(duty in 0.5..0.999f64, share in 0.01..0.9f64, period_s in 1e-3..0.1f64) {
             let plate = PlateCycle { accel_mps2: 150.0, period_s, duty };

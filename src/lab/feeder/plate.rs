@@ -1,7 +1,7 @@
 //! Motion of the feeder's plate (Impulse paper, section III-A, Fig. 13).
 
-/// One cycle of the plate: its acceleration is `a`, 0, `-a` and `a` in turn, so that its velocity is a trapezoid forwards and
-/// a triangle backwards.
+/// One cycle of the plate: its acceleration is `a`, 0, `-a` and `a` in turn, so that its velocity is a trapezoid
+/// forwards and a triangle backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateCycle {
     /// Acceleration a, m/s².
@@ -20,7 +20,7 @@ pub struct Stretch {
 }
 
 impl PlateCycle {
-    /// Length of the trapezoid's top: `P = T sqrt(2 d - 1)` (Eq. 1), s; no mean displacement is left over.
+    /// Length of the trapezoid's top: `P = T sqrt(2 d - 1)` (Eq. 1), s, for which the mean displacement is zero.
     pub fn top_s(&self) -> f64 {
         self.period_s * (2.0 * self.duty - 1.0).max(0.0).sqrt()
     }

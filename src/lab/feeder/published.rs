@@ -1,5 +1,5 @@
 //! The paper's experiments: feed rate against duty (Figs. 15 and 18), against an external force (Fig. 19), and our own
-//! wave of two harmonics beside the paper's.
+//! wave of two harmonics compared with the paper's.
 
 use std::f64::consts::TAU;
 
@@ -23,8 +23,8 @@ const SATURATIONS: [f64; 3] = [0.602, 0.609, 0.613];
 const DUTIES: u32 = 50;
 /// `2 - √2`, half way between no feed and saturation.
 const DUTY_OPTIMAL: f64 = 0.585_786_437_626_905;
-/// The experiment with a force (section III-C.3): plate, friction, duty, and forces, dyn. The paper prints no duty: its
-/// intercept `-K ν` gives it.
+/// The experiment with a force (section III-C.3): plate, friction, duty, and forces, dyn. The paper does not print the
+/// duty; its intercept `-K ν` determines it.
 const FORCED: PlateCycle = PlateCycle { accel_mps2: 100.0, period_s: 0.01, duty: 0.548 };
 const FORCED_FRICTION: f64 = 0.5;
 const FORCES_DYN: i32 = 15;
@@ -34,16 +34,17 @@ const MEASURED_S: f64 = 2.0;
 /// Fit of Fig. 19: `F = -4.72 + 1.95 ν'`, dyn and cm/s.
 const PAPER_INTERCEPT_DYN: f64 = -4.72;
 const PAPER_SLOPE: f64 = 1.95;
-/// Steps of a cycle of the two harmonics, which the simulated plate's own friction engine takes.
+/// Steps of a cycle of the two harmonics, for the simulated plate's own friction engine.
 const STEPS: u32 = 20_000;
 const PUMP_CYCLES: u32 = 60;
 
 const CM: f64 = 0.01;
 const VISCOSITY: f64 = DYN_N / CM;
 
-/// All of them.
+/// Reproduces all of them.
 ///
 /// # Errors
+///
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
     let mut outcome = Outcome::default();
@@ -91,7 +92,7 @@ fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut Outcome) -> 
     Ok(())
 }
 
-/// Single figures of section III-B and III-C.1.
+/// Individual figures of section III-B and III-C.1.
 fn landmarks(outcome: &mut Outcome) {
     let plate = PlateCycle { duty: DUTY_OPTIMAL, ..Feeder::published().plate };
     let half = quasi_static_mps(&plate) / plate.peak_mps();
@@ -106,7 +107,7 @@ fn landmarks(outcome: &mut Outcome) {
     outcome.figures.push(Figure::against(name, "cm", plate.stroke_m() / CM, 0.25, source));
 }
 
-/// The rate that each force leads to, and the line through all of them (Fig. 19).
+/// The rate under each force, and the line through all of them (Fig. 19).
 fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) {
     let plate = PlateCycle { duty, ..FORCED };
     let mass_kg = Feeder::published().mass_kg;
@@ -145,7 +146,7 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) 
     outcome.charts.push(force_chart(duty, &points, [intercept, slope]));
 }
 
-/// The paper's wave at two duties and the pump's two harmonics, all of one acceleration and period.
+/// The paper's wave at two duties and the pump's two harmonics, all with the same acceleration and period.
 fn drives(rig: &LabRig, outcome: &mut Outcome) {
     let Feeder { plate, friction, .. } = Feeder::published();
     let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };

@@ -1,4 +1,4 @@
-//! Many runs on all cores, each summed up as soon as it ends.
+//! Many runs on all cores, each summarised as soon as it ends.
 
 use std::ops::Range;
 
@@ -12,25 +12,25 @@ use super::run::{Run, Setup, Start};
 use crate::sweep::{Progress, parallel};
 use upm_core::random::Streams;
 
-/// When the part has settled after its drop, s.
+/// Time after the drop at which the part has settled, s.
 pub const SETTLED_S: f64 = 0.05;
 /// Band of the part's own bouncing, Hz.
 const BOUNCE_HZ: [f64; 2] = [100.0, 4_000.0];
-/// Width of the band about the drive's frequency, as a part of it.
+/// Width of the band about the drive's frequency, as a fraction of it.
 const DRIVE_BAND: f64 = 0.02;
 
-/// A run to be made.
+/// A run to simulate.
 #[derive(Clone, Debug)]
 pub struct Job {
     pub setup: Setup,
-    /// Number of its start.
+    /// Number of the random start position.
     pub start: u64,
     pub until_s: f64,
     /// Force along the feed from [`SETTLED_S`] on, N.
     pub force_n: f64,
 }
 
-/// Summary of a run from the time on at which the part has settled.
+/// Summary of a run after the part has settled.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Double bounces, those that follow them, bounces once a cycle.
@@ -47,35 +47,35 @@ pub struct Summary {
     pub bounce_line: [f64; 2],
     /// The same at the drive's frequency.
     pub drive_line: [f64; 2],
-    /// True when the part was on the array to the end.
+    /// True when the part was on the array until the end.
     pub stays: bool,
 }
 
-/// Runs to be made together.
+/// Runs to simulate together.
 #[derive(Clone, Debug, Default)]
 pub struct Batch(Vec<Job>);
 
 impl Batch {
-    /// Adds a run of `setup` from each of `starts` starts; their places among the summaries.
+    /// Adds a run of `setup` from each of `starts` starts; returns their range among the summaries.
     pub fn add(&mut self, setup: &Setup, starts: u64, until_s: f64) -> Range<usize> {
         self.add_pushed(setup, starts, until_s, 0.0)
     }
 
-    /// The same under a force along the feed.
+    /// The same under a force along the feed, N.
     pub fn add_pushed(&mut self, setup: &Setup, starts: u64, until_s: f64, force_n: f64) -> Range<usize> {
         let from = self.0.len();
         self.0.extend((0..starts).map(|start| Job { setup: setup.clone(), start, until_s, force_n }));
         from..self.0.len()
     }
 
-    /// Makes all runs; equal seeds give equal starts, whatever the setup.
+    /// Simulates all runs; equal seeds give equal starts, whatever the setup.
     pub fn summaries(&self, streams: &Streams, progress: Progress<'_>) -> Vec<Summary> {
         parallel(&self.0, progress, |job| Summary::of(&job.run(streams)))
     }
 }
 
 impl Job {
-    /// The run, from its drop to its end.
+    /// Simulates the run, from its drop to its end.
     pub fn run(&self, streams: &Streams) -> Run {
         let mut rng = streams.numbered("mchip", self.start);
         let mut run = Run::new(self.setup.clone(), &Start::scattered(|| rng.random_range(0.0..1.0)));
@@ -111,7 +111,7 @@ impl Summary {
     }
 }
 
-/// Mean of a figure of several runs; runs without it are left out.
+/// Mean of a figure over several runs; runs without it are left out.
 pub fn mean(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
     let values: Vec<f64> = summaries.iter().map(of).filter(|value| value.is_finite()).collect();
     if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
@@ -125,7 +125,7 @@ pub fn of_cluster(summaries: &[Summary], cluster: usize, of: fn(&Cluster) -> f64
     mean(summaries, present)
 }
 
-/// Number of runs in which the part stalls for so long.
+/// Number of runs whose longest stall exceeds `least_s`, s.
 pub fn jams(summaries: &[Summary], least_s: f64) -> f64 {
     summaries.iter().filter(|summary| summary.feed.longest_stall_s() > least_s).count() as f64
 }

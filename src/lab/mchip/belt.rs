@@ -23,12 +23,12 @@ impl Belt {
         Self { mass_kg: 55e-9, speed_mps: 1.1e-3, stiffness_npm: 0.294, friction: 1.04 }
     }
 
-    /// Depth by which the part sinks into the belt, m.
+    /// Depth to which the part sinks into the belt, m.
     pub fn depth_m(&self) -> f64 {
         self.mass_kg * GRAVITY_MPS2 / self.stiffness_npm
     }
 
-    /// Frequency of the vertical oscillation, Hz.
+    /// Natural frequency of the vertical oscillation, Hz.
     pub fn bounce_hz(&self) -> f64 {
         (self.stiffness_npm / self.mass_kg).sqrt() / TAU
     }
@@ -43,7 +43,7 @@ impl Belt {
         self.speed_mps / (self.friction * self.mass_kg * GRAVITY_MPS2)
     }
 
-    /// Way of a part under `force_n`, from rest, m.
+    /// Displacement of a part under `force_n`, from rest, m.
     pub fn way_m(&self, force_n: f64, time_s: f64) -> f64 {
         let settling_s = self.slope_mpspn() * self.mass_kg;
         self.rate_mps(force_n) * (time_s - settling_s * (1.0 - (-time_s / settling_s).exp()))

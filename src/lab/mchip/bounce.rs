@@ -1,26 +1,27 @@
-//! Closed forms for single bounces [D]: every rim under the part hits it once a cycle, rising, and slides under it all along.
+//! Closed forms for single bounces [D]: every rim under the part hits it once a cycle, rising, and slides under it
+//! throughout the impact.
 //!
-//! A rim rises at `a θ'` and moves forward at `z θ'`, `a` and `z` being its distances from the axis. A resonator is light
-//! against the part, so an impact alone turns it. Friction pushes the part forward while `z θ'` is above the part's speed and
-//! backward after that, restitution included. It also turns the resonator: with `m = μ z/a` the normal impulse of restitution
-//! is `q = e √((1 + m)/(1 - m))` times that of compression.
+//! A rim rises at `a θ'` and moves forward at `z θ'`, `a` and `z` being its distances from the axis. A resonator is
+//! light compared with the part, so an impact alone reverses it. Friction pushes the part forward while `z θ'` is above
+//! the part's speed and backward after that, restitution included. It also acts on the resonator: with `m = μ z/a` the
+//! normal impulse of restitution is `q = e √((1 + m)/(1 - m))` times that of compression.
 
 use super::device::Device;
 use super::part::PartShape;
 use upm_core::units::GRAVITY_MPS2;
 
-/// A part that rides on single bounces.
+/// A part carried by single bounces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ride {
     /// Angular speed of a resonator when it hits, rad/s: `M g T a (1 + m)/((1 + q) N I)`.
     pub hit_radps: f64,
-    /// Feed rate at which the push of an impact is nil, m/s: `(1 - m)(1 - q)/2 z θ'`.
+    /// Feed rate at which the tangential impulse of an impact is zero, m/s: `(1 - m)(1 - q)/2 z θ'`.
     pub rate_mps: f64,
     /// Opposing force that stops the part, N: `μ M g (1 - q)/(1 + q)`.
     pub stall_n: f64,
 }
 
-/// The ride of `part` on `ridges` rims at the height `height_m` above rest.
+/// Single bounces of `part` on `ridges` rims at the height `height_m` above rest.
 pub fn ride(device: &Device, part: &PartShape, ridges: f64, height_m: f64) -> Ride {
     let Device { restitution, friction, drive_hz, .. } = *device;
     let arm_m = -device.ridge_place_m;

@@ -1,16 +1,17 @@
-//! Where part and array touch: rims of ridges against the part's faces and edges, and the part's bottom corners against slabs.
+//! Contact detection between part and array: rims of ridges against the part's faces and edges, and the part's bottom
+//! corners against slabs.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::device::Device;
 use super::part::PartShape;
 
-/// Which features touch.
+/// Features in contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
     /// A rim under the part's bottom face.
     Bottom,
-    /// A rim at the part's edge or its side: the contact that jams it.
+    /// A rim at the part's edge or its side: the contact that jams the part.
     Side,
     /// A corner of the part on a slab.
     Slab,
@@ -22,15 +23,15 @@ pub struct Contact {
     pub point_m: Vector3<f64>,
     /// Unit normal towards the part.
     pub normal: Vector3<f64>,
-    /// Depth by which the features overlap, m.
+    /// Overlap of the features, m.
     pub depth_m: f64,
     pub feature: Feature,
 }
 
-/// Height of a normal, as a cosine, below which a contact is one with the part's side.
+/// Height of a normal, as a cosine, below which a contact is with the part's side.
 const BOTTOM_COSINE: f64 = 0.95;
 
-/// Outline of a resonator in the plane across its axis, and where it lies.
+/// Outline of a resonator in the plane across its axis, and its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tile {
     /// Row, from 0.
@@ -41,7 +42,7 @@ pub struct Tile {
     pub axis_m: Vector3<f64>,
 }
 
-/// Everything of a device that contacts need, in the slab's own axes.
+/// Dimensions of a device needed for contacts, in the slab's own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outline {
     tip_m: [f64; 2],
@@ -54,7 +55,7 @@ impl Outline {
     pub fn of(device: &Device) -> Self {
         let half_m = device.slab_m.map(|length_m| 0.5 * length_m);
         Self {
-            // middles of the roundings: the outermost points are those of the sharp outline
+            // centres of the roundings: the outermost points are those of the sharp outline
             tip_m: [
                 device.ridge_place_m + device.rim_radius_m,
                 half_m[2] + device.ridge_height_m - device.rim_radius_m,
@@ -65,7 +66,7 @@ impl Outline {
         }
     }
 
-    /// Contacts of a part with a tile at `angle_rad`, added to `found`.
+    /// Appends the contacts of a part with a tile at `angle_rad` to `found`.
     pub fn contacts(
         &self,
         tile: &Tile,
@@ -83,12 +84,12 @@ impl Outline {
         let (sine, cosine) = angle_rad.sin_cos();
         let raised = |[x, z]: [f64; 2]| [x * cosine + z * sine, z * cosine - x * sine];
         self.rim_contacts(tile, raised(self.tip_m), part, pose, found);
-        // a foot right under the tip matters where a part meets the slab's end below the rim
+        // the foot right under the tip matters where a part meets the slab's end below the rim
         self.rim_contacts(tile, raised(self.foot_m), part, pose, found);
         self.slab_contacts(tile, [sine, cosine], part, pose, found);
     }
 
-    /// Contacts of the rim that runs along y through `at` (x and z from the axis).
+    /// Contacts of the rim along y through `at` (x and z from the axis).
     fn rim_contacts(
         &self,
         tile: &Tile,
@@ -104,7 +105,7 @@ impl Outline {
             return;
         }
         let along = to - from;
-        // what of the rim lies beneath the part
+        // the stretch of the rim beneath the part
         let at_y = |y: f64| ((y - from.y) / along.y).clamp(0.0, 1.0);
         let (first, last) = (at_y(-half.y), at_y(half.y));
         if first == last {
@@ -148,7 +149,7 @@ impl Outline {
     }
 }
 
-/// Outward normal of the box at the place nearest to `point` and the distance to it, when that is within `rim_m`.
+/// Outward normal of the box at the point nearest to `point` and the distance to it, when that is within `rim_m`.
 fn touched(point: &Vector3<f64>, half: &Vector3<f64>, rim_m: f64) -> Option<(Vector3<f64>, f64)> {
     let beyond = point.abs() - half;
     if beyond.max() > rim_m {
@@ -174,7 +175,8 @@ mod tests {
     use super::*;
     use nalgebra::{Translation3, UnitQuaternion};
 
-    /// Contacts of one tile at `angle_rad` with a part whose bottom is at `bottom_m` and whose front is at `front_m` from the rim.
+    /// Contacts of one tile at `angle_rad` with a part whose bottom is at `bottom_m` and whose front is at `front_m`
+    /// from the rim.
     fn contacts(angle_rad: f64, front_m: f64, bottom_m: f64) -> Vec<Contact> {
         let device = Device { rim_radius_m: 1e-6, ..Device::published() };
         let part = PartShape::published();

@@ -9,7 +9,8 @@ use super::resonator::{Rotor, free_swing};
 /// Density of silicon, kg/m³.
 pub const SILICON_KGPM3: f64 = 2_330.0;
 
-/// Geometry, mechanics and drive strength of one array. Feed is along +x; the ridge sits on the trailing half of every slab.
+/// Geometry, mechanics and drive strength of one array. Feed is along +x; the ridge is on the trailing half of every
+/// slab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
     /// Rows along the feed. Row 0 is the paper's row 1.
@@ -24,12 +25,12 @@ pub struct Device {
     pub row_shift: f64,
     /// Shift of every second column along x, in row pitches.
     pub column_shift: f64,
-    /// Place of the ridge from the axis along x, m: the paper's L, negative on the trailing side.
+    /// Position of the ridge from the axis along x, m: the paper's L, negative on the trailing side.
     pub ridge_place_m: f64,
     /// Height of the ridge above the slab, m: the paper's H.
     pub ridge_height_m: f64,
-    /// Radius of the ridge's rim, m: the collision envelope of a rigid-body engine. Without one no part jams, since a rim
-    /// that rises past a part's front meets its bottom as soon as the part has moved at all.
+    /// Radius of the ridge's rim, m: the collision envelope of a rigid-body engine. Without one no part jams, since a
+    /// rim that rises past a part's front meets its bottom as soon as the part has moved at all.
     pub rim_radius_m: f64,
     /// Mass of a slab over that of solid silicon: fabricated slabs are gratings.
     pub solidity: f64,
@@ -48,9 +49,9 @@ pub struct Device {
 impl Device {
     /// The array that the paper simulates: 5 kHz and 0.08 rad.
     ///
-    /// Natural frequency, damping, solidity and rim are not in the paper. Each pair of the first two with which the free
-    /// oscillation runs from 0 to 0.08 rad is possible; this choice has impacts 0.02, 0.18 and 0.2 ms apart at 50 % duty and
-    /// 0.2 ms apart alone at 36 %, jams at new rows, and a rate near 0.8 mm/s.
+    /// Natural frequency, damping, solidity and rim are not in the paper. Each pair of the first two with which the
+    /// free oscillation runs from 0 to 0.08 rad is possible; this choice has impacts 0.02, 0.18 and 0.2 ms apart at 50
+    /// % duty and only 0.2 ms apart at 36 %, jams at new rows, and a rate near 0.8 mm/s.
     pub fn published() -> Self {
         Self {
             rows: 8,
@@ -72,13 +73,14 @@ impl Device {
         }
     }
 
-    /// The array with slabs of solid silicon: rates and the gain of 36 % duty are the paper's, but the part rides too high to
-    /// jam.
+    /// The array with slabs of solid silicon: rates and the gain of 36 % duty agree with the paper's, but the part
+    /// rides too high to jam.
     pub fn solid() -> Self {
         Self { solidity: 1.0, natural_hz: 8_500.0, ..Self::published() }
     }
 
-    /// The array with light slabs driven at their natural frequency: the paper's sinking with mass, but rates twice as large.
+    /// The array with light slabs driven at their natural frequency: sinking with mass agrees with the paper's, but
+    /// rates are twice as large.
     pub fn light() -> Self {
         Self { solidity: 0.3, natural_hz: 5_000.0, damping_ratio: 2.0 / PI, ..Self::published() }
     }
@@ -113,7 +115,7 @@ impl Device {
         let [px, py] = self.pitch_m();
         let odd = |index: usize, shift: f64| if index % 2 == 1 { shift } else { 0.0 };
         let x = row as f64 + 0.5 + odd(column, self.column_shift);
-        // half the shift both ways keeps the array centred
+        // half the shift in both directions keeps the array centred
         let y = column as f64 - 0.5 * (self.columns as f64 - 1.0) + odd(row, self.row_shift) - 0.5 * self.row_shift;
         Vector3::new(x * px, y * py, 0.0)
     }
@@ -123,7 +125,7 @@ impl Device {
         0.5 * self.slab_m[2] + self.ridge_height_m
     }
 
-    /// Height above its place at rest that a rim reaches in the free oscillation at a duty of a half, m.
+    /// Height above its rest position that a rim reaches in the free oscillation at a duty of a half, m.
     pub fn reach_m(&self) -> f64 {
         -self.ridge_place_m * self.peak_rad.sin()
     }

@@ -1,6 +1,6 @@
 //! The torque wave of every row: duty, phase offsets and the strobing of rows (M-Chip paper, section III-A).
 
-/// A wave of rows that are off, running against the feed.
+/// Strobing: a wave of rows that are off, running against the feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strobe {
     /// Rows from one row that is off to the next: the paper's λ.
@@ -12,18 +12,18 @@ pub struct Strobe {
 /// The drive of an array.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
-    /// Share of a cycle in which the torque is on.
+    /// Fraction of a cycle in which the torque is on.
     pub duty: f64,
     /// Delay of a row against the one before it, in cycles.
     pub row_delay: f64,
-    /// Rows that are off in turn.
+    /// Strobing of the rows, if any.
     pub strobe: Option<Strobe>,
     /// False for an array at rest.
     pub on: bool,
 }
 
 impl Drive {
-    /// Every row alike, 50 % duty.
+    /// All rows driven alike, 50 % duty.
     pub fn plain() -> Self {
         Self { duty: 0.5, row_delay: 0.0, strobe: None, on: true }
     }

@@ -1,8 +1,9 @@
-//! The impulse of one impact with Coulomb friction: the law of Mirtich's Impulse engine, with a simpler one beside it.
+//! The impulse of one impact with Coulomb friction: the law of Mirtich's Impulse engine, and a simpler one for
+//! comparison.
 //!
-//! The contact velocity `u` changes by `K dp`, K being the inverse mass of both bodies at the contact. In the integrated law
-//! the slip may slow down, stop and reverse while the normal impulse grows, and restitution is one of energy, so that no
-//! impact creates energy (Stronge 1990, Mirtich 1996).
+//! The contact velocity `u` changes by `K dp`, K being the inverse mass of both bodies at the contact. In the
+//! integrated law the slip may slow down, stop and reverse while the normal impulse grows, and restitution is one of
+//! energy, so that no impact creates energy (Stronge 1990, Mirtich 1996).
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector3};
 
@@ -16,15 +17,15 @@ const MOST_TURN: f64 = 0.15;
 const MOST_STEPS: usize = 300;
 /// Slip below this share of the approach speed counts as sticking.
 const NO_SLIP: f64 = 1e-3;
-/// Share of the approach speed below which a slip counts as this large when its turn limits the step.
+/// Least slip, as a share of the approach speed, for limiting the step by the slip's turn.
 const LEAST_TURNED: f64 = 0.01;
 
-/// The way in which an impact's impulse follows from the approach.
+/// Law that gives an impact's impulse from the approach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImpactLaw {
     /// Coulomb's law at every moment of the impact, restitution of energy.
     Integrated,
-    /// Newton's restitution, friction from the slip at the start alone: it stops the slip or slides all along.
+    /// Newton's restitution, friction from the initial slip alone: it stops the slip or slides all along.
     Algebraic,
 }
 
@@ -36,7 +37,7 @@ pub struct Surface {
     pub law: ImpactLaw,
 }
 
-/// The meeting of two bodies at a point.
+/// Collision of two bodies at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
     /// Change of the relative velocity by a unit impulse, 1/kg.
@@ -48,7 +49,7 @@ pub struct Meeting {
 }
 
 impl Meeting {
-    /// Impulse on the first body, N s; the second takes its opposite. Zero for points that part.
+    /// Impulse on the first body, N s; the second takes its opposite. Zero for points that separate.
     pub fn impulse(&self, surface: &Surface) -> Vector3<f64> {
         if self.velocity_mps.dot(&self.normal) >= 0.0 {
             return Vector3::zeros();
@@ -84,12 +85,12 @@ impl Meeting {
                 let drift = rate - normal * opening;
                 let braking = drift.dot(&slip) / speed;
                 let turning = (drift - slip * (braking / speed)).norm();
-                // a slip that turns changes the push
+                // a slip that turns changes the friction's direction
                 step = step.min(MOST_TURN * speed.max(LEAST_TURNED * start_mps) / turning.max(f64::MIN_POSITIVE));
                 if speed + braking * step < 0.0 {
                     step = -speed / braking;
                 } else {
-                    // the push at the middle of the step
+                    // the friction at the middle of the step
                     let middle = slip + drift * (0.5 * step);
                     push = normal - middle * (surface.friction / middle.norm().max(f64::MIN_POSITIVE));
                     rate = self.inverse_mass * push;
@@ -105,7 +106,7 @@ impl Meeting {
                 }
                 Some(goal) if work_after(step) >= goal => {
                     let root = (closing * closing + 2.0 * opening * (goal - work)).max(0.0).sqrt();
-                    // the form that has no cancellation, whatever the sign of `opening`
+                    // the form without cancellation, whatever the sign of `opening`
                     step = if closing + root > 0.0 { 2.0 * (goal - work) / (closing + root) } else { step };
                     over = true;
                 }
@@ -118,12 +119,14 @@ impl Meeting {
                 return impulse;
             }
         }
-        // cut short: the rest of the approach is stopped without friction, which keeps the cone and creates no energy
+        // cut short: the rest of the approach is stopped without friction, which stays in the cone and creates no
+        // energy
         let left = (-velocity.dot(&normal)).max(0.0);
         impulse + normal * (left / normal.dot(&(self.inverse_mass * normal)))
     }
 
-    /// Friction per normal impulse of a contact that does not slip: what holds it, or the limit in that direction.
+    /// Friction per normal impulse of a contact that does not slip: the value that holds it, or the limit in that
+    /// direction.
     fn sticking_push(&self, friction: f64) -> Vector3<f64> {
         let tangents = self.tangents();
         let across: Matrix2<f64> = tangents.transpose() * self.inverse_mass * tangents;
@@ -137,7 +140,7 @@ impl Meeting {
         let (normal, inverse_mass) = (self.normal, self.inverse_mass);
         let closing = self.velocity_mps.dot(&normal);
         let slip = self.velocity_mps - normal * closing;
-        // sticking: all slip gone, Newton's restitution along the normal
+        // sticking: all slip stopped, Newton's restitution along the normal
         let wanted = -slip - normal * (closing * (1.0 + surface.restitution));
         if let Some(mass) = inverse_mass.try_inverse() {
             let sticking = mass * wanted;
@@ -184,7 +187,7 @@ mod tests {
         }
     }
 
-    /// Meetings of a part like the paper's with a resonator, at any place and from any direction.
+    /// Collisions of a part like the paper's with a resonator, at any place and from any direction.
     fn meetings() -> impl Iterator<Item = Meeting> {
         (0..3_000).map(|seed| {
             let mut next = numbers(seed);
@@ -263,7 +266,8 @@ mod tests {
         };
         let integrated = meeting.impulse(&surface(1.0));
         let algebraic = meeting.impulse(&Surface { law: ImpactLaw::Algebraic, ..surface(1.0) });
-        // forward in compression, backward in restitution: (1 - q)/(1 + q), with q near e, corrected for the turn by friction
+        // forward in compression, backward in restitution: (1 - q)/(1 + q), with q near e, corrected for the turn by
+        // friction
         let turn: f64 = 1.7e-5 / 1.4e-4;
         let q = 0.5 * ((1.0 + turn) / (1.0 - turn)).sqrt();
         assert!((integrated.x / integrated.z - (1.0 - q) / (1.0 + q)).abs() < 0.03, "{integrated}");

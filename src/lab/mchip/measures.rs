@@ -5,11 +5,11 @@ use super::run::{Impact, Run, Sample};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::amplitude_spectrum;
 
-/// Length of the windows in which a part moves or stalls, s: half of a row's turn to be off.
+/// Length of the windows in which a part moves or stalls, s: half of the strobing period of a row.
 const RATE_WINDOW_S: f64 = 0.02;
 /// Rate below which a part stalls, m/s.
 const STALL_MPS: f64 = 0.15e-3;
-/// Impacts of one resonator that follow within this time are one contact, s.
+/// Impacts of one resonator within this time of each other are one contact, s.
 const ONE_CONTACT_S: f64 = 8e-6;
 
 /// Samples of `run` from `from_s` on.
@@ -25,7 +25,7 @@ pub fn mean_rate_mps(samples: &[Sample]) -> f64 {
     }
 }
 
-/// How a part goes: its rate while it moves, and its stalls.
+/// Feed of a part: its rate while it moves, and its stalls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feed {
     /// Median rate of the windows in which the part moves, m/s.
@@ -60,7 +60,7 @@ impl Feed {
     }
 }
 
-/// Mean and standard deviation.
+/// Mean and standard deviation of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     pub mean: f64,
@@ -80,14 +80,14 @@ pub fn height_m(run: &Run, samples: &[Sample]) -> Spread {
     Spread::of(samples.iter().map(|sample| run.height_m(&sample.state)))
 }
 
-/// Energies of a part (Table I, right), J. LinX is that of the motion about the drift.
+/// Energies of a part (Table I, right), J. LinX is that of the motion relative to the drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Energies {
     /// LinX without the drift, LinY, LinZ, AngX, AngY, AngZ.
     pub jitter: [Spread; 6],
-    /// Kinetic energy of the drift along x.
+    /// Kinetic energy of the drift along x, J.
     pub drift_j: f64,
-    /// Potential energy against rest.
+    /// Potential energy relative to rest.
     pub potential: Spread,
 }
 
@@ -113,7 +113,7 @@ impl Energies {
 /// One contact of a resonator and the time since its last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrival {
-    /// Time since the contact before, s.
+    /// Time since the previous contact, s.
     pub gap_s: f64,
     pub angle_rad: f64,
     pub speed_radps: f64,
@@ -121,8 +121,8 @@ pub struct Arrival {
     pub forward_ns: f64,
 }
 
-/// Contacts of driven resonators from `from_s` to `until_s`, each against the one before it of the same resonator. Impacts
-/// within 8 µs are one contact with the state of the first and the sum of their impulses.
+/// Contacts of driven resonators from `from_s` to `until_s`, each with the time since the previous one of the same
+/// resonator. Impacts within 8 µs are one contact with the state of the first and the sum of their impulses.
 pub fn arrivals(impacts: &[Impact], from_s: f64, until_s: f64) -> Vec<Arrival> {
     let mut of_resonator = std::collections::BTreeMap::<(usize, usize), Vec<&Impact>>::new();
     for impact in impacts.iter().filter(|impact| (from_s..until_s).contains(&impact.at_s)) {
@@ -155,7 +155,7 @@ pub fn arrivals(impacts: &[Impact], from_s: f64, until_s: f64) -> Vec<Arrival> {
     arrivals
 }
 
-/// Contacts whose gaps are alike.
+/// Contacts with similar gaps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cluster {
     /// Share of all contacts.
@@ -168,8 +168,8 @@ pub struct Cluster {
     pub backward: f64,
 }
 
-/// Double bounces, the bounces that follow them, and bounces once a cycle: gaps of up to 0.3, 0.7 to 0.94 and 0.94 to 1.06
-/// drive cycles.
+/// Double bounces, the bounces that follow them, and bounces once a cycle: gaps of up to 0.3, 0.7 to 0.94 and 0.94 to
+/// 1.06 drive cycles.
 pub fn clusters(arrivals: &[Arrival], drive_hz: f64) -> [Cluster; 3] {
     [[0.0, 0.3], [0.7, 0.94], [0.94, 1.06]].map(|[from, to]| {
         let mut inside: Vec<&Arrival> =

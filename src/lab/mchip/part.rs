@@ -34,7 +34,7 @@ impl PartShape {
         Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y) * (self.mass_kg / 3.0)
     }
 
-    /// Inverse of the inertia in the array's axes, 1/(kg m²), of a part turned by `rotation`.
+    /// Inverse of the inertia in the array's axes, 1/(kg m²), of a part rotated by `rotation`.
     pub fn inverse_inertia(&self, rotation: &Matrix3<f64>) -> Matrix3<f64> {
         let inverse = Matrix3::from_diagonal(&self.inertia_kgm2().map(f64::recip));
         rotation * inverse * rotation.transpose()
@@ -62,7 +62,8 @@ impl PartState {
         }
     }
 
-    /// A step under a constant acceleration; the gyroscopic torque of a box this flat and slow is left out.
+    /// Advances by a step under a constant acceleration; the gyroscopic torque of a box this flat and slow is
+    /// neglected.
     pub fn step(&mut self, accel_mps2: &Vector3<f64>, step_s: f64) {
         self.center_m += (self.velocity_mps + accel_mps2 * (0.5 * step_s)) * step_s;
         self.velocity_mps += accel_mps2 * step_s;

@@ -1,5 +1,5 @@
-//! The papers' figures of the M-Chip: impacts in clusters, jams and what frees a part, duty, spectrum, energies; the sweeps are
-//! in [`super::sweeps`].
+//! The papers' figures of the M-Chip: impacts in clusters, jams and means to free a part, duty, spectrum, energies; the
+//! sweeps are in [`super::sweeps`].
 
 use std::ops::Range;
 
@@ -17,27 +17,27 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
-/// Starts of the main figures, and of those beside them.
+/// Starts of the main figures, and of the additional ones.
 const STARTS: u64 = 10;
 const FEW: u64 = 3;
-/// Length of a run in which a part meets new rows, and of one for everything else, s.
+/// Length of a run in which a part meets new rows, and of all other runs, s.
 const LONG_S: f64 = 1.05;
 const SHORT_S: f64 = 0.2;
 /// Duties that are compared.
 const SHORT_DUTY: f64 = 0.36;
 /// Phase offsets from row to row, in cycles.
 const OFFSETS: [f64; 4] = [0.125, 0.25, 0.5, 0.75];
-/// Turns of the strobing that are compared, in cycles.
+/// Compared times for which the strobing turns a row off, in cycles.
 const TURNS: [usize; 5] = [20, 37, 50, 75, 100];
-/// Points of the belt's way.
+/// Points of the curve of the belt's displacement.
 const BELT_POINTS: usize = 100;
 /// Table I of the Impulse paper, 1e-5 dyn cm: mean and standard deviation of LinX, LinY, LinZ, AngX, AngY, AngZ, PotZ.
 const TABLE: [[f64; 2]; 7] =
     [[1.78, 0.71], [0.1, 0.15], [1.38, 1.86], [0.65, 0.86], [0.63, 1.28], [0.0081, 0.045], [50.1, 14.3]];
-/// Its unit, J.
+/// Unit of the table, J.
 const TABLE_J: f64 = 1e-12;
 
-/// Where the runs of each kind are among the summaries.
+/// Ranges of the runs of each kind among the summaries.
 struct Places {
     plain: Range<usize>,
     short_duty: Range<usize>,
@@ -53,9 +53,10 @@ struct Places {
     solid: [Range<usize>; 3],
 }
 
-/// All of it.
+/// Reproduces all figures.
 ///
 /// # Errors
+///
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
     let streams = Streams::new(rig.seed);
@@ -112,7 +113,7 @@ impl Places {
     }
 }
 
-/// Times between contacts, and how double bounces differ from the others.
+/// Times between contacts, and differences between double bounces and the others.
 fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
     const SOURCE: &str = "M-Chip paper, Fig. 7";
     let gap = |cluster: usize, name: &str, paper_ms: f64| {
@@ -140,7 +141,7 @@ fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
     ]
 }
 
-/// Contacts at a shorter duty, beside the paper's.
+/// Contacts at a shorter duty, compared with the paper's.
 fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
     let [doubles, strobed] = [plain, strobed].map(|of| mean(of, |summary| summary.clusters[0].share));
     let backward = of_cluster(plain, 2, |of| of.backward);
@@ -151,7 +152,7 @@ fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
     ]
 }
 
-/// Rates, jams, and what frees a part.
+/// Rates, jams, and means to free a part.
 fn feed<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
     let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
@@ -197,7 +198,7 @@ fn bouncing(strobed: &[Summary]) -> Vec<Figure> {
     ]
 }
 
-/// Energies per degree of freedom beside Table I.
+/// Energies per degree of freedom, compared with Table I.
 fn energies(summaries: &[Summary]) -> Sheet {
     let columns = [
         "energy (1e-5 dyn cm): 1-3 Lin X Y Z, 4-6 Ang X Y Z, 7 Pot Z, 8 drift along X",
@@ -219,7 +220,7 @@ fn energies(summaries: &[Summary]) -> Sheet {
     Sheet::new(columns, rows)
 }
 
-/// Other models and devices beside it.
+/// Other models and devices, for comparison.
 fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
     let rate_against = |name: &str, range: &Range<usize>, paper_mm_s: f64, source: &str| {
@@ -257,7 +258,7 @@ fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> 
     ]
 }
 
-/// A chart of tracks with that of a part on the belt of Fig. 11 beside them.
+/// A chart of tracks with that of a part on the belt of Fig. 11 added.
 fn with_belt(mut chart: Chart) -> Chart {
     let belt = Belt::published();
     let way = (0..=BELT_POINTS).map(|i| LONG_S * i as f64 / BELT_POINTS as f64);
@@ -285,7 +286,7 @@ mod tests {
     use super::*;
     use crate::testing::assert_sources_are_short;
 
-    /// The whole reproduction takes minutes of one core: a few short runs stand for it.
+    /// The whole reproduction takes minutes of one core: this test covers a few short runs.
     #[test]
     fn figures_of_a_few_runs_are_like_the_papers() {
         let mut batch = Batch::default();

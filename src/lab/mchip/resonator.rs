@@ -1,4 +1,5 @@
-//! One resonator: a torsional oscillator under spring, damper and a torque that is constant over a step. Steps are exact.
+//! One resonator: a torsional oscillator under spring, damper and a torque that is constant over a step. Steps are
+//! exact.
 
 /// Mechanics of a resonator about its rods.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,7 +16,7 @@ pub struct Swing {
     pub speed_radps: f64,
 }
 
-/// The map over one step of the departure from the angle that the torque holds: `exp(A h)` of the oscillator.
+/// The map over one step of the deviation from the equilibrium angle under the torque: `exp(A h)` of the oscillator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactStep {
     stiffness_nm: f64,
@@ -42,7 +43,7 @@ impl Rotor {
         ExactStep { stiffness_nm: self.stiffness_nm, map }
     }
 
-    /// Kinetic energy and that of the spring, J.
+    /// Kinetic energy plus that of the spring, J.
     #[cfg(test)]
     pub fn energy_j(&self, swing: &Swing) -> f64 {
         0.5 * (self.inertia_kgm2 * swing.speed_radps.powi(2) + self.stiffness_nm * swing.angle_rad.powi(2))
@@ -64,10 +65,10 @@ impl ExactStep {
 
 /// Steps of a drive cycle of [`free_cycle`].
 const CYCLE_STEPS: usize = 1_000;
-/// Cycles after which the free oscillation repeats itself.
+/// Cycles after which the free oscillation is periodic.
 const SETTLING_CYCLES: usize = 200;
 
-/// One cycle of the settled free oscillation under a square wave of torque, from the moment the torque sets in.
+/// One cycle of the settled free oscillation under a square wave of torque, from the moment the torque is switched on.
 pub fn free_cycle(rotor: &Rotor, torque_nm: f64, drive_hz: f64, duty: f64) -> Vec<Swing> {
     let step = rotor.exact_step(1.0 / (drive_hz * CYCLE_STEPS as f64));
     let on = (duty * CYCLE_STEPS as f64).round() as usize;

@@ -1,4 +1,4 @@
-//! A run: the part on the array, step by step.
+//! Simulation of one run: the part on the array, step by step.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -10,7 +10,8 @@ use super::part::{PartShape, PartState};
 use super::resonator::{ExactStep, Rotor, Swing};
 use upm_core::units::GRAVITY_MPS2;
 
-/// Rise of a contact point over the resonator's angle, m/rad, above which a resonator gives way to an overlap.
+/// Change of a contact point's height with the resonator's angle, m/rad, above which the resonator is turned back to
+/// remove an overlap.
 const LEAST_RISE_M: f64 = 3e-5;
 /// Drive cycles before the part is dropped: the free oscillation has settled by then.
 const WARM_UP_CYCLES: f64 = 20.0;
@@ -41,7 +42,7 @@ impl Setup {
     }
 }
 
-/// Where a part is dropped.
+/// Initial position of a dropped part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Middle of the part along x and y, m.
@@ -61,7 +62,8 @@ impl Start {
         Self { middle_m: [Self::MIDDLE_M, 0.0], yaw_rad: 0.0, drop_m: 1e-6 }
     }
 
-    /// As [`Start::aligned`], moved by up to 15 µm along x, 5 µm along y and 5 mrad; `draw` gives uniform numbers in 0..1.
+    /// As [`Start::aligned`], displaced by up to 15 µm along x, 5 µm along y and 5 mrad; `draw` gives uniform numbers
+    /// in 0..1.
     pub fn scattered(mut draw: impl FnMut() -> f64) -> Self {
         let mut about = |reach: f64| reach * (2.0 * draw() - 1.0);
         let aligned = Self::aligned();
@@ -82,13 +84,13 @@ pub struct Impact {
     pub column: usize,
     /// False for a resonator of a row that is strobed off.
     pub driven: bool,
-    /// Angle and angular speed of the resonator just before.
+    /// Angle and angular speed of the resonator just before the impact.
     pub swing: Swing,
     pub impulse_ns: Vector3<f64>,
     pub feature: Feature,
 }
 
-/// The part at one time.
+/// State of the part at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     pub at_s: f64,
@@ -114,8 +116,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run whose part is dropped at `start`. The array oscillates already: a part that lies on it when the torque sets in
-    /// would be thrown up.
+    /// A run whose part is dropped at `start`. The array already oscillates: a part at rest on it when the torque is
+    /// switched on would be thrown up.
     pub fn new(setup: Setup, start: &Start) -> Self {
         let device = &setup.device;
         let reach_m = if setup.drive.on { device.reach_m() } else { 0.0 };
@@ -151,7 +153,7 @@ impl Run {
         run
     }
 
-    /// One step of every resonator, free of the part; `step` counts from the start of the run.
+    /// Advances every resonator by one step, without contact; `step` counts from the start of the run.
     fn swing_on(&mut self, step: f64) {
         let Setup { device, drive, step_s, .. } = &self.setup;
         // the middle of the step, so that no switching time falls on a boundary
@@ -172,12 +174,12 @@ impl Run {
         &self.setup
     }
 
-    /// Height of the part's bottom above its place at rest, m.
+    /// Height of the part's bottom above its rest position, m.
     pub fn height_m(&self, state: &PartState) -> f64 {
         state.center_m.z - self.setup.part.half_m.z - self.setup.device.rest_height_m()
     }
 
-    /// Goes on until `until_s`, or until the part leaves the array; false in that case.
+    /// Advances until `until_s`, or until the part leaves the array; false in that case.
     pub fn advance(&mut self, until_s: f64) -> bool {
         let sampling = (self.setup.sample_s / self.setup.step_s).round().max(1.0) as u64;
         let end = (until_s / self.setup.step_s).round() as u64;
@@ -208,7 +210,7 @@ impl Run {
         self.collide(found);
     }
 
-    /// Resolves the contacts of this moment, one after the other; every second step backwards.
+    /// Resolves the contacts at the present time one after the other, in reverse order in every second step.
     fn collide(&mut self, found: &mut Vec<Contact>) {
         let pose = self.state.pose();
         let inverse_inertia = self.setup.part.inverse_inertia(&self.state.turn.to_rotation_matrix().into_inner());
@@ -244,7 +246,7 @@ impl Run {
         self.state.velocity_mps += impulse_ns / self.setup.part.mass_kg;
         self.state.spin_radps += inverse_inertia * arm_m.cross(&impulse_ns);
         self.swings[index].speed_radps -= lever_m.dot(&impulse_ns) / self.rotor.inertia_kgm2;
-        // the light resonator gives way by what it went too far: a lasting contact would else creep into the part
+        // the light resonator is turned back by the overlap: a lasting contact would otherwise creep into the part
         let rise_m = lever_m.dot(&contact.normal);
         if rise_m > LEAST_RISE_M {
             self.swings[index].angle_rad -= contact.depth_m / rise_m;
@@ -283,7 +285,7 @@ mod tests {
         let start = run.state;
         assert!(run.advance(0.05));
         let moved_m = run.state.center_m - start.center_m;
-        // it sinks by the give of the springs alone
+        // it sinks only by the compliance of the springs
         assert!(moved_m.xy().norm() < 0.3e-6 && (-0.5e-6..0.0).contains(&moved_m.z), "{moved_m}");
         assert!(run.state.velocity_mps.norm() < 1e-4 && run.state.turn.angle() < 1e-3);
     }

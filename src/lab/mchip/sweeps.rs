@@ -1,4 +1,4 @@
-//! Sweeps of the Impulse paper: mass of the part, place and height of the ridge, external force.
+//! Sweeps of the Impulse paper: mass of the part, position and height of the ridge, external force.
 
 use std::ops::Range;
 
@@ -17,16 +17,16 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 /// Starts at each value, and length of a run, s.
 const STARTS: u64 = 4;
 const TIME_S: f64 = 0.2;
-/// Masses, µg; places of the ridge and its heights, µm; forces along the feed, dyn.
+/// Masses, µg; positions of the ridge and its heights, µm; forces along the feed, dyn.
 const MASSES_UG: [f64; 8] = [15.0, 25.0, 40.0, 55.0, 70.0, 95.0, 120.0, 160.0];
 const PLACES_UM: [f64; 8] = [-140.0, -135.0, -130.0, -125.0, -120.0, -115.0, -110.0, -100.0];
 const HEIGHTS_UM: [f64; 7] = [2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 30.0];
 const FORCES_DYN: [f64; 4] = [0.0, -0.005, -0.01, -0.015];
-/// Duties of the sweeps: the mass's and the place's, the height's and the force's.
+/// Duties of the sweeps: that of mass and position, that of height and force.
 const DUTY: f64 = 0.5;
 const SHORT_DUTY: f64 = 0.36;
 
-/// Runs of the sweeps among the summaries.
+/// Ranges of the sweeps' runs among the summaries.
 pub struct Sweeps {
     masses: Vec<Range<usize>>,
     light: Vec<Range<usize>>,
@@ -101,7 +101,8 @@ impl Sweeps {
         }
     }
 
-    /// Slope of the rate over the force, and the force that stops the part, beside the closed form of single bounces.
+    /// Slope of the rate over the force, and the force that stops the part, compared with the closed form of single
+    /// bounces.
     fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
         let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
         let [intercept, slope] = line_through(&points);
@@ -124,16 +125,16 @@ fn at_peak(values: &[f64], curve: &[f64]) -> f64 {
     values.iter().zip(curve).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(value, _)| *value)
 }
 
-/// Spring on which the part would sink by its weight as it does.
+/// Stiffness of the spring on which the part would sink by its weight as observed.
 fn spring(name: &str, heights_um: &[f64]) -> Figure {
     let points: Vec<[f64; 2]> = MASSES_UG.iter().zip(heights_um).map(|(&mass, &height)| [mass, height]).collect();
     let [_, slope] = line_through(&points);
-    // N/m of µg over µm
+    // N/m from µg over µm
     let stiffness = -1e-9 * GRAVITY_MPS2 / (1e-6 * slope);
     Figure::against(name, "dyn/cm", 1e3 * stiffness, 294.0, "Impulse paper; its text's kdyn is a slip")
 }
 
-/// Rate at the ridge height at which the paper's falls, over that one step lower.
+/// Rate at the ridge height at which the paper's drops, over that one step lower.
 fn collapse(rates: &[f64]) -> Figure {
     let at =
         |um: f64| HEIGHTS_UM.iter().zip(rates).find(|(height, _)| **height == um).map_or(f64::NAN, |(_, rate)| *rate);

@@ -3,12 +3,12 @@
 /// A rectangular block as seen from the side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Length of the face that it stands on, m.
+    /// Length of the face on which it stands, m.
     pub length_m: f64,
     pub height_m: f64,
 }
 
-/// Turn of the block about the corner that it stands on: `tilt` is 0 where it lies flat, whichever corner it is.
+/// Rotation of the block about the corner on which it stands: `tilt` is 0 when it is flat, whichever corner it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Turn {
     /// Angle of its face above the table, rad.
@@ -23,7 +23,7 @@ impl Block {
         0.5 * self.length_m.hypot(self.height_m)
     }
 
-    /// Angle of the line from the corner to the centre above the table while the block lies flat, rad.
+    /// Angle of the line from the corner to the centre above the table while the block is flat, rad.
     pub fn flat_rad(&self) -> f64 {
         self.height_m.atan2(self.length_m)
     }
@@ -38,7 +38,7 @@ impl Block {
         0.75 / self.arm_m()
     }
 
-    /// Rise of the centre between two tilts, as a part of `r`: `sin φ_to - sin φ_from`.
+    /// Rise of the centre between two tilts, as a fraction of `r`: `sin φ_to - sin φ_from`.
     pub fn lift(&self, from_rad: f64, to_rad: f64) -> f64 {
         let (middle, half) = (self.flat_rad() + 0.5 * (from_rad + to_rad), 0.5 * (to_rad - from_rad));
         2.0 * middle.cos() * half.sin()

@@ -1,5 +1,5 @@
-//! Time that a block takes from one tilt to another under constant acceleration of the table: an elliptic integral of the
-//! first kind (Singer and Seering, Eqs. 3.7 to 3.15).
+//! Time that a block takes from one tilt to another under constant acceleration of the table: an elliptic integral of
+//! the first kind (Singer and Seering, Eqs. 3.7 to 3.15).
 
 use ellip::ellipf;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -7,8 +7,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use super::block::{Block, Turn};
 
 impl Block {
-    /// Time from `from` to the tilt `to_rad`, on a way without a turning point between them, s. `weight_mps2`, not negative,
-    /// is `g + ẍ`. `None` for a tilt that the block does not reach.
+    /// Time from `from` to the tilt `to_rad`, without a turning point between them, s. `weight_mps2`, not negative, is
+    /// `g + ẍ`. `None` for a tilt that the block does not reach.
     pub fn time_s(&self, from: Turn, to_rad: f64, weight_mps2: f64) -> Option<f64> {
         let pull = self.stiffness_pm() * weight_mps2;
         if pull <= 0.0 {
@@ -32,7 +32,7 @@ impl Block {
     }
 }
 
-/// Indefinite integral of `1 / sqrt(level - sin φ)` at an angle; `turns` where the angle is that at which the block turns back.
+/// Indefinite integral of `1 / sqrt(level - sin φ)` at an angle; `turns` where the block turns back at that angle.
 fn part(angle_rad: f64, level: f64, turns: bool) -> Option<f64> {
     let amplitude = FRAC_PI_4 + 0.5 * angle_rad;
     if level > 1.0 {
@@ -70,7 +70,7 @@ mod tests {
     }
 
     proptest! {
-        /// The bar is 1e-6 of the time.
+        /// The tolerance is 1e-6 of the time.
         #[test]
         fn time_is_that_of_the_integrated_equation(
             length_m in 0.005..0.1f64,
@@ -84,12 +84,12 @@ mod tests {
             let high_rad = share * block.balance_rad();
             let weight_mps2 = weight * GRAVITY_MPS2;
             let scale_radps = (block.stiffness_pm() * weight_mps2).sqrt();
-            // falls from a tilt, from rest or not
+            // falls from a tilt, initially at rest or not
             let falls = Turn { tilt_rad: high_rad, speed_radps: -speed * scale_radps };
             let time_s = block.time_s(falls, end * high_rad, weight_mps2).unwrap();
             let exact_s = integrated_s(&block, falls, end * high_rad, weight_mps2);
             prop_assert!((time_s / exact_s - 1.0).abs() < 1e-6, "{time_s} {exact_s}");
-            // rises with more speed than it takes to get there, beyond balance's energy or below
+            // rises with more speed than it needs, with more energy than at the balance or less
             let least = block.speed_radps(Turn { tilt_rad: high_rad, speed_radps: 0.0 }, end * high_rad, weight_mps2).unwrap();
             let rises = Turn { tilt_rad: end * high_rad, speed_radps: least * (1.001 + speed) };
             let time_s = block.time_s(rises, high_rad, weight_mps2).unwrap();

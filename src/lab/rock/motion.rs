@@ -1,4 +1,5 @@
-//! A block on a moving table, stepped through its equation of motion (Singer and Seering, Eq. 3.3a), from impact to impact.
+//! Simulation of a block on a moving table through its equation of motion (Singer and Seering, Eq. 3.3a), from impact
+//! to impact.
 
 use super::block::{Block, Turn};
 use super::wave::Wave;
@@ -7,35 +8,35 @@ use upm_core::units::GRAVITY_MPS2;
 
 /// Longest step, s.
 const STEP_S: f64 = 1e-4;
-/// Halvings of a step in which something happens.
+/// Bisections of a step that contains an event.
 const HALVINGS: usize = 50;
-/// A block that would rise less than this after an impact lies flat, rad.
+/// Rise after an impact, rad, below which a block counts as flat.
 const FLAT_RAD: f64 = 1e-5;
 
-/// A rocking block as it is released.
+/// Initial state of a rocking block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Release {
     pub block: Block,
-    /// Part of its centre's normal speed that is given back at an impact, `e`.
+    /// Coefficient of restitution `e` of the centre's normal speed.
     pub restitution: f64,
-    /// Tilt at which it is let go, rad.
+    /// Initial tilt, rad.
     pub tilt_rad: f64,
 }
 
-/// End of a motion.
+/// Reason for the end of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// It still rocks when the time is up.
+    /// It still rocks when the time is over.
     Rocks,
-    /// It lies flat.
+    /// It is flat.
     Flat,
-    /// It has gone beyond its balance.
+    /// It has passed its balance.
     Topples,
-    /// The table no longer presses on its corner: the model does not hold any more.
+    /// The table no longer presses on its corner: the model is no longer valid.
     Lifts,
 }
 
-/// A block's motion.
+/// Trajectory of a block and its extreme contact forces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// Time and tilt, s and rad.
@@ -43,17 +44,17 @@ pub struct Motion {
     /// Time and tilt of every peak, s and rad.
     pub peaks: Vec<[f64; 2]>,
     pub impacts_s: Vec<f64>,
-    /// Least force on the corner while the motion lasts, over the weight.
+    /// Least force on the corner during the motion, over the weight.
     pub least_contact: f64,
-    /// Largest ratio of the force along the table to the force on the corner: the friction that it takes.
+    /// Largest ratio of the force along the table to the force on the corner: the required friction.
     pub friction: f64,
-    /// State at the end of the time.
+    /// State when the time is over or the motion has ended.
     pub last: Turn,
     pub end: End,
 }
 
-/// State of the block `step_s` later, by Runge-Kutta's fourth order; `weight_mps2` is `g + ẍ` so long after the beginning of
-/// the step.
+/// State of the block `step_s` later, by the fourth-order Runge-Kutta method; `weight_mps2` is `g + ẍ` as a function of
+/// time from the beginning of the step.
 pub fn stepped(block: &Block, turn: Turn, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> Turn {
     let slope = |at: Turn, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
     let along = |[speed, accel]: [f64; 2], t_s: f64| Turn {
@@ -75,7 +76,7 @@ impl Release {
         self.motion_from(Turn { tilt_rad: self.tilt_rad, speed_radps: 0.0 }, wave, length_s)
     }
 
-    /// The same from another state than rest.
+    /// The same from a state other than rest.
     pub fn motion_from(&self, turn: Turn, wave: &Wave, length_s: f64) -> Motion {
         let motion = Motion {
             track: vec![[0.0, turn.tilt_rad]],
@@ -110,7 +111,7 @@ struct Rocking<'a> {
 }
 
 impl Rocking<'_> {
-    /// Steps until `until_s`; false when the motion has ended.
+    /// Advances until `until_s`; false when the motion has ended.
     fn follow(&mut self, until_s: f64, weight_mps2: impl Fn(f64) -> f64) -> bool {
         let block = &self.release.block;
         while self.t_s < until_s {
@@ -125,7 +126,7 @@ impl Rocking<'_> {
                 if happens(next) { bisect([0.0, step_s], HALVINGS, |t_s| happens(after(t_s)))[1] } else { step_s };
             let (next, is_peak) = (after(step_s), peaks(after(step_s)));
             let until_here_s = at_s + step_s;
-            // a step too short for the clock must not stop it
+            // a step below the clock's resolution must not stop it
             self.t_s = if until_here_s > at_s { until_here_s } else { until_s };
             let weight_here_mps2 = weight_mps2(self.t_s);
             self.turn = next;
@@ -147,7 +148,7 @@ impl Rocking<'_> {
         true
     }
 
-    /// Notes the forces on the corner; false where the table would have to pull.
+    /// Records the forces on the corner; false where the table would have to pull.
     fn presses(&mut self, weight_mps2: f64) -> bool {
         let [along, normal] = self.release.block.contact_mps2(self.turn, weight_mps2);
         if normal < 0.0 {
@@ -159,7 +160,8 @@ impl Rocking<'_> {
         true
     }
 
-    /// The face meets the table: the centre's normal speed is given back in part, and the other corner carries the block.
+    /// Impact of the face on the table: the centre's normal speed is restored in part, and the other corner then
+    /// supports the block.
     fn strike(&mut self) {
         self.motion.impacts_s.push(self.t_s);
         self.turn = Turn { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };

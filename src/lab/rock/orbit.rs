@@ -4,22 +4,22 @@ use super::block::{Block, Turn};
 use super::wave::Square;
 use upm_core::units::GRAVITY_MPS2;
 
-/// Halvings of the interval of accelerations.
+/// Bisections of the interval of accelerations.
 const HALVINGS: usize = 80;
-/// Energy with which a block is kicked over, as a part of that which just suffices.
+/// Energy of a kick that topples a block, as a multiple of the energy that just suffices.
 const OVER: f64 = 1.05;
-/// The drive goes on a little longer than the block takes to its balance.
+/// Length of the drive over the time that the block takes to its balance.
 const BEYOND: f64 = 1.01;
 
 /// One cycle of a rocking block, from a peak over an impact to the next peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cycle {
     pub block: Block,
-    /// Part of its centre's normal speed that is given back at the impact.
+    /// Coefficient of restitution of its centre's normal speed.
     pub restitution: f64,
     /// Peaks at the beginning and at the end, rad.
     pub peaks_rad: [f64; 2],
-    /// Tilt at which the table's acceleration turns upward, on the block's way down, rad.
+    /// Tilt at which the table's acceleration turns upward, while the block falls, rad.
     pub from_rad: f64,
     /// Tilt at which it turns downward again, rad: before the impact, or after it where negative.
     pub to_rad: f64,
@@ -33,7 +33,7 @@ struct Times {
     period_s: f64,
 }
 
-/// The block's way to the impact: when the wave switches, when it strikes, s, and how it turns then.
+/// The block's fall to the impact: switching times of the wave, time of the impact, s, and the rotation then.
 #[derive(Clone, Copy, Debug)]
 struct Fall {
     from_s: f64,
@@ -43,8 +43,8 @@ struct Fall {
 }
 
 impl Cycle {
-    /// The wave that makes it: equal areas of acceleration upward and downward, and at no time free fall. `None` where no
-    /// such wave exists.
+    /// The wave for this cycle: equal areas of acceleration upward and downward, and at no time free fall. `None` where
+    /// no such wave exists.
     pub fn drive(&self) -> Option<Square> {
         let ratio = self.ratio(self.block.lift(0.0, self.peaks_rad[1]))?;
         let excess = |low_mps2: f64| {
@@ -63,8 +63,8 @@ impl Cycle {
         Some(Square { up_mps2, down_mps2, from_s, to_s, period_s })
     }
 
-    /// The wave that topples the block: downward at `down_mps2`, except in an interval that ends before the impact. It lasts
-    /// until the block is beyond its balance. `None` where no acceleration suffices.
+    /// The wave that topples the block: downward at `down_mps2`, except in an interval that ends before the impact. It
+    /// lasts until the block is beyond its balance. `None` where no acceleration suffices.
     pub fn kick(&self, down_mps2: f64) -> Option<Square> {
         let (block, low_mps2) = (self.block, GRAVITY_MPS2 - down_mps2);
         let ratio = self.ratio(OVER * block.lift(0.0, block.balance_rad()))?;
@@ -90,7 +90,7 @@ impl Cycle {
         (is_ordered && given > 0.0 && ratio.is_finite() && ratio > 1.0).then_some(ratio)
     }
 
-    /// When the block passes the tilts at which the wave switches, with `low_mps2` for `g + ẍ` downward.
+    /// Times at which the block passes the tilts at which the wave switches, with `low_mps2` for `g + ẍ` downward.
     fn times(&self, low_mps2: f64, ratio: f64) -> Option<Times> {
         let peak = Turn { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
         let Fall { from_s, to_s, impact_s, after } = self.fall(low_mps2, ratio)?;
@@ -101,7 +101,7 @@ impl Cycle {
         Some(Times { from_s, to_s, period_s: to_s + self.block.time_s(peak, -self.to_rad, low_mps2)? })
     }
 
-    /// The way down.
+    /// The fall from the peak to the impact.
     fn fall(&self, low_mps2: f64, ratio: f64) -> Option<Fall> {
         let block = &self.block;
         let falls = |from: Turn, to_rad, weight_mps2| {
@@ -124,7 +124,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Found for every block, whichever side of the impact the upward acceleration ends on.
+        /// Holds for every block, whichever side of the impact the upward acceleration ends on.
         #[test]
         fn drive_brings_the_block_to_its_peak_in_one_period(
             length_m in 0.01..0.1f64,
@@ -137,7 +137,7 @@ mod tests {
             let block = Block { length_m, height_m: slender * length_m };
             let peak_rad = share * block.balance_rad();
             let from_rad = from * peak_rad;
-            // after the impact little may be taken back of what the restitution leaves
+            // after the impact little of the energy that the restitution leaves may be removed
             let to_rad = if to >= 0.0 { to * from_rad } else { 0.5 * to * restitution.powi(2) * from_rad };
             let cycle = Cycle { block, restitution, peaks_rad: [peak_rad; 2], from_rad, to_rad };
             let drive = cycle.drive().unwrap();

@@ -1,5 +1,5 @@
-//! The paper's figures of rocking: a steady orbit (Fig. 5), its instability (Fig. 6), a ramped wave that gathers (Fig. 8), two
-//! orientations on one drive (Fig. 9), and an amplitude that is raised until the block topples.
+//! The paper's figures of rocking: a steady orbit (Fig. 5), its instability (Fig. 6), a ramped wave that attracts other
+//! starts (Fig. 8), two orientations on one drive (Fig. 9), and an amplitude that is raised until the block topples.
 
 use rand::RngExt;
 
@@ -16,10 +16,10 @@ use upm_core::units::mm_from_m;
 
 /// Blocks drawn at random for the check of the solver.
 const BLOCKS: usize = 20;
-/// The block of Fig. 9: its edges differ by a tenth; the paper prints no size.
+/// The block of Fig. 9: its edges differ by a tenth; the paper does not print its size.
 const SIMILAR: Orientations =
     Orientations { standing: Block { length_m: 0.02, height_m: 0.022 }, restitution: 0.5, tilt_rad: 0.1 };
-/// Beginning of the upward acceleration in Fig. 9, of the peak, and those that are compared.
+/// Beginning of the upward acceleration in Fig. 9, as a fraction of the peak, and the values that are compared.
 const WINDOW_FROM: f64 = 0.5;
 const WINDOWS_FROM: [f64; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 /// Length of Fig. 9, s.
@@ -27,9 +27,10 @@ const SELECTION_S: f64 = 0.2;
 /// Peak from which the amplitude is raised, rad.
 const RAISED_FROM_RAD: f64 = 0.1;
 
-/// All of it.
+/// Reproduces all figures.
 ///
 /// # Errors
+///
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
     let mut outcome = Outcome::default();
@@ -79,7 +80,7 @@ fn random_blocks(seed: u64, progress: Progress<'_>, outcome: &mut Outcome) {
     ]);
 }
 
-/// Figs. 5 and 6.
+/// Figs. 5 and 6: orbit and instability on the square wave.
 fn square_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     let rock = Rock::published();
     let wave = rock.drive()?.wave();
@@ -111,7 +112,7 @@ fn square_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     Ok(())
 }
 
-/// Fig. 8, and how far each kind of wave gathers.
+/// Fig. 8, and the range of starts that each kind of wave attracts.
 fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     let rock = Rock::ramped();
     let drive = rock.drive()?;
@@ -143,7 +144,7 @@ fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
     Ok(())
 }
 
-/// Fig. 9, and how the difference falls with the window.
+/// Fig. 9, and the decrease of the difference with the window.
 fn selection(outcome: &mut Outcome) -> Result<(), LabFault> {
     let on_drive = |from| SIMILAR.on_drive(from, SELECTION_S).ok_or_else(|| LabFault::Setting("no such drive".into()));
     let Selected { motions: [standing, lying], peaks_rad, .. } = on_drive(WINDOW_FROM)?;

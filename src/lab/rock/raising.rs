@@ -4,24 +4,24 @@ use super::motion::{Motion, Release};
 use super::orbit::Cycle;
 use super::wave::Wave;
 
-/// Growth of the peak in a period.
+/// Growth factor of the peak per period.
 const GROWTH: f64 = 1.15;
-/// Part of the balance from which on the block is kicked over instead.
+/// Peak, as a fraction of the balance, from which the block is kicked over instead.
 const NEAR_BALANCE: f64 = 0.6;
-/// Most periods.
+/// Most periods until toppling.
 const MOST: usize = 60;
 
 /// A block brought from its rocking to toppling.
 #[derive(Clone, Debug)]
 pub struct Raised {
-    /// The table's acceleration, all of it.
+    /// The table's acceleration over the whole motion.
     pub wave: Wave,
-    /// Peaks that it is made for, rad.
+    /// Peaks that the wave is computed for, rad.
     pub peaks_rad: Vec<f64>,
     pub motion: Motion,
 }
 
-/// Raises the peaks of the steady `cycle`, whose window keeps its share of each peak. `None` where no drive does it.
+/// Raises the peaks of the steady `cycle`, whose window keeps its share of each peak. `None` where no drive exists.
 pub fn raise(cycle: &Cycle) -> Option<Raised> {
     let &Cycle { block, restitution, peaks_rad: [start_rad, _], from_rad, to_rad } = cycle;
     let (from, to) = (from_rad / start_rad, to_rad / start_rad);

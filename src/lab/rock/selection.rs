@@ -1,28 +1,29 @@
-//! Two orientations of a block on one table: the drive keeps one rocking and lets the other die (Singer and Seering, Fig. 9).
+//! Two orientations of a block on one table: the drive keeps one rocking and lets the motion of the other decay (Singer
+//! and Seering, Fig. 9).
 
 use super::block::Block;
 use super::motion::{Motion, Release};
 use super::orbit::Cycle;
 
-/// End of the upward acceleration after the impact, as a part of the tilt at which it begins, and of the square of the
-/// restitution: more takes back what it gave.
+/// End of the upward acceleration after the impact, as a fraction of the tilt at which it begins, and of the square of
+/// the restitution: a larger one removes energy that it has supplied.
 const AFTER: f64 = -0.4;
 
-/// A block `b` by `b (1 + δ)`, standing or lying, let go at the same tilt.
+/// A block `b` by `b (1 + δ)`, standing or lying, released at the same tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orientations {
-    /// The block as it stands on its short face.
+    /// The block on its short face.
     pub standing: Block,
-    /// Part of the centre's normal speed that is given back at an impact.
+    /// Coefficient of restitution of the centre's normal speed.
     pub restitution: f64,
-    /// Tilt at which both are let go, rad.
+    /// Initial tilt of both, rad.
     pub tilt_rad: f64,
 }
 
-/// Both on the drive of one of them.
+/// Both orientations on the drive of one of them.
 #[derive(Clone, Debug)]
 pub struct Selected {
-    /// Motions of the one that it is made for and of the other.
+    /// Motions of the orientation that the drive is computed for and of the other.
     pub motions: [Motion; 2],
     /// Peak of each after its first impact, rad.
     pub peaks_rad: [f64; 2],
@@ -31,8 +32,8 @@ pub struct Selected {
 }
 
 impl Orientations {
-    /// Both for `length_s` on the table that keeps the standing one rocking. The table's acceleration is upward around its
-    /// impact, from `from` of its peak on. `None` where there is no such drive.
+    /// Both for `length_s` on the table that keeps the standing one rocking. The table's acceleration is upward around
+    /// its impact, from `from` of its peak on. `None` where there is no such drive.
     pub fn on_drive(&self, from: f64, length_s: f64) -> Option<Selected> {
         let &Self { standing, restitution, tilt_rad } = self;
         let lying = Block { length_m: standing.height_m, height_m: standing.length_m };

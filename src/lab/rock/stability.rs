@@ -1,19 +1,20 @@
-//! Whether a block that is let go elsewhere than on its steady orbit comes back to it (Singer and Seering, Figs. 5, 6 and 8).
+//! Stability of a steady orbit: whether a block released elsewhere returns to it (Singer and Seering, Figs. 5, 6 and
+//! 8).
 
 use super::block::Turn;
 use super::motion::{End, Release};
 use super::wave::Wave;
 
-/// Deviation of tilt and of angular speed in units of one a period for the differences.
+/// Deviation of tilt, and of angular speed in units of one per period, for finite differences.
 const DEVIATION: f64 = 1e-6;
-/// Periods after which a block that still rocks is captured.
+/// Periods after which a block that still rocks counts as captured.
 const PERIODS: f64 = 40.0;
 /// Starts tried between rest and the highest.
 const STARTS: usize = 40;
 
 impl Release {
-    /// Largest magnitude of the factors by which small deviations from this orbit of period `wave` grow in a period: below 1
-    /// the orbit is stable. NaN where the block does not get through a period.
+    /// Largest magnitude of the factors by which small deviations from this orbit of period `wave` grow per period:
+    /// below 1 the orbit is stable. NaN where the block does not complete a period.
     pub fn multiplier(&self, wave: &Wave) -> f64 {
         let period_s = wave.length_s();
         let scales = [DEVIATION, DEVIATION / period_s];
@@ -32,8 +33,8 @@ impl Release {
         largest_eigenvalue([[a, b], [c, d]])
     }
 
-    /// Lowest and highest start from which the block still rocks after forty periods, as a part of this one: of the starts
-    /// around it that have no other between them. `None` where this start itself is lost.
+    /// Lowest and highest start from which the block still rocks after forty periods, as a fraction of this one, within
+    /// the contiguous range of captured starts around it. `None` where this start itself is lost.
     pub fn captured(&self, wave: &Wave) -> Option<[f64; 2]> {
         let highest_rad = 0.999 * self.block.balance_rad();
         let rocks =
@@ -46,7 +47,7 @@ impl Release {
     }
 }
 
-/// Largest magnitude of the eigenvalues of a matrix of two rows.
+/// Largest magnitude of the eigenvalues of a 2×2 matrix.
 fn largest_eigenvalue([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
     let (middle, determinant) = (0.5 * (a + d), a * d - b * c);
     let under_root = middle * middle - determinant;

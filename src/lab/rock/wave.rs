@@ -1,9 +1,10 @@
-//! The table's acceleration: stretches in which it changes evenly, over and over (Singer and Seering, Figs. 4 and 7).
+//! The table's acceleration: a periodic sequence of stretches in which it changes linearly (Singer and Seering, Figs. 4
+//! and 7).
 
 /// Points of the displacement in each stretch.
 const POINTS: usize = 64;
 
-/// Time over which the acceleration goes evenly from one value to another.
+/// A time interval in which the acceleration changes linearly from one value to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
     pub length_s: f64,
@@ -11,10 +12,10 @@ pub struct Stretch {
     pub accel_mps2: [f64; 2],
 }
 
-/// Acceleration of a table that goes up and down, by stretches.
+/// Vertical acceleration of the table, by stretches.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wave {
-    /// One period, or a whole motion.
+    /// Stretches of one period, or of a whole motion.
     pub stretches: Vec<Stretch>,
 }
 
@@ -25,21 +26,21 @@ pub struct Square {
     pub up_mps2: f64,
     /// Magnitude of the acceleration downward, `A_X2`, m/s².
     pub down_mps2: f64,
-    /// When it begins to be upward, `T_1`, s.
+    /// Beginning of the upward acceleration, `T_1`, s.
     pub from_s: f64,
-    /// When it ends to be, `T_2`, s.
+    /// End of the upward acceleration, `T_2`, s.
     pub to_s: f64,
     pub period_s: f64,
 }
 
 impl Square {
-    /// The wave with edges as they are.
+    /// The wave with vertical edges.
     pub fn wave(&self) -> Wave {
         self.ramped(0.0)
     }
 
-    /// The same with edges that last `ramp` of the period, about the instants where they were (Fig. 7); as much as there is
-    /// room for.
+    /// The same with edges that last `ramp` of the period, centred on the original ones (Fig. 7), or as long as there
+    /// is room for.
     pub fn ramped(&self, ramp: f64) -> Wave {
         let &Self { up_mps2, down_mps2, from_s, to_s, period_s } = self;
         let (up_s, down_s) = (to_s - from_s, period_s - to_s + from_s);
@@ -51,7 +52,7 @@ impl Square {
             stretch(edge_s, [up_mps2, -down_mps2]),
             stretch(down_s - edge_s, [-down_mps2; 2]),
         ];
-        // the period begins somewhere in there
+        // the period begins within an edge
         let begin_s = (0.5 * edge_s - from_s).rem_euclid(period_s);
         let mut t_s = 0.0;
         let (mut before, mut after) = (Vec::new(), Vec::new());
@@ -71,8 +72,8 @@ impl Wave {
         self.stretches.iter().map(|stretch| stretch.length_s).sum()
     }
 
-    /// Way of the table from its lowest to its highest place, m, where it is periodic or ends as it began: its mean velocity
-    /// is taken off, so that it comes back.
+    /// Stroke of the table from its lowest to its highest position, m, for a periodic motion or one that ends as it
+    /// began: the mean velocity is subtracted, so that it returns.
     pub fn stroke_m(&self) -> f64 {
         let way_m = self.motion();
         let (Some(end), length_s) = (way_m.last(), self.length_s()) else { return 0.0 };
@@ -82,7 +83,7 @@ impl Wave {
         high_m - low_m
     }
 
-    /// Time and place of a table that starts at rest, s and m.
+    /// Time and position of a table that starts at rest, s and m.
     fn motion(&self) -> Vec<[f64; 2]> {
         let (mut t_s, mut speed_mps, mut place_m) = (0.0, 0.0, 0.0);
         let mut found = vec![[0.0, 0.0]];
@@ -113,7 +114,7 @@ impl Wave {
 }
 
 impl Stretch {
-    /// Its parts before and after `at_s` from its beginning; one of them is empty where that is not within it.
+    /// The parts before and after `at_s` from its beginning; one of them is empty where `at_s` is outside it.
     fn cut(&self, at_s: f64) -> [Self; 2] {
         let at_s = at_s.clamp(0.0, self.length_s);
         let [first, last] = self.accel_mps2;

@@ -1,7 +1,7 @@
-//! Ledges one behind the other that bring a batch of blocks, which lie on any of their faces, onto the largest one.
+//! Consecutive ledges that bring a batch of blocks, initially on any of their faces, onto the largest one.
 //!
-//! A ledge exchanges a block's length along its way and its height; it cannot turn the third edge. So a quarter turn about
-//! the vertical follows the first ledge, and a second ledge lays down what stands then.
+//! A ledge exchanges a block's length along its direction of motion and its height; it cannot turn the third edge. So a
+//! quarter turn about the vertical follows the first ledge, and a second ledge topples the blocks that stand then.
 
 use rand::RngExt;
 
@@ -13,7 +13,7 @@ use upm_core::random::Streams;
 /// Blocks of a batch.
 const BATCH: u32 = 2_000;
 
-/// A block on the belt: edges along its way, upright and across, m.
+/// A block on the belt: edges along its direction of motion, upright and across, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lying {
     along_m: f64,
@@ -40,22 +40,23 @@ impl Lying {
     }
 }
 
-/// A batch after each ledge.
+/// Orientation of a batch after each ledge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cascade {
     /// Speed at each ledge, m/s.
     pub speeds_mps: Vec<f64>,
-    /// Lowest and highest speed that would do there without scatter, m/s.
+    /// Lowest and highest speed that would suffice there without scatter, m/s.
     pub windows_mps: Vec<[f64; 2]>,
-    /// Share of the batch on its largest face: at first, and after each ledge.
+    /// Share of the batch on its largest face: initially, and after each ledge.
     pub flat: Vec<f64>,
 }
 
-/// A batch of blocks with edges `edges_m` through two ledges with a quarter turn between, and a third of the second's speed
-/// for those that the scatter left standing.
+/// A batch of blocks with edges `edges_m` through two ledges with a quarter turn between, and a third ledge at the
+/// second's speed for blocks that the scatter left standing.
 ///
 /// # Errors
-/// Blocks so like a cube that no speed topples those that stand and leaves those that lie.
+///
+/// Blocks so close to a cube that no speed topples standing ones and leaves lying ones.
 pub fn cascade(topple: &Topple, edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabFault> {
     let ledge_m = topple.ledge_m;
     let mut edges_m = edges_m;
@@ -87,7 +88,7 @@ pub fn cascade(topple: &Topple, edges_m: [f64; 3], streams: &Streams) -> Result<
     Ok(Cascade { speeds_mps, windows_mps, flat })
 }
 
-/// Speeds that topple every one of `blocks` that stands, and none that lies.
+/// Range of speeds that topple every one of `blocks` that stands, and none that is flat.
 fn window(blocks: &[Lying], ledge_m: f64) -> Result<[f64; 2], LabFault> {
     let of = |stands: bool| {
         let alike = blocks.iter().filter(move |block| block.stands() == stands);

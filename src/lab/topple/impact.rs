@@ -1,5 +1,5 @@
-//! The impact and the swing after it, simulated: a rigid body in the plane whose contact point is held by impulse and force.
-//! It knows nothing of the closed form: neither of angular momentum about the edge nor of energy.
+//! Simulation of the impact and the following swing: a rigid body in the plane whose contact point is held by impulse
+//! and force. It is independent of the closed form: it uses neither angular momentum about the edge nor energy.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -9,12 +9,13 @@ use upm_core::units::GRAVITY_MPS2;
 
 /// Steps in the time that the centre takes to fall by its height above the edge.
 const STEPS: f64 = 1_000.0;
-/// Such times after which a part that has neither toppled nor fallen back stands on its edge.
+/// Such times after which a part that has neither toppled nor fallen back counts as balanced on its edge.
 const MOST_TIMES: f64 = 400.0;
 /// Halvings of the interval of speeds.
 const HALVINGS: usize = 40;
 
-/// State of the body: place of its centre from the edge, m; its turn, counter-clockwise, rad; velocities of both.
+/// State of the body: position of its centre from the edge, m; its rotation, counter-clockwise, rad; velocities of
+/// both.
 #[derive(Clone, Copy, Debug)]
 struct Body {
     center_m: Vector2<f64>,
@@ -23,7 +24,7 @@ struct Body {
 }
 
 impl Pivot {
-    /// True when a part that comes at `speed_mps` topples over the edge.
+    /// True when a part that arrives at `speed_mps` topples over the edge.
     pub fn topples(&self, speed_mps: f64) -> bool {
         let mut body = self.after_impact(speed_mps);
         let step_s = (self.above_m / GRAVITY_MPS2).sqrt() / STEPS;
@@ -55,7 +56,7 @@ impl Pivot {
         Matrix2::identity() + turned * turned.transpose() / self.gyration_m2
     }
 
-    /// A step of Runge-Kutta's fourth order; the edge holds the body's point by a force.
+    /// A step of the fourth-order Runge-Kutta method; the edge holds the body's point by a force.
     fn stepped(&self, body: Body, step_s: f64) -> Body {
         let along = |slope: &Slope, share: f64| Body {
             center_m: body.center_m + slope.velocity_mps * (share * step_s),
@@ -78,7 +79,7 @@ impl Pivot {
     fn slope(&self, body: &Body) -> Slope {
         let arm_m = -body.center_m;
         let gravity = Vector2::new(0.0, -GRAVITY_MPS2);
-        // acceleration of the point without the force: the centre's and the centripetal one
+        // acceleration of the point without the force: gravity and the centripetal acceleration
         let free = gravity - arm_m * body.spin_radps.powi(2);
         let force = self.inverse_mass(arm_m).try_inverse().map_or_else(Vector2::zeros, |mass| -(mass * free));
         Slope {
@@ -88,7 +89,7 @@ impl Pivot {
         }
     }
 
-    /// Least speed at which the simulated part topples, m/s, by halving an interval.
+    /// Least speed at which the simulated part topples, m/s, by bisection.
     pub fn simulated_critical_mps(&self) -> f64 {
         let (mut stays, mut topples) = (0.0, (GRAVITY_MPS2 * (self.behind_m + self.above_m)).sqrt());
         while !self.topples(topples) && topples < f64::MAX.sqrt() {
@@ -114,7 +115,7 @@ fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
 mod tests {
     use super::super::peg::{Peg, Shape};
 
-    /// The bar is 0.1 %.
+    /// The tolerance is 0.1 %.
     #[test]
     fn simulated_speed_is_that_of_the_closed_form() {
         for (shape, length_mm, height_mm, ledge_mm) in [

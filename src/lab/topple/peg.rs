@@ -1,4 +1,4 @@
-//! A part that slides against a low ledge, and the speed at which it topples (Singer and Seering, section 2).
+//! A part that slides against a low ledge, and its critical speed of toppling (Singer and Seering, section 2).
 
 use upm_core::units::GRAVITY_MPS2;
 
@@ -9,16 +9,16 @@ pub enum Shape {
     Cylinder,
 }
 
-/// A part on a flat surface.
+/// A part on a flat surface, seen from the side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peg {
     pub shape: Shape,
-    /// Length along its way, or diameter, m.
+    /// Length along its direction of motion, or diameter, m.
     pub length_m: f64,
     pub height_m: f64,
 }
 
-/// A part against a ledge: where its centre of mass lies from the ledge's top edge.
+/// A part against a ledge: position of its centre of mass relative to the ledge's top edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pivot {
     /// Distance of the centre behind the edge, m.
@@ -33,7 +33,8 @@ impl Peg {
     /// The part about the top edge of a ledge of height `ledge_m`; `None` for a ledge at or above its centre.
     pub fn pivot(&self, ledge_m: f64) -> Option<Pivot> {
         let (half_length_m, half_height_m) = (0.5 * self.length_m, 0.5 * self.height_m);
-        // of the horizontal axis across its way: a circle's is a quarter of the radius squared, a line's a third
+        // of the horizontal axis across the direction of motion: a circle's is a quarter of the radius squared, a
+        // line's a third
         let across = match self.shape {
             Shape::Block => half_length_m.powi(2) / 3.0,
             Shape::Cylinder => half_length_m.powi(2) / 4.0,
@@ -43,7 +44,7 @@ impl Peg {
         (above_m > 0.0).then_some(Pivot { behind_m: half_length_m, above_m, gyration_m2 })
     }
 
-    /// The same part lying on the face that met the ledge.
+    /// The same part on the face that met the ledge.
     pub fn toppled(&self) -> Self {
         Self { length_m: self.height_m, height_m: self.length_m, ..*self }
     }
@@ -55,16 +56,16 @@ impl Pivot {
         self.gyration_m2 + self.behind_m.powi(2) + self.above_m.powi(2)
     }
 
-    /// Least speed at which the part topples (Eq. 2.3): angular momentum about the edge is kept in the impact, and the
-    /// energy after it must lift the centre over the edge. m/s.
+    /// Least speed at which the part topples (Eq. 2.3), m/s: angular momentum about the edge is conserved in the
+    /// impact, and the energy after it must lift the centre over the edge.
     pub fn critical_mps(&self) -> f64 {
         let lift_m = self.behind_m.hypot(self.above_m) - self.above_m;
         (2.0 * GRAVITY_MPS2 * self.about_edge_m2() * lift_m).sqrt() / self.above_m
     }
 }
 
-/// Ratio of the critical speeds of the two orientations of a block `b` by `b (1 + δ)` on a ledge of no height (Eq. 2.4): the
-/// lying one's over the standing one's.
+/// Ratio of the critical speeds of the two orientations of a block `b` by `b (1 + δ)` on a ledge of zero height (Eq.
+/// 2.4): the lying one's over the standing one's.
 pub fn ratio_of_orientations(delta: f64) -> f64 {
     let standing = Peg { shape: Shape::Block, length_m: 1.0, height_m: 1.0 + delta };
     let critical = |peg: Peg| peg.pivot(0.0).map_or(f64::NAN, |pivot| pivot.critical_mps());

@@ -1,5 +1,5 @@
-//! The paper's figures of ledges: how a small difference between two edges of a block tells its orientations apart (Eq. 2.4,
-//! Fig. 2), the trials with pegs (Table 1, whose numbers cannot be read any more), and ledges one behind the other.
+//! The paper's figures of ledges: separation of a block's orientations by a small difference between two edges (Eq.
+//! 2.4, Fig. 2), the trials with pegs (Table 1, whose numbers are no longer legible), and consecutive ledges.
 
 use super::cascade::cascade;
 use super::peg::{Peg, Shape};
@@ -12,19 +12,21 @@ use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
-/// Coefficients of Eq. 2.4, worked out anew; the paper prints 2.2 and 1.33.
+/// Coefficients of Eq. 2.4, recomputed; the paper prints 2.2 and 1.33.
 const COEFFICIENTS: [f64; 2] = [2.207, 1.332];
-/// Step of the differences that give them.
+/// Step of the finite differences for them.
 const DELTA: f64 = 1e-3;
-/// A second peg twice as thick as the published one falls at the same speed with this height, found by halving.
+/// Thickness ratio of a second peg, whose height is chosen by bisection so that it topples at the same speed as the
+/// published one.
 const TWICE: f64 = 2.0;
 const HALVINGS: usize = 60;
 /// Edges of the blocks in the batch, m.
 const BLOCK_M: [f64; 3] = [8e-3, 12e-3, 18e-3];
 
-/// All of it.
+/// Reproduces all figures.
 ///
 /// # Errors
+///
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
     let streams = Streams::new(rig.seed);
@@ -87,20 +89,20 @@ fn orientations() -> Outcome {
     Outcome { figures, charts: vec![chart], series, ..Outcome::default() }
 }
 
-/// A cylinder twice as thick as that of `peg` that falls at the same speed.
+/// A cylinder twice as thick as that of `peg` that topples at the same speed.
 fn alike(peg: &Topple) -> Topple {
     let critical = |height_m: f64| {
         let peg = Peg { shape: Shape::Cylinder, length_m: TWICE * peg.length_m, height_m };
         peg.pivot(Topple::published().ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
     };
     let wanted = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
-    // the taller the easier to topple
+    // taller parts topple more easily
     let ends_m = [2.0 * peg.ledge_m, 100.0 * peg.height_m];
     let [_, height_m] = bisect(ends_m, HALVINGS, |height_m| critical(height_m) <= wanted);
     Topple { length_m: TWICE * peg.length_m, height_m, ..*peg }
 }
 
-/// Ledges one behind the other.
+/// Adds a batch on consecutive ledges.
 fn batch(peg: &Topple, streams: &Streams, outcome: &mut Outcome) -> Result<(), LabFault> {
     let found = cascade(peg, BLOCK_M, streams)?;
     let [a, b, c] = BLOCK_M.map(mm_from_m);

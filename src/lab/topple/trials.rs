@@ -1,4 +1,5 @@
-//! The paper's experiment: fifteen trials a speed, the highest at which no part falls and the lowest at which all do.
+//! The paper's experiment: fifteen trials per speed, the highest speed at which no part topples and the lowest at which
+//! all do.
 
 use rand_distr::{Distribution, StandardNormal};
 
@@ -7,7 +8,7 @@ use upm_core::units::GRAVITY_MPS2;
 
 /// Trials at one speed.
 pub const TRIALS: u32 = 15;
-/// Speeds that are tried, in units of the critical one: from the first in so many steps of the second.
+/// Speeds that are tried, in units of the critical one: the first, their step and their number.
 const FIRST: f64 = 0.8;
 const STEP: f64 = 0.005;
 const SPEEDS: u32 = 80;
@@ -15,19 +16,19 @@ const SPEEDS: u32 = 80;
 /// Scatter of the experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// Standard deviation of the belt's speed, as a part of it.
+    /// Standard deviation of the belt's speed, as a fraction of it.
     pub belt: f64,
     /// Mean friction between belt and part, and its standard deviation.
     pub friction: f64,
     pub friction_sd: f64,
-    /// Mean way on the belt before the ledge, m, and its standard deviation as a part of it.
+    /// Mean distance on the belt before the ledge, m, and its standard deviation as a fraction of it.
     pub way_m: f64,
     pub way_sd: f64,
 }
 
 impl Scatter {
-    /// Speed at which one part meets the ledge when the belt should move at `belt_mps`: that of the belt, unless friction has
-    /// not brought the part there yet.
+    /// Speed at which one part meets the ledge when the belt should move at `belt_mps`: that of the belt, unless
+    /// friction has not yet accelerated the part to it.
     pub fn approach_mps(&self, belt_mps: f64, rng: &mut Rng) -> f64 {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
         let belt_mps = belt_mps * (1.0 + self.belt * normal());
@@ -37,14 +38,14 @@ impl Scatter {
     }
 }
 
-/// Outcome of the experiment, m/s.
+/// Result of the experiment, m/s.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Band {
-    /// Highest speed at which none falls.
+    /// Highest speed at which none topples.
     pub none_mps: f64,
-    /// Lowest speed at which all fall.
+    /// Lowest speed at which all topple.
     pub all_mps: f64,
-    /// Speeds and shares of parts that fell.
+    /// Speeds and shares of parts that toppled.
     pub shares: Vec<[f64; 2]>,
 }
 
@@ -53,13 +54,13 @@ impl Band {
         0.5 * (self.none_mps + self.all_mps)
     }
 
-    /// Its width, as a part of the middle.
+    /// Width of the band, as a fraction of its middle.
     pub fn width(&self) -> f64 {
         (self.all_mps - self.none_mps) / self.median_mps()
     }
 }
 
-/// The experiment with a part that falls from `critical_mps` on.
+/// The experiment with a part that topples from `critical_mps` on.
 pub fn band(scatter: &Scatter, critical_mps: f64, streams: &Streams) -> Band {
     let mut rng = streams.stream("ledge trials");
     let mut shares = Vec::new();

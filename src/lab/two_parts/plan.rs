@@ -12,7 +12,7 @@ pub const CENTERS: usize = 4;
 /// Condition number of Φ beyond which the four fields count as dependent.
 const SINGULAR: f64 = 1e6;
 
-/// The places of all parts, m, table frame.
+/// Positions of all parts, m, table frame.
 pub type Places = [Vec2; PARTS];
 
 /// Φ of Eq. 2, 4×4: column j is τ_j at part 1 (x, y), then at part 2.
@@ -29,7 +29,8 @@ pub fn condition(phi: &Matrix4<f64>) -> f64 {
     values.max() / values.min()
 }
 
-/// The d (m) with `Φ d = ΔP` for the way from `parts_m` to `goals_m`; `None` where the fields are dependent.
+/// The distances d (m) with `Φ d = ΔP` that move the parts from `parts_m` to `goals_m`; `None` where the fields are
+/// dependent.
 pub fn distances(centers_m: &[Vec2; CENTERS], parts_m: &Places, goals_m: &Places) -> Option<[f64; CENTERS]> {
     let phi = field_matrix(centers_m, parts_m);
     let condition = condition(&phi);
@@ -43,7 +44,7 @@ pub fn distances(centers_m: &[Vec2; CENTERS], parts_m: &Places, goals_m: &Places
     phi.lu().solve(&step).map(Into::into)
 }
 
-/// Where a part comes to that flows by `distance_m` about `center_m`: along the circle, exactly.
+/// Position of a part after it flows by `distance_m` about `center_m`: along the circle, exactly.
 pub fn flow(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
     let arm = part_m - center_m;
     let radius = arm.norm();
@@ -70,7 +71,7 @@ pub mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The end of [`flow`] by integrating `dp/ds = τ(p)` in fine steps (Runge-Kutta, fourth order).
+    /// The end of [`flow`] by integrating `dp/ds = τ(p)` in fine steps (fourth-order Runge-Kutta).
     pub fn flow_in_steps(center_m: Vec2, part_m: Vec2, distance_m: f64) -> Vec2 {
         const STEPS: u32 = 200;
         let h = distance_m / f64::from(STEPS);

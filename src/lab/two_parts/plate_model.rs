@@ -1,6 +1,6 @@
-//! Rotations by a wanted distance on a simulated plate. How far a pulse carries a part is measured beforehand with one
-//! coin in the middle of the workspace, for each centre and each sense; long ways are split into several pulses, for a
-//! long one saturates.
+//! Rotations by a given distance on a simulated plate. The displacement by a pulse is measured beforehand with one coin
+//! in the middle of the workspace, for each centre and each sense; long distances are split into several pulses, since
+//! a long pulse saturates.
 
 use std::f64::consts::TAU;
 
@@ -14,13 +14,13 @@ use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
 const SUSTAINS: usize = 17;
 /// The shortest sustain used, in periods; a pulse without any is all flank, in which a plate drifts on its rods.
 const SHORTEST_PERIODS: f64 = 1.0;
-/// How much longer the longest one is, in attacks: it carries parts at least twice as far.
+/// Difference of the longest and the shortest sustain, in attacks: the longest carries parts at least twice as far.
 const LONGER_BY_ATTACKS: f64 = 2.0;
 
-/// Spin of a plate with strong motors, rad/s: parts then stay slow against the belt, all over the workspace.
+/// Spin of a plate with strong motors, rad/s: parts then stay slow compared with the belt, all over the workspace.
 pub const STRONG_SPIN_RADPS: f64 = 8.0;
 
-/// A plate and what its pulses do.
+/// A plate and the measured effect of its pulses.
 pub struct PlateModel<'a> {
     rig: &'a LabRig,
     mode: PlateMode,
@@ -29,7 +29,7 @@ pub struct PlateModel<'a> {
     curves: [[Curve; 2]; CENTERS],
 }
 
-/// Distance against sustain, one centre, one sense.
+/// Distance against sustain, for one centre and one sense.
 #[derive(Clone, Default)]
 struct Curve {
     sustain_s: Vec<f64>,
@@ -45,8 +45,8 @@ impl Curve {
         self.distance_m.last().copied().unwrap_or(f64::NAN)
     }
 
-    /// Sustains of the pulses that carry a part by `distance_m` ≥ 0 together, all equal. None at all when that is less
-    /// than half of the shortest pulse.
+    /// Sustains of the pulses that together carry a part by `distance_m` ≥ 0, all equal. Empty when that is less than
+    /// half of the shortest pulse.
     fn pulses(&self, distance_m: f64) -> Vec<f64> {
         if distance_m < 0.5 * self.shortest_m() {
             return Vec::new();
@@ -55,7 +55,7 @@ impl Curve {
         vec![self.sustain_for(distance_m / count); count as usize]
     }
 
-    /// Straight lines between the measured points; the shortest and the longest pulse beyond them.
+    /// Linear interpolation between the measured points; the shortest and the longest pulse beyond them.
     fn sustain_for(&self, distance_m: f64) -> f64 {
         let points = self.sustain_s.windows(2).zip(self.distance_m.windows(2));
         for (sustain, distance) in points {
@@ -72,7 +72,7 @@ impl Curve {
 }
 
 impl<'a> PlateModel<'a> {
-    /// Measures what pulses about the four centres do to a part at `reference_m`.
+    /// Measures the effect of pulses about the four centres on a part at `reference_m`.
     pub fn calibrated(
         rig: &'a LabRig,
         mode: PlateMode,
@@ -88,12 +88,12 @@ impl<'a> PlateModel<'a> {
         Ok(model)
     }
 
-    /// The shortest way that can be told to a part, of all centres and senses, m.
+    /// The largest over all centres and senses of the shortest distance of one pulse, m.
     pub fn shortest_m(&self) -> f64 {
         self.curves.iter().flatten().map(Curve::shortest_m).fold(0.0, f64::max)
     }
 
-    /// How saturated the shortest pulses leave a part at `reference_m`, at worst.
+    /// Largest saturation of a part at `reference_m` by the shortest pulses.
     pub fn saturation(&self, reference_m: Vec2) -> f64 {
         let outline = envelope(self.rig, self.shortest_s());
         let of = |(spin_radps, center): (&f64, &Vec2)| {
@@ -137,8 +137,8 @@ impl<'a> PlateModel<'a> {
         Ok(simulate(&self.rig.sim, self.mode, &parts, pulses, self.rig.model.base_radps, sample_hz)?)
     }
 
-    /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when that is positive; their
-    /// places at every sample, of which the first is the start and the last is at rest.
+    /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns their
+    /// positions at every sample, of which the first is the start and the last is at rest.
     pub fn rotate(&self, parts_m: &Places, center: usize, distance_m: f64) -> Result<Vec<Places>, LabFault> {
         let (sense, curve) = if distance_m < 0.0 { (-1.0, 1) } else { (1.0, 0) };
         let pulses: Vec<OpenPulse> = self.curves[center][curve]

@@ -1,4 +1,4 @@
-//! Figures, series, pictures and the playback of the two parts.
+//! Figures, series, charts and the playback of the experiment with two parts.
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{Figure, LabRig, Outcome, Series};
@@ -10,19 +10,19 @@ use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
 
-/// Results beside the runs.
+/// Results in addition to the runs.
 pub struct SideResults {
-    /// Solution of one look, m.
+    /// Solution of the step in one look, m.
     pub d_m: [f64; CENTERS],
     /// Spin of the rig's plate about each centre, rad/s.
     pub spin_radps: [f64; CENTERS],
-    /// Shortest pulse of the strong plate and of the rig's, m.
+    /// Shortest distance of one pulse of the strong plate and of the rig's, m.
     pub shortest_m: [f64; 2],
-    /// How saturated it is in the middle.
+    /// Saturation by it in the middle of the workspace.
     pub saturation: [f64; 2],
 }
 
-/// `runs`: ideal field, strong plate, rig's plate.
+/// Outcome from the `runs`: ideal field, strong plate, rig's plate.
 pub fn outcome(rig: &LabRig, task: &Task, runs: &[StepSeries; 3], side_results: &SideResults) -> Outcome {
     let [ideal, strong, own] = runs;
     let mut figures = of_one_look(task, ideal, side_results);
@@ -54,7 +54,7 @@ fn of_one_look(task: &Task, ideal: &StepSeries, side_results: &SideResults) -> V
     for (j, d) in side_results.d_m.into_iter().enumerate() {
         figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
-    // Every look sees the miss of those before: only the second order of its own step is left.
+    // Every look corrects the miss of the previous ones: only the second order of its own step remains.
     let second = "second order of each look's own step is left";
     let measured = |looks: usize| 1e3 * ideal.miss_m(looks).unwrap_or(f64::NAN);
     let [.., coarse, fine] = LOOKS;
@@ -109,7 +109,7 @@ fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Playback {
     }
 }
 
-/// The paper's Fig. 3 (d): starts, goals and the polygonal line through the places after each rotation.
+/// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.
 fn map(name: &str, task: &Task, run: &StepSeries) -> Option<Chart> {
     let (looks, way) = run.ways.first()?;
     let corners = &way.corners;

@@ -1,15 +1,16 @@
-//! The large step with two parts, and the ways that lead to its goals in one look and in several.
+//! The large step with two parts, and their paths to its goals in one look and in several.
 
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, Places, condition, distances, field_matrix, mean_miss};
 use upm_core::geometry::Vec2;
 
-/// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of rotation.
+/// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of
+/// rotation.
 const CORNERS: [[f64; 2]; CENTERS] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]];
 /// Starts and goals, in half sides of the plate; the steps are large on purpose, as in the paper.
 const STARTS: [[f64; 2]; 2] = [[-0.26, -0.19], [0.49, 0.0]];
 const GOALS: [[f64; 2]; 2] = [[-0.6, -0.11], [0.3, -0.29]];
-/// Looks into which the step is split.
+/// Numbers of looks into which the step is split.
 pub const LOOKS: [usize; 4] = [1, 2, 4, 8];
 
 /// The problem on a plate of this size.
@@ -27,14 +28,14 @@ impl Task {
         Self { half_side_m, centers_m: CORNERS.map(scaled), starts_m: STARTS.map(scaled), goals_m: GOALS.map(scaled) }
     }
 
-    /// Where the parts shall be after `done` of `looks` looks: on straight lines to their goals.
+    /// Target positions after `done` of `looks` looks: on straight lines to the goals.
     fn waypoints_m(&self, done: usize, looks: usize) -> Places {
         let share = done as f64 / looks as f64;
         std::array::from_fn(|i| self.starts_m[i] + (self.goals_m[i] - self.starts_m[i]) * share)
     }
 
-    /// Splits the step into `looks` looks; at each, solves for d where the parts are and rotates them by it with `rotate`,
-    /// centre after centre.
+    /// Splits the step into `looks` looks; at each, solves for d at the parts' present positions and rotates them by it
+    /// with `rotate`, centre after centre.
     pub fn go(
         &self,
         looks: usize,
@@ -66,22 +67,22 @@ impl Task {
     }
 }
 
-/// The way the parts went.
+/// The parts' path.
 pub struct PartPath {
-    /// Where the parts were at first and after each rotation.
+    /// Positions initially and after each rotation.
     pub corners: Vec<Places>,
-    /// Where they were at each sample of the simulation.
+    /// Positions at each sample of the simulation.
     pub samples: Vec<Places>,
     /// E at the end, m.
     pub miss_m: f64,
 }
 
-/// One mover, the step in 1, 2, 4 and 8 looks.
+/// The step by one mover in 1, 2, 4 and 8 looks.
 pub struct StepSeries {
     pub name: &'static str,
-    /// Looks and the way they led.
+    /// Numbers of looks and the resulting paths.
     pub ways: Vec<(usize, PartPath)>,
-    /// Looks that led nowhere, and why: a part fell, or the four fields became dependent.
+    /// Numbers of looks that failed, and the reason: a part fell, or the four fields became dependent.
     pub failed: Vec<(usize, LabFault)>,
 }
 
@@ -106,7 +107,7 @@ impl StepSeries {
         self.ways.iter().find(|(of, _)| *of == looks).map(|(_, way)| way.miss_m)
     }
 
-    /// The way of the fewest looks.
+    /// The path with the fewest looks.
     pub fn first(&self) -> Option<&PartPath> {
         self.ways.first().map(|(_, way)| way)
     }

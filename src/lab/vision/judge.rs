@@ -3,7 +3,7 @@ use upm_core::rig::PartKind;
 use upm_perception::vision::{CoinFinder, Detection, TableFault, locate_table};
 use upm_scene::{Family, PartTruth, Scene, kinds};
 
-/// A table with a corner farther off than this, px, is none.
+/// Error of a corner, px, above which a located table counts as misplaced.
 const MISPLACED_PX: f64 = 5.0;
 
 /// Verdict on one scene.
@@ -17,9 +17,9 @@ pub struct Verdict {
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableVerdict {
     NotFound(TableFault),
-    /// One was, but not where it is.
+    /// A table was located, but in the wrong place.
     Misplaced,
-    /// Distances of the corners from the true ones, px, and what became of the parts.
+    /// Distances of the corners from the true ones, px, and the verdict on the parts.
     Found {
         corner_errors_px: [f64; 4],
         parts: PartsVerdict,
@@ -28,12 +28,12 @@ pub enum TableVerdict {
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartsVerdict {
-    /// Of the parts that were found.
+    /// Errors of the parts that were found.
     pub errors: Vec<PartError>,
     pub missed: usize,
     /// Detections where no part is.
     pub invented: usize,
-    /// Parts found and taken for another kind.
+    /// Parts found but taken for another kind.
     pub misnamed: usize,
 }
 
@@ -41,15 +41,15 @@ pub struct PartsVerdict {
 pub struct PartError {
     /// Distance of the outline's centre from the true one, px.
     pub center_px: f64,
-    /// Radius against the true one, px.
+    /// Difference of the radius from the true one, px.
     pub radius_px: f64,
-    /// Distance on the plate, m.
+    /// Distance from the true position on the plate, m.
     pub position_m: f64,
     /// Squared error of the centre over the reported covariance, mean of the two axes.
     pub over_covariance: f64,
 }
 
-/// Locates table and parts in the scene's picture and holds them against its truth.
+/// Locates table and parts in the scene's picture and compares them with its truth.
 pub fn judge(family: Family, scene: &Scene) -> Verdict {
     let verdict = |table| Verdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
@@ -67,7 +67,7 @@ pub fn judge(family: Family, scene: &Scene) -> Verdict {
     verdict(TableVerdict::Found { corner_errors_px, parts: compare(&scene.truth(), &found) })
 }
 
-/// The kinds looked for.
+/// The kinds searched for.
 fn kinds_of(family: Family) -> Vec<PartKind> {
     let kinds = kinds();
     match family {
@@ -76,7 +76,7 @@ fn kinds_of(family: Family) -> Vec<PartKind> {
     }
 }
 
-/// Takes nearest pairs first; a part is found where a detection lies within half its radius.
+/// Matches nearest pairs first; a part is found where a detection is within half its radius.
 fn compare(truth: &[PartTruth], found: &[Detection]) -> PartsVerdict {
     let distance = |i: usize, k: usize| (found[k].center_px - truth[i].center_px).norm();
     let near = |&(i, k): &(usize, usize)| distance(i, k) < truth[i].radius_px / 2.0;

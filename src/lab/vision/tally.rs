@@ -5,22 +5,22 @@ use upm_scene::Family;
 
 /// Kinds of failure.
 const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed", "parts invented", "parts misnamed"];
-/// Most seeds told for one cause.
+/// Most seeds reported for one cause.
 const MOST_SEEDS: usize = 10;
 
-/// One family's verdicts taken together.
+/// Statistics of one family's verdicts.
 pub struct Tally {
     family: Family,
     scenes: usize,
     parts: usize,
     counts: [usize; CAUSES.len()],
-    /// Seeds of the scenes in which it went wrong.
+    /// Seeds of the scenes that failed, by cause.
     seeds: [Vec<u64>; CAUSES.len()],
-    /// Why tables were not found, and where.
+    /// Reasons why tables were not found, and the scenes' seeds.
     faults: Vec<(String, Vec<u64>)>,
     corner_errors_px: Vec<f64>,
     errors: Vec<PartError>,
-    /// Largest error of a centre, px, and the scene it is in.
+    /// Largest error of a centre, px, and the seed of its scene.
     worst_center: Option<(f64, u64)>,
 }
 
@@ -87,13 +87,13 @@ impl Tally {
         CAUSES.into_iter().zip(self.seeds.iter().map(Vec::as_slice)).filter(|(_, seeds)| !seeds.is_empty())
     }
 
-    /// Errors are distances: both axes taken together. Parts of scenes whose table was not found where it is are
-    /// neither missed nor measured.
+    /// The family's figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
+    /// located correctly are neither missed nor measured.
     pub fn figures(&self) -> Vec<Figure> {
         const TRUTH: &str = "rendered scenes, against the truth";
         let name = |what: &str| format!("{}: {what}", self.family);
         let figure = |what: &str, unit: &str, measured: f64, bar: Option<f64>| match bar {
-            // a bar is no published figure: being below it is no error
+            // a bar is not a published figure: being below it is not an error
             Some(bar) if bar > 0.0 => {
                 Figure::alone(name(what), unit, measured, &format!("bar {bar} {unit}; rendered scenes"))
             }
@@ -126,7 +126,7 @@ impl Tally {
         figures
     }
 
-    /// Seeds to look at again, one cause a line.
+    /// Seeds that need attention, one cause a line.
     pub fn notes(&self) -> Vec<String> {
         let faults = self.faults.iter().map(|(fault, seeds)| (fault.as_str(), seeds.as_slice()));
         let causes = self.failing().filter(|(cause, _)| *cause != CAUSES[0]);
@@ -142,7 +142,7 @@ impl Tally {
     }
 }
 
-/// Root mean square; of nothing it is no number.
+/// Root mean square; NaN for no errors.
 fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
 }
