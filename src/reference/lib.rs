@@ -1,14 +1,14 @@
-//! Reference vision: table and parts by the standard algorithms of `imageproc`, slow and plain. It shares no search code
-//! with `upm_perception::vision`, only the types of the results and the pinhole geometry in them; the fast path is tested
-//! and benchmarked against it.
+//! Reference vision: locates table and parts by the standard algorithms of `imageproc`, slow and simple. It shares no
+//! search code with `upm_perception::vision`, only the types of the results and the pinhole geometry in them; the fast
+//! path is tested and benchmarked against it.
 //!
 //! ```text
 //! frame ─► warp (lens removed) ─► Canny ─► Hough, 1° × 1 px ─► lines fitted to edges ─► four sides ─► table
 //!              └────► darkness against the plate ─► match_template with disks ─► peaks, parabola ─► parts
 //! ```
 //!
-//! It expects one square table, whole, sharply lit and without clutter of its size, and parts of known kinds. Pictures with
-//! occlusions, reliefs or strong glints are beyond it.
+//! It expects one square table, whole, sharply lit and without clutter of its size, and parts of known kinds. Pictures
+//! with occlusions, reliefs or strong glints are not supported.
 
 mod lines;
 mod parts;

@@ -8,19 +8,20 @@ use nalgebra::{Matrix2, SymmetricEigen};
 
 use upm_core::geometry::Vec2;
 
-/// Canny's thresholds as parts of the step from ground to plate. Its Sobel filter shows twice the height of a step that
-/// its own blur and a lens's have made 1.6 px wide.
+/// Canny's thresholds as fractions of the step from ground to plate. Its Sobel filter responds with twice the height of
+/// a step that its own blur and a lens's have made 1.6 px wide.
 const CANNY: [f32; 2] = [0.3, 0.6];
-/// Votes of the weakest line kept, as a part of the picture's shorter side: the next one is tried until a table shows. A
-/// line half a degree off the nearest direction spreads its votes: one of 850 px leaves 115 in its best bin.
+/// Votes of the weakest line kept, as a fraction of the picture's shorter side: the values are tried in turn until a
+/// table is found. A line half a degree off the nearest direction spreads its votes: one of 850 px leaves 115 in its
+/// best bin.
 pub(super) const VOTES: [f64; 5] = [0.5, 0.25, 0.12, 0.08, 0.05];
-/// Distances within which edges belong to a line, px, for each fit in turn. The first covers a bin of the transform, half a
-/// degree over 450 px.
+/// Distances within which edges belong to a line, px, for each fit in turn. The first covers a bin of the transform,
+/// half a degree over 450 px.
 const NEAR_PX: [f64; 4] = [5.0, 3.0, 2.0, 1.5];
 /// Lines closer than this at the picture's middle, px, and in direction (cosine) are one.
 const SAME_PX: f64 = 4.0;
 const SAME_COSINE: f64 = 0.999;
-/// Most lines looked at.
+/// Most lines considered.
 const MOST_LINES: usize = 14;
 
 /// The line `normal · p = offset_px`, with the edges on it.
@@ -30,7 +31,7 @@ pub(super) struct FittedLine {
     pub normal: Vec2,
     /// Distance from the origin along the normal, px.
     pub offset_px: f64,
-    /// Edge pixels nearer than the last of `NEAR_PX`.
+    /// Edge pixels within the last distance of `NEAR_PX`.
     pub edges: Vec<Vec2>,
 }
 
@@ -40,14 +41,14 @@ impl FittedLine {
         self.normal.dot(&p) - self.offset_px
     }
 
-    /// Where two lines cross; `None` for parallel ones.
+    /// Intersection of two lines; `None` for parallel ones.
     pub fn crossing(&self, other: &Self) -> Option<Vec2> {
         let normals = Matrix2::new(self.normal.x, self.normal.y, other.normal.x, other.normal.y);
         Some(normals.try_inverse()? * Vec2::new(self.offset_px, other.offset_px))
     }
 }
 
-/// Edge pixels of the picture by Canny, its thresholds taken from Otsu's two classes.
+/// Edge pixels of the picture by Canny, its thresholds from Otsu's two classes.
 pub(super) fn edge_pixels(picture: &GrayImage) -> GrayImage {
     let level = otsu_level(picture);
     let mean = |above: bool| {
@@ -91,7 +92,7 @@ pub(super) fn fitted_lines(edges: &GrayImage, votes: u32) -> Vec<FittedLine> {
     kept
 }
 
-/// Total least squares through the edges near the line, nearer each time.
+/// Total least squares through the edges near the line, within a smaller distance each time.
 fn fit(mut normal: Vec2, mut offset_px: f64, points: &[Vec2]) -> Option<FittedLine> {
     let mut edges = Vec::new();
     for near_px in NEAR_PX {

@@ -1,4 +1,4 @@
-//! Parts: darkness against the plate, matched with solid disks.
+//! Parts by template matching: darkness against the plate, matched with solid disks.
 
 use image::{GrayImage, Luma, imageops};
 use imageproc::contrast::otsu_level;
@@ -17,15 +17,16 @@ const RING_PX: f64 = 2.0;
 /// Weakest match, 0 to 1, in the averaged and in the full picture.
 const LEAST_COARSE: f32 = 0.8;
 const LEAST_MATCH: f32 = 0.9;
-/// Least mean darkness under a disk, 0 to 1: matching does not see how strong a disk is.
+/// Least mean darkness under a disk, 0 to 1: the matching score is independent of contrast.
 const LEAST_DARKNESS: f64 = 0.25;
-/// Two parts cannot be nearer than this part of their radii's sum.
+/// Least distance of two parts, as a fraction of their radii's sum.
 const LEAST_DISTANCE: f64 = 0.75;
 /// Width of the plate's edge that is left out, px.
 const EDGE_PX: f64 = 3.0;
 
-/// Parts of `kinds` on the table of `view`, from the top of the picture down; `dark_parts` says that they are darker than
-/// the plate. Radii are those of the kinds as seen, and covariances are not a number: this method estimates neither.
+/// Finds parts of `kinds` on the table of `view`, sorted from the top of the picture down; `dark_parts` where they are
+/// darker than the plate. Radii are the kinds' own in the picture, and covariances are NaN: this method estimates
+/// neither.
 pub fn find_parts(view: &ReferenceView, kinds: &[PartKind], dark_parts: bool) -> Vec<Detection> {
     let Some(darkness) = darkness(view, dark_parts) else { return Vec::new() };
     let scale = view.table.side_px / view.table.side_m;
@@ -65,8 +66,8 @@ pub fn find_parts(view: &ReferenceView, kinds: &[PartKind], dark_parts: bool) ->
     kept
 }
 
-/// `1 - level / plate` in 255ths on the plate, for light parts its negative; 0 off the plate. The bare plate's level is a
-/// plane fitted to the brighter class of Otsu's two (for light parts the darker one), so light may fall off.
+/// `1 - level / plate` in 255ths on the plate, for light parts its negative; 0 off the plate. The bare plate's level is
+/// a plane fitted to the brighter class of Otsu's two (for light parts the darker one), so light may fall off.
 fn darkness(view: &ReferenceView, dark_parts: bool) -> Option<GrayImage> {
     let ReferenceView { ideal, table } = view;
     let on_plate = |x: u32, y: u32| {
@@ -108,7 +109,7 @@ fn disk(radius_px: f64) -> [GrayImage; 2] {
     ]
 }
 
-/// Places in `picture` where a disk of `radius_px` matches best around, px, with the match.
+/// Local maxima of the match of a disk of `radius_px` in `picture`, px, with the match.
 fn peaks(picture: &GrayImage, radius_px: f64) -> Vec<(f32, Vec2)> {
     let [template, mask] = disk(radius_px);
     if picture.width() < template.width() + 2 || picture.height() < template.height() + 2 {
@@ -130,7 +131,8 @@ fn peaks(picture: &GrayImage, radius_px: f64) -> Vec<(f32, Vec2)> {
     found
 }
 
-/// The best match of `kind` within `reach_px` of `near`, in the full picture, below a pixel by a parabola each way.
+/// The best match of `kind` within `reach_px` of `near`, in the full picture, to a fraction of a pixel by a parabola
+/// along each axis.
 fn refined(
     view: &ReferenceView,
     darkness: &GrayImage,
@@ -143,7 +145,7 @@ fn refined(
     let near_m = table.table_from_ideal.apply(near);
     let growth = kinds[kind].thickness_m / table.camera_in_table_m.z;
     let scale = table.ideal_from_table.jacobian_at(near_m).determinant().abs().sqrt();
-    // foot and top together: between them by half the growth
+    // foot and top together: their mean radius, larger by half the growth
     let radius_px = kinds[kind].radius_m * scale * (1.0 + 0.5 * growth);
     let [template, mask] = disk(radius_px);
     let side = template.width() + 2 * reach_px.ceil() as u32;
@@ -192,8 +194,8 @@ fn mean_within(picture: &GrayImage, center: Vec2, radius_px: f64) -> f64 {
     sum / (255.0 * f64::from(count.max(1)))
 }
 
-/// Foot of a part whose outline has its middle at `ideal_px`: halfway between foot and top, which the camera at height H
-/// sees outwards of the foot by `h / (H - h)` of its distance.
+/// Foot of a part whose outline is centred at `ideal_px`: halfway between foot and top, where the top appears displaced
+/// outwards from the foot by `h / (H - h)` of its distance for a camera at height H.
 fn foot_m(table: &Table, ideal_px: Vec2, thickness_m: f64) -> Vec2 {
     let seen_m = table.table_from_ideal.apply(ideal_px);
     let camera = table.camera_in_table_m;

@@ -1,21 +1,21 @@
-//! The four lines that are the table's sides.
+//! Selection of the four lines that are the table's sides.
 
 use image::GrayImage;
 
 use super::lines::{FittedLine, VOTES, edge_pixels, fitted_lines};
 use upm_core::geometry::Vec2;
 
-/// Shortest side, as a part of the picture's shorter one.
+/// Shortest side, as a fraction of the picture's shorter one.
 const LEAST_SIDE: f64 = 0.15;
 /// Longest side over shortest one: perspective of a camera tilted by 10°.
 const MOST_RATIO: f64 = 1.35;
-/// Cosines between lines: opposite sides are more nearly parallel, neighbours more nearly square.
+/// Limits of the cosine between lines: opposite sides are more nearly parallel, neighbours more nearly perpendicular.
 const PARALLEL: f64 = 0.97;
 const SQUARE: f64 = 0.35;
-/// Share of every side that has to have edges.
+/// Least share of every side covered by edges.
 const LEAST_SUPPORT: f64 = 0.5;
 
-/// Corners of the table in `picture`, px, clockwise; `None` when no four lines make one.
+/// Corners of the table in `picture`, px, clockwise; `None` when no four lines form one.
 pub(super) fn corners(picture: &GrayImage) -> Option<[Vec2; 4]> {
     let edges = edge_pixels(picture);
     let short_px = f64::from(picture.width().min(picture.height()));
@@ -45,7 +45,7 @@ fn best_quad(lines: &[FittedLine], picture: &GrayImage) -> Option<[Vec2; 4]> {
     best.map(|(_, corners)| corners)
 }
 
-/// Supported less bare length of the sides, px, and the corners, clockwise; `None` for what is no table.
+/// Supported less bare length of the sides, px, and the corners, clockwise; `None` when the sides do not form a table.
 fn scored(sides: [&FittedLine; 4], picture: &GrayImage) -> Option<(f64, [Vec2; 4])> {
     let mut corners = [Vec2::zeros(); 4];
     for (i, corner) in corners.iter_mut().enumerate() {
@@ -60,7 +60,7 @@ fn scored(sides: [&FittedLine; 4], picture: &GrayImage) -> Option<(f64, [Vec2; 4
     }
     let mut score_px = 0.0;
     for i in 0..4 {
-        // corner i lies on sides i and i + 1, so side i + 1 runs from corner i to corner i + 1
+        // corner i is on sides i and i + 1, so side i + 1 runs from corner i to corner i + 1
         let share = support(sides[(i + 1) % 4], corners[i], corners[(i + 1) % 4]);
         if share < LEAST_SUPPORT {
             return None;
@@ -84,7 +84,7 @@ fn support(line: &FittedLine, from: Vec2, to: Vec2) -> f64 {
     hit.iter().filter(|&&hit| hit).count() as f64 / cells as f64
 }
 
-/// In the order of their angle about the middle: clockwise, since y points down.
+/// Sorted by their angle about the middle: clockwise, since y points down.
 fn clockwise(mut corners: [Vec2; 4]) -> [Vec2; 4] {
     let middle = corners.iter().sum::<Vec2>() / 4.0;
     let angle = |p: &Vec2| (p.y - middle.y).atan2(p.x - middle.x);

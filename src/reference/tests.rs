@@ -1,4 +1,4 @@
-//! The fast path beside the reference, in rendered scenes of several seeds.
+//! The fast path against the reference, in rendered scenes of several seeds.
 
 use super::{ReferenceFault, find_parts, locate_table};
 use upm_core::geometry::{Lens, Vec2};
@@ -8,7 +8,7 @@ use upm_perception::vision::{self, CoinFinder, Detection};
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
 use upm_scene::{Disc, Scene};
 
-/// The reference's corners lie this near to the fast path's at most, its parts too, px.
+/// Largest distance of the reference's corners from the fast path's, and of its parts, px.
 const CORNER_PX: f64 = 0.6;
 const PART_PX: f64 = 0.4;
 
