@@ -1,5 +1,5 @@
-//! Embeds the shipped configurations, so that `upm init` can write them anywhere: `$OUT_DIR/shipped.rs` is a list of their
-//! paths and texts.
+//! Embeds the shipped configurations, so that `upm init` can write them anywhere: `$OUT_DIR/shipped.rs` is a list of
+//! their paths and texts.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! Draws `assets/principle.svg`: one rotation beside one synthesised motion, both out of the shipped library of `upm-2`.
+//! Draws `assets/principle.svg`: one rotation beside one synthesised motion, both out of the shipped library of
+//! `upm-2`.
 //!
 //! ```sh
 //! cargo run --no-default-features --example draw_principle

@@ -112,11 +112,12 @@ pub struct RunArgs {
     /// Seed in place of the job's
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Run the job with each of these seeds, on all cores, and print the figures of all: 1..20 (both ends included), 1,5,9
+    /// Run the job with each of these seeds, on all cores, and print the figures of all: 1..20 (both ends included),
+    /// 1,5,9
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "job")]
     pub seeds: Option<String>,
-    /// Folder that run folders are made in; a batch's summary.json and plate-time.svg go there, too, and replace those of an
-    /// earlier batch [default: runs; with --seeds a new folder in it]
+    /// Folder that run folders are made in; a batch's summary.json and plate-time.svg go there, too, and replace those
+    /// of an earlier batch [default: runs; with --seeds a new folder in it]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// As fast as possible, or no faster than the clock
@@ -126,8 +127,8 @@ pub struct RunArgs {
     /// off, since a recording for each run is a lot]
     #[arg(long, value_name = "MODE", value_parser = rerun_modes(), hide_possible_values = true)]
     pub rerun: Option<String>,
-    /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several by
-    /// comma or again
+    /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several
+    /// by comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
     pub faults: Vec<String>,
     /// Disable one guard, to test that its absence is noticed
@@ -148,8 +149,8 @@ pub struct ServeArgs {
     /// Folder of job store and run folders in place of the file's
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
-    /// Check everything that can be checked before a start, measure for two seconds whether this computer keeps up with the
-    /// plates, and start nothing; status 1 when only an address is taken
+    /// Check everything that can be checked before a start, measure for two seconds whether this computer keeps up with
+    /// the plates, and start nothing; status 1 when only an address is taken
     #[arg(long)]
     pub check: bool,
     /// The log on stderr: for people, or one JSON object a line

@@ -287,7 +287,8 @@ mod tests {
     #[test]
     fn a_perfect_part_keeps_the_speed() {
         let path = |repeat| PathParams { waypoints_m: square(0.04), speed_mps: 0.01, repeat };
-        // An approach of 20 mm, then three sides of the last lap and four of each before; each stop to arrive costs a cycle.
+        // An approach of 20 mm, then three sides of the last lap and four of each before; each stop to arrive costs a
+        // cycle.
         for (repeat, length_m) in [(1, 0.02 + 0.12), (2, 0.02 + 0.28), (3, 0.02 + 0.44)] {
             let took_s = run(vec![path(repeat)], vec![Vec2::new(-0.02, 0.0)], |_, _, subgoal| subgoal);
             assert!((took_s - length_m / 0.01).abs() <= 2.5 * CYCLE_S, "{repeat}: {took_s}");

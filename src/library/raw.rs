@@ -56,7 +56,7 @@ pub struct RawLibrary {
     /// Rest after every pulse.
     #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
-    /// What each accelerometer channel (x and y of number 1, x and y of number 2) shows for a true 1.
+    /// Reading of each accelerometer channel (x and y of number 1, x and y of number 2) per true 1.
     #[schemars(inner(range(min = GAIN.0, max = GAIN.1)))]
     pub accelerometer_gain: [f64; CHANNELS],
     /// Force waveforms.

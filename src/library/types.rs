@@ -79,8 +79,8 @@ pub struct Library {
     pub plate: Option<PlateResponse>,
 }
 
-/// The plate's axes as mass-spring-dampers `m q̈ + b q̇ + k q = f` (UPM paper, Eq. 33), in the order x, y, spin; all zero is a
-/// free mass.
+/// The plate's axes as mass-spring-dampers `m q̈ + b q̇ + k q = f` (UPM paper, Eq. 33), in the order x, y, spin; all
+/// zero is a free mass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlateResponse {
     /// Undamped natural frequencies `sqrt(k/m)`, rad/s.

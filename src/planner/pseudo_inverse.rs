@@ -139,8 +139,8 @@ fn fixed_centers(library: &Library, half_side_m: f64, count: usize) -> [Vec<usiz
     [strong, gentle].map(|set| spread(&set, count))
 }
 
-/// `count` entries with centres far from each other, by farthest-point sampling: first the one nearest the middle of the
-/// plate, then always the one farthest from all chosen so far.
+/// `count` entries with centres far from each other, by farthest-point sampling: first the one nearest the middle of
+/// the plate, then always the one farthest from all chosen so far.
 fn spread(set: &[(usize, Vec2, f64)], count: usize) -> Vec<usize> {
     let mut apart_m: Vec<f64> = set.iter().map(|(_, center_m, _)| -center_m.norm()).collect();
     let mut chosen = Vec::with_capacity(count);

@@ -3,7 +3,7 @@
 //! ```text
 //!   y ▲            x along the flow where the disc starts, y to its left, the origin where it starts
 //!     │            plate under the disc: u = f(t) (a - ω y, ω x), turning at f(t) ω
-//!     └───► x      against it the disc slides at s and spins at r/R: |s| loses μ g F(s, r), r loses 2 μ g T(s, r) a second
+//!     └───► x      against it the disc slides at s and spins at r/R: d|s|/dt = -μ g F(s, r), dr/dt = -2 μ g T(s, r)
 //! ```
 //!
 //! a and ω are the amplitudes of the belt's speed and of the plate's spin, f = d/dt (env X) the displacement wave
@@ -184,8 +184,8 @@ impl Belts {
 
     /// State after `dt` of friction, for the plate's velocity under the disc before and after it.
     ///
-    /// Second order in `dt`: friction points along the mean slip and is scaled by the mean of the two slip speeds, so that it
-    /// averages out where the slip reverses within the step.
+    /// Second order in `dt`: friction points along the mean slip and is scaled by the mean of the two slip speeds, so
+    /// that it averages out where the slip reverses within the step.
     #[inline]
     fn dragged(&self, state: State, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> State {
         let slips = plates.map(|(u, v, rim)| (u - state.u, v - state.v, rim - state.rim));

@@ -80,7 +80,8 @@ pub struct Minimiser {
 }
 
 impl Program {
-    /// Solves the program. `Err` holds clarabel's status; `PrimalInfeasible` means that the constraints exclude every x.
+    /// Solves the program. `Err` holds clarabel's status; `PrimalInfeasible` means that the constraints exclude every
+    /// x.
     pub fn solve(&self) -> Result<Minimiser, String> {
         let Self { hessian, gradient, constraints, bounds, cones } = self;
         let cones: Vec<SupportedConeT<f64>> = cones

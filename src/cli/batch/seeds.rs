@@ -4,7 +4,8 @@ use std::str::FromStr;
 /// Largest number of seeds in a batch.
 const MOST_SEEDS: u64 = 10_000;
 
-/// The seeds of a batch, each once, in the order in which they are named: `1..20` (both ends included), `1,5,9` or `1..3,7`.
+/// The seeds of a batch, each once, in the order in which they are named: `1..20` (both ends included), `1,5,9` or
+/// `1..3,7`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Seeds(Vec<u64>);
 

@@ -5,10 +5,10 @@
 //!   dv/dt = μ g s / sqrt(|s|² + κ R² ω² + ε²)      dp/dt = v
 //! ```
 //!
-//! This is Coulomb friction of a disc of radius R that slides and turns at ω against the plate: with κ it passes through
-//! the closed form of Farkas et al. (Phys. Rev. Lett. 90, 248302) at equal sliding and rim speed, and differs from it
-//! by 4 % at most for slower turning. The disc's own turning is left out: it is slow beside the plate's. The ε keeps
-//! the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
+//! This is Coulomb friction of a disc of radius R that slides and turns at ω against the plate: with κ it passes
+//! through the closed form of Farkas et al. (Phys. Rev. Lett. 90, 248302) at equal sliding and rim speed, and differs
+//! from it by 4 % at most for slower turning. The disc's own turning is left out: it is slow beside the plate's. The ε
+//! keeps the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
 //! the cost of one course. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a

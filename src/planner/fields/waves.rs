@@ -18,8 +18,8 @@ const STRIDE: usize = 4;
 
 /// Harmonics of one base frequency, sampled over one period.
 ///
-/// The coefficients of a motion, m/s, are for x, y and spin in turn cos and sin of harmonic 1, cos and sin of harmonic 2,
-/// and so on. Spin counts as the speed it gives a point half a side from the centre.
+/// The coefficients of a motion, m/s, are for x, y and spin in turn cos and sin of harmonic 1, cos and sin of harmonic
+/// 2, and so on. Spin counts as the speed it gives a point half a side from the centre.
 #[derive(Clone, Debug)]
 pub(super) struct Waves {
     base_radps: f64,

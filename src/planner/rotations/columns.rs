@@ -13,8 +13,8 @@ const LEVELS_M: [f64; 13] =
 pub(super) enum PulseScale {
     /// Pulses up to the length of the steps: least time.
     Coarse,
-    /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together nearly
-    /// cancel, and the second-order terms of long pulses exceed the remainder.
+    /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together
+    /// nearly cancel, and the second-order terms of long pulses exceed the remainder.
     Fine,
 }
 

@@ -41,7 +41,7 @@ pub struct RawFault {
     /// `plate`, `device`, `clock`.
     #[schemars(length(min = 1, max = 16))]
     pub component: String,
-    /// What; each component has kinds of its own.
+    /// The fault; each component has its kinds.
     #[schemars(length(min = 1, max = 16))]
     pub kind: String,
     /// How much, where the kind asks for it.

@@ -5,7 +5,7 @@ use upm_core::job::Pace;
 use super::raw_rig::RigSource;
 use upm_document::SchemaKey;
 
-/// What `upm serve` runs: plates, and how much it takes on and keeps.
+/// The daemon's configuration: plates, and limits of queue, disk and memory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "daemon")]
@@ -13,8 +13,8 @@ pub struct RawDaemon {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
     pub schema: SchemaKey,
-    /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach asks
-    /// for a token.
+    /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach
+    /// asks for a token.
     #[serde(default = "listen")]
     #[schemars(length(min = 1, max = 64))]
     pub listen: String,
@@ -36,8 +36,8 @@ pub struct RawDaemon {
     /// How fast jobs run that do not say.
     #[serde(default)]
     pub pace: Pace,
-    /// Names under which the daemon is reached besides its address and localhost, without a port. A proxy in front of it
-    /// must pass on the Host header that it got: the operator page works only under that host and port.
+    /// Names under which the daemon is reached besides its address and localhost, without a port. A proxy in front of
+    /// it must pass on the Host header that it got: the operator page works only under that host and port.
     #[serde(default)]
     #[schemars(length(max = 64))]
     pub hosts: Vec<String>,
@@ -53,7 +53,7 @@ pub struct RawDaemon {
     /// fingerprint can be copied, and a wrong library drives parts off the plate.
     #[serde(default)]
     pub allow_inline_libraries: bool,
-    /// What is kept of jobs that have ended.
+    /// Retention of jobs that have ended.
     #[serde(default)]
     pub keep: RawKeep,
     /// Room on the disk.
@@ -127,7 +127,7 @@ pub enum RawStart {
     Paused,
 }
 
-/// What is kept of jobs that have ended. Run folders go when they are too old or too many, the oldest first.
+/// Retention of jobs that have ended. Run folders go when they are too old or too many, the oldest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawKeep {
@@ -224,10 +224,10 @@ impl Default for RawWatchdog {
     }
 }
 
-/// Live streams for the Rerun viewer, one for each plate. They ask for no token, and so are on the loopback alone and only
-/// while the daemon is, too: any program on this machine may read them. Pages in a browser are refused. Rerun's own server
-/// behind each stream would answer a page; it listens on a random address of 127.0.0.0/8 and a random port (elsewhere than
-/// on Linux on a random port alone).
+/// Live streams for the Rerun viewer, one for each plate. They ask for no token, and so are on the loopback alone and
+/// only while the daemon is, too: any program on this machine may read them. Pages in a browser are refused. Rerun's
+/// own server behind each stream would answer a page; it listens on a random address of 127.0.0.0/8 and a random port
+/// (elsewhere than on Linux on a random port alone).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLive {

@@ -34,7 +34,7 @@ pub struct RawJob {
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
     pub parts: Vec<RawParts>,
-    /// What to do.
+    /// The task.
     pub task: RawTask,
     /// How motions are found.
     #[serde(default)]
@@ -49,7 +49,7 @@ pub struct RawJob {
     /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<RawFaults>,
-    /// What happens when this computer is too slow for the plate.
+    /// Policy for a computer that is too slow for the plate.
     #[serde(default)]
     pub deadlines: DeadlinePolicy,
 }
@@ -94,7 +94,7 @@ pub struct RawParts {
     pub position_mm: Option<[f64; 2]>,
 }
 
-/// What to do.
+/// A task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum RawTask {
@@ -128,7 +128,7 @@ pub enum RawTask {
         /// A rule that makes the places.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         targets: Option<Box<RawTargets>>,
-        /// Who goes where.
+        /// Assignment of parts to places.
         #[serde(default)]
         assignment: Assignment,
     },
@@ -173,8 +173,8 @@ pub struct RawPath {
     /// Along the one line of an SVG drawing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub svg: Option<RawSvg>,
-    /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its last
-    /// point to the first is then a part of it.
+    /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its
+    /// last point to the first is then a part of it.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     #[schemars(range(min = 1, max = 64))]
     pub count: u32,
@@ -187,7 +187,7 @@ pub struct RawPath {
     pub repeat: u32,
 }
 
-/// Who goes where.
+/// Assignment of parts to places.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Assignment {
@@ -238,7 +238,7 @@ pub enum PlannerChoice {
     PseudoInverse,
 }
 
-/// What happens when this computer is too slow for the plate. It changes no journal.
+/// Policy for a computer that is too slow for the plate. It changes no journal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DeadlinePolicy {

@@ -278,7 +278,7 @@ pub struct RawCamera {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLevels {
-    /// What the plate stands on.
+    /// The ground under the plate.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub ground: f64,
     /// The plate.

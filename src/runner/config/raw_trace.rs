@@ -35,7 +35,7 @@ pub struct RawTrace {
     /// Place of accelerometer 1 on the plate, mm; number 2 sits at minus that.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub position_mm: [f64; 2],
-    /// What x1, y1, x2 and y2 show for a true 1.
+    /// Readings of x1, y1, x2 and y2 per true 1.
     #[serde(default = "no_gain_error")]
     #[schemars(inner(range(min = 0.1, max = 10.0)))]
     pub channel_gain: [f64; 4],

@@ -9,8 +9,8 @@ use upm_core::units::mm_from_m;
 use upm_library::{DisplacementModel, Library};
 use upm_planner::Method;
 
-/// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise and
-/// lens included.
+/// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise
+/// and lens included.
 const SENSING_PX: f64 = 0.01;
 /// Longest residual displacement that every planner leaves, since shorter steps get no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
