@@ -7,9 +7,8 @@
 //! ```
 //! use upm_runner::config::{Origin, RigSpec};
 //! let faults = RigSpec::from_json(r#"{"nam": "upm-3"}"#, &Origin::of_request("rig.json")).unwrap_err();
-//! let line = "rig.json: nam: expected one of accelerometers, camera, drive, fields, friction, kinds, library, motors,
-//! \
-//!             name, plate, simulation (did you mean name?), found unknown key \"nam\"";
+//! let line = "rig.json: nam: expected one of accelerometers, camera, drive, fields, friction, kinds, library, \
+//!             motors, name, plate, simulation (did you mean name?), found unknown key \"nam\"";
 //! assert_eq!(faults[0].to_string(), line);
 //! ```
 
