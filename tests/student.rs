@@ -51,6 +51,7 @@ fn lasting(line: &str) -> &str {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn commands_of_the_page_print_what_it_says() {
     let page = fs::read_to_string(root().join("docs/student.md")).unwrap();
     let (folder, mut printed, mut status, mut ran) = (workplace(), String::new(), 0, 0);
@@ -94,6 +95,7 @@ fn holds(shipped: &Path, drawn: &str) {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn pictures_of_the_page_are_those_that_the_program_draws() {
     let folder = workplace();
     for (picture, command, file) in PICTURES {
@@ -108,6 +110,7 @@ fn pictures_of_the_page_are_those_that_the_program_draws() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn diagram_of_the_principle_is_the_one_that_its_example_draws() {
     let library = upm::library::Library::load(&root().join("assets/libraries/upm-2.json")).unwrap();
     let drawn = draw_principle::picture(&Arc::new(library)).unwrap();

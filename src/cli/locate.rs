@@ -70,7 +70,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
 use reference::look_by_reference;
 
 #[cfg(not(feature = "lab"))]
-fn look_by_reference(_: &Path, _: &Setting) -> Result<Located, Failure> {
+fn look_by_reference(_: &Path, _: &Setting) -> Result<report::Located, Failure> {
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 

@@ -9,7 +9,7 @@ use upm_runner::config;
 /// Prints the JSON Schema of a file.
 pub(super) fn schema(args: &SchemaArgs) -> Result<u8, Failure> {
     let Some(schema) = named(&args.name) else {
-        let names = config::one_of(&args.name, &schemas().names());
+        let names = config::one_of(&args.name, schemas().names());
         return Err(Failure::bad_input(format!("schema: expected {names}, found {:?}", args.name)));
     };
     print_json(&schema)?;

@@ -108,7 +108,7 @@ fn daylight(dice: &mut Dice, side_mm: f64, coins: Vec<Coin>) -> CoinPicture {
         shadow_at_mm: [1.5, -1.0],
         softness_mm: 1.5,
         fall: dice.within(0.1, 0.3),
-        fall_direction: dice.within(0.0, 6.28),
+        fall_direction: dice.within(0.0, std::f64::consts::TAU),
         vignette: 0.1,
         blur_px: 0.8,
         noise_sd: 2.0,

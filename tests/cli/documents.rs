@@ -105,6 +105,7 @@ fn run_of_the_strong_rig_has_the_figures_of_the_documents() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn centres_of_rotation_have_the_figures_of_the_documents() {
     let (steering, map) = (Figures::of(&["cor-steering"]), Figures::of(&["cor-map"]));
     let [low, high] = steering.range("step ");
@@ -140,6 +141,7 @@ fn centres_of_rotation_have_the_figures_of_the_documents() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn read_out_of_pulses_has_the_figures_of_the_documents() {
     let weak = Figures::of(&["waveform-fit"]);
     let strong = Figures::of(&["waveform-fit", "--rig", "configs/rigs/upm-2.json"]);
@@ -176,6 +178,7 @@ fn read_out_of_pulses_has_the_figures_of_the_documents() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn forces_and_pulses_have_the_figures_of_the_documents() {
     let (force, law) = (Figures::of(&["force-curve"]), Figures::of(&["pulse-law"]));
     let weak = Figures::of(&["pulse-law", "--rig", "configs/rigs/upm-1.json"]);
@@ -214,6 +217,7 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
     let (track, two, vision) = (Figures::of(&["race-track"]), Figures::of(&["two-parts"]), Figures::of(&["vision"]));
     let arc = |coin: &str| track.get(&format!("{coin} coin: arc"), 1.0);
@@ -240,6 +244,7 @@ fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn other_machines_have_the_figures_of_the_lab_page() {
     let (feeder, topple, rock) = (Figures::of(&["feeder"]), Figures::of(&["topple"]), Figures::of(&["rock"]));
     let force = |duty: &str| {

@@ -57,7 +57,7 @@ fn located(folder: &Path, scene: &CoinScene) -> Value {
 }
 
 /// Those of `discs` whose centre is on the coin.
-fn on_coin<'a>(discs: &'a Value, center_px: [f64; 2], radius_px: f64) -> Vec<&'a Value> {
+fn on_coin(discs: &Value, center_px: [f64; 2], radius_px: f64) -> Vec<&Value> {
     let off = |disc: &Value| {
         let [x, y] = [0, 1].map(|i| disc["center_px"][i].as_f64().unwrap() - center_px[i]);
         x.hypot(y)
@@ -91,6 +91,7 @@ fn tallied(scene: &CoinScene, found: &Value) -> Tally {
 }
 
 #[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
 fn mixed_coins_are_named_doubted_or_reported() {
     let folder = TempDir::new().unwrap();
     let (mut all, mut scaled) = (Tally::default(), Tally::default());

@@ -39,9 +39,9 @@ fn job_is_checked_on_the_rig_given() {
     let says = |args: &[&str]| status(&[&["check", "configs/plus-sign-upm-2.json"], args].concat(), 0).0;
     assert!(says(&[]).contains("on upm-2,"));
     assert!(says(&["--rig", "configs/rigs/upm-1.json"]).contains("on upm-1,"));
-    // targets that lie on the larger plate alone
-    let (_, stderr) = status(&["check", "configs/arrange-8.json", "--rig", "configs/rigs/upm-1.json"], 2);
-    assert!(stderr.lines().all(|line| line.contains("arrange-8.json: task.targets_mm")), "{stderr}");
+    // bins that only the larger plate has room for
+    let (_, stderr) = status(&["check", "configs/sort-8.json", "--rig", "configs/rigs/upm-1.json"], 2);
+    assert!(stderr.lines().all(|line| line.contains("sort-8.json: task.bins")), "{stderr}");
 }
 
 /// Camera height that the fault names, mm.

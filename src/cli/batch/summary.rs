@@ -116,7 +116,7 @@ impl Spread {
         let worst_seed = values.iter().find(|(value, _)| *value == worst).map_or(best_seed, |&(_, seed)| seed);
         let middle = values.len() / 2;
         let upper = values.get(middle)?.0;
-        let median = if values.len() % 2 == 0 { 0.5 * (values.get(middle - 1)?.0 + upper) } else { upper };
+        let median = if values.len().is_multiple_of(2) { 0.5 * (values.get(middle - 1)?.0 + upper) } else { upper };
         // reports have four decimals, so a mean of two has five
         Some(Self { median: (median * 1e5).round() / 1e5, best, best_seed, worst, worst_seed })
     }
@@ -194,7 +194,7 @@ pub(super) mod tests {
             cycles: 10 * seed,
             pulses: 3,
             collisions: Some(0),
-            max_error_mm: (seed % 2 == 0).then_some(0.1 * seed as f64),
+            max_error_mm: seed.is_multiple_of(2).then_some(0.1 * seed as f64),
             cross_track_rms_mm: None,
         };
         let (reason, figures) = (format!("as seed {seed} has it"), Some(figures));
