@@ -35,7 +35,7 @@ pub enum SvgError {
     /// The path data draws nothing.
     #[error("no line")]
     Empty,
-    /// The drawing has more than [`MOST_LINES`]; here their number.
+    /// The drawing has more than 256 lines; their number.
     #[error("{0} lines")]
     Lines(usize),
     /// The drawing has almost no extent along the axis whose size is given.
