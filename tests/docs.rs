@@ -1,9 +1,11 @@
 //! Links of the documentation: every relative link in a Markdown file leads to a file and to a heading in it.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
 
 /// Most lines of the front page, which a newcomer should read in three minutes.
 const README_LINES: usize = 150;
@@ -71,4 +73,53 @@ fn readme_is_short_and_leads_to_every_page_of_the_docs() {
     let docs = pages().into_iter().filter(|page| page.parent().is_some_and(|folder| folder.ends_with("docs")));
     let unlinked = docs.filter(|page| !linked.contains(&format!("docs/{}", page.file_name().unwrap().display())));
     assert_eq!(unlinked.collect::<Vec<_>>(), Vec::<PathBuf>::new(), "pages that the README does not name");
+}
+
+/// Commands of `upm` that a page names: lines of code blocks and inline code.
+fn commands(text: &str) -> Vec<String> {
+    let inline = prose(text).flat_map(|line| line.split('`').skip(1).step_by(2));
+    let prompt = |line| str::trim_start_matches(line, "$ ");
+    let typed = text.lines().map(prompt).flat_map(|line| line.split(" && "));
+    let of_upm = |code: &str| -> Option<String> {
+        let code = code.split(" #").next()?.trim_end_matches('&').trim();
+        let words = code.strip_prefix("upm ").or_else(|| code.strip_prefix("cargo run -- "))?;
+        words.starts_with(|c: char| c.is_ascii_lowercase()).then(|| words.to_owned())
+    };
+    inline.chain(typed).filter_map(of_upm).collect()
+}
+
+/// Scripts in `tools/` that a page names.
+fn scripts(text: &str) -> BTreeSet<String> {
+    let after_python = text.split("python3 ").skip(1).filter_map(|rest| rest.split([' ', '`', '\n', '\'']).next());
+    after_python.filter(|script| script.starts_with("tools/")).map(str::to_owned).collect()
+}
+
+/// What `upm COMMAND --help` prints; empty where there is no such command.
+fn help_of(command: &str) -> String {
+    let output = Command::cargo_bin("upm").unwrap().args([command, "--help"]).output().unwrap();
+    if output.status.success() { String::from_utf8(output.stdout).unwrap() } else { String::new() }
+}
+
+#[test]
+fn commands_that_pages_name_exist_with_their_options_and_tools_are_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let (mut helps, mut wrong) = (BTreeMap::new(), Vec::new());
+    for page in pages().into_iter().filter(|page| !page.ends_with("CHANGELOG.md")) {
+        let text = fs::read_to_string(&page).unwrap();
+        for typed in commands(&text) {
+            let mut words = typed.split_whitespace();
+            let command = words.next().unwrap().trim_end_matches([',', ';']).to_owned();
+            let help: &String = helps.entry(command.clone()).or_insert_with(|| help_of(&command));
+            let options = words.filter(|word| word.starts_with("--")).map(|word| word.split('=').next().unwrap());
+            let is_there = |option: &str| help.split([' ', ',', '\n']).any(|word| word == option);
+            let lacking: Vec<&str> = options.filter(|option| !is_there(option)).collect();
+            if help.is_empty() || !lacking.is_empty() {
+                wrong.push(format!("{}: upm {typed}: {lacking:?}", page.display()));
+            }
+        }
+        let missing = scripts(&text).into_iter().filter(|script| !root.join(script).exists());
+        wrong.extend(missing.map(|script| format!("{}: {script}", page.display())));
+    }
+    assert!(helps.len() > 15, "commands are found: {:?}", helps.keys());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
