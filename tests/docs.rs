@@ -94,7 +94,7 @@ fn scripts(text: &str) -> BTreeSet<String> {
     after_python.filter(|script| script.starts_with("tools/")).map(str::to_owned).collect()
 }
 
-/// What `upm COMMAND --help` prints; empty where there is no such command.
+/// Output of `upm COMMAND --help`; empty where there is no such command.
 fn help_of(command: &str) -> String {
     let output = Command::cargo_bin("upm").unwrap().args([command, "--help"]).output().unwrap();
     if output.status.success() { String::from_utf8(output.stdout).unwrap() } else { String::new() }
