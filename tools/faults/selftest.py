@@ -114,6 +114,15 @@ class Claims(unittest.TestCase):
         run.job["task"]["assignment"] = "optimal"
         self.assertEqual({violation.rule for violation in oracle.judge(run)}, {"O1"})
 
+    def test_places_made_by_a_rule_are_judged_by_those_that_the_report_assigns(self):
+        run, _ = Folder("light:gain=0.9@0").judged()
+        task = run.job["task"]
+        del task["targets_mm"]
+        task["targets"] = {"line": {"from_mm": [-50, 0], "to_mm": [50, 0]}}
+        self.assertEqual([violation.rule for violation in oracle.judge(run)], [])
+        run.report["parts"][0]["target_mm"] = [50.0, 1.0]
+        self.assertEqual({violation.rule for violation in oracle.judge(run)}, {"O1"})
+
     def test_parts_of_a_kind_may_exchange_targets_where_the_job_says_so(self):
         folder = Folder("light:gain=0.9@0")
         straight = folder.true
