@@ -1,9 +1,9 @@
-// How old what is shown is. It goes on counting when nobody answers any more.
+// The age of the shown data. It goes on counting while the daemon does not answer.
 
 /** With more than this, in s, what is shown is no longer called live. */
 export const STALE_S = 2;
 
-/** A moment, on both of the browser's clocks: one of them stands still while the machine sleeps, the other may be set. */
+/** A moment on both of the browser's clocks: one pauses while the machine sleeps, the other may be set. */
 export function moment() {
   return { steady: performance.now(), wall: Date.now() };
 }

@@ -118,7 +118,7 @@ export function json(method, path, options = {}) {
   return send(method, path, options, (response) => whole(response.json()));
 }
 
-/** A word that nobody else will make up. */
+/** A random key, unique for all practical purposes. */
 export function newKey() {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');

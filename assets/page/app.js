@@ -133,7 +133,7 @@ function tellReasons(reasons) {
   box.replaceChildren(...reasons.map((reason) => el('p', { class: 'banner warn' }, reason)));
 }
 
-/** What needs no answer: every age goes on. */
+/** Updates that need no answer: every age goes on. */
 function tick() {
   cards.forEach((card) => card.tick());
   jobs.tick();

@@ -1,4 +1,4 @@
-// What differs from one device to another: names of keys, and how text gets to the clipboard.
+// Differences between devices: names of keys, and access to the clipboard.
 
 import { say } from './dom.js';
 
@@ -15,7 +15,7 @@ export const isTouched = () => matchMedia('(hover: none) and (pointer: coarse)')
 /** True when the keys of a stop are held: Ctrl and Alt, on a Mac ⌘ and ⌥ or the same. */
 export const stopKeysHeld = (event) => event.altKey && (event.ctrlKey || (IS_MAC && event.metaKey));
 
-/** Copies `text` and says so on `button`. Where the browser allows no copying, `shown` is selected, to be copied by hand. */
+/** Copies `text` and says so on `button`. Where the browser forbids it, `shown` is selected to be copied by hand. */
 export async function copy(text, button, shown) {
   const name = button.textContent;
   try {

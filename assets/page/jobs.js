@@ -217,7 +217,7 @@ export class Jobs {
     for (const plate of plates) if (plate.job) this.rows.get(plate.job)?.runs(plate);
   }
 
-  /** What waits, in turn; `all` when there are no others. */
+  /** The waiting jobs, in turn; `all` when there are no others. */
   wait(queued, all) {
     const ofPlate = new Map();
     this.turns.clear();

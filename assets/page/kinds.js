@@ -14,7 +14,7 @@ export function colours(kinds) {
   return new Map(kinds.map((kind) => [kind, `kind-${turn(kind) % COLOURS}`]));
 }
 
-/** What is drawn of a job, in words: its kinds with their colours and sizes, and the other marks. */
+/** The legend of a job's drawing: its kinds with their colours and sizes, and the other marks. */
 export function legend({ parts, targets_mm: targets, bins, paths }, colour) {
   const kinds = new Map();
   for (const { kind, radius_mm: radius } of parts) {

@@ -1,4 +1,4 @@
-// A pen: targets and bins are drawn on the plate, the job they make is written into the editor and checked by the daemon.
+// A pen: targets and bins drawn on the plate become a job in the editor, which the daemon checks.
 
 import { arrangeOf, inJobOrder, markOf, sortOf } from './drawn.js';
 import { el, hold, say, show, svg } from './dom.js';
@@ -175,7 +175,7 @@ export class Pen {
     this.changed();
   }
 
-  /** What is drawn, in the order of the job. */
+  /** The drawn places and bins, in the order of the job. */
   marks() {
     return this.mode === 'bin' ? this.bins : inJobOrder(this.targets);
   }

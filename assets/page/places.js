@@ -88,7 +88,7 @@ export function places(text) {
 
 const lineAt = (text, offset) => text.slice(0, offset).split('\n').length;
 
-/** The line, from 1, that a fault is about: that of its path, of what is nearest above it, or the one it names itself. */
+/** The line of a fault, from 1: that of its path, of the nearest member above it, or the one it names itself. */
 export function lineOf(text, fault) {
   const named = /at line (\d+) column \d+/.exec(fault.found);
   if (named && fault.path === '$') return Math.max(Number(named[1]), 1);

@@ -202,7 +202,7 @@ export class PlateCard {
     else say(this.age, `Live: seen ${span(age)} ago`);
   }
 
-  /** What waits for the plate, first come first. Which runs next is known only when `jobs` are `all` that wait. */
+  /** The jobs that wait for the plate, first come first. Their order is known only when `jobs` are `all` of them. */
   wait(jobs, all) {
     const here = all ? jobs.filter((job) => job.plate === this.name) : [];
     const names = this.waiting ?? new Map();

@@ -156,7 +156,7 @@ export class Order {
     this.plate.value = this.names.includes(named) ? named : '';
   }
 
-  /** What was said of another text goes. */
+  /** Removes the notes on an earlier text. */
   forget() {
     if (!this.busy) this.tell('', '');
   }

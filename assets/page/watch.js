@@ -27,7 +27,7 @@ export class Watched {
     watch(job.id, this.control.signal, on, (text) => say(this.says, text));
   }
 
-  /** What is known of the job now. */
+  /** Takes the present state of the job. */
   take(job) {
     this.job = job;
     const report = job.report ?? {};

@@ -228,7 +228,7 @@ impl Steering {
         }
     }
 
-    /// Advances to the last stage that can be reached straight; false when there is none.
+    /// Advances to the last stage that can be reached straight; false without such a stage.
     fn keep_way(&mut self) -> bool {
         if !self.boxed_in.is_empty() && self.looks > PATIENCE {
             return false;

@@ -144,8 +144,8 @@ impl Judge<'_> {
         (disc.level < 1.0) == self.setting.dark_parts
     }
 
-    /// The disc as a part, with the part finder's detection if there is one; `None` if it is none of the kinds looked
-    /// for.
+    /// The disc as a part, with the part finder's detection if there is one; `None` for a disc of
+    /// another kind.
     fn part(&self, disc: &Disc, found: Option<Detection>) -> Option<NamedPart> {
         let (kind, spec, off) = self.nearest(disc, &self.setting.kinds)?;
         let clear = disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;

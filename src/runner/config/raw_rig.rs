@@ -323,7 +323,7 @@ impl Default for RawFriction {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawKind {
-    /// Diameter, mm; 0 is a point. What the camera shall see has 1 mm or more.
+    /// Diameter, mm; 0 is a point. A part for the camera has 1 mm or more.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub diameter_mm: f64,
     /// Mass, g.
