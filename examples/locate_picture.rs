@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (frame, lens, side_m) = match &picture {
         Some(path) => {
             let frame = frame_of(path)?;
-            let lens = Lens::long([frame.width, frame.height]);
+            let lens = Lens::centered([frame.width, frame.height], 4.0);
             (frame, lens, PLATE_SIDE_M)
         }
         None => (scene.frame(), scene.lens, scene.side_m),

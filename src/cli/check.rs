@@ -16,9 +16,7 @@ use plan::Planned;
 use upm_chart::Chart;
 use upm_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
-use upm_runner::run::{
-    PlannerSelection, check_simulate, fitting_library, job_library, library_faults, tolerance_warning,
-};
+use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
 
 /// Contents of a valid file.
 struct Found {
@@ -200,7 +198,7 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
 /// Validates a daemon file with the rigs it names and their libraries.
 fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
     let daemon = DaemonSpec::load(path).map_err(lines)?;
-    let fitting = |plate: &PlateSpec| fitting_library(&plate.library, &plate.library_key, &plate.rig);
+    let fitting = |plate: &PlateSpec| load_library(&plate.library, &plate.library_key, &plate.rig);
     let faults: Vec<String> = daemon.plates.iter().filter_map(|plate| fitting(plate).err()).flat_map(lines).collect();
     let says = format!("daemon on {}, plates: {}", daemon.listen, daemon.plate_names().join(", "));
     if faults.is_empty() { Ok(says) } else { Err(faults) }
@@ -211,7 +209,7 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     let rig = RigSpec::load(path).map_err(lines)?;
     let library = match &rig.library {
         Some(library) => {
-            let library = fitting_library(library, &rig.library_key, &rig).map_err(lines)?;
+            let library = load_library(library, &rig.library_key, &rig).map_err(lines)?;
             format!("library of {} motions", library.entries.len())
         }
         None => "no library (`upm calibrate` makes one)".to_owned(),

@@ -58,7 +58,7 @@ pub use coverage::{Coverage, Gap, Place};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
-pub use library::{check_job, check_places, fitting_library, job_library, library_faults, rig_library};
+pub use library::{check_job, check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use links::{ExternalStop, Links};
 pub use pace_check::{PaceCheck, check_pace};

@@ -3,7 +3,7 @@
 use super::scale::SideSource;
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
-use upm_core::geometry::{Lens, Vec2};
+use upm_core::geometry::Lens;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_core::units::{INCH_M, m_from_mm};
@@ -14,9 +14,9 @@ const MOST_SIDE_MM: f64 = 1e5;
 
 /// Side of the papers' plate, m.
 const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
-/// Focal lengths tried without a rig, in picture widths: from a distant camera, which sees all parts from straight
+/// Focal lengths tried without a rig, in longer sides of the picture: from a distant camera, which sees all parts from straight
 /// above, to a telephone's.
-const FOCAL_WIDTHS: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
+const FOCAL_SIDES: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
 
 /// Plate, parts and camera of a search.
 pub(super) struct Setting {
@@ -92,9 +92,8 @@ impl Setting {
     /// Lenses through which `frame` may have been taken, the most likely first: the rig's, or ideal ones.
     pub(super) fn lenses(&self, frame: &Frame) -> Result<Vec<Lens>, String> {
         let Some(camera) = &self.camera else {
-            let size = Vec2::new(frame.width as f64, frame.height as f64);
-            let lens = |widths: f64| Lens::ideal(widths * size.max(), (size - Vec2::repeat(1.0)) / 2.0);
-            return Ok(FOCAL_WIDTHS.map(lens).into());
+            let lens = |focal_sides| Lens::centered([frame.width, frame.height], focal_sides);
+            return Ok(FOCAL_SIDES.map(lens).into());
         };
         let [width, height] = camera.frame_size_px;
         if [frame.width, frame.height] != [width, height] {

@@ -23,11 +23,11 @@ impl Lens {
         Self { focal_px, principal_px, radial: [0.0; 2], tangential: [0.0; 2] }
     }
 
-    /// The lens assumed for a picture of these columns and rows from an unknown camera. It has no distortion and so
-    /// long a focal length that parts are seen from straight above.
-    pub fn long(size_px: [usize; 2]) -> Self {
+    /// A lens without distortion for a picture of these columns and rows, its axis through the middle. The focal length
+    /// is a multiple of the longer side: from about 4 on parts are seen from straight above.
+    pub fn centered(size_px: [usize; 2], focal_sides: f64) -> Self {
         let size = Vec2::from(size_px.map(|size| size as f64));
-        Self::ideal(4.0 * size.max(), (size - Vec2::repeat(1.0)) / 2.0)
+        Self::ideal(focal_sides * size.max(), (size - Vec2::repeat(1.0)) / 2.0)
     }
 
     /// True without distortion.

@@ -159,7 +159,7 @@ fn is_strong(expected: &ExpectedMotion<'_>, planned: &Felt) -> bool {
 /// Counts that the coils are assumed to play.
 enum Played {
     Planned,
-    Gain { coil: usize, gain: f64 },
+    Without(usize),
     Swapped([usize; 2]),
 }
 
@@ -182,7 +182,7 @@ impl ExpectedMotion<'_> {
         let mut velocity = vec![Vector3::zeros(); harmonics];
         for (coil, answers) in self.coils.iter().enumerate() {
             let (part, factor) = match *played {
-                Played::Gain { coil: of, gain } if of == coil => (coil, gain),
+                Played::Without(of) if of == coil => (coil, 0.0),
                 Played::Swapped([a, b]) if a == coil => (b, 1.0),
                 Played::Swapped([a, b]) if b == coil => (a, 1.0),
                 _ => (coil, 1.0),

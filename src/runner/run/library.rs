@@ -10,7 +10,7 @@ use upm_library::{FieldFacts, Library, RigFacts};
 /// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let library = match &job.library {
-        Some(LibraryRef::File(path)) => return fitting_library(path, &job.library_key(), &job.rig).map(Arc::new),
+        Some(LibraryRef::File(path)) => return load_library(path, &job.library_key(), &job.rig),
         Some(LibraryRef::Inline(members)) => {
             Library::from_json(&Value::Object(members.clone()).to_string(), &format!("{}: library", job.file))?
         }
@@ -27,7 +27,7 @@ pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
     let Some(path) = &rig.library else {
         return Err(vec![Fault::new(&rig.model.name, "library", "nothing", "a COR library, made by `upm calibrate`")]);
     };
-    fitting_library(path, &format!("rig {}: library", rig.model.name), rig).map(Arc::new)
+    load_library(path, &format!("rig {}: library", rig.model.name), rig)
 }
 
 /// `library`, read from `file`, or the reasons why it does not fit the rig.
@@ -37,11 +37,8 @@ fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, 
 }
 
 /// Reads the COR library at `path` and checks it against `rig`; faults carry the key that names the file.
-pub fn fitting_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Library, Vec<Fault>> {
-    let library = Library::load(path).and_then(|library| {
-        let faults = library_faults(&library, &path.display().to_string(), rig);
-        if faults.is_empty() { Ok(library) } else { Err(faults) }
-    });
+pub fn load_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+    let library = Library::load(path).and_then(|library| fitting(library, &path.display().to_string(), rig));
     library.map_err(|faults| faults.into_iter().map(|fault| fault.named_by(named_by)).collect())
 }
 

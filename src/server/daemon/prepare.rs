@@ -14,7 +14,7 @@ use upm_core::priority::go_first;
 use upm_core::time::Clock;
 use upm_library::Library;
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec, reason};
-use upm_runner::run::{PaceCheck, check_pace, fitting_library as library_of_rig};
+use upm_runner::run::{PaceCheck, check_pace, load_library};
 
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
@@ -144,7 +144,7 @@ fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
 }
 
 fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
-    library_of_rig(&plate.library, &plate.library_key, &plate.rig).map(Arc::new)
+    load_library(&plate.library, &plate.library_key, &plate.rig)
 }
 
 /// The fault of a data folder that this process cannot write to or create; `None` for a usable one.

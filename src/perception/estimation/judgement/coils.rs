@@ -16,18 +16,12 @@ const SHARED_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 impl Judge<'_> {
     /// Score and verdict for the gain of `coil` that fits the reading best.
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
-        let (base_radps, harmonics) = (self.expected.drive.base_radps, self.planned.len());
-        let predicted = |gain: f64| {
-            let velocity = self.expected.velocity(harmonics, &Played::Gain { coil, gain });
-            felt(&velocity, base_radps, self.sensors.position_m)
-        };
-        let dead = predicted(0.0);
-        let share: Felt = self.planned.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c])).collect();
-        let missing = self.read.accel_mps2.iter().zip(&dead).map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]));
+        let [share, others] = self.split(coil);
         let information = self.dot(&share, &share, 0..CHANNELS);
-        let gain = self.dot(&share, &missing.collect(), 0..CHANNELS) / information;
+        let along = |felt: &Felt| self.dot(&share, felt, 0..CHANNELS);
+        let gain = (along(&self.read.accel_mps2) - along(&others)) / information;
         let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-        let score = if is_plausible { self.score(&predicted(gain)) } else { f64::INFINITY };
+        let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)])) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
     }
 
@@ -39,27 +33,23 @@ impl Judge<'_> {
 
     /// Score and verdict for the gains of `coil` and of all others that fit the reading best.
     fn coil_and_others(&self, coil: usize) -> (f64, MotionVerdict) {
-        let dead = self.expected.velocity(self.planned.len(), &Played::Gain { coil, gain: 0.0 });
-        let others = felt(&dead, self.expected.drive.base_radps, self.sensors.position_m);
-        let combined = |own: f64, shared: f64| -> Felt {
-            let rows = self.planned.iter().zip(&others);
-            rows.map(|(all, rest)| std::array::from_fn(|c| (all[c] - rest[c]) * own + rest[c] * shared)).collect()
-        };
-        let share = combined(1.0, 0.0);
-        let across = self.dot(&share, &others, 0..CHANNELS);
-        let normal = Matrix2::new(
-            self.dot(&share, &share, 0..CHANNELS),
-            across,
-            across,
-            self.dot(&others, &others, 0..CHANNELS),
-        );
-        let seen = [&share, &others].map(|part| self.dot(part, &self.read.accel_mps2, 0..CHANNELS));
+        let parts = self.split(coil);
+        let dot = |a: &Felt, b: &Felt| self.dot(a, b, 0..CHANNELS);
+        let normal = Matrix2::from_fn(|row, column| dot(&parts[row], &parts[column]));
+        let seen = Vector2::from_fn(|row, _| dot(&parts[row], &self.read.accel_mps2));
         let Some(inverse) = normal.try_inverse() else { return (f64::INFINITY, MotionVerdict::Other) };
-        let gains = inverse * Vector2::from(seen);
-        let (gain, shared) = (gains.x, gains.y);
+        let [gain, shared]: [f64; 2] = (inverse * seen).into();
         let is_plausible = COIL_GAINS.contains(&gain) && SHARED_GAINS.contains(&shared) && is_fault(gain / shared);
-        let score = if is_plausible { self.score(&combined(gain, shared)) } else { f64::INFINITY };
+        let [own, others] = &parts;
+        let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)])) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: inverse.m11.sqrt() })
+    }
+
+    /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
+    fn split(&self, coil: usize) -> [Felt; 2] {
+        let others = self.expected.velocity(self.planned.len(), &Played::Without(coil));
+        let others = felt(&others, self.expected.drive.base_radps, self.sensors.position_m);
+        [sum([(&self.planned, 1.0), (&others, -1.0)]), others]
     }
 
     pub(super) fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
@@ -67,4 +57,9 @@ impl Judge<'_> {
         let predicted = felt(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
         (self.score(&predicted), MotionVerdict::Swapped { coils })
     }
+}
+
+/// Sum of two readings, each times a factor.
+fn sum([(a, of_a), (b, of_b)]: [(&Felt, f64); 2]) -> Felt {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| a[c] * of_a + b[c] * of_b)).collect()
 }
