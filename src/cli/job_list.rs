@@ -81,8 +81,8 @@ impl Listed {
         let file = self.file.display().to_string();
         match &self.job {
             Ok(job) => [file, parts(job), task(job), time(job)],
-            Err(1) => [file, "1 fault: `upm check` tells it".to_owned(), String::new(), String::new()],
-            Err(faults) => [file, format!("{faults} faults: `upm check` tells them"), String::new(), String::new()],
+            Err(1) => [file, "1 fault: `upm check` shows it".to_owned(), String::new(), String::new()],
+            Err(faults) => [file, format!("{faults} faults: `upm check` shows them"), String::new(), String::new()],
         }
     }
 

@@ -87,7 +87,7 @@ pub enum RigFault {
         limit_counts: f64,
     },
     /// A pulse is still being played.
-    #[error("a pulse is still sounding until {0}")]
+    #[error("a pulse is being played until {0}")]
     Busy(PlateTime),
     /// The drive is invalid: not a number, negative lengths, or longer than allowed.
     #[error("bad drive: {0}")]

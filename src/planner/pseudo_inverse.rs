@@ -44,7 +44,7 @@ impl PseudoInverse {
     /// field.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
         if parts.iter().any(|part| !part.position_m.iter().chain(&part.step_m).all(|v| v.is_finite())) {
-            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()), &[]);
+            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()), &[]);
         }
         if self.planned_for.replace(parts.len()) != Some(parts.len()) {
             self.gears = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());

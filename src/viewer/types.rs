@@ -50,7 +50,7 @@ pub enum RecordingError {
         reason: String,
     },
     /// The address is not that of a viewer.
-    #[error("`{url}` is no viewer's address, like rerun+http://127.0.0.1:9876/proxy: {reason}")]
+    #[error("`{url}` is not a viewer address; expected something like rerun+http://127.0.0.1:9876/proxy: {reason}")]
     Address {
         /// The address given.
         url: String,

@@ -63,7 +63,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> 
             Some(format!("plate: {side_mm:.1} mm, from the ratio of the parts' sizes"))
         }
         SideSource::Assumed if side.candidates.is_empty() => {
-            Some(format!("plate: {side_mm:.1} mm assumed; --plate-side-mm tells it"))
+            Some(format!("plate: {side_mm:.1} mm assumed; --plate-side-mm sets it"))
         }
         SideSource::Assumed => {
             let names =
@@ -74,7 +74,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> 
                 .map(|candidate| format!("{:.0} mm for {}", mm_from_m(candidate.side_m), names(&candidate.kinds)))
                 .collect();
             Some(format!(
-                "plate: {side_mm:.1} mm assumed; the sizes allow {}; --plate-side-mm tells it",
+                "plate: {side_mm:.1} mm assumed; the sizes allow {}; --plate-side-mm sets it",
                 fits.join(", ")
             ))
         }

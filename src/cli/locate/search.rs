@@ -31,7 +31,7 @@ pub(super) fn look(
     let picture = picture::read(image)?;
     let decode = clock.elapsed();
     if let Some(bits) = picture.bits {
-        tracing::info!("{}: levels of 16 bits, taken as {bits} bits", image.display());
+        tracing::info!("{}: 16-bit picture; using {bits} significant bits", image.display());
     }
     let (frame, colors) = (picture.frame, picture.colors);
     let begun = clock.elapsed();

@@ -57,7 +57,7 @@ pub enum TableFault {
         side_m: f64,
     },
     /// Invalid lens: a number that is not finite, a focal length that is not positive.
-    #[error("the lens's numbers make no lens")]
+    #[error("invalid lens parameters")]
     BadLens,
     /// An even picture, or nothing above the noise.
     #[error("no edges stand out in the picture")]

@@ -106,7 +106,7 @@ impl FieldPlanner {
             numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
         };
         if !parts.iter().all(finite) {
-            return ended(PlanStatus::SolverFailed("a part is not where numbers are".into()));
+            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()));
         }
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         if largest_m < 0.5 * self.params.min_distance_m {

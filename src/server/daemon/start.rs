@@ -250,7 +250,7 @@ fn end(
     stopper.stop();
     // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
-    tracing::info!("ending");
+    tracing::info!("shutting down");
     manager.stopping();
     let plates_left = state.plates.shutdown(PLATES_WITHIN);
     tracing::debug!("plates have ended");

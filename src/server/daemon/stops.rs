@@ -72,7 +72,7 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
                 let told = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
                 let too_late = || {
                     let ended = format!("the job has ended: {}", row.state.code());
-                    Refusal::Conflict(if running { "the run of the job is over".to_owned() } else { ended })
+                    Refusal::Conflict(if running { "the job has already finished".to_owned() } else { ended })
                 };
                 told.then(|| answers::job(&row)).ok_or_else(too_late)
             }

@@ -77,9 +77,9 @@ impl ServiceManager {
                 self.tell("WATCHDOG=1");
             }
             if now != before {
-                self.tell(&format!("STATUS={}", one_line(now.as_ref().err().map_or("well again", String::as_str))));
+                self.tell(&format!("STATUS={}", one_line(now.as_ref().err().map_or("healthy again", String::as_str))));
                 match &now {
-                    Ok(()) => tracing::info!("well again"),
+                    Ok(()) => tracing::info!("healthy again"),
                     Err(why) => tracing::error!("no sign of life for the service manager: {why}"),
                 }
             }
@@ -226,7 +226,7 @@ mod tests {
         assert!(stub.socket.recv(&mut [0; 64]).is_err(), "ten periods without a word");
         stub.socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         well.store(true, Ordering::SeqCst);
-        assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "STATUS=well again"]);
+        assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "STATUS=healthy again"]);
         drop(alive);
         stub.socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
         while stub.socket.recv(&mut [0; 64]).is_ok() {}

@@ -103,7 +103,7 @@ impl Disk {
     /// Logs once that the disk does not respond.
     pub fn heed(&self, now: Duration) {
         if self.hangs(now) && !self.told.swap(true, Ordering::Relaxed) {
-            tracing::error!("the disk does not say what is free: no answer for {} s", HOLDS.as_secs());
+            tracing::error!("the disk does not respond ({} s)", HOLDS.as_secs());
         }
     }
 

@@ -214,7 +214,7 @@ impl Plate {
     fn audit(&self, act: &str, who: Requester) {
         let entry = self.told(act, who);
         if !self.shared.ledger.note_act(entry.clone()) {
-            tracing::error!("lost to the audit log, where too much waits: {entry:?}");
+            tracing::error!("audit queue full, entry dropped: {entry:?}");
         }
     }
 

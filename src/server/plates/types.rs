@@ -129,6 +129,6 @@ pub enum ResetFault {
     #[error("the client no longer waits for this reset")]
     NotAwaited,
     /// The audit log could not store the reset.
-    #[error("a reset that is not written down does not take place: {0}")]
+    #[error("reset refused: it could not be recorded ({0})")]
     Unwritten(StoreFault),
 }

@@ -201,7 +201,7 @@ impl Watchdog {
     fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<ExternalStop> {
         let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
-        let reason = || format!("nothing could be told for {:.1} s", waited.as_secs_f64());
+        let reason = || format!("no event could be stored for {:.1} s", waited.as_secs_f64());
         (since_ms != 0 && waited > longest).then(|| ExternalStop::of(StopCause::EventsBlocked, reason()))
     }
 

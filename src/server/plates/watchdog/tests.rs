@@ -143,7 +143,7 @@ fn a_crier_that_hangs_is_told() {
         vitals.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
     };
     let found = first_found(&mut dog, 1000, 9000, hangs, |_| STRICT);
-    assert_eq!(found, fault(4510, StopCause::EventsBlocked, "nothing could be told for 0.5 s"));
+    assert_eq!(found, fault(4510, StopCause::EventsBlocked, "no event could be stored for 0.5 s"));
 }
 
 #[test]

@@ -189,7 +189,7 @@ impl From<Refusal> for Problem {
             Refusal::Invalid(faults) => Self::new(ProblemKind::Invalid, counted(&faults)).with_faults(faults),
             Refusal::KeyReused => Self::new(
                 ProblemKind::Invalid,
-                "the Idempotency-Key came before with another body, or its job was deleted",
+                "this Idempotency-Key was already used, with a different body or for a job since deleted",
             ),
             Refusal::Conflict(why) => Self::new(ProblemKind::Conflict, why),
             Refusal::QueueFull { queued, retry_after_s } => {

@@ -201,5 +201,5 @@ fn bye(code: &str, why: &str) -> Bytes {
 }
 
 fn feed_closed() -> Bytes {
-    bye("feed_closed", "the daemon tells no more of this job")
+    bye("feed_closed", "the daemon reports no more of this job")
 }

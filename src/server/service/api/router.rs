@@ -34,7 +34,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
             Problem::new(ProblemKind::NotFound, "there is nothing here; /openapi.json lists what there is")
         })
         .method_not_allowed_fallback(async || {
-            Problem::new(ProblemKind::MethodNotAllowed, "the path is there, the methods it knows stand in Allow")
+            Problem::new(ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header")
         })
 }
 

@@ -166,7 +166,7 @@ async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_
             accepted = listener.accept(), if connections.may_open() => match accepted {
                 Ok((stream, peer)) => connections.open(stream, peer),
                 Err(error) => {
-                    tracing::warn!(%error, "no connection");
+                    tracing::warn!(%error, "cannot accept a connection");
                     sleep(NO_ROOM_PAUSE).await;
                 }
             },

@@ -42,7 +42,7 @@ fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Du
         synced_bytes = bytes;
         if let Err(fault) = sync() {
             // the disk reports it once: a later sync would succeed
-            let reason = format!("it cannot be brought to the disk: {fault}");
+            let reason = format!("it cannot be written to the disk: {fault}");
             switch.fail(reason.as_str());
             switch.stop(&reason);
             return;
@@ -78,7 +78,7 @@ mod tests {
         let (switch, (_alive, ended)) = (RecordingSwitch::default(), sync_channel(1));
         switch.wrote(7);
         run(|| Err(io::Error::other("it is broken")), &ended, OFTEN, &switch);
-        let reason = "it cannot be brought to the disk: it is broken";
+        let reason = "it cannot be written to the disk: it is broken";
         assert_eq!((switch.state(), switch.wanted_stop()), (RecordingState::Failed(reason.into()), Some(reason)));
     }
 }
