@@ -3,13 +3,15 @@ mod motion;
 mod naming;
 mod relocate;
 mod scene;
+mod settling;
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use self::first_look::find_table;
 use self::naming::name_parts;
-use self::scene::{Blind, Place, SWING_S, Scene};
+use self::scene::{Blind, Scene};
+use self::settling::{Place, SWING_S};
 use super::condition::Condition;
 use super::conditions::Conditions;
 use super::ending::{Ending, Flow, flow};

@@ -4,7 +4,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
-use super::scene::{Place, SWING_S};
+use super::settling::{Place, SWING_S};
 use super::{Eyes, Moment, TABLE_LOOKS};
 use crate::condition::Condition;
 use crate::ending::{Ending, Flow, check_stop};

@@ -1,6 +1,7 @@
 //! Checks of a frame beyond the parts' positions: whether it is of the present, whether the plate is visible, whether
 //! it is where it was, and whether a foreign object is on it.
 
+use super::settling::{Place, Settling};
 use crate::condition::Condition;
 use crate::guards::{Freshness, Stale};
 use upm_core::geometry::Vec2;
@@ -9,18 +10,8 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// Largest displacements of a corner and of the plate as a whole that are attributed to the swing after a pulse, px.
-/// Frames at rest with larger ones start no cycle.
-const SWING_CORNER_PX: f64 = 0.95;
-const SWING_SHIFT_PX: f64 = 0.7;
-/// The same for a corner once the plate has swung out.
+/// Displacement of a corner up to which the plate has swung out, px.
 const STILL_PX: f64 = 0.25;
-/// Shift between two looks from which on the plate still swings, px, and the time without one after which it has swung
-/// out, s: half of the slowest swing.
-const SWINGS_PX: f64 = 0.1;
-const STILL_S: f64 = 0.12;
-/// Time in which a plate swings out, s.
-pub(super) const SWING_S: f64 = 0.4;
 /// Durations after which a run ends, s: of stale frames, of frames without a plate, and of a hand in view.
 const STALE_S: f64 = 2.0;
 const DARK_S: f64 = 5.0;
@@ -74,25 +65,6 @@ impl Blind {
     }
 }
 
-/// The plate's place in the picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
-    /// The place where it was.
-    Same,
-    /// The same place, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was
-    /// located.
-    Swinging,
-    /// The same place, and it no longer swings: the table can be located as accurately as at first.
-    SwungOut,
-    /// Elsewhere, by this much at a corner, px; infinite where the displacement is unknown.
-    Elsewhere {
-        /// Displacement, px.
-        corner_px: f64,
-    },
-    /// The frame does not show it.
-    Unknown,
-}
-
 /// Findings in a frame at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
@@ -108,12 +80,7 @@ pub(super) struct Scene {
     table: TableWatch,
     plate: PlateWatch,
     foreign_m: Option<Vec2>,
-    /// Time from which the plate will have swung out and can be measured, after a table was located anew.
-    rest_from: Option<PlateTime>,
-    /// Time by which a plate that was seen elsewhere at rest has swung through its rest position and back.
-    settled_from: PlateTime,
-    /// Shift of the plate since the table was located, as of the last look, px.
-    shift_px: Vec2,
+    settling: Settling,
 }
 
 impl Scene {
@@ -123,9 +90,7 @@ impl Scene {
             table: TableWatch::new(table, model.frame_size_px),
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
             foreign_m: None,
-            rest_from: None,
-            settled_from: PlateTime::default(),
-            shift_px: Vec2::zeros(),
+            settling: Settling::default(),
         }
     }
 
@@ -147,21 +112,13 @@ impl Scene {
 
     /// Examines a frame taken at rest, in which `tracks` were followed.
     pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> Seen {
-        let motion = self.table.check(frame);
-        let place = match motion {
-            TableMotion::Seen { corner_px, shift_px, .. }
-                if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
-            {
-                self.settle(frame, shift_px)
-            }
-            TableMotion::Seen { corner_px, .. } => Place::Elsewhere { corner_px },
-            TableMotion::Displaced => Place::Elsewhere { corner_px: f64::INFINITY },
-            TableMotion::Hidden => Place::Unknown,
-        };
+        let place = self.settling.place(frame.exposed_at, self.table.check(frame));
+        if place == Place::SwungOut {
+            self.table.set_rest(frame);
+        }
         if let Place::Elsewhere { .. } = place {
             // objects on a plate that has moved are detected once it is located anew
             self.foreign_m = None;
-            self.settled_from = frame.exposed_at + STILL_S;
             return Seen { blind: None, place, foreign_m: None };
         }
         let sight = self.plate.check(frame, tracks);
@@ -181,25 +138,6 @@ impl Scene {
         }
         let sight = self.plate.check(frame, tracks);
         if sight.dark { Some(Blind::Dark) } else { (sight.hidden_share > COVERED).then_some(Blind::Hidden) }
-    }
-
-    /// The place of a plate that is seen where it should be, shifted by `shift_px`.
-    fn settle(&mut self, frame: &Frame, shift_px: Vec2) -> Place {
-        let since_last_px = (shift_px - std::mem::replace(&mut self.shift_px, shift_px)).norm();
-        if since_last_px > SWINGS_PX {
-            // pushed again, or the swing was a long one
-            self.rest_from = self.rest_from.map(|from| from.max(frame.exposed_at + STILL_S));
-        }
-        match self.rest_from {
-            Some(from) if frame.exposed_at < from => Place::Swinging,
-            Some(_) => {
-                self.table.set_rest(frame);
-                self.rest_from = None;
-                Place::SwungOut
-            }
-            None if frame.exposed_at < self.settled_from => Place::Swinging,
-            None => Place::Same,
-        }
     }
 
     /// True when the plate is where it was to a fraction of a pixel: it no longer swings and was not knocked.
@@ -227,8 +165,7 @@ impl Scene {
         dark_parts: bool,
     ) {
         self.table = TableWatch::new(table, [frame.width, frame.height]);
-        self.rest_from = swings.then_some(frame.exposed_at + SWING_S);
-        self.settled_from = PlateTime::default();
+        self.settling.relocate(frame.exposed_at, swings);
         if !swings {
             self.table.set_rest(frame);
         }

@@ -1,0 +1,139 @@
+//! Whether a plate that is seen at rest is where it was, and whether it still swings.
+
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
+use upm_perception::vision::TableMotion;
+
+/// Largest displacements of a corner and of the plate as a whole that are attributed to the swing after a pulse, px.
+/// Frames at rest with larger ones start no cycle.
+const SWING_CORNER_PX: f64 = 0.95;
+const SWING_SHIFT_PX: f64 = 0.7;
+/// Shift between two looks from which on the plate still swings, px, and the time without one after which it has swung
+/// out, s: half of the slowest swing.
+const SWINGS_PX: f64 = 0.1;
+const STILL_S: f64 = 0.12;
+/// Time in which a plate swings out, s.
+pub(super) const SWING_S: f64 = 0.4;
+
+/// The plate's place in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// The place where it was.
+    Same,
+    /// The same place, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was
+    /// located.
+    Swinging,
+    /// The same place, and it no longer swings: the table can be located as accurately as at first.
+    SwungOut,
+    /// Elsewhere, by this much at a corner, px; infinite where the displacement is unknown.
+    Elsewhere {
+        /// Displacement, px.
+        corner_px: f64,
+    },
+    /// The frame does not show it.
+    Unknown,
+}
+
+/// Follows the swing of a plate over the frames at rest.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Settling {
+    /// Time from which the plate will have swung out and can be measured, after a table was located anew.
+    rest_from: Option<PlateTime>,
+    /// Time by which a plate that was seen elsewhere at rest has swung through its rest position and back.
+    settled_from: PlateTime,
+    /// Shift of the plate since the table was located, as of the last look, px.
+    shift_px: Vec2,
+}
+
+impl Settling {
+    /// Takes the plate's motion in a frame at rest that was exposed at `at`.
+    pub(super) fn place(&mut self, at: PlateTime, motion: TableMotion) -> Place {
+        let corner_px = match motion {
+            TableMotion::Seen { corner_px, shift_px, .. }
+                if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
+            {
+                return self.near(at, shift_px);
+            }
+            TableMotion::Seen { corner_px, .. } => corner_px,
+            TableMotion::Displaced => f64::INFINITY,
+            TableMotion::Hidden => return Place::Unknown,
+        };
+        self.settled_from = at + STILL_S;
+        Place::Elsewhere { corner_px }
+    }
+
+    /// The place of a plate that is seen where it should be, shifted by `shift_px`.
+    fn near(&mut self, at: PlateTime, shift_px: Vec2) -> Place {
+        let since_last_px = (shift_px - std::mem::replace(&mut self.shift_px, shift_px)).norm();
+        if since_last_px > SWINGS_PX {
+            // pushed again, or the swing was a long one
+            self.rest_from = self.rest_from.map(|from| from.max(at + STILL_S));
+        }
+        match self.rest_from {
+            Some(from) if at < from => Place::Swinging,
+            Some(_) => {
+                self.rest_from = None;
+                Place::SwungOut
+            }
+            None if at < self.settled_from => Place::Swinging,
+            None => Place::Same,
+        }
+    }
+
+    /// The table was located anew at `at`, on a plate that may swing.
+    pub(super) fn relocate(&mut self, at: PlateTime, swings: bool) {
+        self.rest_from = swings.then_some(at + SWING_S);
+        self.settled_from = PlateTime::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME_S: f64 = 1.0 / 60.0;
+
+    fn at(frame: u32) -> PlateTime {
+        PlateTime::from_secs(f64::from(frame) * FRAME_S)
+    }
+
+    /// The corners displaced by a turn, the plate as a whole by a shift, px.
+    fn seen(turn_px: f64, shift_px: f64) -> TableMotion {
+        let corner_px = turn_px.abs() + shift_px;
+        TableMotion::Seen { sides_px: [Some(0.0); 4], shift_px: Vec2::new(shift_px, 0.0), turn_px, corner_px }
+    }
+
+    #[test]
+    fn plate_that_swings_back_from_elsewhere_is_relied_on_after_half_of_the_slowest_swing() {
+        let mut settling = Settling::default();
+        assert_eq!(settling.place(at(0), seen(0.1, 0.1)), Place::Same);
+        // a turned camera: the plate swings through where it was, and rests elsewhere
+        let swings: Vec<Place> =
+            (1..).zip([2.9, 1.1, 0.5, 0.4]).map(|(i, px)| settling.place(at(i), seen(px, 0.0))).collect();
+        assert!(matches!(swings[..2], [Place::Elsewhere { .. }, Place::Elsewhere { .. }]), "{swings:?}");
+        assert_eq!(swings[2..], [Place::Swinging; 2]);
+        assert_eq!(settling.place(at(9), seen(0.2, 0.0)), Place::Swinging);
+        assert_eq!(settling.place(at(10), seen(0.2, 0.0)), Place::Same);
+    }
+
+    #[test]
+    fn plate_located_while_it_swings_is_located_once_more_when_it_has_swung_out() {
+        let mut settling = Settling::default();
+        settling.relocate(at(0), true);
+        assert_eq!(settling.place(at(20), seen(0.0, 0.05)), Place::Swinging);
+        // a shift from one look to the next: it still swings
+        assert_eq!(settling.place(at(24), seen(0.0, 0.2)), Place::Swinging);
+        assert_eq!(settling.place(at(33), seen(0.0, 0.2)), Place::SwungOut);
+        assert_eq!(settling.place(at(34), seen(0.0, 0.2)), Place::Same);
+        settling.relocate(at(40), false);
+        assert_eq!(settling.place(at(41), seen(0.0, 0.0)), Place::Same);
+    }
+
+    #[test]
+    fn plate_that_is_not_seen_is_nowhere_and_one_beyond_reach_is_elsewhere_by_an_unknown_amount() {
+        let mut settling = Settling::default();
+        assert_eq!(settling.place(at(0), TableMotion::Hidden), Place::Unknown);
+        assert_eq!(settling.place(at(1), TableMotion::Displaced), Place::Elsewhere { corner_px: f64::INFINITY });
+        assert_eq!(settling.place(at(2), seen(0.0, 0.8)), Place::Elsewhere { corner_px: 0.8 });
+    }
+}
