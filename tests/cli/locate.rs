@@ -155,7 +155,7 @@ fn every_kind_of_file_is_read() {
     let twelve_bits = saved(&folder, "d.pgm", DynamicImage::ImageLuma16(twelve_bits));
     assert_found(&located(&[&twelve_bits]));
     let (_, stderr) = status(&["locate", "-v", &twelve_bits], 0);
-    assert!(stderr.contains("12 bits"), "{stderr}");
+    assert!(stderr.contains("12 significant bits"), "{stderr}");
     assert_eq!(status(&["locate", &twelve_bits], 0).1, "");
 }
 

@@ -14,8 +14,8 @@ const MOST_SIDE_MM: f64 = 1e5;
 
 /// Side of the papers' plate, m.
 const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
-/// Focal lengths tried without a rig, in longer sides of the picture: from a distant camera, which sees all parts from straight
-/// above, to a telephone's.
+/// Focal lengths tried without a rig, in longer sides of the picture: from a distant camera, which sees all parts from
+/// straight above, to a telephone's.
 const FOCAL_SIDES: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
 
 /// Plate, parts and camera of a search.
