@@ -20,6 +20,7 @@ mod fit;
 mod in_phase;
 mod job;
 mod kinds;
+mod layout;
 mod part_path;
 mod paths;
 mod place;
@@ -46,6 +47,7 @@ pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
 pub use faults::{DrawnFaults, RawFault, RawFaults, RawValue};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
+pub use layout::{JobLayout, LayoutBin, LayoutPart, LayoutPath};
 pub use place::{PlacedPart, place_parts};
 pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 pub use raw_job::{

@@ -19,7 +19,6 @@ mod events;
 mod frames;
 mod lag;
 mod latch;
-mod layout;
 mod plate;
 mod run_observer;
 mod setup;
@@ -36,7 +35,6 @@ mod worker;
 pub use events::{EventSubscriber, JobEvent};
 pub use frames::Picture;
 pub use latch::Held;
-pub use layout::{JobLayout, LayoutBin, LayoutPart, LayoutPath};
 pub use plate::{Plate, Requester};
 pub use setup::{PlateSetup, StandingSetup, Surroundings};
 pub use start::Plates;
@@ -44,3 +42,4 @@ pub use types::{LastObservation, Pause, PlateCondition, PlateSnapshot, ResetFaul
 pub use validate::fitting_library;
 
 pub use crate::states::{PlateState, StandingState};
+pub use upm_runner::config::{JobLayout, LayoutBin, LayoutPart, LayoutPath};

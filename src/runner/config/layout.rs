@@ -1,5 +1,5 @@
+use super::{JobSpec, KindSpec, TaskSpec};
 use upm_core::geometry::Vec2;
-use upm_runner::config::{JobSpec, KindSpec, TaskSpec};
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,8 +47,16 @@ pub struct LayoutPath {
 
 impl LayoutPart {
     /// A part of the kind `spec`.
-    pub(super) fn of(spec: &KindSpec) -> Self {
+    pub fn of(spec: &KindSpec) -> Self {
         Self { kind: spec.kind.name.clone(), radius_m: spec.kind.radius_m }
+    }
+}
+
+impl LayoutPath {
+    /// The path as a line: a closed one ends at its first corner.
+    pub fn line_m(&self) -> Vec<Vec2> {
+        let back = self.waypoints_m.first().filter(|_| self.closed);
+        self.waypoints_m.iter().chain(back).copied().collect()
     }
 }
 
