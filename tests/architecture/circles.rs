@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::map::member_of;
 use super::scan::{Scan, Written};
 
 /// Most re-exports followed for one name.
@@ -18,13 +19,10 @@ type Imports<'a> = BTreeMap<&'a str, BTreeMap<&'a str, String>>;
 
 /// Crate and module path of a file: `src/core/job/pace.rs` is `job::pace` of the crate in `src/core`; `src/cli/args.rs`
 /// is `cli::args` of the root.
-fn module_of<'a>(file: &'a str, members: &[&str]) -> Option<(&'a str, Vec<String>)> {
-    let inside = file.strip_prefix("src/")?.strip_suffix(".rs")?;
-    let (of, inside) = match inside.split_once('/') {
-        Some((folder, rest)) if members.contains(&folder) => (folder, rest),
-        _ => ("", inside),
-    };
-    let path = inside.split('/').filter(|part| !["lib", "main", "mod"].contains(part));
+fn module_of(file: &str) -> Option<(&str, Vec<String>)> {
+    let of = member_of(file).unwrap_or_default();
+    let inside = file.strip_prefix("src/")?.strip_prefix(of)?.strip_suffix(".rs")?;
+    let path = inside.split('/').filter(|part| !["", "lib", "main", "mod"].contains(part));
     Some((of, path.map(str::to_owned).collect()))
 }
 
@@ -125,10 +123,10 @@ fn reached<'a>(imports: &Imports<'a>, from: &'a str) -> BTreeSet<&'a str> {
 }
 
 /// All import cycles among `files` (path and scan; tests left out), each as its imports: `a.rs -> b.rs: Name`.
-pub fn circles(files: &[(&str, &Scan)], members: &[&str]) -> Vec<String> {
+pub fn circles(files: &[(&str, &Scan)]) -> Vec<String> {
     let mut crates: BTreeMap<&str, Crate> = BTreeMap::new();
     for &(file, scan) in files {
-        if let Some((of, module)) = module_of(file, members) {
+        if let Some((of, module)) = module_of(file) {
             let modules = &mut crates.entry(of).or_insert(Crate { modules: BTreeMap::new() }).modules;
             modules.insert(module, (file, scan));
         }
