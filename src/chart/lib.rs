@@ -1,8 +1,13 @@
 //! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
 //! draws one as a picture.
 
+mod labels;
+mod palette;
 #[cfg(feature = "svg")]
 mod svg;
+
+pub use labels::{LabelPlace, Labelled, place_labels};
+pub use palette::{Ground, Palette};
 
 #[cfg(feature = "svg")]
 pub use svg::{svg, svg_page};
@@ -99,6 +104,15 @@ pub enum Mark {
         /// Value of each point, 0 to 1.
         values: Vec<f64>,
     },
+    /// A name beside a disc around each, off all the discs and off the other names.
+    Names {
+        /// Name of each point.
+        texts: Vec<String>,
+        /// Radius of the disc around each, in the axes' unit.
+        radii: Vec<f64>,
+        /// Colour of each name.
+        colors: Vec<Color>,
+    },
     /// A text beside each, placed clear of the line from each point to the next.
     Labels {
         /// Text of each point.
@@ -121,6 +135,8 @@ pub enum Color {
     Purple,
     /// For faults and missed targets.
     Red,
+    /// Red, green and blue, 0 to 255: the colour of a part or a kind in a [`Palette`].
+    Rgb([u8; 3]),
 }
 
 impl Color {
@@ -133,6 +149,7 @@ impl Color {
             Self::Green => [0, 158, 115],
             Self::Purple => [204, 121, 167],
             Self::Red => [213, 94, 0],
+            Self::Rgb(rgb) => rgb,
         }
     }
 

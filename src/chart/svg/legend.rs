@@ -91,7 +91,7 @@ fn sample(sheet: &Sheet<'_>, mark: &Mark, color: Color, [left, right]: [i32; 2],
             let (side, from) = ((right - left) / 3, left + (right - left) / 3 * i as i32);
             marks::cell(sheet, [(from, y - side / 2), (from + side, y + side / 2)], value, color)
         }),
-        Mark::Labels { texts } => {
+        Mark::Labels { texts } | Mark::Names { texts, .. } => {
             texts.first().map_or(Ok(()), |text| marks::word(sheet, center, HPos::Center, text, color))
         }
     }

@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 use super::clip;
 use super::range::drawable;
 use super::sheet::{Drawn, FINE, Sheet, fine, font, paint, plain_text, text_width_px};
-use crate::{Color, Layer, Mark};
+use crate::{Color, Labelled, Layer, Mark, place_labels};
 
 /// Width of lines, px.
 const LINE_PX: f64 = 1.8;
@@ -120,6 +120,7 @@ pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
                 _ => Ok(()),
             })
         }
+        Mark::Names { texts, radii, colors } => names(sheet, frame, points, (texts, radii, colors)),
         Mark::Labels { texts } => points.iter().zip(texts).enumerate().try_for_each(|(i, (&point, text))| {
             if !frame.holds(point) {
                 return Ok(());
@@ -199,6 +200,30 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
     };
     thin_line(sheet, vec![from, corner(0.0)], color)?;
     sheet.draw(&Polygon::new(vec![to, corner(1.0), corner(-1.0)], paint(color)))
+}
+
+/// Draws names beside their discs. A name of a point outside the plot is left out.
+fn names(
+    sheet: &Sheet<'_>,
+    frame: &Frame,
+    points: &[[f64; 2]],
+    (texts, radii, colors): (&[String], &[f64], &[Color]),
+) -> Drawn {
+    let px_per_unit = f64::from((frame.across[1] - frame.across[0]).abs()) / (frame.x[1] - frame.x[0]);
+    let given = points.iter().zip(texts).zip(radii).zip(colors).filter(|(((point, _), _), _)| frame.holds(**point));
+    let (discs, words): (Vec<Labelled>, Vec<(&String, Color)>) = given
+        .map(|(((&point, text), radius), &color)| {
+            let (x, y) = frame.px(point);
+            let half = [0.5 * text_width_px(text, WORD_PX), 0.65 * WORD_PX].map(|px| FINE * px);
+            let radius = if drawable(*radius) { radius.abs() * px_per_unit } else { 0.0 };
+            (Labelled { center: [f64::from(x), f64::from(y)], radius, half }, (text, color))
+        })
+        .unzip();
+    let bounds = [frame.across, frame.down].map(|[from, to]| [f64::from(from.min(to)), f64::from(from.max(to))]);
+    place_labels(&discs, bounds, &[]).iter().zip(words).try_for_each(|(place, (text, color))| {
+        let [x, y] = place.center.map(|along| along.round() as i32);
+        word(sheet, (x, y), HPos::Center, text, color)
+    })
 }
 
 /// Draws text beside a point, on its right and above where `free` says so; omitted where it would leave the plot.

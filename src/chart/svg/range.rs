@@ -61,7 +61,7 @@ fn extents(layer: &Layer, number: usize) -> impl Iterator<Item = [f64; 2]> {
             let along = vectors.get(i).map_or(0.0, |vector| vector[number]);
             [along.min(0.0), along.max(0.0)]
         }
-        Mark::Line | Mark::Dashes | Mark::Dots | Mark::Crosses | Mark::Labels { .. } => [0.0, 0.0],
+        Mark::Line | Mark::Dashes | Mark::Dots | Mark::Crosses | Mark::Labels { .. } | Mark::Names { .. } => [0.0, 0.0],
     };
     layer.points.iter().enumerate().filter_map(move |(i, point)| {
         let [back, ahead] = reach(i);

@@ -18,6 +18,11 @@ fn every_mark(points: &[[f64; 2]]) -> Vec<Layer> {
         Mark::Circles { radius: 12.0 },
         Mark::Arrows { vectors: points.to_vec() },
         Mark::Cells { side: 5.0, values: points.iter().map(|point| point[0]).collect() },
+        Mark::Names {
+            texts: points.iter().map(|point| format!("<<{}>>", point[0])).collect(),
+            radii: points.iter().map(|point| point[1]).collect(),
+            colors: points.iter().map(|_| Color::Rgb([1, 2, 3])).collect(),
+        },
         Mark::Labels { texts: points.iter().map(|point| format!("<{}>", point[0])).collect() },
     ];
     let label = |mark: &Mark| format!("the {}", format!("{mark:?}").to_lowercase().split(' ').next().unwrap());

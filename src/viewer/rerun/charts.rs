@@ -106,7 +106,7 @@ impl<'a> ChartView<'a> {
                 tape.log_static(path, &arrows.with_radii([thin(1.0)]).with_draw_order(order))
             }
             Mark::Cells { side, values } => self.log_cells(tape, path, layer, (*side, values), order),
-            Mark::Labels { texts } => {
+            Mark::Labels { texts } | Mark::Names { texts, .. } => {
                 let pairs = points.iter().zip(texts).filter(|(point, _)| is_finite(point));
                 let words = pairs.map(|(&point, text)| (self.place(point), text.clone())).collect();
                 tape.log_static(path, &written(words).with_colors([color]))
