@@ -9,7 +9,7 @@ use super::shipped::is_shipped;
 use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{Keeping, Report, Verdict};
+use upm_recording::{RecordingOptions, Report, Verdict};
 use upm_runner::config::{Fault, FaultClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
@@ -30,7 +30,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         started_utc: utc_now(),
         rerun,
         real_time,
-        keeping: Keeping { has_clock: real_time, ..Keeping::patient(clock) },
+        keeping: RecordingOptions { has_clock: real_time, ..RecordingOptions::lossless(clock) },
         live: None,
     };
     let stop = stop_on_interrupt();

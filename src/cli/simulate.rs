@@ -4,7 +4,7 @@ use super::args::{Common, SimulateArgs};
 use super::output::{Failure, print};
 use upm_core::units::mm_from_m;
 use upm_runner::config::SimulateSpec;
-use upm_runner::run::{Trajectories, simulate as simulate_open_loop};
+use upm_runner::run::{OpenLoopTrajectories, simulate as simulate_open_loop};
 
 pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failure> {
     let spec = SimulateSpec::load(&args.experiment).map_err(Failure::of_files)?;
@@ -13,7 +13,7 @@ pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failur
     print(common.json, &as_json(&result), || print_table(&spec, &result))
 }
 
-fn as_json(result: &Trajectories) -> serde_json::Value {
+fn as_json(result: &OpenLoopTrajectories) -> serde_json::Value {
     let mm = |values: &[f64]| values.iter().copied().map(mm_from_m).collect::<Vec<_>>();
     let parts = result
         .parts
@@ -22,7 +22,7 @@ fn as_json(result: &Trajectories) -> serde_json::Value {
     json!({ "t_s": result.t_s, "parts": parts.collect::<Vec<_>>() })
 }
 
-fn print_table(spec: &SimulateSpec, result: &Trajectories) -> Result<(), Failure> {
+fn print_table(spec: &SimulateSpec, result: &OpenLoopTrajectories) -> Result<(), Failure> {
     say!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len())?;
     say!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °")?;
     for (placed, part) in spec.parts.iter().zip(&result.parts) {

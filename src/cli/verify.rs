@@ -8,7 +8,7 @@ use super::progress::RunProgress;
 use super::run::run_failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
-use upm_runner::run::{PacingStats, Verdict, VerifyError, verify as verify_run};
+use upm_runner::run::{PacingStats, Verification, VerifyError, verify as verify_run};
 
 /// Most characters shown of a line that differs.
 const SHOWN: usize = 160;
@@ -30,28 +30,28 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     } else {
         print_verdict(&run, &verdict)?
     }
-    Ok(if matches!(verdict, Verdict::Differs { .. }) { NOT_REACHED } else { 0 })
+    Ok(if matches!(verdict, Verification::Differs { .. }) { NOT_REACHED } else { 0 })
 }
 
-fn as_json(verdict: &Verdict) -> Value {
+fn as_json(verdict: &Verification) -> Value {
     match verdict {
-        Verdict::Equal { lines, stopped } => json!({ "equal": true, "lines": lines, "stopped": stopped }),
-        Verdict::Differs { line, recorded, repeated } => {
+        Verification::Equal { lines, stopped } => json!({ "equal": true, "lines": lines, "stopped": stopped }),
+        Verification::Differs { line, recorded, repeated } => {
             json!({ "equal": false, "line": line, "recorded": recorded, "repeated": repeated })
         }
     }
 }
 
-fn print_verdict(run: &Path, verdict: &Verdict) -> Result<(), Failure> {
+fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {
     let run = run.display();
     match verdict {
-        Verdict::Equal { lines, stopped: false } => {
+        Verification::Equal { lines, stopped: false } => {
             say!("{run}: the repetition's journal is equal byte for byte, {lines} lines")
         }
-        Verdict::Equal { lines, stopped: true } => {
+        Verification::Equal { lines, stopped: true } => {
             say!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
         }
-        Verdict::Differs { line, recorded, repeated } => {
+        Verification::Differs { line, recorded, repeated } => {
             say!("{run}: journals differ from line {line} on")?;
             say!("  recorded: {}", shown(recorded))?;
             say!("  repeated: {}", shown(repeated))

@@ -31,13 +31,13 @@ mod workbench;
 
 use std::sync::atomic::AtomicBool;
 
-use steering::Motion;
+use steering::SteeringMotion;
 use upm_core::rig::{Rig, RigModel};
 use upm_library::{Entry, FieldResponse, Library};
-use workbench::Workbench;
+use workbench::CalibrationSession;
 
 pub use axes::Axes;
-pub use fault::{CalibrationFault, ChannelFault, CoilFault, Component};
+pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
 pub use params::{CalibrationParams, CalibrationProgress};
 pub use resonance::AxisResonance;
 
@@ -52,7 +52,7 @@ pub fn measure_axes(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Axes, CalibrationFault> {
-    Workbench::new(rig, model, stop, progress).work(|bench| axes::measure(bench, params))
+    CalibrationSession::new(rig, model, stop, progress).work(|bench| axes::measure(bench, params))
 }
 
 /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
@@ -64,7 +64,7 @@ pub fn steer(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
-    Workbench::new(rig, model, stop, progress).work(|bench| {
+    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
         let axes = axes::measure(bench, params)?;
         let entries = steering::measure(bench, &axes, params, &wanted(&axes, model, params))?;
         Ok((axes, entries))
@@ -80,7 +80,7 @@ pub fn measure_fields(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Option<FieldResponse>, CalibrationFault> {
-    Workbench::new(rig, model, stop, progress).work(|bench| {
+    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
         axes::measure(bench, params)?;
         fields::measure(bench)
     })
@@ -95,7 +95,7 @@ pub fn measure_resonances(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
-    Workbench::new(rig, model, stop, progress).work(|bench| {
+    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
         axes::measure(bench, params)?;
         resonance::measure(bench)
     })
@@ -110,11 +110,11 @@ pub fn calibrate(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
-    Workbench::new(rig, model, stop, progress).work(|bench| measure(bench, fingerprint, params))
+    CalibrationSession::new(rig, model, stop, progress).work(|bench| measure(bench, fingerprint, params))
 }
 
 fn measure(
-    bench: &mut Workbench<'_>,
+    bench: &mut CalibrationSession<'_>,
     fingerprint: &str,
     params: &CalibrationParams,
 ) -> Result<Library, CalibrationFault> {
@@ -144,7 +144,7 @@ fn measure(
 }
 
 /// The motions of a library for a rig with these axes.
-fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) -> Vec<Motion> {
+fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) -> Vec<SteeringMotion> {
     let half_side_m = 0.5 * model.plate_side_m;
     let too_strong = axes.top_speed_mps(model.count_limit) > STRONG * params.gentle_mps;
     let gentle = if too_strong { steering::gentle_motions(half_side_m, params) } else { Vec::new() };

@@ -1,5 +1,5 @@
 use upm_core::job::StopCause;
-use upm_planner::{Limit, Method, PlanStatus};
+use upm_planner::{Limit, PlanStatus, PlanningMethod};
 
 /// A state of a run that may last over many cycles and that an operator should know about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,7 +137,7 @@ impl Condition {
 }
 
 /// The reason, for people, that a plan has no pulses. `id` names a part.
-pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize) -> &'a str) -> String {
+pub(super) fn why_not<'a>(status: &PlanStatus, method: PlanningMethod, id: impl Fn(usize) -> &'a str) -> String {
     match (status, method) {
         (PlanStatus::Solved, _) => "it has pulses".into(),
         (PlanStatus::NothingToDo, _) => "every step is shorter than the shortest pulse".into(),
@@ -145,10 +145,10 @@ pub(super) fn why_not<'a>(status: &PlanStatus, method: Method, id: impl Fn(usize
         (PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }), _) => {
             format!("{} and {} would come too close to each other", id(*a), id(*b))
         }
-        (PlanStatus::Infeasible(Limit::Unreachable), Method::SynthesizedField) => {
+        (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::SynthesizedField) => {
             "no motion was found that brings the parts closer to their places".into()
         }
-        (PlanStatus::Infeasible(Limit::Unreachable), Method::CorSequence | Method::PseudoInverse) => {
+        (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::CorSequence | PlanningMethod::PseudoInverse) => {
             "no motion of the library moves every part that should move".into()
         }
         (PlanStatus::SolverFailed(why), _) => format!("the solver gave up ({why})"),

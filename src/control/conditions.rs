@@ -94,17 +94,17 @@ mod tests {
 
     /// A sink that keeps the reported changes.
     #[derive(Default)]
-    struct Told(Vec<(f64, &'static str, ConditionChange, String)>);
+    struct RecordedChanges(Vec<(f64, &'static str, ConditionChange, String)>);
 
-    impl Sink for Told {
+    impl Sink for RecordedChanges {
         fn condition(&mut self, facts: &ConditionFacts<'_>) {
             self.0.push((facts.at.secs(), facts.condition.code(), facts.change, facts.text.to_owned()));
         }
     }
 
     /// Runs cycles of 1 s; `holds` gives the conditions that hold in each.
-    fn told(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> Told {
-        let (mut conditions, mut told) = (Conditions::default(), Told::default());
+    fn told(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> RecordedChanges {
+        let (mut conditions, mut told) = (Conditions::default(), RecordedChanges::default());
         for cycle in 0..cycles {
             let at = PlateTime::from_secs(f64::from(cycle));
             for condition in holds(cycle) {
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn lasting_condition_is_told_at_its_begin_and_its_end_with_the_count() {
-        let Told(told) =
+        let RecordedChanges(told) =
             told(40, |cycle| if (3..20).contains(&cycle) { vec![Condition::StepsMeetParts] } else { vec![] });
         assert_eq!(told.len(), 2, "{told:?}");
         let (at_s, code, change, text) = &told[0];
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn condition_of_sight_ends_soon_after_it_was_last_noted() {
-        let (mut conditions, mut told) = (Conditions::default(), Told::default());
+        let (mut conditions, mut told) = (Conditions::default(), RecordedChanges::default());
         let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
         for tenths in 0..=20 {
             conditions.note(at(tenths), Condition::ViewHidden, || "hidden".into(), &mut told);
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn conditions_of_several_parts_are_told_apart_and_end_with_the_run() {
-        let Told(told) = told(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
+        let RecordedChanges(told) = told(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
         let ends: Vec<&ConditionChange> = told.iter().map(|(_, _, change, _)| change).collect();
         let ended = ConditionChange::Ended { times: 2, lasted_s: 1.0 };
         assert_eq!(ends, [&ConditionChange::Began, &ConditionChange::Began, &ended, &ended]);
@@ -163,13 +163,13 @@ mod tests {
     #[test]
     fn sink_that_knows_no_conditions_gets_them_as_warnings() {
         #[derive(Default)]
-        struct Events(Vec<(crate::EventLevel, String)>);
-        impl Sink for Events {
+        struct ConditionEvents(Vec<(crate::EventLevel, String)>);
+        impl Sink for ConditionEvents {
             fn event(&mut self, _: PlateTime, level: crate::EventLevel, text: &str) {
                 self.0.push((level, text.to_owned()));
             }
         }
-        let (mut conditions, mut events) = (Conditions::default(), Events::default());
+        let (mut conditions, mut events) = (Conditions::default(), ConditionEvents::default());
         conditions.note(PlateTime::ZERO, Condition::TableMissing, || "too dark".into(), &mut events);
         let [(level, text)] = &events.0[..] else { panic!("{:?}", events.0) };
         assert!(*level == crate::EventLevel::Warning && text.starts_with("too dark; check light"), "{text}");

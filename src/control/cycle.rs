@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::condition::{Condition, why_not};
 use super::conditions::Conditions;
-use super::ending::{Ending, Flow, check_stop};
-use super::eyes::{Eyes, Moment};
+use super::ending::{OrEnd, RunEnd, check_stop};
+use super::eyes::{FramePurpose, Perception};
 use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::planning::{Planning, STALLED_S};
@@ -19,7 +19,7 @@ use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
-use upm_goal::{Goal, Wanted};
+use upm_goal::{Setpoints, Task};
 use upm_library::Library;
 use upm_planner::Plan;
 
@@ -34,7 +34,7 @@ const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
 
 /// The devices and flags that a run works with.
-pub struct Devices<'a> {
+pub struct RunIo<'a> {
     /// The plate.
     pub rig: &'a mut dyn Rig,
     /// The rig's nominal figures.
@@ -51,11 +51,11 @@ pub struct Devices<'a> {
 
 /// Ending of a run and the state of its parts then.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Finish {
+pub struct FinalState {
     /// Outcome, cause and reason.
-    pub ending: Ending,
+    pub ending: RunEnd,
     /// The goal's last request; `None` when it was never asked.
-    pub wanted: Option<Wanted>,
+    pub wanted: Option<Setpoints>,
     /// Last seen positions of the parts, m; empty when they were never seen.
     pub measured_m: Vec<Vec2>,
     /// Indices of the parts that are lost.
@@ -63,19 +63,19 @@ pub struct Finish {
 }
 
 /// Runs `goal` to its end. Motors are at zero when this returns, also after an error.
-pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams) -> Finish {
-    let Devices { rig, model, sink, clock, stop, give_way } = devices;
+pub fn run(devices: RunIo<'_>, library: &Arc<Library>, goal: &mut dyn Task, params: &ControlParams) -> FinalState {
+    let RunIo { rig, model, sink, clock, stop, give_way } = devices;
     let mut open = || {
         let planner = match FreshPlanner::new(params.method, library, params.planner).plans() {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
         let guards = params.guards.clone();
-        Continue((planner, Eyes::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
+        Continue((planner, Perception::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
     };
     let finish = match open() {
         Continue((planner, eyes)) => {
-            let mut cycle = Cycle {
+            let mut cycle = ControlCycle {
                 rig: &mut *rig,
                 model,
                 sink: &mut *sink,
@@ -100,17 +100,17 @@ pub fn run(devices: Devices<'_>, library: &Arc<Library>, goal: &mut dyn Goal, pa
             };
             cycle.until_end()
         }
-        Break(ending) => Finish { ending, ..Finish::default() },
+        Break(ending) => FinalState { ending, ..FinalState::default() },
     };
     rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
-    let Ending { outcome, cause, reason } = &finish.ending;
+    let RunEnd { outcome, cause, reason } = &finish.ending;
     let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
     sink.milestone(&MilestoneFacts { at: rig.now(), level, milestone, text: reason });
     finish
 }
 
-struct Cycle<'a> {
+struct ControlCycle<'a> {
     rig: &'a mut dyn Rig,
     model: &'a RigModel,
     sink: &'a mut dyn Sink,
@@ -118,15 +118,15 @@ struct Cycle<'a> {
     stop: &'a AtomicBool,
     give_way: &'a AtomicBool,
     library: &'a Arc<Library>,
-    goal: &'a mut dyn Goal,
+    goal: &'a mut dyn Task,
     params: &'a ControlParams,
-    eyes: Eyes,
+    eyes: Perception,
     planning: Planning<'a>,
     conditions: Conditions,
     /// True when the last cycle had pulses and began a new sequence: the rest of a sequence may lead away before it
     /// leads near.
     played: bool,
-    wanted: Option<Wanted>,
+    wanted: Option<Setpoints>,
     /// Progress at the last cycle without a pulse that advanced.
     furthest: f64,
     index: u64,
@@ -139,8 +139,8 @@ struct Cycle<'a> {
     is_cautious: bool,
 }
 
-impl Cycle<'_> {
-    fn until_end(&mut self) -> Finish {
+impl ControlCycle<'_> {
+    fn until_end(&mut self) -> FinalState {
         let mut last_pulse_at = self.rig.now();
         self.goal.first_seen(&self.eyes.positions_m());
         let mut look = self.look_at_rest();
@@ -148,7 +148,7 @@ impl Cycle<'_> {
             look = match look {
                 // the last cycle is over here, its parts seen at rest
                 Continue(_) if self.give_way.load(Ordering::Relaxed) => {
-                    break Ending::gave_way(self.params.endless && self.is_getting_on());
+                    break RunEnd::gave_way(self.params.endless && self.is_getting_on());
                 }
                 Continue(observed) => self.once(observed, &mut last_pulse_at),
                 Break(ending) => break ending,
@@ -160,11 +160,11 @@ impl Cycle<'_> {
             self.eyes.end_run(self.rig.now(), self.sink);
         }
         let lost = if self.is_part_lost() { self.eyes.unseen() } else { Vec::new() };
-        Finish { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
+        FinalState { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
     }
 
     /// One cycle, from a look at rest to the next, whose positions it returns.
-    fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> Flow<Vec<Vec2>> {
+    fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> OrEnd<Vec<Vec2>> {
         if self.eyes.take_relocated() {
             // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
@@ -198,7 +198,7 @@ impl Cycle<'_> {
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;
-            self.play(pulse, if number == plan.pulses.len() { Moment::Cycle } else { Moment::Pulse })?;
+            self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
             if self.eyes.invalidates_plan() {
@@ -216,7 +216,7 @@ impl Cycle<'_> {
             if self.rig.now() - *last_pulse_at > STALLED_S {
                 let held_up = self.planning.held_up(&wanted, &result);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {held_up}");
-                return Break(Ending::failed_because(StopCause::NoProgress, reason));
+                return Break(RunEnd::failed_because(StopCause::NoProgress, reason));
             }
             return Continue(result);
         }
@@ -237,7 +237,7 @@ impl Cycle<'_> {
     }
 
     /// Plans the wanted steps, or the feasible share of them.
-    fn plan(&mut self, observed: &[Vec2], wanted: &Wanted) -> Flow<Plan> {
+    fn plan(&mut self, observed: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
         self.check_stop()?;
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
         let Self { planning, conditions, rig, sink, stop, params, .. } = self;
@@ -287,12 +287,12 @@ impl Cycle<'_> {
         self.conditions.note(self.rig.now(), condition, || reason, self.sink);
     }
 
-    fn check_stop(&self) -> Flow {
+    fn check_stop(&self) -> OrEnd {
         check_stop(self.stop)
     }
 
     /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
-    fn look_for_missing(&mut self) -> Flow {
+    fn look_for_missing(&mut self) -> OrEnd {
         if self.eyes.missing_for() > self.params.lost_after_frames && !self.eyes.silenced_pulse() {
             self.look_at_rest()?;
         }
@@ -300,10 +300,10 @@ impl Cycle<'_> {
     }
 
     /// Captures frames until one at rest shows every part; a part that stays missing is lost.
-    fn look_at_rest(&mut self) -> Flow<Vec<Vec2>> {
+    fn look_at_rest(&mut self) -> OrEnd<Vec<Vec2>> {
         loop {
             self.check_stop()?;
-            let at_rest = self.eyes.look(self.rig, Moment::Cycle, self.sink, self.clock)?;
+            let at_rest = self.eyes.look(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
             if at_rest && self.eyes.missing_for() == 0 {
                 return Continue(self.eyes.positions_m());
             }

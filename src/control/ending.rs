@@ -6,11 +6,11 @@ use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{RigFault, Trip};
 
 /// A value to go on with, or the ending of the run.
-pub(super) type Flow<T = ()> = ControlFlow<Ending, T>;
+pub(super) type OrEnd<T = ()> = ControlFlow<RunEnd, T>;
 
 /// Outcome, cause and reason of the end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Ending {
+pub struct RunEnd {
     /// Outcome.
     pub outcome: Outcome,
     /// Its cause; `None` where the outcome says it all.
@@ -19,7 +19,7 @@ pub struct Ending {
     pub reason: String,
 }
 
-impl Ending {
+impl RunEnd {
     /// The goal was reached.
     pub fn completed(reason: impl Into<String>) -> Self {
         Self { outcome: Outcome::Completed, reason: reason.into(), ..Self::default() }
@@ -67,7 +67,7 @@ impl Ending {
     }
 }
 
-impl From<RigFault> for Ending {
+impl From<RigFault> for RunEnd {
     fn from(fault: RigFault) -> Self {
         let reason = format!("the rig stopped: {fault}");
         match fault {
@@ -79,7 +79,7 @@ impl From<RigFault> for Ending {
 }
 
 /// Unwraps the result of a fallible step; a fault of the rig ends the run.
-pub(super) fn flow<T>(result: Result<T, RigFault>) -> Flow<T> {
+pub(super) fn flow<T>(result: Result<T, RigFault>) -> OrEnd<T> {
     match result {
         Ok(value) => ControlFlow::Continue(value),
         Err(fault) => ControlFlow::Break(fault.into()),
@@ -87,7 +87,7 @@ pub(super) fn flow<T>(result: Result<T, RigFault>) -> Flow<T> {
 }
 
 /// The value of `flow`, or the ending as an error: for calibration, which is not part of a run.
-pub(super) fn into_result<T>(flow: Flow<T>) -> Result<T, Ending> {
+pub(super) fn into_result<T>(flow: OrEnd<T>) -> Result<T, RunEnd> {
     match flow {
         ControlFlow::Continue(value) => Ok(value),
         ControlFlow::Break(ending) => Err(ending),
@@ -95,13 +95,13 @@ pub(super) fn into_result<T>(flow: Flow<T>) -> Result<T, Ending> {
 }
 
 /// True for a run that was ended from outside.
-pub(super) fn is_stopped<T>(flow: &Flow<T>) -> bool {
+pub(super) fn is_stopped<T>(flow: &OrEnd<T>) -> bool {
     matches!(flow, ControlFlow::Break(ending) if ending.is_external())
 }
 
 /// Ends the run once `stop` is set.
-pub(super) fn check_stop(stop: &AtomicBool) -> Flow {
-    if stop.load(Ordering::Relaxed) { ControlFlow::Break(Ending::stopped()) } else { ControlFlow::Continue(()) }
+pub(super) fn check_stop(stop: &AtomicBool) -> OrEnd {
+    if stop.load(Ordering::Relaxed) { ControlFlow::Break(RunEnd::stopped()) } else { ControlFlow::Continue(()) }
 }
 
 #[cfg(test)]
@@ -116,12 +116,12 @@ mod tests {
             (Trip::Lease, Outcome::Failed),
             (Trip::Watchdog, Outcome::Failed),
         ] {
-            let ending = Ending::from(RigFault::Stopped(trip));
+            let ending = RunEnd::from(RigFault::Stopped(trip));
             assert_eq!((ending.outcome, ending.is_external()), (outcome, true), "{trip:?}");
         }
-        assert!(Ending::stopped().is_external() && Ending::gave_way(true).is_external());
-        let broken = Ending::from(RigFault::Device("no camera".into()));
+        assert!(RunEnd::stopped().is_external() && RunEnd::gave_way(true).is_external());
+        let broken = RunEnd::from(RigFault::Device("no camera".into()));
         assert_eq!((broken.outcome, broken.is_external()), (Outcome::Failed, false));
-        assert!(!Ending::completed("all in place").is_external());
+        assert!(!RunEnd::completed("all in place").is_external());
     }
 }

@@ -10,11 +10,11 @@ use std::sync::atomic::AtomicBool;
 
 use self::first_look::find_table;
 use self::naming::name_parts;
-use self::scene::{Blind, Scene};
-use self::settling::{Place, SWING_S};
+use self::scene::{Blind, SceneMonitor};
+use self::settling::{PlateInImage, SWING_S};
 use super::condition::Condition;
 use super::conditions::Conditions;
-use super::ending::{Ending, Flow, flow};
+use super::ending::{OrEnd, RunEnd, flow};
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::{FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::{Lens, Vec2};
@@ -49,7 +49,7 @@ const REACH_M: f64 = 3e-3;
 
 /// Purpose of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
+pub enum FramePurpose {
     /// To track the parts during a pulse.
     Pulse,
     /// To start the next cycle as soon as everything is at rest.
@@ -58,11 +58,11 @@ pub enum Moment {
 
 /// Turns the camera's frames into part positions: locates the table once, tracks every part in every frame, and checks
 /// both.
-pub struct Eyes {
+pub struct Perception {
     frame: Frame,
     table: Table,
     tracker: Tracker,
-    scene: Scene,
+    scene: SceneMonitor,
     guards: Guards,
     kinds: Vec<PartKind>,
     lens: Lens,
@@ -95,7 +95,7 @@ pub struct Eyes {
     conditions: Conditions,
 }
 
-impl Eyes {
+impl Perception {
     /// Captures frames until the table is found, waiting while a hand or darkness may hide it, then finds the parts and
     /// names them.
     #[allow(clippy::too_many_arguments)] // the rig with its figures, and the run's sink and flags
@@ -108,7 +108,7 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Flow<Self> {
+    ) -> OrEnd<Self> {
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
         let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock, stop)?;
@@ -125,7 +125,7 @@ impl Eyes {
             localise_us,
         });
         let places_m = detections.clone().into_iter().map(|detection| detection.position_m);
-        let mut scene = Scene::new(&table, model, kinds);
+        let mut scene = SceneMonitor::new(&table, model, kinds);
         scene.see_first(&frame, rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
         Continue(Self {
@@ -163,13 +163,19 @@ impl Eyes {
     ///
     /// # Errors
     /// The ending of a run whose view stays lost.
-    pub fn look(&mut self, rig: &mut dyn Rig, moment: Moment, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow<bool> {
+    pub fn look(
+        &mut self,
+        rig: &mut dyn Rig,
+        moment: FramePurpose,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+    ) -> OrEnd<bool> {
         flow(rig.capture(&mut self.frame))?;
         let swing_px = self.scene.swing_px(&self.frame);
         if swing_px.is_some_and(|px| px > SWINGS_PX) {
             self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
         }
-        let at_rest = self.frame.exposed_at - rig.quiet_at().max(self.still_from) >= self.half_exposure_s;
+        let at_rest = self.frame.exposed_at - rig.settled_at().max(self.still_from) >= self.half_exposure_s;
         let start = clock.elapsed();
         let stale = self.stale(rig.now(), swing_px);
         if stale.is_some() {
@@ -178,20 +184,20 @@ impl Eyes {
             self.tracker.track(&self.frame);
         }
         let (blind, place) = match stale {
-            Some(blind) => (Some(blind), Place::Unknown),
+            Some(blind) => (Some(blind), PlateInImage::Unknown),
             None if at_rest => self.examine(),
-            None => (self.covered(), Place::Unknown),
+            None => (self.covered(), PlateInImage::Unknown),
         };
         let swing_px = swing_px.filter(|_| blind.is_none());
         self.delay.frame(self.frame.exposed_at.secs(), swing_px);
         let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
-        let is_plain = at_rest && blind.is_none() && matches!(place, Place::Same) && self.foreign == 0;
+        let is_plain = at_rest && blind.is_none() && matches!(place, PlateInImage::Same) && self.foreign == 0;
         sink.frame(&FrameFacts {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
             sounding: !at_rest,
             blind: blind.is_some(),
-            starts_cycle: is_plain && moment == Moment::Cycle,
+            starts_cycle: is_plain && moment == FramePurpose::Cycle,
             track_us,
         });
         self.settle_blind(blind, rig, sink)?;
@@ -217,18 +223,18 @@ impl Eyes {
     }
 
     /// The view and the plate's place in a frame at rest.
-    fn examine(&mut self) -> (Option<Blind>, Place) {
+    fn examine(&mut self) -> (Option<Blind>, PlateInImage) {
         let seen = self.scene.examine(&self.frame, self.tracker.tracks());
         let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
         // while a part is missing, an object on the plate may be that part
         let is_foreign = seen.foreign_m.is_some() && self.missing_for() == 0 && self.guards.has(Condition::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
-        let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { Place::Same };
+        let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { PlateInImage::Same };
         (blind, place)
     }
 
     /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
-    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> Flow {
+    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> OrEnd {
         let now = rig.now();
         let Some(why) = blind else {
             if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
@@ -246,12 +252,12 @@ impl Eyes {
         }
         if for_s > why.longest_s() {
             let reason = format!("{} for {for_s:.1} s", why.reason());
-            return Break(Ending::guarded(why.condition(), reason));
+            return Break(RunEnd::guarded(why.condition(), reason));
         }
         Continue(())
     }
 
-    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> Flow {
+    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
         let at = self.frame.exposed_at;
         match self.scene.foreign_m().filter(|_| self.foreign >= FOREIGN) {
             Some(at_m) => {
@@ -259,7 +265,7 @@ impl Eyes {
                 let reason =
                     format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
                 self.conditions.note(at, Condition::ForeignPart, || reason.clone(), sink);
-                Break(Ending::guarded(Condition::ForeignPart, reason))
+                Break(RunEnd::guarded(Condition::ForeignPart, reason))
             }
             None => Continue(()),
         }
@@ -267,7 +273,7 @@ impl Eyes {
 
     /// Ends the current pulse, if any; the plate swings on for a while.
     pub fn silence(&mut self, rig: &mut dyn Rig) {
-        if rig.quiet_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
+        if rig.settled_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
             rig.stop();
             self.silenced = true;
             (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);

@@ -3,9 +3,9 @@ use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
-use upm_goal::Wanted;
+use upm_goal::Setpoints;
 use upm_perception::estimation::{FitFault, PlateFit};
-use upm_perception::vision::{Detection, Stages, Table, Track};
+use upm_perception::vision::{DebugImages, Detection, Table, Track};
 use upm_planner::{Plan, PlannedPulse};
 
 /// The first look: table and parts located without prior knowledge.
@@ -18,7 +18,7 @@ pub struct LocalisedFacts<'a> {
     /// The parts in it, in the order of the job.
     pub detections: &'a [Detection],
     /// The intermediate stages of the search.
-    pub stages: &'a Stages,
+    pub stages: &'a DebugImages,
     /// Wall time the search took, µs; 0 when no clock runs.
     pub localise_us: f64,
 }
@@ -73,12 +73,12 @@ pub struct PulseFacts<'a> {
     /// The plate's motion fitted to the trace.
     pub fit: &'a Result<PlateFit, FitFault>,
     /// The measured displacements of the parts; `None` when one of them was out of sight.
-    pub carried: Option<Carried<'a>>,
+    pub carried: Option<PulseDisplacements<'a>>,
 }
 
 /// Positions of the parts before and after a pulse, by the camera and by forecast. Each m, in the order of the job.
 #[derive(Clone, Copy, Debug)]
-pub struct Carried<'a> {
+pub struct PulseDisplacements<'a> {
     /// Positions before the pulse.
     pub before_m: &'a [Vec2],
     /// Measured positions after it.
@@ -99,7 +99,7 @@ pub struct CycleFacts<'a> {
     /// Positions measured then, m.
     pub observed_m: &'a [Vec2],
     /// The goal's request.
-    pub wanted: &'a Wanted,
+    pub wanted: &'a Setpoints,
     /// The plan.
     pub plan: &'a Plan,
     /// Time of the next look.

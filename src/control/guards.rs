@@ -8,9 +8,9 @@ mod steps;
 
 use super::condition::Condition;
 
-pub(super) use delay::{DelayGuard, Late, Swing, SwingSeen};
-pub(super) use freshness::{Freshness, Stale, StillnessGuard};
-pub(super) use motion::{CoilResponses, Finding, MotionGuard, PulseReading};
+pub(super) use delay::{DelayGuard, Late, PlateSwing, SwingSeen};
+pub(super) use freshness::{Freshness, StaleReason, StillnessGuard};
+pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, PulseReading};
 pub(super) use steps::{StepGuard, Unlike, Went, went};
 
 /// The active guards: all except one that a test may disable to prove that its absence is noticed.

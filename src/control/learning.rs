@@ -29,7 +29,7 @@ pub(super) const MORE: f64 = 0.05;
 
 /// Forecast and measured effect of one pulse; each m, in the order of the parts.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lesson<'a> {
+pub(super) struct PulseObservation<'a> {
     /// Positions before the pulse.
     pub before_m: &'a [Vec2],
     /// Forecast after it with the current gains.
@@ -39,12 +39,12 @@ pub(super) struct Lesson<'a> {
     /// Measured after it.
     pub measured_m: &'a [Vec2],
     /// Error of the forecast at the true gains.
-    pub scatter: Scatter,
+    pub scatter: ForecastDeviation,
 }
 
 /// Standard deviation of a forecast's error that remains at the true gains.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scatter {
+pub(super) struct ForecastDeviation {
     /// Part independent of the step, m.
     least_m: f64,
     /// Additional part, relative to the step.
@@ -53,7 +53,7 @@ pub(super) struct Scatter {
     of_ratio: f64,
 }
 
-impl Scatter {
+impl ForecastDeviation {
     /// The scatter of `pulse`; the least part as measured on the simulated plate. The displacement by a field is not
     /// linear in its gain: when it was taken as linear, parts within 10 % of the usual friction were reported as slow
     /// after long first pulses.
@@ -72,7 +72,7 @@ impl Scatter {
 
 /// Gain of each part at each place, relative to the displacement model.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Gains {
+pub(super) struct GainEstimator {
     half_side_m: f64,
     parts: usize,
     /// Parameters: parts, then nodes row by row.
@@ -80,7 +80,7 @@ pub(super) struct Gains {
     covariance: DMatrix<f64>,
 }
 
-impl Gains {
+impl GainEstimator {
     pub(super) fn new(parts: usize, half_side_m: f64) -> Self {
         let size = parts + NODES * NODES;
         let variance = |i: usize| if i < parts { PART_SD * PART_SD } else { REGION_SD * REGION_SD };
@@ -100,7 +100,7 @@ impl Gains {
     }
 
     /// Updates the gains from one pulse.
-    pub(super) fn learn(&mut self, lesson: &Lesson<'_>) {
+    pub(super) fn learn(&mut self, lesson: &PulseObservation<'_>) {
         let forecasts = lesson.forecast_m.iter().zip(lesson.with_more_m);
         let each = lesson.before_m.iter().zip(forecasts).zip(lesson.measured_m).take(self.parts).enumerate();
         for (part, ((before, (forecast, with_more)), measured)) in each {
@@ -157,15 +157,15 @@ mod tests {
     use upm_core::random::Streams;
 
     const HALF_M: f64 = 0.15;
-    const SCATTER: Scatter = Scatter { least_m: 0.05e-3, of_step: 0.02, of_ratio: 0.06 };
+    const SCATTER: ForecastDeviation = ForecastDeviation { least_m: 0.05e-3, of_step: 0.02, of_ratio: 0.06 };
 
     /// Teaches steps that grow with the gain, as a rotation's do: `steps_m` at gain 1, scaled by `ratios`.
-    fn teach(gains: &mut Gains, before_m: &[Vec2], steps_m: &[Vec2], ratios: &[f64]) {
+    fn teach(gains: &mut GainEstimator, before_m: &[Vec2], steps_m: &[Vec2], ratios: &[f64]) {
         let ends = |gain: &dyn Fn(usize) -> f64| -> Vec<Vec2> {
             before_m.iter().zip(steps_m).enumerate().map(|(i, (p, step))| p + step * gain(i)).collect()
         };
         let held: Vec<f64> = before_m.iter().enumerate().map(|(i, &p)| gains.get(i, p)).collect();
-        gains.learn(&Lesson {
+        gains.learn(&PulseObservation {
             before_m,
             forecast_m: &ends(&|i| held[i]),
             with_more_m: &ends(&|i| held[i] + MORE),
@@ -174,9 +174,9 @@ mod tests {
         });
     }
 
-    fn taught(truth: impl Fn(usize, Vec2) -> f64) -> Gains {
+    fn taught(truth: impl Fn(usize, Vec2) -> f64) -> GainEstimator {
         let mut rng = Streams::new(3).stream("learning");
-        let mut gains = Gains::new(3, HALF_M);
+        let mut gains = GainEstimator::new(3, HALF_M);
         for _ in 0..300 {
             let at = |_| Vec2::new(rng.random_range(-HALF_M..HALF_M), rng.random_range(-HALF_M..HALF_M));
             let before: Vec<Vec2> = (0..3).map(at).collect();
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn small_steps_and_disturbances_teach_nothing() {
-        let mut gains = Gains::new(1, HALF_M);
+        let mut gains = GainEstimator::new(1, HALF_M);
         let untaught = gains.clone();
         teach(&mut gains, &[Vec2::zeros()], &[Vec2::new(1e-4, 0.0)], &[0.9]);
         teach(&mut gains, &[Vec2::zeros()], &[Vec2::new(5e-3, 0.0)], &[0.0]);
@@ -211,7 +211,7 @@ mod tests {
     fn agrees_with_least_squares_of_everything_at_once() {
         // one part at one node: the mean of the ratios and the prior, weighted by their certainty
         let (ratios, step) = ([0.9, 0.95, 0.85], Vec2::new(0.01, 0.0));
-        let mut gains = Gains::new(1, HALF_M);
+        let mut gains = GainEstimator::new(1, HALF_M);
         let corner = Vec2::new(-HALF_M, -HALF_M);
         ratios.iter().for_each(|&ratio| teach(&mut gains, &[corner], &[step], &[ratio]));
         let prior = PART_SD * PART_SD + REGION_SD * REGION_SD;

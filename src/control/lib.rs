@@ -18,14 +18,14 @@ mod progress;
 mod rehearsal;
 
 pub use condition::{Condition, ConditionChange};
-pub use cycle::{Devices, Finish, run};
-pub use ending::Ending;
-pub use eyes::{ExpectedPart, Eyes, Moment};
+pub use cycle::{FinalState, RunIo, run};
+pub use ending::RunEnd;
+pub use eyes::{ExpectedPart, FramePurpose, Perception};
 pub use facts::{
-    Carried, ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone,
-    MilestoneFacts, PulseFacts, Sink,
+    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
+    PulseDisplacements, PulseFacts, Sink,
 };
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use plans::FreshPlanner;
-pub use rehearsal::{LimitMet, Nearest, Rehearsal, RehearsalParams, rehearse};
+pub use rehearsal::{ClosestApproach, DryRun, LimitMet, RehearsalParams, rehearse};

@@ -1,7 +1,7 @@
 use super::eyes::ExpectedPart;
 use super::guards::Guards;
 use upm_core::rig::PartKind;
-use upm_planner::{Method, PlannerParams};
+use upm_planner::{PlannerParams, PlanningMethod};
 
 /// Parameters of a run in addition to the rig's model.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct ControlParams {
     /// Number of frames at rest without a part after which it is lost.
     pub lost_after_frames: u32,
     /// The planner's method.
-    pub method: Method,
+    pub method: PlanningMethod,
     /// Limits and weights of the planner.
     pub planner: PlannerParams,
     /// Active guards.

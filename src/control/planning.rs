@@ -3,16 +3,16 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::condition::why_not;
-use super::ending::{Ending, Flow};
-use super::learning::Gains;
+use super::ending::{OrEnd, RunEnd};
+use super::learning::GainEstimator;
 use super::params::ControlParams;
-use super::plans::Plans;
+use super::plans::PulsePlanner;
 use super::progress::ProgressWatch;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_goal::Wanted;
+use upm_goal::Setpoints;
 use upm_library::Library;
-use upm_planner::{Independence, Method, PartState, Plan, PlanStatus, PlannedPulse};
+use upm_planner::{Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 pub(super) const STALLED_S: f64 = 10.0;
@@ -27,20 +27,25 @@ const LEAST_SHARE: f64 = 1e-4;
 pub(super) struct Planning<'a> {
     pub params: &'a ControlParams,
     pub library: &'a Library,
-    pub planner: Box<dyn Plans>,
-    pub gains: Gains,
+    pub planner: Box<dyn PulsePlanner>,
+    pub gains: GainEstimator,
     pub watch: ProgressWatch,
 }
 
 impl<'a> Planning<'a> {
     /// State at the start of a run on a plate of half side `half_side_m`.
-    pub fn new(params: &'a ControlParams, library: &'a Library, planner: Box<dyn Plans>, half_side_m: f64) -> Self {
-        let gains = Gains::new(params.parts.len(), half_side_m);
+    pub fn new(
+        params: &'a ControlParams,
+        library: &'a Library,
+        planner: Box<dyn PulsePlanner>,
+        half_side_m: f64,
+    ) -> Self {
+        let gains = GainEstimator::new(params.parts.len(), half_side_m);
         Self { params, library, planner, gains, watch: ProgressWatch::new(params.follows_paths, params.tolerance_m) }
     }
 
     /// The parts at `seen_m`, each with its step to the subgoal, shortened by `shorten`.
-    pub fn states(&self, seen_m: &[Vec2], wanted: &Wanted, shorten: impl Fn(Vec2) -> Vec2) -> Vec<PartState> {
+    pub fn states(&self, seen_m: &[Vec2], wanted: &Setpoints, shorten: impl Fn(Vec2) -> Vec2) -> Vec<PartState> {
         let places = seen_m.iter().zip(&wanted.subgoals_m).enumerate();
         let state = |(part, (&position_m, subgoal_m)): (usize, (&Vec2, &Vec2))| PartState {
             position_m,
@@ -60,12 +65,12 @@ impl<'a> Planning<'a> {
     pub fn plan(
         &mut self,
         cycle: u64,
-        wanted: &Wanted,
+        wanted: &Setpoints,
         whole: &[PartState],
-        mut tried: impl FnMut(&Plan, bool) -> Flow,
-    ) -> Flow<Plan> {
+        mut tried: impl FnMut(&Plan, bool) -> OrEnd,
+    ) -> OrEnd<Plan> {
         let mut stopped_by = String::new();
-        for attempt in attempts(whole, self.planner.tries_smaller()) {
+        for attempt in fallbacks(whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&attempt.parts);
             tried(&plan, attempt.is_part)?;
             match &plan.status {
@@ -78,7 +83,7 @@ impl<'a> Planning<'a> {
         let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
         let held_up = self.held_up(wanted, &seen_m);
         let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {held_up}", wanted.phase);
-        Break(Ending::failed_because(StopCause::NoFeasibleStep, reason))
+        Break(RunEnd::failed_because(StopCause::NoFeasibleStep, reason))
     }
 
     /// Forecast positions after `pulse`, m, of parts at `before_m`, each with the gain that `gain` gives it there.
@@ -100,10 +105,10 @@ impl<'a> Planning<'a> {
     /// Ends the run where rotations are played, a part is to be moved, and the library cannot move the parts at
     /// `seen_m` independently. The ending names the part that moves farthest in the hardest joint motion, its direction
     /// there and the bound.
-    pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Wanted) -> Flow {
+    pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Setpoints) -> OrEnd {
         let by_rotations = match self.params.method {
-            Method::CorSequence | Method::PseudoInverse => true,
-            Method::SynthesizedField => false,
+            PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
+            PlanningMethod::SynthesizedField => false,
         };
         if !by_rotations || wanted.subgoals_m == seen_m {
             return Continue(());
@@ -122,16 +127,16 @@ impl<'a> Planning<'a> {
              best joint motion, at least {LEAST_SHARE:.0e} is needed; calibrate again, take another planner or move fewer \
              parts"
         );
-        Break(Ending::failed_because(StopCause::Uncontrollable, reason))
+        Break(RunEnd::failed_because(StopCause::Uncontrollable, reason))
     }
 
     /// The ending of a run that makes no progress.
-    pub fn no_progress(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Ending {
+    pub fn no_progress(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> RunEnd {
         self.watch.ending(wanted, seen_m, self.params.method, |part| self.params.id(part))
     }
 
     /// The part that is farthest from its place, for people.
-    pub fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> String {
+    pub fn held_up(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
         self.watch.held_up_in_words(wanted, seen_m, |part| self.params.id(part))
     }
 
@@ -143,7 +148,7 @@ impl<'a> Planning<'a> {
 
 /// An attempt at a plan: the steps to try.
 #[derive(Clone, Debug, PartialEq)]
-struct Attempt {
+struct FallbackStep {
     /// The parts with these steps.
     parts: Vec<PartState>,
     /// True when this is a share of the wanted steps only.
@@ -151,9 +156,9 @@ struct Attempt {
 }
 
 /// The attempts in order of preference; without smaller steps of all parts for a planner that tries them itself.
-fn attempts(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = Attempt> + '_ {
+fn fallbacks(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = FallbackStep> + '_ {
     let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
-    let together = fractions.iter().map(|&part| Attempt {
+    let together = fractions.iter().map(|&part| FallbackStep {
         parts: whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state }).collect(),
         is_part: part < 1.0,
     });
@@ -162,7 +167,7 @@ fn attempts(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = At
     let alone = longest_first.into_iter().map(|moving| {
         let step_m = |part: usize| if part == moving { whole[part].step_m } else { Vec2::zeros() };
         let parts = whole.iter().enumerate().map(|(part, state)| PartState { step_m: step_m(part), ..*state });
-        Attempt { parts: parts.collect(), is_part: true }
+        FallbackStep { parts: parts.collect(), is_part: true }
     });
     let several = whole.len() > 1;
     together.chain(alone.filter(move |_| several))
@@ -177,13 +182,13 @@ mod tests {
         let state =
             |x: f64| PartState { position_m: Vec2::zeros(), step_m: Vec2::new(x, 0.0), radius_m: 0.01, gain: 1.0 };
         let whole = [state(0.002), state(0.008)];
-        let tried: Vec<Attempt> = attempts(&whole, false).collect();
+        let tried: Vec<FallbackStep> = fallbacks(&whole, false).collect();
         let steps: Vec<[f64; 2]> = tried.iter().map(|a| [a.parts[0].step_m.x, a.parts[1].step_m.x]).collect();
         let expected = [[0.002, 0.008], [0.001, 0.004], [0.0005, 0.002], [0.00025, 0.001], [0.0, 0.008], [0.002, 0.0]];
         assert_eq!(steps, expected);
         assert_eq!(tried.iter().map(|a| a.is_part).collect::<Vec<_>>(), [false, true, true, true, true, true]);
-        assert_eq!(attempts(&whole[..1], false).count(), 4, "one part is always alone");
-        let steps: Vec<f64> = attempts(&whole, true).map(|a| a.parts[1].step_m.x).collect();
+        assert_eq!(fallbacks(&whole[..1], false).count(), 4, "one part is always alone");
+        let steps: Vec<f64> = fallbacks(&whole, true).map(|a| a.parts[1].step_m.x).collect();
         assert_eq!(steps, [0.008, 0.008, 0.0], "the planner has tried the smaller ones");
     }
 }

@@ -1,12 +1,14 @@
 use std::sync::Arc;
 
-use super::ending::Ending;
+use super::ending::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_library::Library;
-use upm_planner::{FieldPlanner, Method, PartState, Plan, PlannedPulse, PlannerParams, PseudoInverse, RotationPlanner};
+use upm_planner::{
+    FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse, RotationPlanner,
+};
 
 /// A planner: finds the motions of a cycle and forecasts their effect.
-pub(super) trait Plans {
+pub(super) trait PulsePlanner {
     /// The pulses that make every part's step.
     fn plan(&mut self, parts: &[PartState]) -> Plan;
 
@@ -21,10 +23,10 @@ pub(super) trait Plans {
 
 /// An unused planner, or the reason that the library has none. Several rehearsals share one because its tables take a
 /// few tenths of a second.
-pub struct FreshPlanner(Result<Planner, Ending>);
+pub struct FreshPlanner(Result<AnyPlanner, RunEnd>);
 
 #[derive(Clone)]
-enum Planner {
+enum AnyPlanner {
     Rotations(RotationPlanner),
     /// The papers' method, which knows the ideal field alone; the measured `flows` forecast the displacements of its
     /// rotations.
@@ -37,28 +39,30 @@ enum Planner {
 
 impl FreshPlanner {
     /// The planner that `method` asks for, or the reason that it cannot work with this library.
-    pub fn new(method: Method, library: &Arc<Library>, params: PlannerParams) -> Self {
+    pub fn new(method: PlanningMethod, library: &Arc<Library>, params: PlannerParams) -> Self {
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
         Self(match method {
-            Method::CorSequence => Ok(Planner::Rotations(rotations())),
-            Method::PseudoInverse => {
+            PlanningMethod::CorSequence => Ok(AnyPlanner::Rotations(rotations())),
+            PlanningMethod::PseudoInverse => {
                 let planner = PseudoInverse::new(Arc::clone(library), params);
-                Ok(Planner::PseudoInverse { planner, flows: rotations() })
+                Ok(AnyPlanner::PseudoInverse { planner, flows: rotations() })
             }
-            Method::SynthesizedField => FieldPlanner::new(library, params).map(Planner::Fields).ok_or_else(|| {
-                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
-                Ending::failed(format!("the library has no response to synthesised fields: {remedy}"))
-            }),
+            PlanningMethod::SynthesizedField => {
+                FieldPlanner::new(library, params).map(AnyPlanner::Fields).ok_or_else(|| {
+                    let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
+                    RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
+                })
+            }
         })
     }
 
     /// A planner, or the ending of a run without one.
-    pub(super) fn plans(&self) -> Result<Box<dyn Plans>, Ending> {
-        self.0.clone().map(|planner| Box::new(planner) as Box<dyn Plans>)
+    pub(super) fn plans(&self) -> Result<Box<dyn PulsePlanner>, RunEnd> {
+        self.0.clone().map(|planner| Box::new(planner) as Box<dyn PulsePlanner>)
     }
 }
 
-impl Plans for Planner {
+impl PulsePlanner for AnyPlanner {
     fn plan(&mut self, parts: &[PartState]) -> Plan {
         match self {
             Self::Rotations(planner) => planner.plan(parts),

@@ -1,11 +1,11 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
 use super::condition::why_not;
-use super::ending::Ending;
+use super::ending::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_goal::Wanted;
-use upm_planner::{Limit, Method, PlanStatus};
+use upm_goal::Setpoints;
+use upm_planner::{Limit, PlanStatus, PlanningMethod};
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;
@@ -99,7 +99,7 @@ impl ProgressWatch {
 
     /// Takes a look at rest; `played` is true when pulses came before it. Returns true when the run no longer makes
     /// progress.
-    pub fn look(&mut self, wanted: &Wanted, seen_m: &[Vec2], played: bool) -> bool {
+    pub fn look(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> bool {
         if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
             // no part has a target: a hold that succeeds
             *self = Self::new(self.follows_paths, self.tolerance_m);
@@ -156,22 +156,22 @@ impl ProgressWatch {
     /// made plans infeasible.
     pub fn ending<'a>(
         &self,
-        wanted: &Wanted,
+        wanted: &Setpoints,
         seen_m: &[Vec2],
-        method: Method,
+        method: PlanningMethod,
         id: impl Fn(usize) -> &'a str + Copy,
-    ) -> Ending {
+    ) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
         let held_up = self.held_up_in_words(wanted, seen_m, id);
         let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
         let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
         let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {held_up}{limit}");
-        Ending::failed_because(StopCause::NoProgress, reason)
+        RunEnd::failed_because(StopCause::NoProgress, reason)
     }
 
     /// For people: the part that hinders progress, its distance from its place and the direction.
-    pub fn held_up_in_words<'a>(&self, wanted: &Wanted, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
+    pub fn held_up_in_words<'a>(&self, wanted: &Setpoints, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
         let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
         let boxed_in = if wanted.boxed_in.contains(&part) { ", and boxed in by other parts" } else { "" };
@@ -181,7 +181,7 @@ impl ProgressWatch {
 
     /// The part that is farthest from where it should be, among those that are boxed in if there are any; `None`
     /// without parts.
-    fn held_up(&self, wanted: &Wanted, seen_m: &[Vec2]) -> Option<HeldUp> {
+    fn held_up(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<HeldUp> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
         let is_limiting = |held_up: &HeldUp| wanted.boxed_in.is_empty() || wanted.boxed_in.contains(&held_up.part);
@@ -218,8 +218,8 @@ mod tests {
 
     const TOLERANCE_M: f64 = 0.5e-3;
 
-    fn wanted(subgoal_m: Vec2, target_m: Vec2) -> Wanted {
-        Wanted { subgoals_m: vec![subgoal_m], targets_m: vec![target_m], ..Wanted::default() }
+    fn wanted(subgoal_m: Vec2, target_m: Vec2) -> Setpoints {
+        Setpoints { subgoals_m: vec![subgoal_m], targets_m: vec![target_m], ..Setpoints::default() }
     }
 
     fn x(x_m: f64) -> Vec2 {
@@ -227,7 +227,7 @@ mod tests {
     }
 
     /// Feeds looks until a run of one part is ended; `at` gives the request and the part's position in each cycle.
-    fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Wanted, Vec2)) -> Option<u32> {
+    fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Setpoints, Vec2)) -> Option<u32> {
         let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
             let (wanted, seen_m) = at(cycle);
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn one_part_that_gets_on_is_progress_until_it_is_there() {
         let targets_m = vec![x(0.0), x(0.1)];
-        let wanted = Wanted { subgoals_m: targets_m.clone(), targets_m, ..Wanted::default() };
+        let wanted = Setpoints { subgoals_m: targets_m.clone(), targets_m, ..Setpoints::default() };
         let mut watch = ProgressWatch::new(false, TOLERANCE_M);
         // the first comes nearer step by step while the second moves away by as much or more
         let ended = (0..300).find(|&cycle| {
@@ -325,18 +325,18 @@ mod tests {
     fn part_that_is_held_up_is_named_with_way_and_limit() {
         let mut watch = ProgressWatch::new(false, TOLERANCE_M);
         let wanted =
-            Wanted { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Wanted::default() };
+            Setpoints { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Setpoints::default() };
         let seen_m = [x(0.001), Vec2::new(0.02, -0.003)];
         watch.look(&wanted, &seen_m, false);
         watch.note(&PlanStatus::Infeasible(Limit::Edge { part: 1 }));
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.look(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
-        let ending = watch.ending(&wanted, &seen_m, Method::CorSequence, |part| ["a", "b"][part]);
+        let ending = watch.ending(&wanted, &seen_m, PlanningMethod::CorSequence, |part| ["a", "b"][part]);
         assert_eq!(ending.cause, Some(StopCause::NoProgress));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
-        let boxed_in = Wanted { boxed_in: vec![0], ..wanted.clone() };
+        let boxed_in = Setpoints { boxed_in: vec![0], ..wanted.clone() };
         let said = watch.held_up_in_words(&boxed_in, &seen_m, |part| ["a", "b"][part]);
         assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and boxed in by other parts");
         watch.look(&wanted, &[x(0.0), x(0.0201)], true);

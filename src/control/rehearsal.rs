@@ -13,21 +13,21 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 
 use super::condition::why_not;
-use super::ending::{Ending, Flow};
-use super::learning::{Lesson, MORE, Scatter};
+use super::ending::{OrEnd, RunEnd};
+use super::learning::{ForecastDeviation, MORE, PulseObservation};
 use super::params::ControlParams;
 use super::planning::{Planning, STALLED_S};
 use super::plans::FreshPlanner;
-use stage::Stage;
-use trail::Trail;
+use stage::KinematicPlate;
+use trail::ThinnedPath;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::time::PlateTime;
-use upm_goal::{Goal, Wanted};
+use upm_goal::{Setpoints, Task};
 use upm_library::Library;
-use upm_planner::{Method, Plan, PlanStatus, PlannedPulse};
+use upm_planner::{Plan, PlanStatus, PlannedPulse, PlanningMethod};
 
-pub use types::{LimitMet, Nearest, Rehearsal, RehearsalParams};
+pub use types::{ClosestApproach, DryRun, LimitMet, RehearsalParams};
 
 /// Planning and playing a synthesised field, ms per group of parts and second of the pulse, on one core of the
 /// reference machine: 24 parts take 2.7 ms a cycle, 8 take 1.1 ms, 3 with short pulses 0.3 ms.
@@ -46,21 +46,21 @@ const LOOK_MS: f64 = 0.02;
 pub fn rehearse(
     library: &Arc<Library>,
     planner: &FreshPlanner,
-    goal: &mut dyn Goal,
+    goal: &mut dyn Task,
     params: &ControlParams,
     rehearsal: &RehearsalParams,
     watch: &mut dyn FnMut(PlateTime, f64),
-) -> Rehearsal {
+) -> DryRun {
     let planner = match planner.plans() {
         Ok(planner) => planner,
-        Err(ending) => return Rehearsal { ending, ..Rehearsal::default() },
+        Err(ending) => return DryRun { ending, ..DryRun::default() },
     };
-    let mut player = Player {
+    let mut player = DryRunLoop {
         params,
         planning: Planning::new(params, library, planner, params.planner.half_side_m),
-        stage: Stage::new(Arc::clone(library), params, rehearsal),
+        stage: KinematicPlate::new(Arc::clone(library), params, rehearsal),
         continues: false,
-        trails: rehearsal.starts_m.iter().map(|&start_m| Trail::from(start_m)).collect(),
+        trails: rehearsal.starts_m.iter().map(|&start_m| ThinnedPath::from(start_m)).collect(),
         off: MeanSquare::default(),
         cycles: 0,
         pulses: 0,
@@ -75,7 +75,7 @@ pub fn rehearse(
     let goes_on =
         if left_off && params.endless && played_s > 0.0 { (params.time_limit_s / played_s).max(1.0) } else { 1.0 };
     let in_all = |count: u64| (count as f64 * goes_on).round() as u64;
-    Rehearsal {
+    DryRun {
         left_off,
         ending: end.unwrap_or_else(|| player.left_off(&wanted)),
         progress: wanted.progress,
@@ -83,7 +83,7 @@ pub fn rehearse(
         plate_time_s: played_s * goes_on,
         cycles: in_all(player.cycles),
         pulses: in_all(player.pulses),
-        trails_m: player.trails.into_iter().map(Trail::into_points).collect(),
+        trails_m: player.trails.into_iter().map(ThinnedPath::into_points).collect(),
         targets_m: wanted.targets_m,
         nearest: player.stage.nearest,
         limits_met: player.limits_met,
@@ -109,11 +109,11 @@ impl MeanSquare {
     }
 }
 
-struct Player<'a> {
+struct DryRunLoop<'a> {
     params: &'a ControlParams,
     planning: Planning<'a>,
-    stage: Stage,
-    trails: Vec<Trail>,
+    stage: KinematicPlate,
+    trails: Vec<ThinnedPath>,
     off: MeanSquare,
     cycles: u64,
     pulses: u64,
@@ -124,9 +124,9 @@ struct Player<'a> {
     continues: bool,
 }
 
-impl Player<'_> {
+impl DryRunLoop<'_> {
     /// The ending, `None` when the rehearsal is broken off, and the goal's last request.
-    fn until_end(&mut self, goal: &mut dyn Goal, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<Ending>, Wanted) {
+    fn until_end(&mut self, goal: &mut dyn Task, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<RunEnd>, Setpoints) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
         let (mut looked, mut played) = (false, false);
         loop {
@@ -134,7 +134,7 @@ impl Player<'_> {
             let wanted = goal.next(now, &self.stage.positions_m);
             watch(now, wanted.progress);
             if wanted.done {
-                return (Some(Ending::completed(wanted.phase.clone())), wanted);
+                return (Some(RunEnd::completed(wanted.phase.clone())), wanted);
             }
             if !std::mem::replace(&mut looked, true)
                 && let Break(ending) = self.planning.check_controllable(&self.stage.positions_m, &wanted)
@@ -158,7 +158,7 @@ impl Player<'_> {
                     let held_up = self.planning.held_up(&wanted, &self.stage.positions_m);
                     let reason =
                         format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {held_up}", wanted.phase);
-                    return (Some(Ending::failed_because(StopCause::NoProgress, reason)), wanted);
+                    return (Some(RunEnd::failed_because(StopCause::NoProgress, reason)), wanted);
                 }
                 Continue(false) => {}
                 Break(ending) => return (Some(ending), wanted),
@@ -167,20 +167,20 @@ impl Player<'_> {
     }
 
     /// The ending of a rehearsal that is broken off. A job without an end counts as completed.
-    fn left_off(&self, wanted: &Wanted) -> Ending {
+    fn left_off(&self, wanted: &Setpoints) -> RunEnd {
         // rounded down: a rehearsal that is broken off is never at 100 %
         let (plate_s, percent) = (self.stage.now().secs(), (100.0 * wanted.progress).floor());
         if self.params.endless {
             let limit_s = self.params.time_limit_s;
-            return Ending::completed(format!(
+            return RunEnd::completed(format!(
                 "left off after {plate_s:.0} s of plate time; it goes on to its {limit_s} s"
             ));
         }
-        Ending::failed(format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way"))
+        RunEnd::failed(format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way"))
     }
 
     /// One cycle from a look to the next; true when it had a pulse.
-    fn once(&mut self, wanted: &Wanted) -> Flow<bool> {
+    fn once(&mut self, wanted: &Setpoints) -> OrEnd<bool> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
         self.continues = plan.continues;
@@ -196,12 +196,12 @@ impl Player<'_> {
             if let (Some(forecast_m), Some(with_more_m)) = (forecast_m, with_more_m) {
                 let ends = forecast_m.iter().zip(&self.stage.positions_m);
                 ends.for_each(|(forecast_m, after_m)| self.off.push((after_m - forecast_m).norm()));
-                self.planning.gains.learn(&Lesson {
+                self.planning.gains.learn(&PulseObservation {
                     before_m: &before_m,
                     forecast_m: &forecast_m,
                     with_more_m: &with_more_m,
                     measured_m: &self.stage.positions_m,
-                    scatter: Scatter::of(pulse),
+                    scatter: ForecastDeviation::of(pulse),
                 });
             }
             for (trail, &position_m) in self.trails.iter_mut().zip(&self.stage.positions_m) {
@@ -215,25 +215,25 @@ impl Player<'_> {
         Continue(moved)
     }
 
-    fn check_time(&self) -> Flow {
+    fn check_time(&self) -> OrEnd {
         let limit_s = self.params.time_limit_s;
         if self.stage.now().secs() < limit_s {
             return Continue(());
         }
         let reason = format!("plate time limit of {limit_s} s reached");
-        Break(if self.params.endless { Ending::completed(reason) } else { Ending::failed(reason) })
+        Break(if self.params.endless { RunEnd::completed(reason) } else { RunEnd::failed(reason) })
     }
 
-    fn check_on_plate(&self) -> Flow {
+    fn check_on_plate(&self) -> OrEnd {
         let half_side_m = self.params.planner.half_side_m;
         match self.stage.positions_m.iter().position(|p| p.amax() > half_side_m) {
-            Some(part) => Break(Ending::failed(format!("{} would fall off the plate", self.params.id(part)))),
+            Some(part) => Break(RunEnd::failed(format!("{} would fall off the plate", self.params.id(part)))),
             None => Continue(()),
         }
     }
 
     /// Plans the wanted steps, or the feasible share of them, as a run does.
-    fn plan(&mut self, wanted: &Wanted) -> Flow<Plan> {
+    fn plan(&mut self, wanted: &Setpoints) -> OrEnd<Plan> {
         let whole = self.planning.states(&self.stage.positions_m, wanted, |step_m| step_m);
         let (params, library, limits_met) = (self.params, self.planning.library, &mut self.limits_met);
         self.planning.plan(self.cycles, wanted, &whole, |plan, _| {
@@ -252,14 +252,14 @@ impl Player<'_> {
 
 /// Modelled time of one attempt at a plan for `parts` parts and of playing it, ms: a real clock would give equal jobs
 /// different rehearsals. A plan without pulses counts as one for the longest pulse.
-fn attempt_ms(library: &Library, method: Method, longest_s: f64, plan: &Plan, parts: usize) -> f64 {
+fn attempt_ms(library: &Library, method: PlanningMethod, longest_s: f64, plan: &Plan, parts: usize) -> f64 {
     match method {
-        Method::SynthesizedField => {
+        PlanningMethod::SynthesizedField => {
             let sustain_s = plan.pulses.iter().map(PlannedPulse::sustain_s).reduce(f64::max).unwrap_or(longest_s);
             let flanks_s = library.fields.as_ref().map_or(0.0, |fields| 2.0 * fields.attack_s);
             FIELD_MS * parts.div_ceil(GROUP) as f64 * (flanks_s + sustain_s)
         }
-        Method::CorSequence | Method::PseudoInverse => CYCLE_MS + SQUARE_MS * (parts as f64).powi(2),
+        PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => CYCLE_MS + SQUARE_MS * (parts as f64).powi(2),
     }
 }
 

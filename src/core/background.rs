@@ -12,7 +12,7 @@ use std::time::Duration;
 pub use crossbeam_channel::{Receiver, RecvTimeoutError};
 use crossbeam_channel::{SendTimeoutError, Sender, TrySendError, bounded};
 
-use crate::priority::step_back;
+use crate::priority::lower_thread_priority;
 
 /// Behaviour of a sender whose queue is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,7 +119,7 @@ impl<T: Send + 'static> Worker<T> {
         let (report, done) = bounded(1);
         thread::Builder::new().name(name.to_owned()).spawn(move || {
             if steps_back {
-                step_back();
+                lower_thread_priority();
             }
             report.send(work()).ok();
         })?;
@@ -140,22 +140,22 @@ impl<T: Send + 'static> Worker<T> {
     }
 }
 
-type Task = Box<dyn FnOnce() + Send>;
+type PoolTask = Box<dyn FnOnce() + Send>;
 
 /// A few threads for slow tasks that must not delay their caller. They end when the pool is dropped and the queued
 /// tasks are done.
 #[derive(Debug)]
-pub struct WorkerPool(Queue<Task>);
+pub struct WorkerPool(Queue<PoolTask>);
 
 impl WorkerPool {
     /// Starts `count` threads called `name` with a queue of `waiting` tasks, at lower priority if `step_back`.
     pub fn start(name: &str, count: usize, waiting: usize, steps_back: bool) -> io::Result<Self> {
-        let (queue, tasks) = Queue::<Task>::bounded(waiting, OverflowPolicy::GiveUp);
+        let (queue, tasks) = Queue::<PoolTask>::bounded(waiting, OverflowPolicy::GiveUp);
         for _ in 0..count {
             let tasks = tasks.clone();
             thread::Builder::new().name(name.to_owned()).spawn(move || {
                 if steps_back {
-                    step_back();
+                    lower_thread_priority();
                 }
                 for task in tasks {
                     // the reply held by the task is gone, so no caller waits; the tasks after it need this thread

@@ -99,7 +99,7 @@ impl DiscFriction {
         if slide * slide + (0.75 * rim).powi(2) <= INSIDE_LIMIT_CURVE {
             return [0.0; 2];
         }
-        let (x, [force, torque]) = self.share_of_sliding_left(slide, rim);
+        let (x, [force, torque]) = self.remaining_slip_fraction(slide, rim);
         let left = slide - force + rim - 2.0 * torque;
         if left <= 0.0 {
             return [0.0; 2];
@@ -110,7 +110,7 @@ impl DiscFriction {
 
     /// `x = s₁/(s₁+r₁)`: root of a function that runs from `slide` at 0 to `-rim` at 1, by regula falsi in which the
     /// retained end is weighted by half (Illinois). Also returns force and torque there.
-    fn share_of_sliding_left(&self, slide: f64, rim: f64) -> (f64, [f64; 2]) {
+    fn remaining_slip_fraction(&self, slide: f64, rim: f64) -> (f64, [f64; 2]) {
         const TOLERANCE: f64 = 1e-7;
         let pull_at = |x: f64| (x, self.at_share_of_sliding(x));
         if slide == 0.0 || rim == 0.0 {

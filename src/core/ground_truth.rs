@@ -34,10 +34,10 @@ pub struct GroundTruth {
 
 /// Shared access to the truth of a simulated rig, for recordings and reports.
 #[derive(Clone, Debug, Default)]
-pub struct GroundTruthHandle(Arc<Mutex<Shared>>);
+pub struct GroundTruthHandle(Arc<Mutex<TruthCell>>);
 
 #[derive(Debug, Default)]
-struct Shared {
+struct TruthCell {
     truth: GroundTruth,
     /// Maps each place of the list that is read to the rig's own index; the rig's order while empty.
     order: Vec<usize>,
@@ -75,7 +75,7 @@ impl GroundTruthHandle {
         change(&mut self.lock().truth);
     }
 
-    fn lock(&self) -> MutexGuard<'_, Shared> {
+    fn lock(&self) -> MutexGuard<'_, TruthCell> {
         self.0.lock()
     }
 }

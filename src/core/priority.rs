@@ -5,26 +5,26 @@
 //! elsewhere, and where it may not be set, the priority is unchanged.
 
 /// Niceness added for background threads.
-const BACK: i32 = 5;
+const BACKGROUND_NICE: i32 = 5;
 
 /// Niceness added (negative) for threads that drive a plate in real time.
-const FIRST: i32 = -10;
+const REALTIME_NICE: i32 = -10;
 
 /// Lowers the priority of this thread, and of those it starts, below that of threads that drive plates.
-pub fn step_back() {
-    put(BACK);
+pub fn lower_thread_priority() {
+    set_niceness(BACKGROUND_NICE);
 }
 
 /// Raises this thread, which drives a plate, above all others of the machine if it `has_clock`. Without a clock it gets
 /// the process's priority, because it runs unthrottled and would keep other threads from the processor. Raising usually
 /// requires a privilege that the daemon has only if the service manager grants it (`LimitNICE`, `CAP_SYS_NICE`);
 /// without it the priority is unchanged.
-pub fn go_first(has_clock: bool) {
-    put(if has_clock { FIRST } else { 0 });
+pub fn raise_thread_priority(has_clock: bool) {
+    set_niceness(if has_clock { REALTIME_NICE } else { 0 });
 }
 
 #[cfg(target_os = "linux")]
-fn put(by: i32) {
+fn set_niceness(by: i32) {
     use rustix::process::{getpid, getpriority_process, setpriority_process};
 
     let started_with = getpriority_process(Some(getpid())).unwrap_or(0);
@@ -45,12 +45,12 @@ mod tests {
         let started_with = getpriority_process(Some(getpid())).unwrap();
         std::thread::spawn(move || {
             let mine = || getpriority_process(None).unwrap();
-            step_back();
-            assert_eq!(mine(), (started_with + BACK).min(19));
+            lower_thread_priority();
+            assert_eq!(mine(), (started_with + BACKGROUND_NICE).min(19));
             // the second call does not lower it further
-            step_back();
-            assert_eq!(mine(), (started_with + BACK).min(19));
-            std::thread::spawn(step_back).join().unwrap();
+            lower_thread_priority();
+            assert_eq!(mine(), (started_with + BACKGROUND_NICE).min(19));
+            std::thread::spawn(lower_thread_priority).join().unwrap();
             assert_eq!(getpriority_process(Some(getpid())).unwrap(), started_with);
         })
         .join()

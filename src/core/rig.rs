@@ -8,7 +8,7 @@ use crate::geometry::{Lens, Vec2};
 use crate::signal::{AccelTrace, Drive, Frame};
 use crate::time::PlateTime;
 
-pub use interlock::{Fitted, Interlock, StopTimes, Trip};
+pub use interlock::{Interlock, InterlockGuard, StopTimes, Trip};
 
 /// A kind of part, such as a denomination of coins.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,7 +109,7 @@ pub trait Rig {
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
     /// End of the last pulse, its rest included; not later than [`Rig::now`] when no pulse is playing.
-    fn quiet_at(&self) -> PlateTime;
+    fn settled_at(&self) -> PlateTime;
 
     /// Waits for the camera's next exposure and reads it out into `frame`, which is resized as needed.
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault>;

@@ -1,5 +1,5 @@
-use super::steering::{Motions, Steering};
-use super::{Disc, Goal, Wanted};
+use super::steering::{Motions, PathFollower};
+use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -11,7 +11,7 @@ pub struct ArrangeParams {
     /// The kind of motion that moves the parts.
     pub motions: Motions,
     /// Discs of the parts, in the order of the positions given to [`Goal::next`].
-    pub discs: Vec<Disc>,
+    pub discs: Vec<PartOutline>,
     /// Target of each part, m. Parts beyond the list stay where they were first seen.
     pub targets_m: Vec<Vec2>,
     /// True when parts of one kind may exchange their targets.
@@ -24,7 +24,7 @@ pub struct ArrangeParams {
 #[derive(Clone, Debug)]
 pub struct Arrange {
     params: ArrangeParams,
-    steering: Option<Steering>,
+    steering: Option<PathFollower>,
 }
 
 impl Arrange {
@@ -35,17 +35,17 @@ impl Arrange {
 }
 
 /// Group numbers: parts of one kind share one when they may exchange, otherwise each part has its own.
-fn groups(discs: &[Disc], exchange: bool) -> Vec<usize> {
+fn groups(discs: &[PartOutline], exchange: bool) -> Vec<usize> {
     discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
 }
 
-impl Goal for Arrange {
-    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for Arrange {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let ArrangeParams { half_side_m, motions, discs, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
         let begin =
-            || Steering::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
+            || PathFollower::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.look(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
@@ -54,7 +54,7 @@ impl Goal for Arrange {
         if !done {
             return wanted;
         }
-        Wanted { phase: "every part is at its place".into(), progress: 1.0, done, ..wanted }
+        Setpoints { phase: "every part is at its place".into(), progress: 1.0, done, ..wanted }
     }
 }
 
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
-        let discs = kinds.iter().map(|&kind| Disc { kind, radius_m: crate::PENNY_M }).collect();
+        let discs = kinds.iter().map(|&kind| PartOutline { kind, radius_m: crate::PENNY_M }).collect();
         let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
         Arrange::new(ArrangeParams {
             half_side_m: 0.1524,

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, BinParams, Disc, Goal, Motions, PENNY_M, Sort, SortParams};
+use super::{Arrange, ArrangeParams, BinParams, Motions, PENNY_M, PartOutline, Sort, SortParams, Task};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::time::PlateTime;
@@ -19,7 +19,7 @@ const STRIDE_M: f64 = 0.012;
 
 /// Result of a run.
 #[derive(Debug)]
-struct Course {
+struct ClosedLoopResult {
     cycles: usize,
     /// Least gap between rims at any time, m.
     gap_m: f64,
@@ -38,7 +38,7 @@ fn step(parts_m: &[Vec2], subgoals_m: &[Vec2], noise: f64, rng: &mut Rng) -> Vec
 }
 
 /// Least gap between rims while all move straight and in step, m.
-fn least_gap_m(discs: &[Disc], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
+fn least_gap_m(discs: &[PartOutline], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
     let mut least_m = f64::INFINITY;
     for k in 0..=8 {
         let at = |i: usize| from_m[i].lerp(&to_m[i], f64::from(k) / 8.0);
@@ -51,10 +51,11 @@ fn least_gap_m(discs: &[Disc], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
     least_m
 }
 
-fn run(goal: &mut dyn Goal, discs: &[Disc], starts_m: &[Vec2], noise: f64, cycles: usize) -> Course {
+fn run(goal: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64, cycles: usize) -> ClosedLoopResult {
     let mut rng = Streams::new(1).stream("strays");
     let mut parts_m = starts_m.to_vec();
-    let mut course = Course { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, boxed_in: Vec::new() };
+    let mut course =
+        ClosedLoopResult { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, boxed_in: Vec::new() };
     for cycle in 0..cycles {
         course.cycles = cycle;
         let wanted = goal.next(PlateTime::from_secs(0.3 * cycle as f64), &parts_m);
@@ -73,7 +74,7 @@ fn run(goal: &mut dyn Goal, discs: &[Disc], starts_m: &[Vec2], noise: f64, cycle
     course
 }
 
-fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> Course {
+fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
     let (discs, targets_m) = (discs.to_vec(), targets_m.to_vec());
     let params = ArrangeParams {
         half_side_m: HALF_SIDE_M,
@@ -86,8 +87,8 @@ fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: boo
     run(&mut Arrange::new(params), &discs, starts_m, 0.03, 150)
 }
 
-fn pennies(count: usize) -> Vec<Disc> {
-    vec![Disc { kind: 0, radius_m: PENNY_M }; count]
+fn pennies(count: usize) -> Vec<PartOutline> {
+    vec![PartOutline { kind: 0, radius_m: PENNY_M }; count]
 }
 
 /// Positions on a circle, rims `gap_m` apart; `turn` is in positions.
@@ -113,7 +114,7 @@ fn scattered(radii_m: &[f64], gap_m: f64, margin_m: f64, rng: &mut Rng) -> Vec<V
 }
 
 /// Coins at random positions, and random targets for them.
-fn scene(seed: u64, count: usize, kinds: usize) -> (Vec<Disc>, Vec<Vec2>, Vec<Vec2>) {
+fn scene(seed: u64, count: usize, kinds: usize) -> (Vec<PartOutline>, Vec<Vec2>, Vec<Vec2>) {
     let mut rng = Streams::new(seed).stream("scene");
     let discs = coins(count, kinds);
     let radii_m = radii_m(&discs);
@@ -146,7 +147,8 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
     // the largest disc leaves 24.8 mm beside it at most, wherever it goes; part 1 has a diameter of 30 mm and its
     // target on the far side
     let radii_m = [0.14, 0.015, 0.009];
-    let discs: Vec<Disc> = radii_m.iter().zip(0..).map(|(&radius_m, kind)| Disc { kind, radius_m }).collect();
+    let discs: Vec<PartOutline> =
+        radii_m.iter().zip(0..).map(|(&radius_m, kind)| PartOutline { kind, radius_m }).collect();
     let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
     let targets_m = vec![Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)];
     let params = ArrangeParams {
@@ -177,7 +179,7 @@ fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<BinParam
     (0..kinds).map(bin).collect()
 }
 
-fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<BinParams>) -> Course {
+fn sorted(discs: &[PartOutline], starts_m: &[Vec2], bins: Vec<BinParams>) -> ClosedLoopResult {
     let params = SortParams {
         half_side_m: HALF_SIDE_M,
         motions: Motions::Independent,
@@ -190,11 +192,11 @@ fn sorted(discs: &[Disc], starts_m: &[Vec2], bins: Vec<BinParams>) -> Course {
 }
 
 /// `count` coins of kinds 0 to `kinds` - 1 in turn.
-fn coins(count: usize, kinds: usize) -> Vec<Disc> {
-    (0..count).map(|i| Disc { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] }).collect()
+fn coins(count: usize, kinds: usize) -> Vec<PartOutline> {
+    (0..count).map(|i| PartOutline { kind: i % kinds, radius_m: [PENNY_M, 0.01213, 0.008955][i % kinds] }).collect()
 }
 
-fn radii_m(discs: &[Disc]) -> Vec<f64> {
+fn radii_m(discs: &[PartOutline]) -> Vec<f64> {
     discs.iter().map(|disc| disc.radius_m).collect()
 }
 

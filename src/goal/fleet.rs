@@ -1,4 +1,4 @@
-use super::Disc;
+use super::PartOutline;
 use upm_core::geometry::{Segment, Vec2};
 
 /// Rounding error that does not count as an approach, m.
@@ -9,24 +9,24 @@ const EDGE_GAP_M: f64 = 1.5e-3;
 
 /// Straight motion of one part while the others move straight too, all in step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Step {
+pub(super) struct SynchronousMove {
     pub(super) from_m: Vec2,
     pub(super) to_m: Vec2,
 }
 
-impl Step {
+impl SynchronousMove {
     /// A part at rest at `at_m`.
     pub(super) fn rest(at_m: Vec2) -> Self {
         Self { from_m: at_m, to_m: at_m }
     }
 
     /// Least distance of the centres during the motion, m.
-    pub(super) fn nearest_m(&self, other: &Step) -> f64 {
+    pub(super) fn nearest_m(&self, other: &SynchronousMove) -> f64 {
         Segment { from: self.from_m - other.from_m, to: self.to_m - other.to_m }.distance(Vec2::zeros())
     }
 
     /// True when the centres never come nearer than `least_m`, or than they are at the beginning.
-    pub(super) fn keeps_from(&self, other: &Step, least_m: f64) -> bool {
+    pub(super) fn keeps_from(&self, other: &SynchronousMove, least_m: f64) -> bool {
         let from = self.from_m - other.from_m;
         let by = self.to_m - other.to_m - from;
         let closing = -from.dot(&by);
@@ -45,14 +45,14 @@ impl Step {
 
 /// Discs on a square plate, each with its target.
 #[derive(Clone, Debug)]
-pub(super) struct Fleet {
-    discs: Vec<Disc>,
+pub(super) struct MultiDiscProblem {
+    discs: Vec<PartOutline>,
     half_side_m: f64,
     targets_m: Vec<Vec2>,
 }
 
-impl Fleet {
-    pub(super) fn new(discs: Vec<Disc>, half_side_m: f64, targets_m: Vec<Vec2>) -> Self {
+impl MultiDiscProblem {
+    pub(super) fn new(discs: Vec<PartOutline>, half_side_m: f64, targets_m: Vec<Vec2>) -> Self {
         Self { discs, half_side_m, targets_m }
     }
 
@@ -88,7 +88,7 @@ impl Fleet {
         to_m: &'a [Vec2],
         gap_m: f64,
     ) -> impl Iterator<Item = (usize, usize)> + 'a {
-        let step = |i: usize| Step { from_m: from_m[i], to_m: to_m[i] };
+        let step = |i: usize| SynchronousMove { from_m: from_m[i], to_m: to_m[i] };
         let pairs = (0..self.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
         pairs.filter(move |&(a, b)| !step(a).keeps_from(&step(b), self.least_m(a, b, gap_m)))
     }
@@ -111,8 +111,8 @@ mod tests {
     proptest! {
         #[test]
         fn steps_are_judged_as_many_moments_are(a in (point(), point()), b in (point(), point()), least_m in 0.01..0.1f64) {
-            let (a, b) = (Step { from_m: a.0, to_m: a.1 }, Step { from_m: b.0, to_m: b.1 });
-            let at = |step: &Step, t: f64| step.from_m + t * (step.to_m - step.from_m);
+            let (a, b) = (SynchronousMove { from_m: a.0, to_m: a.1 }, SynchronousMove { from_m: b.0, to_m: b.1 });
+            let at = |step: &SynchronousMove, t: f64| step.from_m + t * (step.to_m - step.from_m);
             let moments = (0..=4000).map(|k| f64::from(k) / 4000.0);
             let nearest_m = moments.map(|t| (at(&a, t) - at(&b, t)).norm()).fold(f64::INFINITY, f64::min);
             let needed_m = least_m.min((a.from_m - b.from_m).norm());
@@ -126,12 +126,12 @@ mod tests {
     #[test]
     fn what_is_close_already_may_stay_close_but_come_no_closer() {
         let [a, b] = [Vec2::zeros(), Vec2::new(0.02, 0.0)];
-        let go = |from: Vec2, by: Vec2| Step { from_m: from, to_m: from + by };
+        let go = |from: Vec2, by: Vec2| SynchronousMove { from_m: from, to_m: from + by };
         let up = Vec2::new(0.0, 0.01);
-        assert!(go(a, up).keeps_from(&go(b, up), 0.05) && go(a, -up).keeps_from(&Step::rest(b), 0.05));
-        assert!(!go(a, Vec2::new(1e-4, 0.0)).keeps_from(&Step::rest(b), 0.05));
-        let discs = vec![Disc { kind: 0, radius_m: 0.01 }; 2];
-        let fleet = Fleet::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
+        assert!(go(a, up).keeps_from(&go(b, up), 0.05) && go(a, -up).keeps_from(&SynchronousMove::rest(b), 0.05));
+        assert!(!go(a, Vec2::new(1e-4, 0.0)).keeps_from(&SynchronousMove::rest(b), 0.05));
+        let discs = vec![PartOutline { kind: 0, radius_m: 0.01 }; 2];
+        let fleet = MultiDiscProblem::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
         assert!(
             (fleet.least_m(0, 1, 0.003) - 0.0215).abs() < 1e-15 && (fleet.least_m(0, 1, 0.001) - 0.021).abs() < 1e-15
         );

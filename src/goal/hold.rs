@@ -1,5 +1,5 @@
-use super::steering::{Motions, Steering};
-use super::{Disc, Goal, Wanted};
+use super::steering::{Motions, PathFollower};
+use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -12,7 +12,7 @@ pub struct HoldParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// Discs of the parts, in the order of the positions given to [`Goal::next`].
-    pub discs: Vec<Disc>,
+    pub discs: Vec<PartOutline>,
     /// Duration in plate time, s.
     pub duration_s: f64,
     /// Distance from which a part is brought back, m.
@@ -24,7 +24,7 @@ pub struct HoldParams {
 #[derive(Clone, Debug)]
 pub struct Hold {
     params: HoldParams,
-    steering: Option<Steering>,
+    steering: Option<PathFollower>,
     since: Option<PlateTime>,
     /// True while parts are being brought back.
     correcting: bool,
@@ -37,19 +37,19 @@ impl Hold {
     }
 }
 
-impl Goal for Hold {
+impl Task for Hold {
     fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
         let HoldParams { half_side_m, discs, .. } = &self.params;
         let motions = Motions::Independent;
-        self.steering = Some(Steering::new(&motions, discs, *half_side_m, &[], Vec::new(), parts_in_table_m));
+        self.steering = Some(PathFollower::new(&motions, discs, *half_side_m, &[], Vec::new(), parts_in_table_m));
     }
 
-    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let of = parts_in_table_m.len();
         if self.steering.as_ref().is_none_or(|steering| steering.seen_m().len() != of) {
             self.first_seen(parts_in_table_m);
         }
-        let Some(steering) = &mut self.steering else { return Wanted::default() };
+        let Some(steering) = &mut self.steering else { return Setpoints::default() };
         let HoldParams { duration_s, arrive_m, .. } = &self.params;
         steering.look(parts_in_table_m);
 
@@ -62,14 +62,14 @@ impl Goal for Hold {
             true => "bringing back what drifted".into(),
             false => "holding every part".into(),
         };
-        Wanted {
+        Setpoints {
             subgoals_m: if self.correcting { steering.subgoals_m() } else { steering.seen_m().to_vec() },
             targets_m: steering.targets_m(),
             phase,
             progress: (held_s / duration_s).clamp(0.0, 1.0),
             cross_track_m: vec![0.0; of],
             done,
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 }

@@ -1,5 +1,5 @@
-use super::steering::{Motions, Steering};
-use super::{Disc, Goal, Wanted};
+use super::steering::{Motions, PathFollower};
+use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
@@ -18,7 +18,7 @@ pub struct InPhaseParams {
     /// The kind of motion that moves the parts.
     pub motions: Motions,
     /// Discs of the parts, in the order of the positions given to [`Goal::next`].
-    pub discs: Vec<Disc>,
+    pub discs: Vec<PartOutline>,
     /// Corners of each part's loop, m, from its beginning; the last is joined straight to the first. A part without
     /// corners stays where it was first seen.
     pub loops_m: Vec<Vec<Vec2>>,
@@ -40,7 +40,7 @@ pub struct InPhaseParams {
 pub struct InPhase {
     params: InPhaseParams,
     loops: Vec<Polyline>,
-    approach: Option<Steering>,
+    approach: Option<PathFollower>,
     /// Laps of the reference since all parts were at their first corners.
     reference: Option<f64>,
     looked_at: Option<PlateTime>,
@@ -50,7 +50,7 @@ pub struct InPhase {
 
 /// Position of a part relative to its loop.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
+struct LoopPosition {
     /// Laps completed by the part; `None` where there is no loop.
     phase: Option<f64>,
     /// Distance from the loop, m.
@@ -63,7 +63,7 @@ impl InPhase {
         Self { params, loops: Vec::new(), approach: None, reference: None, looked_at: None, cycle_s: FIRST_CYCLE_S }
     }
 
-    fn begin(&self, parts_in_table_m: &[Vec2]) -> (Vec<Polyline>, Steering) {
+    fn begin(&self, parts_in_table_m: &[Vec2]) -> (Vec<Polyline>, PathFollower) {
         let InPhaseParams { half_side_m, motions, discs, loops_m, .. } = &self.params;
         let corners = |(i, part_m): (usize, &Vec2)| match loops_m.get(i).map(Vec::as_slice) {
             Some([first, rest @ ..]) => [&[*first], rest, &[*first]].concat(),
@@ -72,7 +72,7 @@ impl InPhase {
         let loops: Vec<Polyline> = parts_in_table_m.iter().enumerate().map(corners).map(Polyline::new).collect();
         let firsts_m: Vec<Vec2> = loops.iter().map(|lap| lap.at(0.0)).collect();
         let each_its_own = (0..loops.len()).collect();
-        (loops, Steering::new(motions, discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m))
+        (loops, PathFollower::new(motions, discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m))
     }
 
     /// Length of the shortest loop, ignoring those without length, m: on it a lead is the largest fraction of a lap.
@@ -81,16 +81,16 @@ impl InPhase {
     }
 
     /// Position of a part on its loop, searched near the reference.
-    fn place(&self, part: usize, part_m: Vec2, reference: f64) -> Place {
+    fn place(&self, part: usize, part_m: Vec2, reference: f64) -> LoopPosition {
         let lap = &self.loops[part];
         let length_m = lap.length_m();
         if length_m == 0.0 {
-            return Place::default();
+            return LoopPosition::default();
         }
         let InPhaseParams { lead_m, stride_m, .. } = self.params;
         let searched_m = (SEARCHED * (lead_m + stride_m)).min(0.25 * length_m);
         let (along_m, off_m) = lap.nearest_around(part_m, reference * length_m, searched_m);
-        Place { phase: Some(along_m / length_m), off_m }
+        LoopPosition { phase: Some(along_m / length_m), off_m }
     }
 
     fn at(&self, part: usize, phase: f64) -> Vec2 {
@@ -104,15 +104,15 @@ impl InPhase {
     }
 
     /// Goal while parts are on their way to the first corners.
-    fn approach(&self, steering: &Steering) -> Wanted {
+    fn approach(&self, steering: &PathFollower) -> Setpoints {
         let there = steering.distances_m().filter(|distance_m| *distance_m <= self.params.arrive_m).count();
-        Wanted { progress: 0.0, ..steering.wanted("to the first corners", there) }
+        Setpoints { progress: 0.0, ..steering.wanted("to the first corners", there) }
     }
 
     /// Goal on the loops, `elapsed_s` after the previous observation.
-    fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Wanted {
+    fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Setpoints {
         let InPhaseParams { period_s, lead_m, stride_m, arrive_m, laps, .. } = self.params;
-        let places: Vec<Place> =
+        let places: Vec<LoopPosition> =
             seen_m.iter().enumerate().map(|(part, part_m)| self.place(part, *part_m, reference)).collect();
         let slowest = places.iter().filter_map(|place| place.phase).reduce(f64::min).unwrap_or(self.end());
         let in_laps = |way_m: f64| way_m / self.shortest_m();
@@ -125,7 +125,7 @@ impl InPhase {
         let done = now >= self.end() && seen_m.iter().enumerate().all(near_end);
         let of_each = |phase: f64| (0..seen_m.len()).map(|part| self.at(part, phase)).collect::<Vec<_>>();
         let lap = now.min(self.end() - 1.0).max(0.0) as u32;
-        Wanted {
+        Setpoints {
             subgoals_m: of_each(ahead),
             targets_m: of_each(0.0),
             phase: match laps {
@@ -138,13 +138,13 @@ impl InPhase {
             cross_track_m: places.iter().map(|place| place.off_m).collect(),
             phase_error: places.iter().map(|place| place.phase.map_or(0.0, |phase| phase - now)).collect(),
             done,
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 }
 
-impl Goal for InPhase {
-    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for InPhase {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let of = parts_in_table_m.len();
         let mut elapsed_s = self.looked_at.replace(now).map_or(0.0, |before| now.secs_since(before).max(0.0));
         if elapsed_s > 0.0 {
@@ -196,7 +196,7 @@ mod tests {
         InPhaseParams {
             half_side_m: 0.1524,
             motions: Motions::Independent,
-            discs: vec![Disc { kind: 0, radius_m: PENNY_M }; 3],
+            discs: vec![PartOutline { kind: 0, radius_m: PENNY_M }; 3],
             loops_m: (0..3).map(|i| eight(0.05 + f64::from(i) / 3.0)).collect(),
             period_s: 30.0,
             laps,
@@ -208,7 +208,7 @@ mod tests {
 
     /// Result of a run on the loops.
     #[derive(Debug, Default)]
-    struct Course {
+    struct LoopRunResult {
         took_s: f64,
         /// Time from the first corners to the end, s.
         on_loops_s: f64,
@@ -218,10 +218,10 @@ mod tests {
     }
 
     /// Parts that make `gain` of their displacements within a few percent, in cycles of changing length.
-    fn run(params: InPhaseParams, mut gain: impl FnMut(usize, f64) -> f64) -> Course {
+    fn run(params: InPhaseParams, mut gain: impl FnMut(usize, f64) -> f64) -> LoopRunResult {
         let mut rng = Streams::new(3).stream("strays");
         let mut parts = vec![Vec2::new(-0.1, -0.1), Vec2::new(0.1, -0.1), Vec2::new(0.0, 0.1)];
-        let mut course = Course { gap_m: f64::INFINITY, ..Course::default() };
+        let mut course = LoopRunResult { gap_m: f64::INFINITY, ..LoopRunResult::default() };
         let mut goal = InPhase::new(params);
         let (mut progress, mut laps, mut on_loops_from_s) = (0.0, 0, None);
         for _ in 0..3000 {

@@ -10,7 +10,7 @@
 
 use std::collections::VecDeque;
 
-use super::fleet::Fleet;
+use super::fleet::MultiDiscProblem;
 use super::routes::PLANNED_GAP_M;
 use upm_core::geometry::Vec2;
 
@@ -39,7 +39,7 @@ pub trait Effort: std::fmt::Debug + Send + Sync {
 }
 
 /// Path of all parts: their positions at every stage; the first and last stages are fixed.
-pub(super) type Way = Vec<Vec<Vec2>>;
+pub(super) type JointPath = Vec<Vec<Vec2>>;
 
 /// Effort of a path, in pulses.
 pub(super) fn effort_of(way_m: &[Vec<Vec2>], effort: &dyn Effort) -> f64 {
@@ -52,7 +52,12 @@ pub(super) fn effort_of(way_m: &[Vec<Vec2>], effort: &dyn Effort) -> f64 {
 
 /// `way_m` with its stages moved, in up to `rounds` rounds, to the least effort; and its cost: squared effort with all
 /// penalties.
-pub(super) fn eased(way_m: Way, fleet: &Fleet, effort: &dyn Effort, rounds: usize) -> (Way, f64) {
+pub(super) fn eased(
+    way_m: JointPath,
+    fleet: &MultiDiscProblem,
+    effort: &dyn Effort,
+    rounds: usize,
+) -> (JointPath, f64) {
     let mut now = Descent::at(way_m, fleet, effort);
     let mut known: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
     for _ in 0..rounds {
@@ -92,13 +97,13 @@ pub(super) fn eased(way_m: Way, fleet: &Fleet, effort: &dyn Effort, rounds: usiz
 
 /// State of the descent: a path, its cost and its slopes by every coordinate of the inner stages.
 struct Descent {
-    way_m: Way,
+    way_m: JointPath,
     cost: f64,
     slopes: Vec<f64>,
 }
 
 impl Descent {
-    fn at(way_m: Way, fleet: &Fleet, effort: &dyn Effort) -> Self {
+    fn at(way_m: JointPath, fleet: &MultiDiscProblem, effort: &dyn Effort) -> Self {
         let (legs, parts) = (way_m.len().saturating_sub(1), fleet.len());
         let mut by = vec![Vec2::zeros(); way_m.len() * parts];
         let mut cost = 0.0;
@@ -148,7 +153,7 @@ impl Descent {
         direction
     }
 
-    fn moved(&self, direction: &[f64], share: f64) -> Way {
+    fn moved(&self, direction: &[f64], share: f64) -> JointPath {
         let mut way_m = self.way_m.clone();
         let last = way_m.len() - 1;
         let between = way_m[1..last].iter_mut().flatten();
@@ -160,7 +165,7 @@ impl Descent {
 }
 
 /// Penalty of parts that are too near to each other or to the edge; adds its slopes to `slopes`.
-fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &Fleet, slopes: &mut [Vec2]) -> f64 {
+fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &MultiDiscProblem, slopes: &mut [Vec2]) -> f64 {
     let mut cost = 0.0;
     for i in 0..places_m.len() {
         for axis in 0..2 {

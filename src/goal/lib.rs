@@ -32,7 +32,7 @@ use upm_core::time::PlateTime;
 
 /// A part as goals see it: a disc.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Disc {
+pub struct PartOutline {
     /// Kind number; parts of one kind are interchangeable.
     pub kind: usize,
     /// Radius of its outline, m.
@@ -41,7 +41,7 @@ pub struct Disc {
 
 /// Output of a goal for one cycle.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wanted {
+pub struct Setpoints {
     /// Next position of each part, m. It may be further than one cycle reaches: while all parts go straight there and
     /// in step, each the same fraction of its displacement, arranged parts keep apart and on the plate.
     pub subgoals_m: Vec<Vec2>,
@@ -65,13 +65,13 @@ pub struct Wanted {
 }
 
 /// A task as a source of subgoals.
-pub trait Goal {
+pub trait Task {
     /// Records the parts' positions at the very first observation, however long it takes until the first
     /// [`Goal::next`].
     fn first_seen(&mut self, _parts_in_table_m: &[Vec2]) {}
 
     /// Returns the output for the parts' present positions. Called once per cycle, in order of time.
-    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted;
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints;
 }
 
 /// Radius of a US penny, m.

@@ -1,4 +1,4 @@
-use super::{Goal, Wanted};
+use super::{Setpoints, Task};
 use upm_core::geometry::{Vec2, cross};
 use upm_core::time::PlateTime;
 
@@ -29,7 +29,7 @@ const BRANCHES: [(Vec2, &str); 4] = [
 ];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
+enum Phase {
     CentreAlongX,
     CentreAlongY,
     Out { lap: u32, branch: usize },
@@ -39,12 +39,12 @@ enum Stage {
 
 /// Straight section of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Stretch {
+struct PathSegment {
     from_m: Vec2,
     to_m: Vec2,
 }
 
-impl Stretch {
+impl PathSegment {
     fn length_m(&self) -> f64 {
         (self.to_m - self.from_m).norm()
     }
@@ -70,8 +70,8 @@ impl Stretch {
 #[derive(Clone, Debug)]
 pub struct PlusSign {
     params: PlusSignParams,
-    stage: Stage,
-    stretch: Stretch,
+    stage: Phase,
+    stretch: PathSegment,
     /// Latest position of each part, m.
     seen_m: Vec<Vec2>,
     /// First position of each part, m.
@@ -83,9 +83,9 @@ pub struct PlusSign {
 impl PlusSign {
     /// A new task with these parameters. A branch too short for the part has no length.
     pub fn new(params: PlusSignParams) -> Self {
-        let nowhere = Stretch { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
+        let nowhere = PathSegment { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
         let (seen_m, first_seen_m) = (Vec::new(), Vec::new());
-        Self { params, stage: Stage::CentreAlongX, stretch: nowhere, seen_m, first_seen_m, furthest: 0.0 }
+        Self { params, stage: Phase::CentreAlongX, stretch: nowhere, seen_m, first_seen_m, furthest: 0.0 }
     }
 
     /// Distance of the part's centre from the plate's centre at the end of a branch, m.
@@ -107,7 +107,7 @@ impl PlusSign {
         self.first_seen_m.extend(self.seen_m.iter().skip(self.first_seen_m.len()).copied());
         if begins {
             let start = self.seen_m.first().copied().unwrap_or_default();
-            self.stretch = Stretch { from_m: start, to_m: Vec2::new(0.0, start.y) };
+            self.stretch = PathSegment { from_m: start, to_m: Vec2::new(0.0, start.y) };
         }
     }
 
@@ -115,8 +115,8 @@ impl PlusSign {
         let arrive_m = self.params.arrive_m;
         let there = self.stretch.along_m(part_m) >= self.stretch.length_m() - arrive_m;
         match self.stage {
-            Stage::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.stretch.to_m).norm() <= arrive_m,
-            Stage::Done => false,
+            Phase::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.stretch.to_m).norm() <= arrive_m,
+            Phase::Done => false,
             _ => there,
         }
     }
@@ -124,19 +124,19 @@ impl PlusSign {
     fn advance(&mut self, part_m: Vec2) {
         let centre = Vec2::zeros();
         self.stage = match self.stage {
-            Stage::CentreAlongX => Stage::CentreAlongY,
-            Stage::CentreAlongY => Stage::Out { lap: 0, branch: 0 },
-            Stage::Out { lap, branch } => Stage::Back { lap, branch },
-            Stage::Back { lap, branch: 3 } if self.is_last(lap) => Stage::Done,
-            Stage::Back { lap, branch: 3 } => Stage::Out { lap: lap.saturating_add(1), branch: 0 },
-            Stage::Back { lap, branch } => Stage::Out { lap, branch: branch + 1 },
-            Stage::Done => Stage::Done,
+            Phase::CentreAlongX => Phase::CentreAlongY,
+            Phase::CentreAlongY => Phase::Out { lap: 0, branch: 0 },
+            Phase::Out { lap, branch } => Phase::Back { lap, branch },
+            Phase::Back { lap, branch: 3 } if self.is_last(lap) => Phase::Done,
+            Phase::Back { lap, branch: 3 } => Phase::Out { lap: lap.saturating_add(1), branch: 0 },
+            Phase::Back { lap, branch } => Phase::Out { lap, branch: branch + 1 },
+            Phase::Done => Phase::Done,
         };
         self.stretch = match self.stage {
-            Stage::CentreAlongX | Stage::CentreAlongY => Stretch { from_m: Vec2::new(0.0, part_m.y), to_m: centre },
-            Stage::Out { branch, .. } => Stretch { from_m: centre, to_m: self.tip_m(branch) },
-            Stage::Back { branch, .. } => Stretch { from_m: self.tip_m(branch), to_m: centre },
-            Stage::Done => Stretch { from_m: centre, to_m: centre },
+            Phase::CentreAlongX | Phase::CentreAlongY => PathSegment { from_m: Vec2::new(0.0, part_m.y), to_m: centre },
+            Phase::Out { branch, .. } => PathSegment { from_m: centre, to_m: self.tip_m(branch) },
+            Phase::Back { branch, .. } => PathSegment { from_m: self.tip_m(branch), to_m: centre },
+            Phase::Done => PathSegment { from_m: centre, to_m: centre },
         };
         self.furthest = 0.0;
     }
@@ -151,19 +151,19 @@ impl PlusSign {
 
     fn laps_done(&self) -> u32 {
         match self.stage {
-            Stage::Out { lap, .. } | Stage::Back { lap, .. } => lap,
-            Stage::Done => self.params.laps,
-            Stage::CentreAlongX | Stage::CentreAlongY => 0,
+            Phase::Out { lap, .. } | Phase::Back { lap, .. } => lap,
+            Phase::Done => self.params.laps,
+            Phase::CentreAlongX | Phase::CentreAlongY => 0,
         }
     }
 
     fn progress(&self) -> f64 {
         let branches_done = match self.stage {
             _ if self.params.laps == 0 => return 0.0,
-            Stage::CentreAlongX | Stage::CentreAlongY => return 0.0,
-            Stage::Done => return 1.0,
-            Stage::Out { branch, .. } => branch as f64 + 0.5 * self.furthest,
-            Stage::Back { branch, .. } => branch as f64 + 0.5 + 0.5 * self.furthest,
+            Phase::CentreAlongX | Phase::CentreAlongY => return 0.0,
+            Phase::Done => return 1.0,
+            Phase::Out { branch, .. } => branch as f64 + 0.5 * self.furthest,
+            Phase::Back { branch, .. } => branch as f64 + 0.5 + 0.5 * self.furthest,
         };
         (f64::from(self.laps_done()) + branches_done / 4.0) / f64::from(self.params.laps)
     }
@@ -174,11 +174,11 @@ impl PlusSign {
             laps => format!("lap {} of {laps}", u64::from(lap) + 1),
         };
         match self.stage {
-            Stage::CentreAlongX => "to the centre, along x".into(),
-            Stage::CentreAlongY => "to the centre, along y".into(),
-            Stage::Out { lap, branch } => format!("{}: branch {}, outwards", lap_of(lap), BRANCHES[branch].1),
-            Stage::Back { lap, branch } => format!("{}: branch {}, back", lap_of(lap), BRANCHES[branch].1),
-            Stage::Done => match self.params.laps {
+            Phase::CentreAlongX => "to the centre, along x".into(),
+            Phase::CentreAlongY => "to the centre, along y".into(),
+            Phase::Out { lap, branch } => format!("{}: branch {}, outwards", lap_of(lap), BRANCHES[branch].1),
+            Phase::Back { lap, branch } => format!("{}: branch {}, back", lap_of(lap), BRANCHES[branch].1),
+            Phase::Done => match self.params.laps {
                 1 => "1 lap driven".into(),
                 laps => format!("{laps} laps driven"),
             },
@@ -187,17 +187,17 @@ impl PlusSign {
 
     fn cross_track_m(&self, part_m: Vec2) -> f64 {
         match self.stage {
-            Stage::Out { .. } | Stage::Back { .. } => cross(self.stretch.direction(), part_m).abs(),
-            Stage::CentreAlongX | Stage::CentreAlongY | Stage::Done => 0.0,
+            Phase::Out { .. } | Phase::Back { .. } => cross(self.stretch.direction(), part_m).abs(),
+            Phase::CentreAlongX | Phase::CentreAlongY | Phase::Done => 0.0,
         }
     }
 }
 
-impl Goal for PlusSign {
-    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for PlusSign {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         self.look(parts_in_table_m);
         let Some(part_m) = self.seen_m.first().copied() else {
-            return Wanted { phase: "no part".into(), ..Wanted::default() };
+            return Setpoints { phase: "no part".into(), ..Setpoints::default() };
         };
         // From any position at most both centring stretches and one more stretch are over at once.
         for _ in 0..3 {
@@ -208,15 +208,15 @@ impl Goal for PlusSign {
         let length_m = self.stretch.length_m();
         let along = if length_m > 0.0 { (self.stretch.along_m(part_m) / length_m).clamp(0.0, 1.0) } else { 0.0 };
         self.furthest = self.furthest.max(along);
-        let mut wanted = Wanted {
+        let mut wanted = Setpoints {
             subgoals_m: self.first_seen_m.clone(),
             targets_m: self.first_seen_m.clone(),
             phase: self.phase(),
             progress: self.progress(),
             laps: self.laps_done(),
             cross_track_m: vec![0.0; parts_in_table_m.len()],
-            done: self.stage == Stage::Done,
-            ..Wanted::default()
+            done: self.stage == Phase::Done,
+            ..Setpoints::default()
         };
         wanted.subgoals_m[0] = self.stretch.carrot_m(part_m, self.params.stride_m);
         wanted.targets_m[0] = self.stretch.to_m;
@@ -250,7 +250,7 @@ mod tests {
             assert!(cycle < 5000, "not done: {stage:?}");
             let wanted = goal.next(PlateTime::ZERO, &[part_m]);
             let before = std::mem::replace(&mut stage, goal.stage);
-            if before != stage && matches!(before, Stage::Out { .. } | Stage::Back { .. }) {
+            if before != stage && matches!(before, Phase::Out { .. } | Phase::Back { .. }) {
                 ends.push(part_m);
             }
             assert!(wanted.progress >= progress && wanted.progress <= 1.0, "{wanted:?}");

@@ -1,7 +1,7 @@
 use rand::seq::SliceRandom;
 
-use super::fleet::Fleet;
-use super::search::{Obstacle, Query};
+use super::fleet::MultiDiscProblem;
+use super::search::{MovingObstacle, PathQuery};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
@@ -11,28 +11,28 @@ pub(super) const PLANNED_GAP_M: f64 = 3e-3;
 /// Settings of the search, used in turn for successive orders of precedence: the longest move along x or y from one
 /// moment to the next, m, and the number of moments for which parts without a route yet count as obstacles at their
 /// starts. In a crowd parts need time to make room, and short moves.
-const MANNERS: [(f64, usize); 4] = [(7e-3, 0), (7e-3, 4), (5e-3, 4), (5e-3, 8)];
+const RESTART_ORDERS: [(f64, usize); 4] = [(7e-3, 0), (7e-3, 4), (5e-3, 4), (5e-3, 8)];
 
 /// Orders of precedence tried before a part counts as boxed in.
 const ORDERS: usize = 24;
 
 /// Search nodes (position and moment) for one part's route, and for all routes in all orders.
-const EFFORT: (usize, usize) = (5_000, 30_000);
+const MAX_EXPANSIONS: (usize, usize) = (5_000, 30_000);
 
 /// Routes of all parts: `ways_m[i][k]` is the position of part i at moment k. From one moment to the next all parts
 /// move in straight lines, in step.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Routes {
+pub(super) struct PathSet {
     pub(super) ways_m: Vec<Vec<Vec2>>,
     /// Parts without a route; theirs ends where it begins.
-    pub(super) boxed_in: Vec<usize>,
+    pub(super) blocked: Vec<usize>,
 }
 
 /// Search for routes from the starts to the fleet's targets on which no two parts come too near to each other. Routes
 /// are assigned one part after another; a part that finds none comes first in the next order (prioritised planning,
 /// Erdmann and Lozano-Pérez 1987, with the restarts of Bennewitz et al. 2002).
-pub(super) struct Search<'a> {
-    fleet: &'a Fleet,
+pub(super) struct PrioritizedPlanner<'a> {
+    fleet: &'a MultiDiscProblem,
     starts_m: &'a [Vec2],
     /// Search nodes left.
     effort: usize,
@@ -41,13 +41,13 @@ pub(super) struct Search<'a> {
     failed: Vec<bool>,
 }
 
-impl<'a> Search<'a> {
-    pub(super) fn new(fleet: &'a Fleet, starts_m: &'a [Vec2]) -> Self {
-        Self { fleet, starts_m, effort: EFFORT.1, boxed_in: Vec::new(), failed: vec![false; fleet.len()] }
+impl<'a> PrioritizedPlanner<'a> {
+    pub(super) fn new(fleet: &'a MultiDiscProblem, starts_m: &'a [Vec2]) -> Self {
+        Self { fleet, starts_m, effort: MAX_EXPANSIONS.1, boxed_in: Vec::new(), failed: vec![false; fleet.len()] }
     }
 
     /// Routes of all parts; those of boxed-in parts end where they begin.
-    pub(super) fn routes(&mut self, rng: &mut Rng) -> Routes {
+    pub(super) fn routes(&mut self, rng: &mut Rng) -> PathSet {
         loop {
             if let Some(routes) = self.try_orders(self.first_order(), rng) {
                 return routes;
@@ -57,20 +57,20 @@ impl<'a> Search<'a> {
     }
 
     /// Alternative routes, if any, found in a random order of precedence.
-    pub(super) fn other_routes(&mut self, rng: &mut Rng) -> Option<Routes> {
+    pub(super) fn other_routes(&mut self, rng: &mut Rng) -> Option<PathSet> {
         let mut order = self.first_order();
         order.shuffle(rng);
         if self.boxed_in.is_empty() { self.try_orders(order, rng) } else { None }
     }
 
     /// Routes of all parts except those boxed in, which stay at rest.
-    fn try_orders(&mut self, mut order: Vec<usize>, rng: &mut Rng) -> Option<Routes> {
-        for manner in MANNERS.iter().cycle().take(ORDERS) {
+    fn try_orders(&mut self, mut order: Vec<usize>, rng: &mut Rng) -> Option<PathSet> {
+        for manner in RESTART_ORDERS.iter().cycle().take(ORDERS) {
             if self.effort == 0 {
                 break;
             }
             let part = match self.ways(&order, *manner) {
-                Ok(ways_m) => return Some(Routes { ways_m, boxed_in: self.boxed_in.clone() }),
+                Ok(ways_m) => return Some(PathSet { ways_m, blocked: self.boxed_in.clone() }),
                 Err(part) => part,
             };
             self.failed[part] = true;
@@ -107,14 +107,14 @@ impl<'a> Search<'a> {
             let obstacle = |other: usize| {
                 let least_m = self.fleet.least_m(part, other, PLANNED_GAP_M);
                 if ways_m[other].is_empty() {
-                    Obstacle { way_m: &self.starts_m[other..=other], least_m, gone_from: grace }
+                    MovingObstacle { way_m: &self.starts_m[other..=other], least_m, gone_from: grace }
                 } else {
-                    Obstacle { way_m: &ways_m[other], least_m, gone_from: usize::MAX }
+                    MovingObstacle { way_m: &ways_m[other], least_m, gone_from: usize::MAX }
                 }
             };
-            let obstacles: Vec<Obstacle<'_>> =
+            let obstacles: Vec<MovingObstacle<'_>> =
                 (0..self.fleet.len()).filter(|&other| other != part).map(obstacle).collect();
-            let query = Query {
+            let query = PathQuery {
                 start_m: self.starts_m[part],
                 target_m: self.fleet.targets_m()[part],
                 reach_m: self.fleet.reach_m(part),
@@ -123,7 +123,7 @@ impl<'a> Search<'a> {
                 horizon: 4 * moments + 60,
             };
             let straight = [0, grace].iter().find_map(|&wait| query.straight(wait, moments));
-            let granted = EFFORT.0.min(self.effort);
+            let granted = MAX_EXPANSIONS.0.min(self.effort);
             let mut left = granted;
             let way_m = straight.or_else(|| query.way(&mut left));
             self.effort -= granted - left;
@@ -149,6 +149,6 @@ impl<'a> Search<'a> {
         let furthest = left.max_by(|&a, &b| self.failed[a].cmp(&self.failed[b]).then(way_m(a).total_cmp(&way_m(b))));
         self.boxed_in.extend(furthest);
         self.failed.fill(false);
-        self.effort = self.effort.max(EFFORT.1 / 5);
+        self.effort = self.effort.max(MAX_EXPANSIONS.1 / 5);
     }
 }

@@ -1,6 +1,6 @@
 use pathfinding::prelude::astar;
 
-use super::fleet::{ROUNDING_M, Step};
+use super::fleet::{ROUNDING_M, SynchronousMove};
 use upm_core::geometry::Vec2;
 
 /// Cost of a move along x or y by one pitch.
@@ -14,7 +14,7 @@ const WAIT: u32 = 5;
 const HASTE_TENTHS: u32 = 18;
 
 /// A part whose route is known: its position at every moment, constant after the last.
-pub(super) struct Obstacle<'a> {
+pub(super) struct MovingObstacle<'a> {
     pub(super) way_m: &'a [Vec2],
     /// Least distance of the centres, m.
     pub(super) least_m: f64,
@@ -22,20 +22,20 @@ pub(super) struct Obstacle<'a> {
     pub(super) gone_from: usize,
 }
 
-impl Obstacle<'_> {
-    fn step(&self, moment: usize) -> Step {
+impl MovingObstacle<'_> {
+    fn step(&self, moment: usize) -> SynchronousMove {
         let at = |moment: usize| self.way_m.get(moment).or(self.way_m.last()).copied().unwrap_or_default();
-        Step { from_m: at(moment), to_m: at(moment + 1) }
+        SynchronousMove { from_m: at(moment), to_m: at(moment + 1) }
     }
 }
 
 /// Constraints on one part's route.
-pub(super) struct Query<'a> {
+pub(super) struct PathQuery<'a> {
     pub(super) start_m: Vec2,
     pub(super) target_m: Vec2,
     /// Largest allowed |x| and |y| of the part's centre, m.
     pub(super) reach_m: f64,
-    pub(super) obstacles: &'a [Obstacle<'a>],
+    pub(super) obstacles: &'a [MovingObstacle<'a>],
     /// Longest move along x or y from one moment to the next, m.
     pub(super) pitch_m: f64,
     /// Last moment at which the part may arrive.
@@ -43,15 +43,15 @@ pub(super) struct Query<'a> {
 }
 
 /// Node of the lattice about the target; `None` is the start, which is not on the lattice.
-type Cell = Option<(i16, i16)>;
+type SpaceTimeCell = Option<(i16, i16)>;
 
-impl Query<'_> {
+impl PathQuery<'_> {
     /// The straight route in `moments` equal steps, begun after `wait` moments, if it is free.
     pub(super) fn straight(&self, wait: usize, moments: usize) -> Option<Vec<Vec2>> {
         let share = |k: usize| (k.saturating_sub(wait) as f64 / moments.max(1) as f64).min(1.0);
         let at = |k: usize| self.start_m.lerp(&self.target_m, share(k));
         let end = wait + moments.max(1);
-        let free = (0..end).all(|k| self.is_free(k, Step { from_m: at(k), to_m: at(k + 1) }));
+        let free = (0..end).all(|k| self.is_free(k, SynchronousMove { from_m: at(k), to_m: at(k + 1) }));
         (free && end >= self.free_from()).then(|| (0..=end).map(at).collect())
     }
 
@@ -59,20 +59,20 @@ impl Query<'_> {
     /// expanded node is subtracted from `effort`; the search fails when that is used up.
     pub(super) fn way(&self, effort: &mut usize) -> Option<Vec<Vec2>> {
         let free_from = self.free_from();
-        let successors = |&(cell, moment): &(Cell, usize)| {
+        let successors = |&(cell, moment): &(SpaceTimeCell, usize)| {
             let go_on = *effort > 0 && moment < self.horizon;
             *effort = effort.saturating_sub(1);
             if go_on { self.moves(cell, moment) } else { Vec::new() }
         };
-        let arrived = |&(cell, moment): &(Cell, usize)| cell == Some((0, 0)) && moment >= free_from;
+        let arrived = |&(cell, moment): &(SpaceTimeCell, usize)| cell == Some((0, 0)) && moment >= free_from;
         let (way, _) = astar(&(None, 0), successors, |(cell, _)| self.estimate(*cell), arrived)?;
         Some(way.into_iter().map(|(cell, _)| self.place_m(cell)).collect())
     }
 
     /// First moment from which no obstacle comes near the target.
     fn free_from(&self) -> usize {
-        let rest = Step::rest(self.target_m);
-        let free_from = |obstacle: &Obstacle<'_>| {
+        let rest = SynchronousMove::rest(self.target_m);
+        let free_from = |obstacle: &MovingObstacle<'_>| {
             let near = |moment: &usize| rest.nearest_m(&obstacle.step(*moment)) < obstacle.least_m - ROUNDING_M;
             let last = (0..obstacle.way_m.len()).rev().find(near);
             last.map_or(0, |moment| if moment + 1 < obstacle.way_m.len() { moment + 1 } else { usize::MAX })
@@ -80,13 +80,13 @@ impl Query<'_> {
         self.obstacles.iter().filter(|obstacle| obstacle.gone_from == usize::MAX).map(free_from).max().unwrap_or(0)
     }
 
-    fn is_free(&self, moment: usize, step: Step) -> bool {
+    fn is_free(&self, moment: usize, step: SynchronousMove) -> bool {
         self.obstacles
             .iter()
             .all(|other| moment >= other.gone_from || step.keeps_from(&other.step(moment), other.least_m))
     }
 
-    fn moves(&self, cell: Cell, moment: usize) -> Vec<((Cell, usize), u32)> {
+    fn moves(&self, cell: SpaceTimeCell, moment: usize) -> Vec<((SpaceTimeCell, usize), u32)> {
         let from_m = self.place_m(cell);
         let centre = cell.unwrap_or_else(|| self.nearest());
         let near = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (x, y)));
@@ -96,7 +96,7 @@ impl Query<'_> {
             .chain(wait)
             .filter(|(to, _)| {
                 let to_m = self.place_m(*to);
-                self.is_on_plate(from_m, to_m) && self.is_free(moment, Step { from_m, to_m })
+                self.is_on_plate(from_m, to_m) && self.is_free(moment, SynchronousMove { from_m, to_m })
             })
             .map(|(to, cost)| ((to, moment + 1), cost))
             .collect()
@@ -108,7 +108,7 @@ impl Query<'_> {
         to_m.iter().zip(from_m.iter()).all(|(to, from)| to.abs() <= reach_m.max(from.abs()))
     }
 
-    fn place_m(&self, cell: Cell) -> Vec2 {
+    fn place_m(&self, cell: SpaceTimeCell) -> Vec2 {
         cell.map_or(self.start_m, |(x, y)| self.target_m + self.pitch_m * Vec2::new(f64::from(x), f64::from(y)))
     }
 
@@ -118,7 +118,7 @@ impl Query<'_> {
         (off.x.round() as i16, off.y.round() as i16)
     }
 
-    fn estimate(&self, cell: Cell) -> u32 {
+    fn estimate(&self, cell: SpaceTimeCell) -> u32 {
         let (x, y) = cell.unwrap_or_else(|| self.nearest());
         let (x, y) = (u32::from(x.unsigned_abs()), u32::from(y.unsigned_abs()));
         let (long, short) = (x.max(y), x.min(y));
@@ -139,8 +139,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn query<'a>(start_m: Vec2, target_m: Vec2, obstacles: &'a [Obstacle<'a>]) -> Query<'a> {
-        Query { start_m, target_m, reach_m: 0.14, obstacles, pitch_m: 0.005, horizon: 200 }
+    fn query<'a>(start_m: Vec2, target_m: Vec2, obstacles: &'a [MovingObstacle<'a>]) -> PathQuery<'a> {
+        PathQuery { start_m, target_m, reach_m: 0.14, obstacles, pitch_m: 0.005, horizon: 200 }
     }
 
     fn length_m(way_m: &[Vec2]) -> f64 {
@@ -154,8 +154,8 @@ mod tests {
         (0..count).map(|i| [about_m + out_m * Vec2::new(at(i).cos(), at(i).sin())]).collect()
     }
 
-    fn obstacles(ways_m: &[[Vec2; 1]], least_m: f64) -> Vec<Obstacle<'_>> {
-        ways_m.iter().map(|way_m| Obstacle { way_m, least_m, gone_from: usize::MAX }).collect()
+    fn obstacles(ways_m: &[[Vec2; 1]], least_m: f64) -> Vec<MovingObstacle<'_>> {
+        ways_m.iter().map(|way_m| MovingObstacle { way_m, least_m, gone_from: usize::MAX }).collect()
     }
 
     #[test]
@@ -185,10 +185,10 @@ mod tests {
         let target = Vec2::new(0.03, 0.0);
         // passes over the target at moment 20
         let passing: Vec<Vec2> = (0..=40).map(|k| target + Vec2::new(0.0, 0.005 * f64::from(k - 20))).collect();
-        let obstacles = [Obstacle { way_m: &passing, least_m: 0.02, gone_from: usize::MAX }];
+        let obstacles = [MovingObstacle { way_m: &passing, least_m: 0.02, gone_from: usize::MAX }];
         let way_m = query(Vec2::zeros(), target, &obstacles).way(&mut 5000).unwrap();
         assert!(way_m.len() > 24 && *way_m.last().unwrap() == target, "{}", way_m.len());
-        let leaving = [Obstacle { way_m: &passing[20..=20], least_m: 0.02, gone_from: 3 }];
+        let leaving = [MovingObstacle { way_m: &passing[20..=20], least_m: 0.02, gone_from: 3 }];
         assert!(query(Vec2::zeros(), target, &leaving).way(&mut 5000).unwrap().len() < 12);
     }
 

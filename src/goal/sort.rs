@@ -1,7 +1,7 @@
 use super::assignment::assign;
 use super::slots::Slots;
-use super::steering::{Motions, Steering};
-use super::{Disc, Goal, Wanted};
+use super::steering::{Motions, PathFollower};
+use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -44,7 +44,7 @@ pub struct SortParams {
     /// The kind of motion that moves the parts.
     pub motions: Motions,
     /// Discs of the parts, in the order of the positions given to [`Goal::next`].
-    pub discs: Vec<Disc>,
+    pub discs: Vec<PartOutline>,
     /// The bins. A part of a kind without a bin stays where it was first seen.
     pub bins: Vec<BinParams>,
     /// Required distance of a part's observed rim inside its bin, m.
@@ -83,7 +83,7 @@ impl SortParams {
 #[derive(Clone, Debug)]
 pub struct Sort {
     params: SortParams,
-    steering: Option<Steering>,
+    steering: Option<PathFollower>,
 }
 
 impl Sort {
@@ -92,26 +92,26 @@ impl Sort {
         Self { params, steering: None }
     }
 
-    fn steering(&self, parts_in_table_m: &[Vec2]) -> Steering {
+    fn steering(&self, parts_in_table_m: &[Vec2]) -> PathFollower {
         let SortParams { half_side_m, motions, discs, bins, .. } = &self.params;
-        let mut places = Places::new(parts_in_table_m);
+        let mut places = TargetSet::new(parts_in_table_m);
         for (number, bin) in bins.iter().enumerate() {
             let parts = self.params.parts_of(number).filter(|&part| part < parts_in_table_m.len());
             places.fill(bin, parts.collect(), discs, parts_in_table_m);
         }
-        Steering::new(motions, discs, *half_side_m, &places.at_m, places.groups, parts_in_table_m)
+        PathFollower::new(motions, discs, *half_side_m, &places.at_m, places.groups, parts_in_table_m)
     }
 }
 
 /// Place of each part, and the groups within which places may be exchanged.
-struct Places {
+struct TargetSet {
     at_m: Vec<Vec2>,
     groups: Vec<usize>,
     /// Smallest unused group number.
     next_group: usize,
 }
 
-impl Places {
+impl TargetSet {
     /// Every part's place is its present position.
     fn new(parts_in_table_m: &[Vec2]) -> Self {
         let parts = parts_in_table_m.len();
@@ -119,7 +119,7 @@ impl Places {
     }
 
     /// Assigns `parts` places in `bin`; those well inside stay if that leaves room for the others.
-    fn fill(&mut self, bin: &BinParams, parts: Vec<usize>, discs: &[Disc], seen_m: &[Vec2]) {
+    fn fill(&mut self, bin: &BinParams, parts: Vec<usize>, discs: &[PartOutline], seen_m: &[Vec2]) {
         let radius_m = |part: &usize| discs[*part].radius_m;
         let largest_m = parts.iter().map(radius_m).fold(0.0, f64::max);
         let mut settled: Vec<usize> = parts
@@ -168,8 +168,8 @@ impl Places {
     }
 }
 
-impl Goal for Sort {
-    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for Sort {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let of = parts_in_table_m.len();
         let kept = self.steering.take().filter(|steering| steering.seen_m().len() == of);
         let mut steering = kept.unwrap_or_else(|| self.steering(parts_in_table_m));
@@ -182,7 +182,7 @@ impl Goal for Sort {
         let mut wanted = steering.wanted("into the bins", there);
         if done {
             let phase = "every part is in its bin".into();
-            wanted = Wanted { targets_m: steering.seen_m().to_vec(), phase, progress: 1.0, done, ..wanted };
+            wanted = Setpoints { targets_m: steering.seen_m().to_vec(), phase, progress: 1.0, done, ..wanted };
         }
         self.steering = Some(steering);
         wanted
@@ -196,7 +196,7 @@ mod tests {
 
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
         let bin = BinParams { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
-        let discs = vec![Disc { kind: 0, radius_m: PENNY_M }; pennies];
+        let discs = vec![PartOutline { kind: 0, radius_m: PENNY_M }; pennies];
         SortParams { half_side_m: 0.1524, motions: Motions::Independent, discs, bins: vec![bin], margin_m: 5e-5 }
     }
 
@@ -245,7 +245,8 @@ mod tests {
         // two quarters and three dimes in one row: as wide as all of them and 2 mm for each
         let radii = [0.008955, 0.01213, 0.008955, 0.01213, 0.008955];
         let width = 2.0 * radii.iter().sum::<f64>() + 5.0 * 0.002;
-        let discs = radii.iter().map(|&radius_m| Disc { kind: usize::from(radius_m > 0.01), radius_m }).collect();
+        let discs =
+            radii.iter().map(|&radius_m| PartOutline { kind: usize::from(radius_m > 0.01), radius_m }).collect();
         let params = SortParams { discs, ..penny_bin((-0.5 * width, 0.0), (0.5 * width, 0.027), 0) };
         assert!((params.gaps_m()[0] - 0.002).abs() < 1e-5, "{:?}", params.gaps_m());
         let starts: Vec<Vec2> = (0..5).map(|i| Vec2::new(0.05 - 0.025 * f64::from(i), -0.06)).collect();

@@ -1,5 +1,5 @@
-use super::fleet::{Fleet, ROUNDING_M, Step};
-use super::routes::{PLANNED_GAP_M, Routes, Search};
+use super::fleet::{MultiDiscProblem, ROUNDING_M, SynchronousMove};
+use super::routes::{PLANNED_GAP_M, PathSet, PrioritizedPlanner};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
@@ -11,7 +11,7 @@ const TRIES: usize = 4;
 
 /// Paths of all parts to their targets.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Stages {
+pub(super) struct StagedPaths {
     /// Positions of all parts at successive stages, m; from each to the next they move straight and in step.
     pub(super) places_m: Vec<Vec<Vec2>>,
     /// Parts without a route, which stay at rest.
@@ -25,11 +25,11 @@ pub(super) struct Stages {
 
 /// The stages from `starts_m` to the fleet's targets: a single one where all can go straight, else the best of a few
 /// routes round each other.
-pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> Stages {
+pub(super) fn find_stages(fleet: &MultiDiscProblem, starts_m: &[Vec2], rng: &mut Rng) -> StagedPaths {
     if fleet.is_clear(starts_m, fleet.targets_m(), PLANNED_GAP_M) {
-        return Stages { places_m: vec![fleet.targets_m().to_vec()], ..Stages::default() };
+        return StagedPaths { places_m: vec![fleet.targets_m().to_vec()], ..StagedPaths::default() };
     }
-    let mut search = Search::new(fleet, starts_m);
+    let mut search = PrioritizedPlanner::new(fleet, starts_m);
     let mut best = stages(fleet, search.routes(rng));
     for _ in 1..TRIES {
         let Some(routes) = search.other_routes(rng) else { break };
@@ -43,7 +43,7 @@ pub(super) fn find_stages(fleet: &Fleet, starts_m: &[Vec2], rng: &mut Rng) -> St
 
 /// Shortens routes: replaces a part's route between two moments by a straight line wherever that is clear of the other
 /// parts.
-pub(super) fn straighten(fleet: &Fleet, routes: &mut Routes) {
+pub(super) fn straighten(fleet: &MultiDiscProblem, routes: &mut PathSet) {
     let last = routes.ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
     let mut span = last;
     while span > 1 {
@@ -58,7 +58,7 @@ pub(super) fn straighten(fleet: &Fleet, routes: &mut Routes) {
     }
 }
 
-fn straighten_between(fleet: &Fleet, routes: &mut Routes, part: usize, from: usize, to: usize) {
+fn straighten_between(fleet: &MultiDiscProblem, routes: &mut PathSet, part: usize, from: usize, to: usize) {
     let way_m = &routes.ways_m[part];
     let (from_m, to_m) = (way_m[from], way_m[to]);
     let at = |k: usize| from_m.lerp(&to_m, (k - from) as f64 / (to - from) as f64);
@@ -69,8 +69,8 @@ fn straighten_between(fleet: &Fleet, routes: &mut Routes, part: usize, from: usi
         let least_m = fleet.least_m(part, other, PLANNED_GAP_M);
         let others_m = &routes.ways_m[other];
         (from..to).all(|k| {
-            let step = Step { from_m: at(k), to_m: at(k + 1) };
-            step.keeps_from(&Step { from_m: others_m[k], to_m: others_m[k + 1] }, least_m)
+            let step = SynchronousMove { from_m: at(k), to_m: at(k + 1) };
+            step.keeps_from(&SynchronousMove { from_m: others_m[k], to_m: others_m[k + 1] }, least_m)
         })
     });
     if free {
@@ -80,7 +80,7 @@ fn straighten_between(fleet: &Fleet, routes: &mut Routes, part: usize, from: usi
 }
 
 /// Stages on straightened routes: the moments between which all parts can move straight and in step at the least cost.
-fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
+fn stages(fleet: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
     straighten(fleet, &mut routes);
     let moments = routes.ways_m.first().map_or(0, Vec::len);
     let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
@@ -108,13 +108,13 @@ fn stages(fleet: &Fleet, mut routes: Routes) -> Stages {
         k = best[k].1;
     }
     places_m.reverse();
-    Stages { places_m, boxed_in: routes.boxed_in, round: true, cost: best.last().map_or(0.0, |last| last.0) }
+    StagedPaths { places_m, boxed_in: routes.blocked, round: true, cost: best.last().map_or(0.0, |last| last.0) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Disc;
+    use crate::PartOutline;
     use proptest::prelude::*;
     use rand::RngExt;
     use upm_core::random::{Rng, Streams};
@@ -144,9 +144,9 @@ mod tests {
         fn stages_end_at_the_targets_and_keep_apart_all_the_way(seed in 0u64..10_000, count in 2usize..20) {
             let mut rng = Streams::new(seed).stream("scene");
             let (starts_m, targets_m) = (scattered(count, &mut rng), scattered(count, &mut rng));
-            let discs = vec![Disc { kind: 0, radius_m: 0.0095 }; count];
-            let fleet = Fleet::new(discs, 0.1524, targets_m.clone());
-            let Stages { places_m, boxed_in, .. } = find_stages(&fleet, &starts_m, &mut rng);
+            let discs = vec![PartOutline { kind: 0, radius_m: 0.0095 }; count];
+            let fleet = MultiDiscProblem::new(discs, 0.1524, targets_m.clone());
+            let StagedPaths { places_m, boxed_in, .. } = find_stages(&fleet, &starts_m, &mut rng);
             prop_assert_eq!(boxed_in, Vec::<usize>::new());
             prop_assert_eq!(places_m.last(), Some(&targets_m));
             let mut from_m = &starts_m;

@@ -1,10 +1,10 @@
 use super::assignment::assign;
-use super::fleet::Fleet;
+use super::fleet::MultiDiscProblem;
 use super::least_effort::Effort;
 use super::routes::PLANNED_GAP_M;
-use super::stages::{Stages, find_stages};
-use super::turns::Task;
-use super::{Disc, Wanted};
+use super::stages::{StagedPaths, find_stages};
+use super::turns::RigidMotionProblem;
+use super::{PartOutline, Setpoints};
 use std::sync::Arc;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
@@ -46,9 +46,9 @@ pub enum Motions {
 
 /// Steers every part to a place: assigns the places and finds the paths.
 #[derive(Clone, Debug)]
-pub(super) struct Steering {
+pub(super) struct PathFollower {
     motions: Motions,
-    discs: Vec<Disc>,
+    discs: Vec<PartOutline>,
     half_side_m: f64,
     places_m: Vec<Vec2>,
     /// Group of each part; parts of one group may exchange their places.
@@ -73,12 +73,12 @@ pub(super) struct Steering {
     progress: f64,
 }
 
-impl Steering {
+impl PathFollower {
     /// Steering to one place for each part; parts with the same number in `groups` may exchange them. A part without a
     /// place stays where it is first seen.
     pub(super) fn new(
         motions: &Motions,
-        discs: &[Disc],
+        discs: &[PartOutline],
         half_side_m: f64,
         places_m: &[Vec2],
         groups: Vec<usize>,
@@ -153,15 +153,15 @@ impl Steering {
     }
 
     /// Output for the cycle when `there` parts have arrived; `to` names their destination in words.
-    pub(super) fn wanted(&self, to: &str, there: usize) -> Wanted {
-        Wanted {
+    pub(super) fn wanted(&self, to: &str, there: usize) -> Setpoints {
+        Setpoints {
             subgoals_m: self.subgoals_m(),
             targets_m: self.targets_m(),
             phase: self.phase(to, there),
             progress: self.progress,
             cross_track_m: vec![0.0; self.seen_m.len()],
             boxed_in: self.boxed_in.clone(),
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 
@@ -209,9 +209,9 @@ impl Steering {
         self.seen_m.iter().zip(place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm_squared()).sum()
     }
 
-    fn fleet(&self, place_of: &[usize]) -> Fleet {
+    fn fleet(&self, place_of: &[usize]) -> MultiDiscProblem {
         let targets_m = place_of.iter().map(|&place| self.places_m[place]).collect();
-        Fleet::new(self.discs.clone(), self.half_side_m, targets_m)
+        MultiDiscProblem::new(self.discs.clone(), self.half_side_m, targets_m)
     }
 
     /// Adopts a clearly better assignment; on a route round other parts only when the new one can be reached straight,
@@ -282,14 +282,14 @@ impl Steering {
     fn turning_assignment(&self, effort: &dyn Effort) -> Vec<usize> {
         let assign = |starts_m: &[Vec2]| self.best_assignment(starts_m, &[]);
         let fleet = self.fleet(&self.place_of);
-        Task { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
+        RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
     }
 
     /// Finds a new path for rotations, and adopts an assignment that takes clearly less effort.
     fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
         let better = self.turning_assignment(effort);
         let cost = |place_of: &[usize]| {
-            Task { fleet: &self.fleet(place_of), starts_m: &self.seen_m, effort }.straight_effort()
+            RigidMotionProblem { fleet: &self.fleet(place_of), starts_m: &self.seen_m, effort }.straight_effort()
         };
         if better != self.place_of && cost(&better) < CLEARLY_BETTER * cost(&self.place_of) {
             self.place_of = better;
@@ -300,12 +300,13 @@ impl Steering {
         }
     }
 
-    fn stages(&mut self, place_of: &[usize]) -> Stages {
+    fn stages(&mut self, place_of: &[usize]) -> StagedPaths {
         let fleet = self.fleet(place_of);
         match &self.motions {
             Motions::Independent => find_stages(&fleet, &self.seen_m, &mut self.rng),
             Motions::Rotations { effort, .. } => {
-                Task { fleet: &fleet, starts_m: &self.seen_m, effort: effort.as_ref() }.stages(&mut self.rng)
+                RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort: effort.as_ref() }
+                    .stages(&mut self.rng)
             }
         }
     }

@@ -1,4 +1,4 @@
-use super::{Goal, Wanted};
+use super::{Setpoints, Task};
 use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
@@ -21,7 +21,7 @@ pub struct Trajectories {
     paths: Vec<PathParams>,
     lead_m: f64,
     arrive_m: f64,
-    followers: Vec<Follower>,
+    followers: Vec<CurveFollower>,
     looked_at: Option<PlateTime>,
 }
 
@@ -37,7 +37,7 @@ impl Trajectories {
         self.followers.truncate(parts_in_table_m.len());
         for (i, part_m) in parts_in_table_m.iter().enumerate().skip(self.followers.len()) {
             let path = self.paths.get(i).cloned().unwrap_or_default();
-            self.followers.push(Follower::new(path, *part_m));
+            self.followers.push(CurveFollower::new(path, *part_m));
         }
     }
 
@@ -65,13 +65,13 @@ impl Trajectories {
         } else if done {
             1.0
         } else {
-            self.followers.iter().map(Follower::progress).sum::<f64>() / self.followers.len() as f64
+            self.followers.iter().map(CurveFollower::progress).sum::<f64>() / self.followers.len() as f64
         }
     }
 }
 
-impl Goal for Trajectories {
-    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for Trajectories {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         self.meet(parts_in_table_m);
         let elapsed_s = self.looked_at.replace(now).map_or(0.0, |before| now.secs_since(before));
         for (follower, part_m) in self.followers.iter_mut().zip(parts_in_table_m) {
@@ -79,16 +79,16 @@ impl Goal for Trajectories {
             follower.advance(elapsed_s, self.lead_m, self.arrive_m);
         }
         let done = !self.followers.is_empty() && self.followers.iter().all(|f| f.finished(self.arrive_m));
-        let of_each = |what: &dyn Fn(&Follower) -> Vec2| self.followers.iter().map(what).collect::<Vec<_>>();
-        Wanted {
-            subgoals_m: of_each(&Follower::reference_m),
-            targets_m: of_each(&Follower::target_m),
+        let of_each = |what: &dyn Fn(&CurveFollower) -> Vec2| self.followers.iter().map(what).collect::<Vec<_>>();
+        Setpoints {
+            subgoals_m: of_each(&CurveFollower::reference_m),
+            targets_m: of_each(&CurveFollower::target_m),
             phase: self.phase(done),
             progress: self.progress(done),
             laps: self.laps(),
             cross_track_m: self.followers.iter().map(|f| f.cross_track_m(self.lead_m)).collect(),
             done,
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 }
@@ -103,7 +103,7 @@ enum Leg {
 
 /// One part and its reference point.
 #[derive(Clone, Debug)]
-struct Follower {
+struct CurveFollower {
     path: PathParams,
     approach: Polyline,
     /// One lap: the waypoints and back to the first.
@@ -119,7 +119,7 @@ struct Follower {
     part_m: Vec2,
 }
 
-impl Follower {
+impl CurveFollower {
     fn new(path: PathParams, part_m: Vec2) -> Self {
         let part_m = if is_finite(part_m) { part_m } else { Vec2::zeros() };
         let mut corners = path.waypoints_m.clone();
@@ -359,7 +359,7 @@ mod tests {
             });
             // No reference exceeds its speed.
             for path in &paths {
-                let follower = Follower::new(path.clone(), path.waypoints_m[0]);
+                let follower = CurveFollower::new(path.clone(), path.waypoints_m[0]);
                 let length_m = f64::from(path.repeat - 1) * follower.lap.length_m() + follower.last_waypoint_at_m;
                 prop_assert!(took_s >= length_m / path.speed_mps - CYCLE_S);
             }

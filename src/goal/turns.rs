@@ -4,10 +4,10 @@
 //! many centres. Paths are therefore searched in a frame that moves with the parts: the rigid motion nearest to that of
 //! all parts together.
 
-use super::fleet::Fleet;
-use super::least_effort::{Effort, ROUGH_ROUNDS, ROUNDS, Way, eased, effort_of};
-use super::routes::{PLANNED_GAP_M, Search};
-use super::stages::{Stages, straighten};
+use super::fleet::MultiDiscProblem;
+use super::least_effort::{Effort, JointPath, ROUGH_ROUNDS, ROUNDS, eased, effort_of};
+use super::routes::{PLANNED_GAP_M, PrioritizedPlanner};
+use super::stages::{StagedPaths, straighten};
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 
@@ -31,21 +31,21 @@ const LEAST_GAP_M: f64 = PLANNED_GAP_M - 0.3e-3;
 
 /// Motion task for rotations: parts, targets and effort.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a> {
-    pub(super) fleet: &'a Fleet,
+pub(super) struct RigidMotionProblem<'a> {
+    pub(super) fleet: &'a MultiDiscProblem,
     pub(super) starts_m: &'a [Vec2],
     pub(super) effort: &'a dyn Effort,
 }
 
 /// Rigid motion of the plane at uniform rate.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turn {
+pub(super) struct RigidRotation {
     center_m: Vec2,
     shift_m: Vec2,
     angle_rad: f64,
 }
 
-impl Turn {
+impl RigidRotation {
     /// The motion that brings `from_m` nearest to `to_m`: the least sum of squares (Procrustes, in closed form).
     pub(super) fn between(from_m: &[Vec2], to_m: &[Vec2]) -> Self {
         let count = from_m.len().max(1) as f64;
@@ -88,49 +88,49 @@ impl Turn {
     }
 }
 
-impl Task<'_> {
+impl RigidMotionProblem<'_> {
     /// Stages a few millimetres apart to the fleet's targets: of the paths in a few frames, straight and round each
     /// other, the one with the least effort after optimisation.
-    pub(super) fn stages(&self, rng: &mut Rng) -> Stages {
-        let still = Turn::default();
-        let nearest = Turn::between(self.starts_m, self.fleet.targets_m());
+    pub(super) fn stages(&self, rng: &mut Rng) -> StagedPaths {
+        let still = RigidRotation::default();
+        let nearest = RigidRotation::between(self.starts_m, self.fleet.targets_m());
         let mut frames = vec![nearest, still];
         if nearest.angle_rad.abs() > EITHER_WAY_RAD {
             frames.push(nearest.other_way_round());
         }
         let straight = frames.iter().map(|frame| (self.straight_in(frame), false));
-        let mut ways: Vec<(Way, bool)> = straight.collect();
+        let mut ways: Vec<(JointPath, bool)> = straight.collect();
         for frame in &frames {
             ways.extend(self.round_each_other_in(frame, rng).into_iter().map(|way_m| (way_m, true)));
         }
-        let roughly = |(way_m, round): (Way, bool)| {
+        let roughly = |(way_m, round): (JointPath, bool)| {
             let (way_m, cost) = eased(way_m, self.fleet, self.effort, ROUGH_ROUNDS);
             (way_m, cost, round)
         };
-        let mut ways: Vec<(Way, f64, bool)> = ways.into_iter().map(roughly).collect();
+        let mut ways: Vec<(JointPath, f64, bool)> = ways.into_iter().map(roughly).collect();
         ways.sort_by(|a, b| a.1.total_cmp(&b.1));
         let finished = ways.into_iter().filter_map(|(way_m, _, round)| self.eased(way_m, round)).take(FINISHED);
         finished.min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or_else(|| {
-            let mut routes = Search::new(self.fleet, self.starts_m).routes(rng);
+            let mut routes = PrioritizedPlanner::new(self.fleet, self.starts_m).routes(rng);
             straighten(self.fleet, &mut routes);
             let moments = routes.ways_m.first().map_or(0, Vec::len);
             let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
-            let way_m: Way = (0..moments).map(at).collect();
-            Stages { cost: f64::INFINITY, places_m: fine(&way_m), boxed_in: routes.boxed_in, round: true }
+            let way_m: JointPath = (0..moments).map(at).collect();
+            StagedPaths { cost: f64::INFINITY, places_m: fine(&way_m), boxed_in: routes.blocked, round: true }
         })
     }
 
     /// The stages of a path after optimisation, if parts keep apart on it.
-    fn eased(&self, way_m: Way, round: bool) -> Option<Stages> {
+    fn eased(&self, way_m: JointPath, round: bool) -> Option<StagedPaths> {
         let (way_m, _) = eased(way_m, self.fleet, self.effort, ROUNDS);
         let clear = way_m.windows(2).all(|pair| self.fleet.is_clear(&pair[0], &pair[1], LEAST_GAP_M));
         let cost = clear.then(|| effort_of(&way_m, self.effort))?;
-        Some(Stages { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
+        Some(StagedPaths { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
     }
 
     /// Effort of straight paths in the frame of all parts, ignoring collisions.
     pub(super) fn straight_effort(&self) -> f64 {
-        let frame = Turn::between(self.starts_m, self.fleet.targets_m());
+        let frame = RigidRotation::between(self.starts_m, self.fleet.targets_m());
         effort_of(&self.straight_in(&frame), self.effort)
     }
 
@@ -140,18 +140,18 @@ impl Task<'_> {
         let chosen_m = |place_of: &[usize]| -> Vec<Vec2> { place_of.iter().map(|&place| places_m[place]).collect() };
         let effort = |place_of: &[usize]| {
             let fleet = self.fleet.with_targets(chosen_m(place_of));
-            Task { fleet: &fleet, ..*self }.straight_effort()
+            RigidMotionProblem { fleet: &fleet, ..*self }.straight_effort()
         };
         let mut best = assign(self.starts_m);
         let mut least = effort(&best);
         let mut tried = vec![best.clone()];
-        let over = Turn::between(self.starts_m, places_m);
+        let over = RigidRotation::between(self.starts_m, places_m);
         for k in 0..ANGLES {
-            let mut frame = Turn { angle_rad: std::f64::consts::TAU * k as f64 / ANGLES as f64, ..over };
+            let mut frame = RigidRotation { angle_rad: std::f64::consts::TAU * k as f64 / ANGLES as f64, ..over };
             for _ in 0..REFITS {
                 let turned_m: Vec<Vec2> = self.starts_m.iter().map(|&start| frame.carry(start, 1.0)).collect();
                 let place_of = assign(&turned_m);
-                frame = Turn::between(self.starts_m, &chosen_m(&place_of));
+                frame = RigidRotation::between(self.starts_m, &chosen_m(&place_of));
                 if tried.contains(&place_of) {
                     continue;
                 }
@@ -165,24 +165,24 @@ impl Task<'_> {
         best
     }
 
-    fn straight_in(&self, frame: &Turn) -> Way {
+    fn straight_in(&self, frame: &RigidRotation) -> JointPath {
         let ends_m = self.fleet.targets_m().iter().map(|&target| frame.undo(target));
         let ways_m: Vec<Vec<Vec2>> = self.starts_m.iter().zip(ends_m).map(|(&start, end)| vec![start, end]).collect();
         self.in_table(frame, &ways_m)
     }
 
     /// Paths round each other in a frame that cannot be crossed straight.
-    fn round_each_other_in(&self, frame: &Turn, rng: &mut Rng) -> Vec<Way> {
+    fn round_each_other_in(&self, frame: &RigidRotation, rng: &mut Rng) -> Vec<JointPath> {
         let ends_m = self.fleet.targets_m().iter().map(|&target| frame.undo(target)).collect();
         let framed = self.fleet.with_targets(ends_m);
         if framed.is_clear(self.starts_m, framed.targets_m(), PLANNED_GAP_M) {
             return Vec::new();
         }
-        let mut search = Search::new(&framed, self.starts_m);
+        let mut search = PrioritizedPlanner::new(&framed, self.starts_m);
         let mut routes = Some(search.routes(rng));
         let mut found = Vec::new();
         for _ in 0..TRIES {
-            let Some(mut tried) = routes.filter(|routes| routes.boxed_in.is_empty()) else { break };
+            let Some(mut tried) = routes.filter(|routes| routes.blocked.is_empty()) else { break };
             straighten(&framed, &mut tried);
             found.push(self.in_table(frame, &tried.ways_m));
             routes = search.other_routes(rng);
@@ -191,7 +191,7 @@ impl Task<'_> {
     }
 
     /// Path in the table's frame for routes in a moving one, some centimetres from stage to stage, on the plate.
-    fn in_table(&self, frame: &Turn, ways_m: &[Vec<Vec2>]) -> Way {
+    fn in_table(&self, frame: &RigidRotation, ways_m: &[Vec<Vec2>]) -> JointPath {
         let legs = ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
         let length_m =
             |way_m: &Vec<Vec2>| way_m.windows(2).map(|leg_m| frame.way_m(leg_m[0], leg_m[1], legs)).sum::<f64>();

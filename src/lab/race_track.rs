@@ -12,7 +12,7 @@ use super::pulses::{
 use super::{Figure, LabFault, LabRig, Outcome, Series};
 use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_core::geometry::{Pose, Vec2};
-use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
+use upm_sim::{OpenLoopTrajectories, OpenPulse, PlateMode, simulate};
 
 /// Starting positions of the coins, as fractions of the distance from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];
@@ -69,7 +69,7 @@ impl Course {
         })
     }
 
-    fn play(&self, rig: &LabRig, pulses: usize) -> Result<Trajectories, LabFault> {
+    fn play(&self, rig: &LabRig, pulses: usize) -> Result<OpenLoopTrajectories, LabFault> {
         let coins = self.starts_m.map(|start| (rig.penny, Pose { position_m: start, heading_rad: 0.0 }));
         let pulses = vec![self.pulse.clone(); pulses];
         let sample_hz = PLAYBACK_HZ * FINER as f64;
@@ -87,7 +87,7 @@ impl Course {
     }
 
     /// True when no coin has turned by more than a quarter after `pulses` pulses.
-    fn all_in_quarter(&self, played: &Trajectories, pulses: usize) -> bool {
+    fn all_in_quarter(&self, played: &OpenLoopTrajectories, pulses: usize) -> bool {
         played.parts.iter().zip(self.starts_m).all(|(part, start)| {
             place(part, self.sample_after(pulses)).is_some_and(|at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
         })

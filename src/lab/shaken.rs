@@ -41,7 +41,7 @@ impl ShakenPlate {
     pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabFault> {
         let refused = |fault: upm_core::rig::RigFault| LabFault::Rig(fault.to_string());
         self.rig.play(drive).map_err(refused)?;
-        while self.rig.now() < self.rig.quiet_at() {
+        while self.rig.now() < self.rig.settled_at() {
             self.rig.capture(&mut self.frame).map_err(refused)?;
         }
         Ok(self.rig.trace())

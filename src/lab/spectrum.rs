@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::{Figure, Outcome, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
-use upm_perception::estimation::{FitFault, TwistFit, Window, accelerations_mps2, amplitude_spectrum};
+use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum};
 
 /// Largest deviation of the transformed periods from whole samples.
 const UNEVEN_SAMPLES: f64 = 1e-3;
@@ -101,7 +101,7 @@ impl TraceSpectrum {
 }
 
 /// The longest sequence of whole samples and base periods at full height, the latest one.
-fn whole_periods(pulse: &RecordedPulse) -> Result<Window, FitFault> {
+fn whole_periods(pulse: &RecordedPulse) -> Result<SteadyWindow, FitFault> {
     let (trace, envelope) = (&pulse.trace, &pulse.envelope);
     let index = |t_s: f64| ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize;
     // the force steps where the flank ends, and the motors' low-pass takes a few milliseconds to follow
@@ -115,5 +115,5 @@ fn whole_periods(pulse: &RecordedPulse) -> Result<Window, FitFault> {
     };
     let periods = (2..=most).rev().find(even).ok_or(FitFault::Unreadable("no base periods are whole samples"))?;
     let first = to - (periods as f64 * period_samples).round() as usize;
-    Ok(Window { samples: first..to, start_s: trace.time_s(first), step_s: 1.0 / trace.sample_hz, periods })
+    Ok(SteadyWindow { samples: first..to, start_s: trace.time_s(first), step_s: 1.0 / trace.sample_hz, periods })
 }

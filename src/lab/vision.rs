@@ -8,7 +8,7 @@ use super::{LabFault, LabRig, Outcome, Series};
 use judge::judge;
 use tally::Tally;
 use upm_chart::{Chart, Color, Layer, Mark};
-use upm_scene::{Family, Scene};
+use upm_scene::{Difficulty, Scene};
 
 /// Scenes of each family by default.
 const SCENES: usize = 50;
@@ -26,8 +26,8 @@ pub fn vision(lab: &LabRig) -> Result<Outcome, LabFault> {
 /// number of threads.
 pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
-    let tallies = Family::ALL.map(|family| {
-        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(family, &Scene::drawn(family, seed)));
+    let tallies = Difficulty::ALL.map(|family| {
+        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(family, &Scene::generate(family, seed)));
         Tally::new(family, &verdicts)
     });
     Outcome {
@@ -83,9 +83,9 @@ mod tests {
     #[test]
     fn pictures_that_misled_the_eyes_are_read() {
         let hard = [20, 42, 138, 190, 272, 312, 373, 388, 422, 433, 434, 485, 525, 663, 934, 935, 961];
-        let clean = [8, 23, 30, 140, 187].map(|seed| (Family::Clean, seed));
-        for (family, seed) in hard.map(|seed| (Family::Hard, seed)).into_iter().chain(clean) {
-            let verdict = judge(family, &Scene::drawn(family, seed));
+        let clean = [8, 23, 30, 140, 187].map(|seed| (Difficulty::Clean, seed));
+        for (family, seed) in hard.map(|seed| (Difficulty::Hard, seed)).into_iter().chain(clean) {
+            let verdict = judge(family, &Scene::generate(family, seed));
             let TableVerdict::Found { parts, corner_errors_px } = verdict.table else {
                 panic!("{family} {seed}: no table")
             };
@@ -99,12 +99,12 @@ mod tests {
     fn a_campaign_counts_every_part_and_is_the_same_again() {
         let outcome = vision_of(3, 2);
         assert_sources_are_short(&outcome);
-        for family in Family::ALL {
+        for family in Difficulty::ALL {
             let figure = |name: &str| {
                 let name = format!("{family}: {name}");
                 outcome.figures.iter().find(|figure| figure.name == name).unwrap_or_else(|| panic!("{name}")).measured
             };
-            let parts: usize = [3, 4].map(|seed| Scene::drawn(family, seed).parts.len()).iter().sum();
+            let parts: usize = [3, 4].map(|seed| Scene::generate(family, seed).parts.len()).iter().sum();
             assert_eq!(figure("parts in all"), parts as f64);
             if figure("tables not found") + figure("tables misplaced") == 0.0 {
                 let errors =

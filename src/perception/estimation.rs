@@ -21,9 +21,9 @@ pub use judgement::{ChannelFault, ExpectedMotion, Mismatch, MotionJudgement, Mot
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};
-pub use types::{AccelerometerPair, AxisPhasors, FitFault, PlateFit, PumpQuality, TwistFit, WaveFit};
+pub use types::{AccelerometerPair, AxisPhasors, FitFault, PlateFit, PumpWaveResidual, TwistFit, WaveFit};
 pub use wave::fit_wave;
-pub use window::{MAX_PERIODS, Window, accelerations_mps2, sustain_window};
+pub use window::{MAX_PERIODS, SteadyWindow, accelerations_mps2, sustain_window};
 
 use nalgebra::Complex;
 

@@ -53,7 +53,7 @@ impl FlowEffort {
             return 0.0;
         }
         let mut kernel = DMatrix::<f64>::zeros(rows, rows);
-        let mut flows: Vec<Flow> = Vec::with_capacity(self.twists.len() * places_m.len());
+        let mut flows: Vec<LocalFlow> = Vec::with_capacity(self.twists.len() * places_m.len());
         let mut ways = vec![0.0; rows];
         for twist in &self.twists {
             for (way, &place_m) in ways.chunks_exact_mut(2).zip(places_m) {
@@ -85,23 +85,23 @@ impl FlowEffort {
     }
 
     /// Flow of one pulse of `twist` at `place_m`.
-    fn flow(&self, twist: &Twist, place_m: Vec2) -> Flow {
+    fn flow(&self, twist: &Twist, place_m: Vec2) -> LocalFlow {
         let belt_mps = twist.velocity_at(place_m);
         let speed = belt_mps.norm();
         if speed < 1e-9 {
-            return Flow { belt_mps, way_m: Vec2::zeros(), by_belt_s: 0.0, by_speed: 0.0 };
+            return LocalFlow { belt_mps, way_m: Vec2::zeros(), by_belt_s: 0.0, by_speed: 0.0 };
         }
         let place = (speed / self.speed_step_mps).min((SPEEDS - 1) as f64);
         let node = (place as usize).min(SPEEDS - 2);
         let rise_m = self.ways_m[node + 1] - self.ways_m[node];
         let by_belt_s = (self.ways_m[node] + (place - node as f64) * rise_m) / speed;
         let by_speed = (rise_m / self.speed_step_mps - by_belt_s) / (speed * speed);
-        Flow { belt_mps, way_m: belt_mps * by_belt_s, by_belt_s, by_speed }
+        LocalFlow { belt_mps, way_m: belt_mps * by_belt_s, by_belt_s, by_speed }
     }
 }
 
 /// Flow at one position: displacement g(|v|) v by a pulse on a belt of velocity v.
-struct Flow {
+struct LocalFlow {
     belt_mps: Vec2,
     way_m: Vec2,
     /// g.
@@ -110,7 +110,7 @@ struct Flow {
     by_speed: f64,
 }
 
-impl Flow {
+impl LocalFlow {
     /// Slope by position of the displacement times `price`.
     fn slope(&self, twist: &Twist, price: Vec2) -> Vec2 {
         let by_belt = price * self.by_belt_s + self.belt_mps * (self.by_speed * price.dot(&self.belt_mps));

@@ -33,7 +33,7 @@ impl Independence {
 
     /// Independence of parts at `positions_m` under synthesised fields.
     pub fn of_fields(planner: &FieldPlanner, positions_m: &[Vec2]) -> Self {
-        Self::of(positions_m.len(), planner.pushes(positions_m), GENTLE)
+        Self::of(positions_m.len(), planner.mean_forces(positions_m), GENTLE)
     }
 
     /// Independence of `parts` parts under `flows`, without the flows that move no part by `gentle` or more.

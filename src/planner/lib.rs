@@ -22,4 +22,6 @@ pub use independence::Independence;
 pub use pseudo_inverse::PseudoInverse;
 pub use reach::Reach;
 pub use rotations::RotationPlanner;
-pub use types::{FieldPulse, Limit, Method, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+pub use types::{
+    FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, PlanningMethod, Rotation,
+};

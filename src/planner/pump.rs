@@ -67,7 +67,7 @@ pub(crate) struct Pump {
 
 /// Position and velocity, m and m/s, and speed of the rim about the disc's centre, m/s.
 #[derive(Clone, Copy, Debug, Default)]
-struct State {
+struct SlipState {
     x: Lanes,
     y: Lanes,
     u: Lanes,
@@ -93,8 +93,8 @@ impl Pump {
         let rise = self.shapes(0, self.flank() + count.saturating_sub(1) * BETWEEN, count * BETWEEN);
         let falls: Vec<Vec<f64>> = (0..count).map(|k| self.fall(k * BETWEEN)).collect();
         let ends = |discs: &Discs| {
-            let belts = Belts::of(discs, self.step_s);
-            let (mut state, mut risen) = (State::default(), 0);
+            let belts = PulseConstants::of(discs, self.step_s);
+            let (mut state, mut risen) = (SlipState::default(), 0);
             let end = |(k, fall): (usize, &Vec<f64>)| {
                 let until = self.flank() + k * BETWEEN;
                 state = belts.played(state, &rise[risen..=until]);
@@ -108,8 +108,8 @@ impl Pump {
 
     /// Displacements of `discs` by a pulse with a sustain of this many steps of the table.
     pub fn travel(&self, discs: &Discs, sustain: usize) -> [Travel; LANES] {
-        let (belts, sustain) = (Belts::of(discs, self.step_s), sustain * BETWEEN);
-        let state = belts.played(State::default(), &self.shapes(0, self.flank() + sustain, sustain));
+        let (belts, sustain) = (PulseConstants::of(discs, self.step_s), sustain * BETWEEN);
+        let state = belts.played(SlipState::default(), &self.shapes(0, self.flank() + sustain, sustain));
         belts.rest(belts.played(state, &self.fall(sustain)))
     }
 
@@ -143,7 +143,7 @@ impl Pump {
 }
 
 /// Constants of one pulse.
-struct Belts {
+struct PulseConstants {
     speed: Lanes,
     spin: Lanes,
     /// Amplitude of the rim speed due to the plate's spin, m/s.
@@ -154,7 +154,7 @@ struct Belts {
     friction: &'static DiscFriction,
 }
 
-impl Belts {
+impl PulseConstants {
     fn of(discs: &Discs, dt: f64) -> Self {
         let spin = Lanes::from(discs.spin_radps);
         Self {
@@ -168,18 +168,18 @@ impl Belts {
     }
 
     /// State after one step for each pair of neighbouring values of f.
-    fn played(&self, state: State, shapes: &[f64]) -> State {
+    fn played(&self, state: SlipState, shapes: &[f64]) -> SlipState {
         shapes.windows(2).fold(state, |state, f| self.step(state, [f[0], f[1]]))
     }
 
     #[inline]
-    fn step(&self, state: State, f: [f64; 2]) -> State {
+    fn step(&self, state: SlipState, f: [f64; 2]) -> SlipState {
         let plates = f.map(|f| {
             let spin = self.spin * f;
             (self.speed * f - spin * state.y, spin * state.x, self.rim * f)
         });
-        let State { x, y, u, v, rim } = self.dragged(state, plates, self.dt);
-        State { x: x + u * self.dt, y: y + v * self.dt, u, v, rim }
+        let SlipState { x, y, u, v, rim } = self.dragged(state, plates, self.dt);
+        SlipState { x: x + u * self.dt, y: y + v * self.dt, u, v, rim }
     }
 
     /// State after `dt` of friction, for the plate's velocity under the disc before and after it.
@@ -187,7 +187,7 @@ impl Belts {
     /// Second order in `dt`: friction points along the mean slip and is scaled by the mean of the two slip speeds, so
     /// that it averages out where the slip reverses within the step.
     #[inline]
-    fn dragged(&self, state: State, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> State {
+    fn dragged(&self, state: SlipState, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> SlipState {
         let slips = plates.map(|(u, v, rim)| (u - state.u, v - state.v, rim - state.rim));
         let [before, after] = slips.map(|(u, v, rim)| ((u * u + v * v).sqrt(), rim.abs()));
         let slide = ((before.0 + after.0) * 0.5).to_array();
@@ -199,7 +199,7 @@ impl Belts {
         }
         let (taken, taken_rim) = (Lanes::from(taken) * 0.5, Lanes::from(taken_rim) * 0.5);
         let [before, after] = slips;
-        State {
+        SlipState {
             u: state.u + taken * (before.0 + after.0),
             v: state.v + taken * (before.1 + after.1),
             rim: state.rim + taken_rim * (before.2 + after.2),
@@ -208,7 +208,7 @@ impl Belts {
     }
 
     /// Displacements once the discs have come to rest on the resting plate.
-    fn rest(&self, mut state: State) -> [Travel; LANES] {
+    fn rest(&self, mut state: SlipState) -> [Travel; LANES] {
         let dt = COASTING * self.dt;
         let mut coasts_s = Lanes::ZERO;
         for _ in 0..MOST_COASTING {
@@ -223,7 +223,8 @@ impl Belts {
             let needed = speed / Lanes::from(self.friction_mps2);
             let time = moves.select(stops.select(needed.min(Lanes::splat(dt)), Lanes::splat(dt)), Lanes::ZERO);
             let half = time * 0.5;
-            state = State { x: state.x + (state.u + next.u) * half, y: state.y + (state.v + next.v) * half, ..next };
+            state =
+                SlipState { x: state.x + (state.u + next.u) * half, y: state.y + (state.v + next.v) * half, ..next };
             coasts_s += time;
         }
         let [along, across, coasts_s] = [state.x, state.y, coasts_s].map(Lanes::to_array);

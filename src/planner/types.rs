@@ -17,7 +17,7 @@ pub struct PartState {
 
 /// Method by which motions are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
+pub enum PlanningMethod {
     /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
     #[default]
     CorSequence,

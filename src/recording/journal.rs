@@ -6,7 +6,7 @@ mod schema;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use self::lines::{CycleLine, EventLine, Line, SentLine, UnfinishedLine};
+use self::lines::{CycleLine, EventLine, JournalLine, SentLine, UnfinishedLine};
 use self::located::{ConfirmedLine, LocalisedLine};
 use upm_control::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, MilestoneFacts, PulseFacts, Sink,
@@ -52,7 +52,7 @@ impl<W: Write> Journal<W> {
         }
     }
 
-    fn put(&mut self, line: &Line<'_>) {
+    fn put(&mut self, line: &JournalLine<'_>) {
         if self.fault.is_some() {
             return;
         }
@@ -68,18 +68,18 @@ impl<W: Write> Journal<W> {
     fn put_unfinished(&mut self) {
         if !self.sent.is_empty() {
             let sent = std::mem::take(&mut self.sent);
-            self.put(&Line::UnfinishedCycle(UnfinishedLine { cycle: self.sent_in_cycle, sent: &sent }));
+            self.put(&JournalLine::UnfinishedCycle(UnfinishedLine { cycle: self.sent_in_cycle, sent: &sent }));
         }
     }
 }
 
 impl<W: Write> Sink for Journal<W> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.put(&Line::Localised(LocalisedLine::new(facts)));
+        self.put(&JournalLine::Localised(LocalisedLine::new(facts)));
     }
 
     fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
-        self.put(&Line::Confirmed(ConfirmedLine::new(facts)));
+        self.put(&JournalLine::Confirmed(ConfirmedLine::new(facts)));
     }
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
@@ -96,19 +96,19 @@ impl<W: Write> Sink for Journal<W> {
         }
         let sent = std::mem::take(&mut self.sent);
         let library = Arc::clone(&self.library);
-        self.put(&Line::Cycle(CycleLine::new(facts, &sent, &library)));
+        self.put(&JournalLine::Cycle(CycleLine::new(facts, &sent, &library)));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.put(&Line::Event(EventLine::new(at, level, text)));
+        self.put(&JournalLine::Event(EventLine::new(at, level, text)));
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.put(&Line::Event(EventLine::of_milestone(facts)));
+        self.put(&JournalLine::Event(EventLine::of_milestone(facts)));
     }
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        self.put(&Line::Event(EventLine::of_condition(facts)));
+        self.put(&JournalLine::Event(EventLine::of_condition(facts)));
     }
 }
 
@@ -223,8 +223,8 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end() {
         #[derive(Debug)]
-        struct Full(usize);
-        impl Write for Full {
+        struct FullDisk(usize);
+        impl Write for FullDisk {
             fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
                 if bytes.len() > self.0 {
                     return Err(io::ErrorKind::StorageFull.into());
@@ -236,7 +236,7 @@ mod tests {
                 Ok(())
             }
         }
-        let mut journal = Journal::new(Full(100), Arc::new(rig::library()));
+        let mut journal = Journal::new(FullDisk(100), Arc::new(rig::library()));
         for _ in 0..9 {
             journal.event(PlateTime::ZERO, EventLevel::Info, "a line of some length");
         }

@@ -3,23 +3,23 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use super::switch::RecordingSwitch;
+use super::switch::RecordingHandle;
 use upm_core::background::OverflowPolicy;
 use upm_core::time::MonotonicClock;
 
 /// How the records of a run are written to the disk. It has no effect on the run itself.
 #[derive(Clone, Debug)]
-pub struct Keeping {
+pub struct RecordingOptions {
     /// Overflow policy of the journal when the disk lags. After giving up, the journal fails with
     /// [`io::ErrorKind::WouldBlock`].
     pub journal_overflow: OverflowPolicy,
     /// Status of the journal. One for each run.
-    pub journal: ScribeWatch,
+    pub journal: WriterStatus,
     /// Overflow policy of the recording when it lags. After giving up, the recording ends as failed and the run goes
     /// on.
     pub recording_overflow: OverflowPolicy,
     /// Status of the recording, and the switch that stops it. One for each run.
-    pub recording: RecordingSwitch,
+    pub recording: RecordingHandle,
     /// True for real-time runs: the writer threads then run at lower priority. In other runs a lower priority would
     /// only make them lag.
     pub has_clock: bool,
@@ -30,14 +30,14 @@ pub struct Keeping {
     pub clock: MonotonicClock,
 }
 
-impl Keeping {
+impl RecordingOptions {
     /// Settings with which the run waits for the disk, so that nothing is lost.
-    pub fn patient(clock: MonotonicClock) -> Self {
+    pub fn lossless(clock: MonotonicClock) -> Self {
         Self {
             journal_overflow: OverflowPolicy::Wait,
-            journal: ScribeWatch::default(),
+            journal: WriterStatus::default(),
             recording_overflow: OverflowPolicy::Wait,
-            recording: RecordingSwitch::default(),
+            recording: RecordingHandle::default(),
             has_clock: false,
             stop: Arc::default(),
             clock,
@@ -47,17 +47,17 @@ impl Keeping {
 
 /// Status of a [`Scribe`](super::scribe::Scribe); reading it never blocks. Clones share one status.
 #[derive(Clone, Debug, Default)]
-pub struct ScribeWatch(Arc<Watched>);
+pub struct WriterStatus(Arc<WriterCell>);
 
 #[derive(Debug, Default)]
-struct Watched {
+struct WriterCell {
     /// Time since which the disk has not answered, ms of the scribe's clock, at least 1; 0 while there is no pending
     /// request.
     waits_since_ms: AtomicU64,
     fault: OnceLock<String>,
 }
 
-impl ScribeWatch {
+impl WriterStatus {
     /// Time since which the scribe has been waiting for the disk, by its clock.
     pub fn waits_since(&self) -> Option<Duration> {
         let since_ms = self.0.waits_since_ms.load(Ordering::Relaxed);

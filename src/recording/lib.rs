@@ -25,19 +25,19 @@ mod wave;
 
 pub use fanout::Fanout;
 pub use journal::{Journal, journal_schema};
-pub use keeping::{Keeping, ScribeWatch};
+pub use keeping::{RecordingOptions, WriterStatus};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 #[cfg(any(test, feature = "testing"))]
 pub use memory::MemorySink;
-pub use motion::Motion;
+pub use motion::MotionRecord;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
     CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, RecordingReport, Report,
     SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
-pub use roomy_file::RoomyFile;
-pub use scribe::{Durable, Scribe};
-pub use switch::{RecordingState, RecordingSwitch, tell_recording};
-pub use tally::{Deadlines, Ending, PartEnding, Tally};
+pub use roomy_file::PreallocatedFile;
+pub use scribe::{BackgroundWriter, SyncWrite};
+pub use switch::{RecordingHandle, RecordingState, report_recording_end};
+pub use tally::{Deadlines, EndFacts, PartEnd, RunStats};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -5,11 +5,11 @@ use std::ops::RangeInclusive;
 use image::{GrayImage, RgbImage};
 
 use upm_core::geometry::Vec2;
-use upm_perception::vision::{HoughArray, Plane, Table};
+use upm_perception::vision::{FloatImage, HoughArray, Table};
 
 /// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the
 /// edges, the strongest, are white.
-pub fn edge_map(edges: &Plane, frame_size: [usize; 2], shrink: usize) -> GrayImage {
+pub fn edge_map(edges: &FloatImage, frame_size: [usize; 2], shrink: usize) -> GrayImage {
     let map = laid_over(edges, frame_size, shrink);
     let strong = quantile(&map.values, 0.9);
     let pixels = map.values.iter().map(|&value| (255.0 * share(value, strong)) as u8).collect();
@@ -17,7 +17,7 @@ pub fn edge_map(edges: &Plane, frame_size: [usize; 2], shrink: usize) -> GrayIma
 }
 
 /// The disk kernel's response in heat colours, from 0 to 1, over a frame as in [`edge_map`].
-pub fn response_map(response: &Plane, frame_size: [usize; 2], shrink: usize) -> RgbImage {
+pub fn response_map(response: &FloatImage, frame_size: [usize; 2], shrink: usize) -> RgbImage {
     heat_map(&laid_over(response, frame_size, shrink), 1.0)
 }
 
@@ -36,7 +36,7 @@ pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
     let last = hough.votes.iter().rposition(|&votes| votes > 0.0).unwrap_or(0);
     let rows = (last / hough.angles.max(1) + 1).min(hough.distances);
     let eighth = hough.angles / 8;
-    let mut votes = Plane { width: hough.angles, height: rows, values: hough.votes.clone() };
+    let mut votes = FloatImage { width: hough.angles, height: rows, values: hough.votes.clone() };
     votes.values.chunks_exact_mut(hough.angles.max(1)).for_each(|row| row.rotate_right(eighth));
     // logarithmic, so that four strong lines do not hide the rest
     votes.values.iter_mut().for_each(|votes| *votes = votes.max(0.0).ln_1p());
@@ -64,9 +64,9 @@ pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
 
 /// `plane` over a frame of that size, shrunk to the largest value of every cell. One value of it may cover a square of
 /// the frame's pixels.
-fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane {
+fn laid_over(plane: &FloatImage, [width, height]: [usize; 2], shrink: usize) -> FloatImage {
     if plane.width == 0 || plane.height == 0 {
-        return Plane { width: 0, height: 0, values: Vec::new() };
+        return FloatImage { width: 0, height: 0, values: Vec::new() };
     }
     let (square, shrink) = ((width / plane.width).max(1), shrink.max(1));
     // range of values that are visible in each cell of `shrink` pixels along a side
@@ -80,11 +80,11 @@ fn laid_over(plane: &Plane, [width, height]: [usize; 2], shrink: usize) -> Plane
         rows.clone().filter_map(row).flatten().copied().fold(0.0, f32::max)
     };
     let values = down.iter().flat_map(|rows| across.iter().map(|columns| largest(rows, columns))).collect();
-    Plane { width: across.len(), height: down.len(), values }
+    FloatImage { width: across.len(), height: down.len(), values }
 }
 
 /// The largest value of every cell of this many columns and rows, so that thin lines and sharp peaks survive shrinking.
-fn pooled(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
+fn pooled(plane: &FloatImage, [columns, rows]: [usize; 2]) -> FloatImage {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let (width, height) = (plane.width.div_ceil(columns), plane.height.div_ceil(rows));
     let mut values = vec![0.0_f32; width * height];
@@ -94,11 +94,11 @@ fn pooled(plane: &Plane, [columns, rows]: [usize; 2]) -> Plane {
             *cell = inside.iter().copied().fold(*cell, f32::max);
         }
     }
-    Plane { width, height, values }
+    FloatImage { width, height, values }
 }
 
 /// Values from 0 to `top` in colours from black over red and yellow to white.
-fn heat_map(map: &Plane, top: f32) -> RgbImage {
+fn heat_map(map: &FloatImage, top: f32) -> RgbImage {
     let pixels = map.values.iter().flat_map(|&value| heat(share(value, top))).collect();
     RgbImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()
 }
@@ -131,8 +131,8 @@ fn quantile(values: &[f32], q: f64) -> f32 {
 mod tests {
     use super::*;
 
-    fn plane(width: usize, height: usize) -> Plane {
-        Plane { width, height, values: (0..width * height).map(|i| i as f32).collect() }
+    fn plane(width: usize, height: usize) -> FloatImage {
+        FloatImage { width, height, values: (0..width * height).map(|i| i as f32).collect() }
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(laid_over(&plane(2, 1), [5, 3], 2).values, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0]);
         assert_eq!(laid_over(&plane(5, 3), [5, 3], 1), plane(5, 3));
         assert_eq!(laid_over(&plane(5, 3), [5, 3], 2), pooled(&plane(5, 3), [2, 2]));
-        assert_eq!(laid_over(&Plane::default(), [5, 3], 1), Plane::default());
+        assert_eq!(laid_over(&FloatImage::default(), [5, 3], 1), FloatImage::default());
     }
 
     #[test]

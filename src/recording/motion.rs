@@ -6,7 +6,7 @@ const FAR_M: f64 = 5.0;
 
 /// Motion of a library entry as described to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Motion {
+pub enum MotionRecord {
     /// A rotation.
     About {
         /// Its centre, m.
@@ -21,7 +21,7 @@ pub enum Motion {
     },
 }
 
-impl Motion {
+impl MotionRecord {
     /// The description of the flow along `pump`; `None` for zero motion.
     pub fn of(pump: &Twist) -> Option<Self> {
         match pump.center_of_rotation() {
@@ -43,16 +43,19 @@ mod tests {
     #[test]
     fn far_centres_are_directions() {
         let near = Vec2::new(0.1, -0.05);
-        let turn = Motion::of(&Twist::about(near, -2.0));
+        let turn = MotionRecord::of(&Twist::about(near, -2.0));
         assert!(
-            matches!(turn, Some(Motion::About { center_m, counter_clockwise: false }) if (center_m - near).norm() < 1e-12)
+            matches!(turn, Some(MotionRecord::About { center_m, counter_clockwise: false }) if (center_m - near).norm() < 1e-12)
         );
-        let far = Motion::of(&Twist::about(Vec2::new(0.0, -100.0), 1.0));
+        let far = MotionRecord::of(&Twist::about(Vec2::new(0.0, -100.0), 1.0));
         assert!(
-            matches!(far, Some(Motion::Along { direction }) if (direction - Vec2::new(-1.0, 0.0)).norm() < 1e-12),
+            matches!(far, Some(MotionRecord::Along { direction }) if (direction - Vec2::new(-1.0, 0.0)).norm() < 1e-12),
             "a counter-clockwise turn about a point far below moves things to the left"
         );
-        assert_eq!(Motion::of(&Twist::new(0.0, 3.0, 0.0)), Some(Motion::Along { direction: Vec2::new(0.0, 1.0) }));
-        assert_eq!(Motion::of(&Twist::ZERO), None);
+        assert_eq!(
+            MotionRecord::of(&Twist::new(0.0, 3.0, 0.0)),
+            Some(MotionRecord::Along { direction: Vec2::new(0.0, 1.0) })
+        );
+        assert_eq!(MotionRecord::of(&Twist::ZERO), None);
     }
 }

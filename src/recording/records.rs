@@ -2,9 +2,9 @@ use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Milestone, MilestoneFa
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
-use upm_goal::Wanted;
+use upm_goal::Setpoints;
 use upm_perception::estimation::{FitFault, PlateFit};
-use upm_perception::vision::{Detection, Stages, Table};
+use upm_perception::vision::{DebugImages, Detection, Table};
 use upm_planner::{Plan, PlannedPulse};
 
 /// An owned copy of [`LocalisedFacts`].
@@ -17,7 +17,7 @@ pub struct LocalisedRecord {
     /// The parts in it.
     pub detections: Vec<Detection>,
     /// The intermediate stages of the search.
-    pub stages: Stages,
+    pub stages: DebugImages,
     /// Wall time the search took, µs.
     pub localise_us: f64,
 }
@@ -74,7 +74,7 @@ pub struct CycleRecord {
     /// Positions measured then, m.
     pub observed_m: Vec<Vec2>,
     /// The goal's request.
-    pub wanted: Wanted,
+    pub wanted: Setpoints,
     /// The plan.
     pub plan: Plan,
     /// Time of the next look.

@@ -2,7 +2,7 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::scribe::Durable;
+use super::scribe::SyncWrite;
 use upm_core::files::{Length, reserve};
 
 /// Room preallocated beyond the end, bytes: a journal of one part fills that in some minutes.
@@ -11,22 +11,22 @@ const AHEAD_BYTES: u64 = 1 << 20;
 /// An append-only file with room preallocated beyond its end, so that another process filling the disk does not end a
 /// run. Where the file system cannot preallocate, the file grows as usual. Unused room is released when it is dropped.
 #[derive(Debug)]
-pub struct RoomyFile {
+pub struct PreallocatedFile {
     file: File,
     bytes: u64,
     /// Bytes preallocated, counted from the file's beginning.
     room_bytes: u64,
 }
 
-impl RoomyFile {
+impl PreallocatedFile {
     /// Creates an empty file at `path`, replacing an existing one.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut made = Self { file: File::create(path)?, bytes: 0, room_bytes: 0 };
-        made.make_room();
+        made.preallocate();
         Ok(made)
     }
 
-    fn make_room(&mut self) {
+    fn preallocate(&mut self) {
         let wanted_bytes = self.bytes + AHEAD_BYTES;
         if self.room_bytes < self.bytes + AHEAD_BYTES / 2 && reserve(&self.file, wanted_bytes, Length::Kept).is_ok() {
             self.room_bytes = wanted_bytes;
@@ -34,11 +34,11 @@ impl RoomyFile {
     }
 }
 
-impl Write for RoomyFile {
+impl Write for PreallocatedFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.file.write(bytes)?;
         self.bytes += written as u64;
-        self.make_room();
+        self.preallocate();
         Ok(written)
     }
 
@@ -47,13 +47,13 @@ impl Write for RoomyFile {
     }
 }
 
-impl Durable for RoomyFile {
+impl SyncWrite for PreallocatedFile {
     fn commit(&mut self) -> io::Result<()> {
         self.file.sync_data()
     }
 }
 
-impl Drop for RoomyFile {
+impl Drop for PreallocatedFile {
     fn drop(&mut self) {
         // truncates to the present length, which releases the room beyond it
         self.file.set_len(self.bytes).ok();
@@ -72,7 +72,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
         let room_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
-        let mut file = RoomyFile::create(&path).unwrap();
+        let mut file = PreallocatedFile::create(&path).unwrap();
         if reserve(&file.file, AHEAD_BYTES, Length::Kept).is_err() {
             return; // a file system without preallocation
         }
@@ -94,7 +94,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
         fs::write(&path, "something longer").unwrap();
-        RoomyFile::create(&path).unwrap().write_all(b"short").unwrap();
+        PreallocatedFile::create(&path).unwrap().write_all(b"short").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"short");
     }
 }

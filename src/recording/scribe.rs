@@ -2,7 +2,7 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::time::Duration;
 
-use super::keeping::ScribeWatch;
+use super::keeping::WriterStatus;
 use upm_core::background::{OverflowPolicy, Queue, Receiver, RecvTimeoutError, Unfinished, Unsent, Worker};
 use upm_core::time::Clock;
 
@@ -22,12 +22,12 @@ const COMMIT: Duration = Duration::from_millis(750);
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A writer that can commit its bytes to the disk, so that they survive a loss of power.
-pub trait Durable: Write {
+pub trait SyncWrite: Write {
     /// Returns when all bytes written so far are on the disk.
     fn commit(&mut self) -> io::Result<()>;
 }
 
-impl Durable for File {
+impl SyncWrite for File {
     fn commit(&mut self) -> io::Result<()> {
         self.sync_data()
     }
@@ -38,23 +38,23 @@ impl Durable for File {
 /// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. A fault of
 /// the thread is returned by the next `write` or by [`Scribe::finish`]; nothing is written after the first fault.
 #[derive(Debug)]
-pub struct Scribe {
+pub struct BackgroundWriter {
     /// `None` after the end.
     lines: Option<Queue<Vec<u8>>>,
     thread: Worker<io::Result<()>>,
     overflow: OverflowPolicy,
-    watch: ScribeWatch,
+    watch: WriterStatus,
     fault: Option<(ErrorKind, String)>,
 }
 
-impl Scribe {
+impl BackgroundWriter {
     /// Starts the thread that writes to `out`, at lower priority if `steps_back`; `watch` receives its status.
     pub fn start(
-        mut out: impl Durable + Send + 'static,
+        mut out: impl SyncWrite + Send + 'static,
         overflow: OverflowPolicy,
         steps_back: bool,
         clock: impl Clock + Send + 'static,
-        watch: ScribeWatch,
+        watch: WriterStatus,
     ) -> io::Result<Self> {
         let (lines, waiting) = Queue::bounded(QUEUE, overflow);
         let told = watch.clone();
@@ -97,7 +97,7 @@ impl Scribe {
     }
 }
 
-impl Write for Scribe {
+impl Write for BackgroundWriter {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         if let Some((kind, text)) = &self.fault {
             return Err(io::Error::new(*kind, text.as_str()));
@@ -121,7 +121,7 @@ impl Write for Scribe {
     }
 }
 
-impl Drop for Scribe {
+impl Drop for BackgroundWriter {
     fn drop(&mut self) {
         if self.overflow == OverflowPolicy::Wait {
             self.end().ok();
@@ -131,10 +131,10 @@ impl Drop for Scribe {
 
 /// Body of the thread: writes and commits `lines` until their sender is gone.
 fn transcribe(
-    out: &mut impl Durable,
+    out: &mut impl SyncWrite,
     lines: &Receiver<Vec<u8>>,
     clock: &impl Clock,
-    watch: &ScribeWatch,
+    watch: &WriterStatus,
 ) -> io::Result<()> {
     let (mut gathered, mut uncommitted) = (Vec::new(), false);
     let mut written_at = clock.elapsed();
@@ -178,37 +178,37 @@ mod tests {
 
     /// Calls of a simulated disk, in order.
     #[derive(Clone, Debug, PartialEq, Eq)]
-    enum Told {
+    enum DiskCall {
         Written(String),
         Committed,
     }
 
     /// A simulated disk that records its calls. It blocks at a gate first, and is full after a given number of bytes.
     #[derive(Clone, Default)]
-    struct Disk {
-        told: Arc<Mutex<Vec<Told>>>,
+    struct RecordedDisk {
+        told: Arc<Mutex<Vec<DiskCall>>>,
         gate: Arc<Mutex<()>>,
         room_bytes: Option<usize>,
     }
 
-    impl Disk {
-        fn told(&self) -> Vec<Told> {
+    impl RecordedDisk {
+        fn told(&self) -> Vec<DiskCall> {
             self.told.lock().unwrap().clone()
         }
 
         fn text(&self) -> String {
-            let text = |told| if let Told::Written(text) = told { text } else { String::new() };
+            let text = |told| if let DiskCall::Written(text) = told { text } else { String::new() };
             self.told().into_iter().map(text).collect()
         }
     }
 
-    impl Write for Disk {
+    impl Write for RecordedDisk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             drop(self.gate.lock().unwrap());
             if let Some(room) = &mut self.room_bytes {
                 *room = room.checked_sub(bytes.len()).ok_or(ErrorKind::StorageFull)?;
             }
-            self.told.lock().unwrap().push(Told::Written(String::from_utf8(bytes.to_vec()).unwrap()));
+            self.told.lock().unwrap().push(DiskCall::Written(String::from_utf8(bytes.to_vec()).unwrap()));
             Ok(bytes.len())
         }
 
@@ -217,9 +217,9 @@ mod tests {
         }
     }
 
-    impl Durable for Disk {
+    impl SyncWrite for RecordedDisk {
         fn commit(&mut self) -> io::Result<()> {
-            self.told.lock().unwrap().push(Told::Committed);
+            self.told.lock().unwrap().push(DiskCall::Committed);
             Ok(())
         }
     }
@@ -245,46 +245,52 @@ mod tests {
 
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
-        let disk = Disk::default();
+        let disk = RecordedDisk::default();
         let mut scribe =
-            Scribe::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
+            BackgroundWriter::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default())
+                .unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
         lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
         scribe.finish().unwrap();
         assert_eq!(disk.text(), lines);
-        assert_eq!(disk.told().last(), Some(&Told::Committed));
-        assert!(disk.told().iter().all(|told| !matches!(told, Told::Written(text) if !text.ends_with('\n'))));
+        assert_eq!(disk.told().last(), Some(&DiskCall::Committed));
+        assert!(disk.told().iter().all(|told| !matches!(told, DiskCall::Written(text) if !text.ends_with('\n'))));
     }
 
     #[test]
     fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
-        let disk = Disk::default();
-        let mut scribe =
-            Scribe::start(disk.clone(), OverflowPolicy::Wait, false, MonotonicClock::new(), ScribeWatch::default())
-                .unwrap();
+        let disk = RecordedDisk::default();
+        let mut scribe = BackgroundWriter::start(
+            disk.clone(),
+            OverflowPolicy::Wait,
+            false,
+            MonotonicClock::new(),
+            WriterStatus::default(),
+        )
+        .unwrap();
         scribe.write_all(b"first\n").unwrap();
-        wait_until(|| disk.told().contains(&Told::Committed));
-        assert_eq!(disk.told(), [Told::Written("first\n".into()), Told::Committed]);
+        wait_until(|| disk.told().contains(&DiskCall::Committed));
+        assert_eq!(disk.told(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
         scribe.finish().unwrap();
     }
 
     #[test]
     fn a_stream_of_lines_is_written_every_quarter_of_a_second_and_committed_within_one() {
-        let disk = Disk::default();
+        let disk = RecordedDisk::default();
         let (lines, waiting) = Queue::bounded(QUEUE, OverflowPolicy::Wait);
         (0..100).for_each(|i| lines.send(format!("{i}\n").into_bytes()).unwrap());
         drop(lines);
         // two readings a line: 20 ms a line
-        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10), &ScribeWatch::default()).unwrap();
+        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10), &WriterStatus::default()).unwrap();
         let mut since_commit = 0;
         for told in disk.told() {
             match told {
-                Told::Written(text) => {
+                DiskCall::Written(text) => {
                     let lines = text.lines().count();
                     since_commit += lines;
                     assert!(lines <= 13, "{lines} lines of 20 ms each were gathered");
                 }
-                Told::Committed => since_commit = 0,
+                DiskCall::Committed => since_commit = 0,
             }
             assert!(since_commit <= 50, "{since_commit} lines of 20 ms each were not committed");
         }
@@ -293,10 +299,11 @@ mod tests {
 
     #[test]
     fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
-        let disk = Disk::default();
-        let (gate, watch) = (disk.gate.lock().unwrap(), ScribeWatch::default());
+        let disk = RecordedDisk::default();
+        let (gate, watch) = (disk.gate.lock().unwrap(), WriterStatus::default());
         let mut scribe =
-            Scribe::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone()).unwrap();
+            BackgroundWriter::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone())
+                .unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
             scribe.write_all(b"x\n").err()
@@ -315,9 +322,10 @@ mod tests {
     #[test]
     fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
         for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
-            let watch = ScribeWatch::default();
-            let disk = Disk { room_bytes: Some(12), ..Disk::default() };
-            let mut scribe = Scribe::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
+            let watch = WriterStatus::default();
+            let disk = RecordedDisk { room_bytes: Some(12), ..RecordedDisk::default() };
+            let mut scribe =
+                BackgroundWriter::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
             scribe.write_all(b"line one\n").unwrap();
             wait_until(|| !disk.text().is_empty());
             assert_eq!((watch.fault(), scribe.write_all(b"line two\n").is_ok()), (None, true));
@@ -332,9 +340,9 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
-        let disk = Disk { room_bytes: Some(3), ..Disk::default() };
+        let disk = RecordedDisk { room_bytes: Some(3), ..RecordedDisk::default() };
         let mut scribe =
-            Scribe::start(disk, OverflowPolicy::Wait, false, StoppedClock, ScribeWatch::default()).unwrap();
+            BackgroundWriter::start(disk, OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default()).unwrap();
         scribe.write_all(b"line\n").unwrap();
         assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
     }

@@ -26,10 +26,10 @@ pub enum RecordingState {
 /// Status of the recording of one run, and the request to stop it while the run goes on. Clones share one switch. No
 /// call ever blocks.
 #[derive(Clone, Debug, Default)]
-pub struct RecordingSwitch(Arc<Shared>);
+pub struct RecordingHandle(Arc<RecordingCell>);
 
 #[derive(Debug, Default)]
-struct Shared {
+struct RecordingCell {
     begun: AtomicBool,
     bytes: AtomicU64,
     wanted_stop: OnceLock<String>,
@@ -38,7 +38,7 @@ struct Shared {
     told: AtomicBool,
 }
 
-impl RecordingSwitch {
+impl RecordingHandle {
     /// Asks for the recording to be closed soon; the file remains complete up to that point. The first `reason` counts.
     pub fn stop(&self, reason: &str) {
         self.0.wanted_stop.set(reason.to_owned()).ok();
@@ -59,7 +59,7 @@ impl RecordingSwitch {
     }
 
     /// Returns, once, the report of a recording that ended before its run.
-    pub fn news(&self) -> Option<RecordingReport> {
+    pub fn take_end(&self) -> Option<RecordingReport> {
         let end = self.ended_early()?;
         (!self.0.told.swap(true, Ordering::AcqRel)).then_some(end)
     }
@@ -74,19 +74,19 @@ impl RecordingSwitch {
     }
 }
 
-impl RecordingSwitch {
+impl RecordingHandle {
     /// The file has been created.
     pub fn begin(&self) {
         self.0.begun.store(true, Ordering::Release);
     }
 
     /// This many more bytes are in the file.
-    pub fn wrote(&self, bytes: u64) {
+    pub fn add_bytes(&self, bytes: u64) {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
     /// The reason of a request to stop.
-    pub fn wanted_stop(&self) -> Option<&str> {
+    pub fn stop_request(&self) -> Option<&str> {
         self.0.wanted_stop.get().map(String::as_str)
     }
 
@@ -97,14 +97,15 @@ impl RecordingSwitch {
 
     /// Ends the recording as whole, its file closed, unless it has already ended.
     pub fn close(&self) {
-        let end = self.wanted_stop().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
+        let end =
+            self.stop_request().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
         self.0.end.set(end).ok();
     }
 }
 
 /// Reports to `sinks`, once, that a recording has ended before its run.
-pub fn tell_recording(recording: &RecordingSwitch, sinks: &mut dyn Sink, at: PlateTime) {
-    if let Some(RecordingReport { code, text }) = recording.news() {
+pub fn report_recording_end(recording: &RecordingHandle, sinks: &mut dyn Sink, at: PlateTime) {
+    if let Some(RecordingReport { code, text }) = recording.take_end() {
         let milestone = Milestone::RecordingEnded(code);
         sinks.milestone(&MilestoneFacts { at, level: EventLevel::Warning, milestone, text: &text });
     }
@@ -116,30 +117,30 @@ mod tests {
 
     #[test]
     fn the_first_end_counts_and_is_told_once() {
-        let switch = RecordingSwitch::default();
-        assert_eq!((switch.state(), switch.news()), (RecordingState::Off, None));
+        let switch = RecordingHandle::default();
+        assert_eq!((switch.state(), switch.take_end()), (RecordingState::Off, None));
         switch.begin();
-        switch.wrote(7);
-        assert_eq!((switch.clone().state(), switch.news()), (RecordingState::Writing { bytes: 7 }, None));
+        switch.add_bytes(7);
+        assert_eq!((switch.clone().state(), switch.take_end()), (RecordingState::Writing { bytes: 7 }, None));
         switch.fail("no space");
         switch.stop("too late");
         switch.close();
         assert_eq!(switch.state(), RecordingState::Failed("no space".into()));
-        assert_eq!(switch.clone().news().unwrap(), RecordingReport::failed("no space"));
-        assert_eq!(switch.news(), None);
+        assert_eq!(switch.clone().take_end().unwrap(), RecordingReport::failed("no space"));
+        assert_eq!(switch.take_end(), None);
     }
 
     #[test]
     fn a_recording_is_whole_unless_it_was_stopped() {
-        let whole = RecordingSwitch::default();
+        let whole = RecordingHandle::default();
         whole.close();
         whole.stop("too late");
-        assert_eq!((whole.state(), whole.news()), (RecordingState::Whole, None));
-        let stopped = RecordingSwitch::default();
+        assert_eq!((whole.state(), whole.take_end()), (RecordingState::Whole, None));
+        let stopped = RecordingHandle::default();
         stopped.stop("the disk is nearly full");
         stopped.stop("another reason");
         stopped.close();
         assert_eq!(stopped.state(), RecordingState::Stopped("the disk is nearly full".into()));
-        assert_eq!(stopped.news().unwrap(), RecordingReport::stopped("the disk is nearly full"));
+        assert_eq!(stopped.take_end().unwrap(), RecordingReport::stopped("the disk is nearly full"));
     }
 }

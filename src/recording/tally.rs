@@ -19,7 +19,7 @@ const MOST_GUARDS: usize = 100;
 
 /// Counts events and compares measurements with the truth, where the rig provides it.
 #[derive(Debug, Default)]
-pub struct Tally {
+pub struct RunStats {
     truth: Option<GroundTruthHandle>,
     frames: u64,
     cycles: u64,
@@ -37,7 +37,7 @@ pub struct Tally {
 
 /// Facts about the end of a run that a sink cannot know.
 #[derive(Clone, Debug, Default)]
-pub struct Ending {
+pub struct EndFacts {
     /// Name of the job.
     pub name: String,
     /// Its seed.
@@ -63,7 +63,7 @@ pub struct Ending {
     /// Number of lost parts.
     pub lost_parts: usize,
     /// Every part, in the order of the job.
-    pub parts: Vec<PartEnding>,
+    pub parts: Vec<PartEnd>,
     /// Faults of the rig that began within the run.
     pub faults: Vec<FaultReport>,
 }
@@ -81,7 +81,7 @@ pub struct Deadlines {
 
 /// State of one part at the end, as known to control.
 #[derive(Clone, Debug)]
-pub struct PartEnding {
+pub struct PartEnd {
     /// Name in this run.
     pub id: String,
     /// Its kind.
@@ -92,7 +92,7 @@ pub struct PartEnding {
     pub measured_m: Option<Vec2>,
 }
 
-impl Tally {
+impl RunStats {
     /// A tally that compares with `truth`, if given.
     pub fn new(truth: Option<GroundTruthHandle>) -> Self {
         Self { truth, ..Self::default() }
@@ -109,7 +109,7 @@ impl Tally {
     }
 
     /// The whole report. It reads the ground truth now, so call it before the rig goes on.
-    pub fn report(&self, ending: Ending) -> Report {
+    pub fn report(&self, ending: EndFacts) -> Report {
         let truth = self.truth.as_ref().map(GroundTruthHandle::read);
         let mut errors = Lengths::default();
         let mut parts = Vec::with_capacity(ending.parts.len());
@@ -175,7 +175,7 @@ impl Tally {
     }
 }
 
-impl Sink for Tally {
+impl Sink for RunStats {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.timings.localise.push(facts.localise_us);
     }
@@ -242,8 +242,8 @@ mod tests {
     use crate::report::SelectedBy;
     use upm_fixtures::synthetic_run::SyntheticRun;
 
-    fn ending(parts: Vec<PartEnding>) -> Ending {
-        Ending {
+    fn ending(parts: Vec<PartEnd>) -> EndFacts {
+        EndFacts {
             name: "test".into(),
             seed: 7,
             planner: None,
@@ -261,13 +261,13 @@ mod tests {
         }
     }
 
-    fn part(target_m: Option<Vec2>, measured_m: Vec2) -> PartEnding {
-        PartEnding { id: "penny-1".into(), kind: "penny".into(), target_m, measured_m: Some(measured_m) }
+    fn part(target_m: Option<Vec2>, measured_m: Vec2) -> PartEnd {
+        PartEnd { id: "penny-1".into(), kind: "penny".into(), target_m, measured_m: Some(measured_m) }
     }
 
     #[test]
     fn counts_and_figures() {
-        let mut tally = Tally::new(None);
+        let mut tally = RunStats::new(None);
         let mut run = SyntheticRun::new(2);
         run.wall_us = 50.0;
         run.localise(&mut tally);
@@ -293,7 +293,7 @@ mod tests {
     fn measured_positions_are_held_against_the_truth() {
         let mut run = SyntheticRun::new(2);
         run.sensing_offset_m = Vec2::new(3e-5, 4e-5);
-        let mut tally = Tally::new(Some(run.truth.clone()));
+        let mut tally = RunStats::new(Some(run.truth.clone()));
         (0..3).for_each(|_| run.cycle(&mut tally));
         let report = tally.report(ending(vec![part(Some(run.parts_m[0]), Vec2::zeros())]));
         assert_eq!(report.sensing_rms_error_mm, Some(0.05));
@@ -304,14 +304,14 @@ mod tests {
     #[test]
     fn looks_at_another_moment_are_not_compared() {
         let mut run = SyntheticRun::new(1);
-        let mut tally = Tally::new(Some(Default::default()));
+        let mut tally = RunStats::new(Some(Default::default()));
         run.cycle(&mut tally);
         assert_eq!(tally.report(ending(Vec::new())).sensing_rms_error_mm, None);
     }
 
     #[test]
     fn json_has_the_names_of_the_contract() {
-        let report = Tally::new(None).report(ending(vec![part(None, Vec2::zeros())]));
+        let report = RunStats::new(None).report(ending(vec![part(None, Vec2::zeros())]));
         let json = serde_json::to_value(&report).unwrap();
         for key in [
             "outcome",
@@ -357,7 +357,7 @@ mod tests {
             why: "the job moves one part".into(),
             alternatives: vec!["pseudo_inverse".into()],
         };
-        let report = Tally::new(None).report(Ending { planner: Some(planner), ..ending(Vec::new()) });
+        let report = RunStats::new(None).report(EndFacts { planner: Some(planner), ..ending(Vec::new()) });
         let json = serde_json::to_value(&report).unwrap();
         let expected = serde_json::json!({
             "name": "cor_sequence", "chosen": "auto", "code": "one_part", "why": "the job moves one part",
@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn deadlines_are_told_where_there_were_any_to_keep() {
         let json = |deadlines| {
-            let report = Tally::new(None).report(Ending { deadlines, ..ending(Vec::new()) });
+            let report = RunStats::new(None).report(EndFacts { deadlines, ..ending(Vec::new()) });
             let json = serde_json::to_value(&report).unwrap();
             assert_eq!(serde_json::from_value::<Report>(json.clone()).unwrap(), report);
             ["deadline_misses", "worst_late_frames", "behind_s"].map(|key| json.get(key).cloned())

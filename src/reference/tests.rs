@@ -6,7 +6,7 @@ use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_perception::vision::{self, CoinFinder, Detection};
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
-use upm_scene::{Disc, Scene};
+use upm_scene::{Scene, SceneDisc};
 
 /// Largest distance of the reference's corners from the fast path's, and of its parts, px.
 const CORNER_PX: f64 = 0.6;
@@ -16,14 +16,14 @@ fn pennies() -> Vec<PartKind> {
     vec![PartKind { name: "penny".into(), radius_m: PENNY_M, thickness_m: 1.52e-3 }]
 }
 
-fn scattered() -> Vec<Disc> {
+fn scattered() -> Vec<SceneDisc> {
     [(-0.0671, -0.0713), (0.0012, 0.0004), (0.0533, 0.0617), (-0.0481, 0.0557), (0.0729, -0.0391), (0.0203, -0.0684)]
         .map(|(x, y)| penny(x, y))
         .into()
 }
 
 /// Largest distance of the reference from the fast path: corners, parts, px; parts in mm of the plate.
-fn differences(scene: &Scene, discs: &[Disc]) -> [f64; 3] {
+fn differences(scene: &Scene, discs: &[SceneDisc]) -> [f64; 3] {
     let frame = scene.frame_with(discs);
     let table = vision::locate_table(&frame, &scene.lens, SIDE_M).unwrap();
     let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&frame);
@@ -57,7 +57,8 @@ fn fast_path_agrees_with_the_reference() {
 
 #[test]
 fn touching_parts_stay_apart_in_both() {
-    let discs: Vec<Disc> = [(0.0, 0.0), (2.0 * PENNY_M, 0.0), (0.0, 2.0 * PENNY_M)].map(|(x, y)| penny(x, y)).into();
+    let discs: Vec<SceneDisc> =
+        [(0.0, 0.0), (2.0 * PENNY_M, 0.0), (0.0, 2.0 * PENNY_M)].map(|(x, y)| penny(x, y)).into();
     let [_, part_px, _] = differences(&Scene::plain(2), &discs);
     assert!(part_px < PART_PX, "{part_px}");
 }

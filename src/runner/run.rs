@@ -36,23 +36,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::{JobSpec, reason};
-use upm_control::{self as control, Devices, Ending, EventLevel, Finish, Sink};
+use crate::config::{JobLayout, JobSpec, LayoutBin, LayoutPath, reason};
+use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
 use upm_library::Library;
 use upm_recording::{
-    Deadlines, Fanout, Journal, Keeping, Report, RerunMode, Scribe, ScribeWatch, Tally, tell_recording,
+    BackgroundWriter, Deadlines, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
+    report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{LiveServer, RerunSink, RunContext};
+use upm_viewer::{BinLook, LiveServer, RerunSink, RunContext};
 
 use ending::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
-use paced::{Pace, Paced};
+use paced::{PaceClock, RealTimeRig};
 use time_figure::FirstLook;
 
-pub use bench::{Bench, NamedTruth, planner_params};
+pub use bench::{RunSetup, TruthInJobOrder, planner_params};
 pub use calibrate::{calibrate, calibration_params};
 pub use coverage::{Coverage, Gap, Place};
 pub use error::RunError;
@@ -60,15 +61,15 @@ pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
 pub use library::{check_job, check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
-pub use links::{ExternalStop, Links};
+pub use links::{ExternalStop, RunControls};
 pub use pace_check::{PaceCheck, check_pace};
 pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
-pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, Spot, rehearse};
+pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, StartForecast, rehearse};
 pub use simulate::{FirstFrame, FirstFrameError, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
-pub use upm_sim::Trajectories;
-pub use verify::{Verdict, VerifyError, verify};
+pub use upm_sim::OpenLoopTrajectories;
+pub use verify::{Verification, VerifyError, verify};
 
 /// Options of a run besides the job.
 #[derive(Clone, Debug)]
@@ -82,7 +83,7 @@ pub struct RunOptions {
     /// True to limit plate time to the speed of the clock.
     pub real_time: bool,
     /// Writers of the journal and the recording.
-    pub keeping: Keeping,
+    pub keeping: RecordingOptions,
     /// Live stream that shows the run, with or without a recording.
     pub live: Option<LiveServer>,
 }
@@ -111,12 +112,12 @@ pub fn run(
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
     let library = job_library(job).map_err(RunError::Library)?;
     // a job that cannot be run leaves no folder
-    let bench = Bench::new(job, &library).map_err(RunError::Job)?;
+    let bench = RunSetup::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
     let is_broken = || interlock.tripped().is_some() || options.keeping.journal.fault().is_some();
     let cause = || (!is_broken()).then(ExternalStop::by_operator);
-    let links = Links { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
+    let links = RunControls { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
     let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
     written.map(|()| result)
 }
@@ -131,12 +132,12 @@ pub fn run_linked(
     folder: RunFolder,
     options: &RunOptions,
     clock: &dyn Clock,
-    links: Links<'_>,
+    links: RunControls<'_>,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     let session = Session { job, library, folder, options, clock, links };
     let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
-    match checked.and_then(|()| Bench::new(job, &session.library).map_err(RunError::Job)) {
+    match checked.and_then(|()| RunSetup::new(job, &session.library).map_err(RunError::Job)) {
         Ok(bench) => session.run(bench, watcher).map(|done| done.result),
         Err(error) => {
             session.leave_reason(None, &error);
@@ -158,12 +159,12 @@ struct Session<'a> {
     folder: RunFolder,
     options: &'a RunOptions,
     clock: &'a dyn Clock,
-    links: Links<'a>,
+    links: RunControls<'a>,
 }
 
 impl Session<'_> {
-    fn run(&self, mut bench: Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
-        let fitted = bench.rig.fit(self.links.interlock.clone()).map_err(RunError::Rig);
+    fn run(&self, mut bench: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let fitted = bench.rig.attach(self.links.interlock.clone()).map_err(RunError::Rig);
         let done = fitted.and_then(|()| self.run_into(&mut bench, watcher));
         if let Err(error) = &done {
             self.leave_reason(Some(&bench), error);
@@ -172,27 +173,27 @@ impl Session<'_> {
     }
 
     /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
-    fn leave_reason(&self, bench: Option<&Bench>, error: &RunError) {
+    fn leave_reason(&self, bench: Option<&RunSetup>, error: &RunError) {
         if !self.folder.state().report {
-            let failed = Finish { ending: Ending::failed(error.to_string()), ..Finish::default() };
-            self.folder.write_report(&Tally::default().report(ending(self.job, bench, failed, 0.0))).ok();
+            let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
+            self.folder.write_report(&RunStats::default().report(ending(self.job, bench, failed, 0.0))).ok();
         }
     }
 
     /// Runs to the end and writes all files of the folder.
-    fn run_into(&self, bench: &mut Bench, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+    fn run_into(&self, bench: &mut RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
         let Self { job, library, folder, options, clock, links } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
-        let mut tally = Tally::new(Some(bench.truth()));
+        let mut tally = RunStats::new(Some(bench.truth()));
         let mut recorder = start_recording(options, folder, bench, job, library)?;
         let mut truth_log = TruthLog::of(bench, folder)?;
-        let (mut named, mut first_look) = (NamedTruth::new(bench.truth()), FirstLook::default());
-        let mut unwritten = Unwritten { journal: &options.keeping.journal, stop: links.stop, told: false };
+        let (mut named, mut first_look) = (TruthInJobOrder::new(bench.truth()), FirstLook::default());
+        let mut unwritten = StopOnJournalFailure { journal: &options.keeping.journal, stop: links.stop, told: false };
         let mut look = |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
-            tell_recording(&options.keeping.recording, sinks, at);
+            report_recording_end(&options.keeping.recording, sinks, at);
         };
         let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
         sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut look);
@@ -204,8 +205,8 @@ impl Session<'_> {
 
         let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
         let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
-        tell_recording(&options.keeping.recording, &mut sinks, bench.now());
-        let written = journal.finish().and_then(Scribe::finish);
+        report_recording_end(&options.keeping.recording, &mut sinks, bench.now());
+        let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
             written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
@@ -230,8 +231,8 @@ impl Session<'_> {
     }
 
     /// Pacing by the clock, for a run in real time.
-    fn pace(&self, bench: &Bench) -> Option<Pace<'_>> {
-        self.options.real_time.then_some(Pace {
+    fn pace(&self, bench: &RunSetup) -> Option<PaceClock<'_>> {
+        self.options.real_time.then_some(PaceClock {
             clock: self.clock,
             nap: &std::thread::park_timeout,
             stats: self.links.pacing,
@@ -243,14 +244,14 @@ impl Session<'_> {
 }
 
 /// Stops the run as soon as its journal fails, so that no motion goes unrecorded.
-struct Unwritten<'a> {
-    journal: &'a ScribeWatch,
+struct StopOnJournalFailure<'a> {
+    journal: &'a WriterStatus,
     stop: &'a AtomicBool,
     /// True once the failure was reported.
     told: bool,
 }
 
-impl Unwritten<'_> {
+impl StopOnJournalFailure<'_> {
     /// Stops the run and reports to `sinks`, once, if the journal has failed.
     fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
         if let (Some(fault), false) = (self.journal.fault(), self.told) {
@@ -263,15 +264,15 @@ impl Unwritten<'_> {
 
 /// Runs the control loop on the bench, at `pace` or at full speed.
 fn play(
-    bench: &mut Bench,
+    bench: &mut RunSetup,
     library: &Arc<Library>,
-    pace: Option<Pace<'_>>,
+    pace: Option<PaceClock<'_>>,
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
     give_way: &AtomicBool,
-) -> Finish {
-    let Bench { rig, model, goal, params, faults, streams, .. } = bench;
+) -> FinalState {
+    let RunSetup { rig, model, goal, params, faults, streams, .. } = bench;
     let mut faulty;
     let rig: &mut dyn Rig = if faults.is_empty() {
         rig
@@ -281,11 +282,11 @@ fn play(
     };
     match pace {
         Some(pace) => {
-            let mut rig = Paced::new(rig, pace);
-            let devices = Devices { rig: &mut rig, model, sink, clock, stop, give_way };
+            let mut rig = RealTimeRig::new(rig, pace);
+            let devices = RunIo { rig: &mut rig, model, sink, clock, stop, give_way };
             control::run(devices, library, goal.as_mut(), params)
         }
-        None => control::run(Devices { rig, model, sink, clock, stop, give_way }, library, goal.as_mut(), params),
+        None => control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, goal.as_mut(), params),
     }
 }
 
@@ -293,10 +294,11 @@ fn play(
 fn start_recording(
     options: &RunOptions,
     folder: &RunFolder,
-    bench: &Bench,
+    bench: &RunSetup,
     job: &JobSpec,
     library: &Arc<Library>,
 ) -> Result<RerunSink, RunError> {
+    let layout = JobLayout::of(job);
     let context = RunContext {
         name: job.name.clone(),
         seed: job.seed(),
@@ -304,6 +306,12 @@ fn start_recording(
         model: bench.model.clone(),
         method: bench.params.method,
         parts: bench.part_looks(),
+        bins: layout
+            .bins
+            .into_iter()
+            .map(|LayoutBin { kinds, min_m, max_m }| BinLook { kinds, min_m, max_m })
+            .collect(),
+        paths_m: layout.paths.iter().map(LayoutPath::line_m).collect(),
         truth: Some(bench.truth()),
     };
     let path = folder.path().join("run.rrd");

@@ -1,15 +1,15 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::drawn::Dice;
+use super::drawn::SceneSampler;
 use super::parts::kinds;
-use super::{Glint, Relief, Scene, Shape, Thing};
+use super::{ClutterOutline, ClutterShape, Glint, Scene, SurfaceTexture};
 use upm_core::geometry::{Vec2, perp};
 
 /// Least distance of objects on the ground from the plate, m.
 const STRAY_GAP_M: f64 = 4e-3;
 
 /// One side of the plate: its outward normal and the direction along it.
-fn side(dice: &mut Dice) -> (Vec2, Vec2) {
+fn side(dice: &mut SceneSampler) -> (Vec2, Vec2) {
     let (sin, cos) = (FRAC_PI_2 * dice.one_of(4) as f64).sin_cos();
     let outward = Vec2::new(cos, sin);
     (outward, perp(outward))
@@ -17,7 +17,7 @@ fn side(dice: &mut Dice) -> (Vec2, Vec2) {
 
 impl Scene {
     /// A bar or a hand over up to a quarter of one side, in a third of the scenes.
-    pub(super) fn draw_covers(&mut self, dice: &mut Dice) {
+    pub(super) fn draw_covers(&mut self, dice: &mut SceneSampler) {
         if !dice.chance(0.35) {
             return;
         }
@@ -31,12 +31,12 @@ impl Scene {
         } else {
             hand(dice, at, outward, hidden, inward)
         };
-        self.covers.extend(shapes.into_iter().map(|shape| Thing { shape, level }));
+        self.covers.extend(shapes.into_iter().map(|shape| ClutterShape { shape, level }));
     }
 
     /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them is a square as large as the
     /// plate.
-    pub(super) fn draw_strays(&mut self, dice: &mut Dice) {
+    pub(super) fn draw_strays(&mut self, dice: &mut SceneSampler) {
         if !dice.chance(0.55) {
             return;
         }
@@ -49,23 +49,23 @@ impl Scene {
             let gap = STRAY_GAP_M + dice.within(0.0, 0.25) * self.side_m;
             let across = outward.y.atan2(outward.x);
             let shape = match dice.one_of(3) {
-                0 => Shape::circle(at(gap + size / 2.0, aside), size / 2.0),
+                0 => ClutterOutline::circle(at(gap + size / 2.0, aside), size / 2.0),
                 1 => {
                     let half = [size / 2.0, size * dice.within(0.2, 1.0)];
-                    Shape::rectangle(at(gap + half[0].hypot(half[1]), aside), half, dice.within(0.0, TAU))
+                    ClutterOutline::rectangle(at(gap + half[0].hypot(half[1]), aside), half, dice.within(0.0, TAU))
                 }
                 _ => {
                     let half = [self.side_m * dice.within(0.01, 0.06), self.side_m * dice.within(0.25, 0.7)];
                     let (turn, near) = (dice.around(0.05), STRAY_GAP_M + dice.within(0.0, 0.1) * self.side_m);
-                    Shape::rectangle(at(near + half[0] + half[1] * turn.abs(), aside), half, across + turn)
+                    ClutterOutline::rectangle(at(near + half[0] + half[1] * turn.abs(), aside), half, across + turn)
                 }
             };
-            self.strays.push(Thing { shape, level });
+            self.strays.push(ClutterShape { shape, level });
         }
     }
 
     /// Gray level of an object on the ground: bright on dark ground, else at least 40 levels darker than the ground.
-    fn stray_level(&self, dice: &mut Dice) -> f64 {
+    fn stray_level(&self, dice: &mut SceneSampler) -> f64 {
         let ground = self.levels[0];
         if ground < 80.0 || (ground < 150.0 && dice.chance(0.5)) {
             dice.within(150.0, 255.0)
@@ -75,7 +75,7 @@ impl Scene {
     }
 
     /// Reliefs, glints on parts and glints on the plate, each in about half of the scenes.
-    pub(super) fn draw_faces(&mut self, dice: &mut Dice) {
+    pub(super) fn draw_faces(&mut self, dice: &mut SceneSampler) {
         let amplitude = if dice.chance(0.6) { dice.within(0.03, 0.2) } else { 0.0 };
         let (on_parts, on_plate) = (dice.chance(0.45), dice.chance(0.35));
         for part in &mut self.parts {
@@ -92,37 +92,37 @@ impl Scene {
 }
 
 /// A straight bar from outside that ends on the plate.
-fn bar(dice: &mut Dice, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<Shape> {
+fn bar(dice: &mut SceneSampler, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<ClutterOutline> {
     let turn = dice.around(0.25);
     let direction = outward.y.atan2(outward.x) + turn;
     let (sin, cos) = direction.sin_cos();
     let length = 30.0 * hidden;
     let middle = at + Vec2::new(cos, sin) * (length / 2.0 - inward);
-    vec![Shape::rectangle(middle, [length / 2.0, hidden * turn.cos() / 2.0], direction)]
+    vec![ClutterOutline::rectangle(middle, [length / 2.0, hidden * turn.cos() / 2.0], direction)]
 }
 
 /// Fingers side by side, and the hand they belong to, outside the plate.
-fn hand(dice: &mut Dice, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<Shape> {
+fn hand(dice: &mut SceneSampler, at: Vec2, outward: Vec2, hidden: f64, inward: f64) -> Vec<ClutterOutline> {
     let fingers = 2 + dice.one_of(3);
     let (radius, along) = (hidden / (2.0 * fingers as f64), perp(outward));
     let palm = at + outward * (1.2 * hidden + 2.5 * radius);
-    let mut shapes = vec![Shape::capsule(palm, palm + outward * (30.0 * hidden), 0.9 * hidden)];
+    let mut shapes = vec![ClutterOutline::capsule(palm, palm + outward * (30.0 * hidden), 0.9 * hidden)];
     for finger in 0..fingers {
         let aside = along * ((2.0 * finger as f64 + 1.0) * radius - hidden / 2.0);
         let tip = at + aside - outward * (inward * dice.within(0.6, 1.0) - radius).max(0.0);
-        shapes.push(Shape::capsule(tip, palm + aside, radius));
+        shapes.push(ClutterOutline::capsule(tip, palm + aside, radius));
     }
     shapes
 }
 
-fn relief(dice: &mut Dice, amplitude: f64) -> Relief {
+fn relief(dice: &mut SceneSampler, amplitude: f64) -> SurfaceTexture {
     let mut wave = || (dice.direction() * dice.within(2.0, 14.0), dice.within(0.0, TAU));
     let waves = [wave(), wave(), wave()];
-    Relief { amplitude, waves, ring: [dice.within(0.5, 0.85), dice.within(0.04, 0.1)] }
+    SurfaceTexture { amplitude, waves, ring: [dice.within(0.5, 0.85), dice.within(0.04, 0.1)] }
 }
 
 /// A glint within `reach` of the origin, its half axes up to a quarter of `unit`.
-fn glint(dice: &mut Dice, reach: f64, unit: f64) -> Glint {
+fn glint(dice: &mut SceneSampler, reach: f64, unit: f64) -> Glint {
     Glint {
         at: dice.direction() * (reach * dice.within(0.0, 1.0).sqrt()),
         half_axes: [dice.within(0.08, 0.25) * unit, dice.within(0.08, 0.25) * unit],
@@ -133,7 +133,7 @@ fn glint(dice: &mut Dice, reach: f64, unit: f64) -> Glint {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Family;
+    use super::super::Difficulty;
     use super::*;
 
     /// Points of the plate's outline, side by side, equally many on each.
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn at_most_a_quarter_of_one_side_is_hidden() {
         let mut most = 0.0f64;
-        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+        for scene in (0..300).map(|seed| Scene::generate(Difficulty::Hard, seed)) {
             let hidden = |p: &Vec2| scene.covers.iter().any(|cover| cover.shape.depth(*p) > 0.0);
             let outline = outline(&scene);
             let shares: Vec<f64> = outline
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn things_on_the_ground_keep_off_the_plate() {
-        for scene in (0..300).map(|seed| Scene::drawn(Family::Hard, seed)) {
+        for scene in (0..300).map(|seed| Scene::generate(Difficulty::Hard, seed)) {
             for p in outline(&scene) {
                 let deepest = scene.strays.iter().map(|stray| stray.shape.depth(p)).fold(f64::NEG_INFINITY, f64::max);
                 assert!(deepest < -3e-3, "{}: {deepest}", scene.seed);

@@ -17,7 +17,7 @@ const LARGEST_SHARE: f64 = 0.955;
 
 /// Families of scenes by difficulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
+pub enum Difficulty {
     /// Four kinds of black parts on a white plate, tilted and distorted, no noise, even light, blur 0.8 px.
     Clean,
     /// The clean scene of the same seed with noise of 8 levels, blur 1.5 px, light that falls off by 40 %.
@@ -30,7 +30,7 @@ pub enum Family {
     Papers,
 }
 
-impl Family {
+impl Difficulty {
     /// All families.
     pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
 
@@ -45,13 +45,13 @@ impl Family {
     }
 }
 
-impl fmt::Display for Family {
+impl fmt::Display for Difficulty {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Family {
+impl FromStr for Difficulty {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
@@ -62,21 +62,21 @@ impl FromStr for Family {
 
 impl Scene {
     /// The scene of `seed` in a family; equal seeds give equal pictures.
-    pub fn drawn(family: Family, seed: u64) -> Self {
+    pub fn generate(family: Difficulty, seed: u64) -> Self {
         let streams = Streams::new(seed);
-        let stream = |name: &str| Dice(streams.stream(name));
+        let stream = |name: &str| SceneSampler(streams.stream(name));
         let mut scene = Self::plain(seed);
         match family {
-            Family::Clean | Family::Rough => {
+            Difficulty::Clean | Difficulty::Rough => {
                 scene.draw_levels(&mut stream("clean levels"));
                 scene.draw_view(&mut stream("clean view"), [0.6, 0.95], 5.0, [1.5, 3.5]);
                 scene.draw_parts(&mut stream("clean parts"));
-                if family == Family::Rough {
+                if family == Difficulty::Rough {
                     (scene.noise_sd, scene.blur_px, scene.shading) = (8.0, 1.5, 0.4);
                     scene.shading_direction_rad = stream("rough light").within(0.0, TAU);
                 }
             }
-            Family::Hard => {
+            Difficulty::Hard => {
                 scene.draw_hard_light(&mut stream("hard light"));
                 scene.draw_view(&mut stream("hard view"), [0.4, 0.95], 10.0, [1.2, 4.0]);
                 scene.draw_covers(&mut stream("hard covers"));
@@ -84,7 +84,7 @@ impl Scene {
                 scene.draw_strays(&mut stream("hard strays"));
                 scene.draw_faces(&mut stream("hard faces"));
             }
-            Family::Papers => {
+            Difficulty::Papers => {
                 let mut dice = stream("papers view");
                 let [width, height] = scene.size_px.map(|n| n as f64);
                 scene.lens = Lens::ideal(4.0 * width, Vec2::new(0.5 * (width - 1.0), 0.5 * (height - 1.0)));
@@ -99,12 +99,12 @@ impl Scene {
     }
 
     /// Black parts on a white plate on dark ground.
-    fn draw_levels(&mut self, dice: &mut Dice) {
+    fn draw_levels(&mut self, dice: &mut SceneSampler) {
         self.levels = [dice.within(10.0, 40.0), dice.within(190.0, 230.0), dice.within(20.0, 50.0)];
     }
 
     /// Both polarities, any light.
-    fn draw_hard_light(&mut self, dice: &mut Dice) {
+    fn draw_hard_light(&mut self, dice: &mut SceneSampler) {
         let white_parts = dice.chance(0.4);
         self.levels = if white_parts {
             let ground = if dice.chance(0.5) { dice.within(95.0, 140.0) } else { dice.within(170.0, 230.0) };
@@ -120,7 +120,7 @@ impl Scene {
 
     /// Plate, lens and camera: the table's side as a share of the frame's height, largest tilt, focal length in picture
     /// widths.
-    fn draw_view(&mut self, dice: &mut Dice, side_share: [f64; 2], most_tilt_deg: f64, focal_widths: [f64; 2]) {
+    fn draw_view(&mut self, dice: &mut SceneSampler, side_share: [f64; 2], most_tilt_deg: f64, focal_widths: [f64; 2]) {
         self.side_m = INCH_M * if dice.chance(0.5) { 8.0 } else { 12.0 };
         let [width, height] = self.size_px.map(|n| n as f64);
         let focal_px =
@@ -175,9 +175,9 @@ impl Scene {
 }
 
 /// Random numbers for drawing scenes.
-pub(super) struct Dice(Rng);
+pub(super) struct SceneSampler(Rng);
 
-impl Dice {
+impl SceneSampler {
     pub(super) fn within(&mut self, from: f64, to: f64) -> f64 {
         self.0.random_range(from..to)
     }
@@ -208,14 +208,14 @@ mod tests {
 
     const SEEDS: u64 = 150;
 
-    fn scenes(family: Family) -> impl Iterator<Item = Scene> {
-        (0..SEEDS).map(move |seed| Scene::drawn(family, seed))
+    fn scenes(family: Difficulty) -> impl Iterator<Item = Scene> {
+        (0..SEEDS).map(move |seed| Scene::generate(family, seed))
     }
 
     #[test]
     fn the_table_is_wholly_in_the_frame_and_as_large_as_promised() {
         for (family, least, most_tilt) in
-            [(Family::Clean, 0.55, 5.0), (Family::Hard, 0.4, 10.0), (Family::Papers, 0.7, 0.0)]
+            [(Difficulty::Clean, 0.55, 5.0), (Difficulty::Hard, 0.4, 10.0), (Difficulty::Papers, 0.7, 0.0)]
         {
             let mut shares = Vec::new();
             for scene in scenes(family) {
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn rough_scenes_are_clean_ones_in_worse_light() {
-        for (clean, rough) in scenes(Family::Clean).zip(scenes(Family::Rough)) {
+        for (clean, rough) in scenes(Difficulty::Clean).zip(scenes(Difficulty::Rough)) {
             assert_eq!(
                 (clean.corners_px(), clean.truth(), clean.levels),
                 (rough.corners_px(), rough.truth(), rough.levels)
@@ -253,8 +253,8 @@ mod tests {
 
     #[test]
     fn equal_seeds_give_equal_pictures() {
-        for family in Family::ALL {
-            let draw = |seed| Scene::drawn(family, seed);
+        for family in Difficulty::ALL {
+            let draw = |seed| Scene::generate(family, seed);
             assert_eq!(draw(5), draw(5));
             assert_ne!(draw(5), draw(6));
             assert_eq!(draw(5).frame(), draw(5).frame());
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn all_difficulties_come_up() {
-        let hard: Vec<Scene> = scenes(Family::Hard).collect();
+        let hard: Vec<Scene> = scenes(Difficulty::Hard).collect();
         let share =
             |has: &dyn Fn(&Scene) -> bool| hard.iter().filter(|scene| has(scene)).count() as f64 / hard.len() as f64;
         assert!((0.2..0.8).contains(&share(&|scene| scene.dark_parts())));
@@ -276,11 +276,11 @@ mod tests {
 
     #[test]
     fn families_are_found_by_name() {
-        for family in Family::ALL {
+        for family in Difficulty::ALL {
             assert_eq!(family.to_string().parse(), Ok(family));
         }
         assert_eq!(
-            "dirty".parse::<Family>(),
+            "dirty".parse::<Difficulty>(),
             Err("expected one of clean, rough, hard, papers, found \"dirty\"".into())
         );
     }

@@ -1,6 +1,6 @@
 use rand_distr::{Distribution, StandardNormal};
 
-use super::{Disc, Scene};
+use super::{Scene, SceneDisc};
 use upm_core::random::Streams;
 use upm_core::signal::Frame;
 
@@ -11,7 +11,7 @@ impl Scene {
     }
 
     /// Renders the picture with `parts` in place of the scene's.
-    pub fn frame_with(&self, parts: &[Disc]) -> Frame {
+    pub fn frame_with(&self, parts: &[SceneDisc]) -> Frame {
         let [width, height] = self.size_px;
         let mut levels = self.levels_by_area(parts);
         self.shade(&mut levels);

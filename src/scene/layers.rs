@@ -1,28 +1,28 @@
 //! The surfaces of a scene, and their gray levels.
 
-use super::{Disc, Glint, Relief, Scene, Shape, Thing};
+use super::{ClutterOutline, ClutterShape, Glint, Scene, SceneDisc, SurfaceTexture};
 use upm_core::geometry::Vec2;
 
 /// A surface and its outline.
-pub(super) struct Layer<'a> {
-    pub(super) shape: Shape,
+pub(super) struct PaintLayer<'a> {
+    pub(super) shape: ClutterOutline,
     pub(super) paint: Paint<'a>,
 }
 
 impl Scene {
     /// All surfaces on the ground, later ones in front.
-    pub(super) fn layers<'a>(&'a self, parts: &'a [Disc]) -> Vec<Layer<'a>> {
-        let things = |things: &'a [Thing]| {
-            things.iter().map(|thing| Layer { shape: thing.shape.clone(), paint: Paint::flat(thing.level) })
+    pub(super) fn layers<'a>(&'a self, parts: &'a [SceneDisc]) -> Vec<PaintLayer<'a>> {
+        let things = |things: &'a [ClutterShape]| {
+            things.iter().map(|thing| PaintLayer { shape: thing.shape.clone(), paint: Paint::flat(thing.level) })
         };
         let [_, level, _] = self.levels;
         let plate_paint = Paint { level, frame: (Vec2::zeros(), 1.0), relief: None, glints: &self.glints };
-        let plate = Layer { shape: Shape::square(self.side_m), paint: plate_paint };
-        let parts = parts.iter().map(|part| Layer { shape: self.silhouette(part), paint: self.face(part) });
+        let plate = PaintLayer { shape: ClutterOutline::square(self.side_m), paint: plate_paint };
+        let parts = parts.iter().map(|part| PaintLayer { shape: self.silhouette(part), paint: self.face(part) });
         things(&self.strays).chain([plate]).chain(parts).chain(things(&self.covers)).collect()
     }
 
-    fn face<'a>(&self, part: &'a Disc) -> Paint<'a> {
+    fn face<'a>(&self, part: &'a SceneDisc) -> Paint<'a> {
         let [_, plate, level] = self.levels;
         let [_, top] = self.seen_circles(part);
         let relief = part.relief.map(|relief| (relief, plate - level));
@@ -37,7 +37,7 @@ pub(super) struct Paint<'a> {
     /// Origin of relief and glints, m, and the length of their unit, m.
     pub(super) frame: (Vec2, f64),
     /// Relief, and the step in level of which its amplitude is a fraction.
-    pub(super) relief: Option<(Relief, f64)>,
+    pub(super) relief: Option<(SurfaceTexture, f64)>,
     pub(super) glints: &'a [Glint],
 }
 
@@ -64,7 +64,7 @@ impl Paint<'_> {
     }
 }
 
-impl Relief {
+impl SurfaceTexture {
     /// Height at `q`, at most the amplitude in magnitude.
     fn height_at(&self, q: Vec2) -> f64 {
         let waves: f64 = self.waves.iter().map(|(k, phase)| (k.dot(&q) + phase).cos()).sum();

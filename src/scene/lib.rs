@@ -33,7 +33,7 @@ pub mod testing;
 mod types;
 mod view;
 
-pub use drawn::Family;
+pub use drawn::Difficulty;
 pub use parts::kinds;
-pub use shape::Shape;
-pub use types::{Disc, Glint, PartTruth, Relief, Scene, Thing};
+pub use shape::ClutterOutline;
+pub use types::{ClutterShape, Glint, Scene, SceneDisc, ScenePartTruth, SurfaceTexture};

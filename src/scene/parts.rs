@@ -1,5 +1,5 @@
-use super::drawn::Dice;
-use super::{Disc, Scene};
+use super::drawn::SceneSampler;
+use super::{Scene, SceneDisc};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 
@@ -27,17 +27,23 @@ pub fn kinds() -> Vec<PartKind> {
 
 impl Scene {
     /// 1 to 40 parts of any kind; in most scenes some of them touch.
-    pub(super) fn draw_parts(&mut self, dice: &mut Dice) {
+    pub(super) fn draw_parts(&mut self, dice: &mut SceneSampler) {
         let (touching, count) = (dice.chance(0.75), 1 + dice.one_of(MOST_PARTS));
         self.put_parts(dice, count, touching, |dice| dice.one_of(COINS.len()));
     }
 
     /// `count` pennies, some of them touching.
-    pub(super) fn draw_pennies(&mut self, dice: &mut Dice, count: usize) {
+    pub(super) fn draw_pennies(&mut self, dice: &mut SceneSampler, count: usize) {
         self.put_parts(dice, count, true, |_| 0);
     }
 
-    fn put_parts(&mut self, dice: &mut Dice, count: usize, touching: bool, kind: impl Fn(&mut Dice) -> usize) {
+    fn put_parts(
+        &mut self,
+        dice: &mut SceneSampler,
+        count: usize,
+        touching: bool,
+        kind: impl Fn(&mut SceneSampler) -> usize,
+    ) {
         for _ in 0..count {
             let kind = kind(dice);
             let (_, radius_mm, thickness_mm) = COINS[kind];
@@ -45,18 +51,18 @@ impl Scene {
             let place =
                 (0..TRIES).map(|_| self.place(dice, radius_m, touching)).find(|&at_m| self.fits(at_m, radius_m));
             if let Some(at_m) = place {
-                self.parts.push(Disc { kind, ..Disc::new(at_m, radius_m, thickness_mm * 1e-3) });
+                self.parts.push(SceneDisc { kind, ..SceneDisc::new(at_m, radius_m, thickness_mm * 1e-3) });
             }
         }
         // Tops lean away from below the camera, over the feet of parts farther out.
-        let out = |part: &Disc| (part.at_m - self.camera_m.xy()).norm();
+        let out = |part: &SceneDisc| (part.at_m - self.camera_m.xy()).norm();
         let mut parts = self.parts.clone();
         parts.sort_by(|a, b| out(b).total_cmp(&out(a)));
         self.parts = parts;
     }
 
     /// A position beside another part, near the plate's edge or anywhere.
-    fn place(&self, dice: &mut Dice, radius_m: f64, touching: bool) -> Vec2 {
+    fn place(&self, dice: &mut SceneSampler, radius_m: f64, touching: bool) -> Vec2 {
         let reach_m = self.side_m / 2.0 - radius_m;
         if touching && !self.parts.is_empty() && (self.parts.len() == 1 || dice.chance(0.6)) {
             let other = &self.parts[dice.one_of(self.parts.len())];
@@ -80,28 +86,29 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Family;
+    use super::super::Difficulty;
     use super::*;
 
     /// Pairs of parts less than 1 µm apart.
     fn touching(scene: &Scene) -> usize {
-        let gap = |a: &Disc, b: &Disc| (a.at_m - b.at_m).norm() - a.radius_m - b.radius_m;
+        let gap = |a: &SceneDisc, b: &SceneDisc| (a.at_m - b.at_m).norm() - a.radius_m - b.radius_m;
         let pairs = scene.parts.iter().enumerate().flat_map(|(i, a)| scene.parts[..i].iter().map(move |b| gap(a, b)));
         pairs.filter(|gap| *gap < 1e-6).count()
     }
 
     #[test]
     fn parts_lie_on_the_plate_and_beside_one_another() {
-        for family in Family::ALL {
+        for family in Difficulty::ALL {
             let (mut with_touching, mut at_edge, mut parts) = (0, 0, 0);
-            for scene in (0..100).map(|seed| Scene::drawn(family, seed)) {
+            for scene in (0..100).map(|seed| Scene::generate(family, seed)) {
                 for (i, part) in scene.parts.iter().enumerate() {
                     let to_edge = scene.side_m / 2.0 - part.at_m.amax() - part.radius_m;
                     assert!(to_edge >= 0.0, "{family} {}", scene.seed);
                     at_edge += usize::from(to_edge < 5e-4);
-                    let apart = |other: &Disc| (other.at_m - part.at_m).norm() >= other.radius_m + part.radius_m;
+                    let apart = |other: &SceneDisc| (other.at_m - part.at_m).norm() >= other.radius_m + part.radius_m;
                     assert!(scene.parts[..i].iter().all(apart), "{family} {}", scene.seed);
-                    let clear = |cover: &super::super::Thing| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
+                    let clear =
+                        |cover: &super::super::ClutterShape| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
                     assert!(scene.covers.iter().all(clear), "{family} {}", scene.seed);
                     let kind = &kinds()[part.kind];
                     assert_eq!((part.radius_m, part.thickness_m), (kind.radius_m, kind.thickness_m));

@@ -1,8 +1,8 @@
 //! Gray level of every pixel by the area of it that each surface covers. Squares of pixels are halved until no outline
 //! crosses them; for single pixels crossed by one, the covered area is computed.
 
-use super::layers::{Layer, Paint};
-use super::{Disc, Scene};
+use super::layers::{Paint, PaintLayer};
+use super::{Scene, SceneDisc};
 use upm_core::geometry::{Homography, Lens, Vec2};
 
 /// Side of the initial squares, and of those that are evaluated pixel by pixel, px.
@@ -14,10 +14,10 @@ const POINTS: u32 = 16;
 
 impl Scene {
     /// Gray levels before light, lens and noise, row by row.
-    pub(super) fn levels_by_area(&self, parts: &[Disc]) -> Vec<f32> {
+    pub(super) fn levels_by_area(&self, parts: &[SceneDisc]) -> Vec<f32> {
         let layers = self.layers(parts);
         let [width, height] = self.size_px;
-        let mut raster = Raster {
+        let mut raster = CoverageRaster {
             layers: &layers,
             ground: Paint::flat(self.levels[0]),
             lens: self.lens,
@@ -30,7 +30,7 @@ impl Scene {
             for x in (0..width).step_by(LARGEST) {
                 let (right, below) = (x + LARGEST, y + LARGEST);
                 let corners = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| raster.place(x, y));
-                raster.square(Square { at: [x, y], side: LARGEST, corners }, &all, None);
+                raster.square(PixelSquare { at: [x, y], side: LARGEST, corners }, &all, None);
             }
         }
         raster.levels
@@ -39,7 +39,7 @@ impl Scene {
 
 /// A square of pixels.
 #[derive(Clone, Copy)]
-struct Square {
+struct PixelSquare {
     /// Its first column and row.
     at: [usize; 2],
     /// Pixels along each side.
@@ -48,8 +48,8 @@ struct Square {
     corners: [Vec2; 4],
 }
 
-struct Raster<'a> {
-    layers: &'a [Layer<'a>],
+struct CoverageRaster<'a> {
+    layers: &'a [PaintLayer<'a>],
     ground: Paint<'a>,
     lens: Lens,
     table_from_ideal: Option<Homography>,
@@ -57,7 +57,7 @@ struct Raster<'a> {
     levels: Vec<f32>,
 }
 
-impl Raster<'_> {
+impl CoverageRaster<'_> {
     /// Table coordinates of the top left corner of a pixel, m.
     fn place(&self, x: usize, y: usize) -> Vec2 {
         let p = Vec2::new(x as f64 - 0.5, y as f64 - 0.5);
@@ -67,8 +67,8 @@ impl Raster<'_> {
 
     /// Paints a square of pixels. `crossing` are the layers, in order, whose outline may cross it, `behind` is the
     /// layer that covers it behind those.
-    fn square(&mut self, square: Square, crossing: &[usize], behind: Option<usize>) {
-        let Square { at: [x, y], side, corners } = square;
+    fn square(&mut self, square: PixelSquare, crossing: &[usize], behind: Option<usize>) {
+        let PixelSquare { at: [x, y], side, corners } = square;
         if x >= self.size[0] || y >= self.size[1] {
             return;
         }
@@ -96,11 +96,11 @@ impl Raster<'_> {
         }
     }
 
-    fn quarters(&self, Square { at: [x, y], side, corners: [a, b, c, d] }: Square) -> [Square; 4] {
+    fn quarters(&self, PixelSquare { at: [x, y], side, corners: [a, b, c, d] }: PixelSquare) -> [PixelSquare; 4] {
         let half = side / 2;
         let [top, left, middle, right, bottom] =
             [(half, 0), (0, half), (half, half), (side, half), (half, side)].map(|(dx, dy)| self.place(x + dx, y + dy));
-        let quarter = |dx: usize, dy: usize, corners| Square { at: [x + dx, y + dy], side: half, corners };
+        let quarter = |dx: usize, dy: usize, corners| PixelSquare { at: [x + dx, y + dy], side: half, corners };
         [
             quarter(0, 0, [a, top, left, middle]),
             quarter(half, 0, [top, b, middle, right]),
@@ -114,7 +114,7 @@ impl Raster<'_> {
     }
 
     /// Paints a square that one surface covers; inside it pixels are evenly spaced on the plate.
-    fn fill(&mut self, Square { at: [x, y], side, corners }: Square, layer: Option<usize>, flat: bool) {
+    fn fill(&mut self, PixelSquare { at: [x, y], side, corners }: PixelSquare, layer: Option<usize>, flat: bool) {
         let [width, height] = self.size;
         for row in y..(y + side).min(height) {
             for column in x..(x + side).min(width) {
@@ -177,7 +177,7 @@ fn within(corners: [Vec2; 4], u: f64, v: f64) -> Vec2 {
 
 /// Share of a pixel inside a smooth outline: by lines across it, each of which meets the outline once; exact for a
 /// straight outline.
-fn area_inside(layer: &Layer, corners: [Vec2; 4]) -> f64 {
+fn area_inside(layer: &PaintLayer, corners: [Vec2; 4]) -> f64 {
     let depth = |p: Vec2| layer.shape.depth(p);
     let [a, b, c, d] = corners.map(depth);
     let upright = (c - a + d - b).abs() > (b - a + d - c).abs();

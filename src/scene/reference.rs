@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::layers::Paint;
 use super::testing::penny;
-use super::{Disc, Glint, PartTruth, Relief, Scene, Shape, Thing};
+use super::{ClutterOutline, ClutterShape, Glint, Scene, SceneDisc, ScenePartTruth, SurfaceTexture};
 use upm_core::geometry::{Lens, Vec2};
 
 /// Points along each side of a pixel.
@@ -18,17 +18,20 @@ fn small() -> Scene {
     scene.lens = Lens { radial: [-0.12, 0.03], tangential: [4e-4, -3e-4], ..Lens::ideal(225.0, Vec2::new(81.0, 73.5)) };
     scene.tilt_rad = [0.15, -0.08, 0.3];
     scene.camera_m = -scene.camera_from_table().transpose() * Vector3::new(0.002, -0.001, 0.12);
-    let relief = Relief { amplitude: 0.2, waves: [(Vec2::new(4.0, 2.0), 1.0); 3], ring: [0.6, 0.2] };
+    let relief = SurfaceTexture { amplitude: 0.2, waves: [(Vec2::new(4.0, 2.0), 1.0); 3], ring: [0.6, 0.2] };
     let glint = Glint { at: Vec2::new(0.2, -0.1), half_axes: [0.3, 0.25], direction_rad: 0.5, level: 330.0 };
     scene.parts = vec![
-        Disc { relief: Some(relief), ..penny(-0.01, -0.008) },
-        Disc { glints: vec![glint], ..penny(-0.01, -0.008 + 2.0 * 0.009525) },
+        SceneDisc { relief: Some(relief), ..penny(-0.01, -0.008) },
+        SceneDisc { glints: vec![glint], ..penny(-0.01, -0.008 + 2.0 * 0.009525) },
         penny(0.03 - 0.009525 - 1e-4, 0.0),
     ];
     scene.glints = vec![Glint { at: Vec2::new(0.01, -0.02), half_axes: [0.004, 0.003], ..glint }];
-    scene.strays = vec![Thing { shape: Shape::rectangle(Vec2::new(-0.036, 0.0), [0.003, 0.02], 0.1), level: 180.0 }];
-    let finger = Shape::capsule(Vec2::new(0.01, 0.027), Vec2::new(0.02, 0.06), 0.004);
-    scene.covers = vec![Thing { shape: finger, level: 100.0 }];
+    scene.strays = vec![ClutterShape {
+        shape: ClutterOutline::rectangle(Vec2::new(-0.036, 0.0), [0.003, 0.02], 0.1),
+        level: 180.0,
+    }];
+    let finger = ClutterOutline::capsule(Vec2::new(0.01, 0.027), Vec2::new(0.02, 0.06), 0.004);
+    scene.covers = vec![ClutterShape { shape: finger, level: 100.0 }];
     scene
 }
 
@@ -97,7 +100,7 @@ fn rendered(scene: &Scene) -> (f64, Vec2) {
     let [_, plate, part] = scene.levels;
     let share = |(i, level): (usize, &f32)| {
         let p = Vec2::new((i % scene.size_px[0]) as f64, (i / scene.size_px[0]) as f64);
-        let on_plate = Shape::square(scene.side_m).depth(on_plate(scene, p)) > 2e-3;
+        let on_plate = ClutterOutline::square(scene.side_m).depth(on_plate(scene, p)) > 2e-3;
         (if on_plate { (f64::from(*level) - plate) / (part - plate) } else { 0.0 }, p)
     };
     let levels = scene.levels_by_area(&scene.parts);
@@ -121,8 +124,8 @@ fn truth_is_where_a_lone_part_is_rendered() {
         let mut scene = Scene::general(seed);
         scene.tilt_rad = [tilt[0], tilt[1], 0.4];
         scene.camera_m = -scene.camera_from_table().transpose() * Vector3::new(0.0, 0.0, 0.65);
-        scene.parts = vec![Disc { thickness_m: 2e-3, ..penny(at.0, at.1) }];
-        let PartTruth { center_px, radius_px, .. } = scene.truth()[0];
+        scene.parts = vec![SceneDisc { thickness_m: 2e-3, ..penny(at.0, at.1) }];
+        let ScenePartTruth { center_px, radius_px, .. } = scene.truth()[0];
         let (area, center) = rendered(&scene);
         assert!((center - center_px).norm() < 2e-3, "{seed}: {}", center - center_px);
         assert!(((area / std::f64::consts::PI).sqrt() - radius_px).abs() < 2e-3, "{seed}: {area}");

@@ -2,14 +2,14 @@ use upm_core::geometry::Vec2;
 
 /// An outline on the plate's plane, m.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub enum ClutterOutline {
     /// The hull of two circles: centres and radii.
     Hull([(Vec2, f64); 2]),
     /// Intersection of half-planes: `normal · p ≤ offset`, normals of length 1.
     Convex(Vec<(Vec2, f64)>),
 }
 
-impl Shape {
+impl ClutterOutline {
     /// A circle.
     pub fn circle(at_m: Vec2, radius_m: f64) -> Self {
         Self::Hull([(at_m, radius_m); 2])
@@ -90,7 +90,7 @@ mod tests {
         fn hull_is_the_union_of_the_circles_between(a in point(), b in point(), p in point(), radii in (0.1..2.0f64, 0.1..2.0f64)) {
             let between = |t: f64| radii.0 + t * (radii.1 - radii.0) - (p - a - (b - a) * t).norm();
             let slow = (0..=4000).map(|i| between(f64::from(i) / 4000.0)).fold(f64::NEG_INFINITY, f64::max);
-            let depth = Shape::Hull([(a, radii.0), (b, radii.1)]).depth(p);
+            let depth = ClutterOutline::Hull([(a, radii.0), (b, radii.1)]).depth(p);
             // Outside, the distance is that of the nearest of those circles; inside, only the sign agrees.
             prop_assert!((depth > 0.0) == (slow > 0.0) || depth.abs() < 1e-5, "{depth} {slow}");
             prop_assert!(depth > 0.0 || (depth - slow).abs() < 1e-5, "{depth} {slow}");
@@ -100,7 +100,7 @@ mod tests {
         fn depth_never_changes_faster_than_the_way(
             a in point(), b in point(), p in point(), q in point(), radii in (0.1..2.0f64, 0.1..2.0f64), direction in -3.0..3.0f64,
         ) {
-            for shape in [Shape::Hull([(a, radii.0), (b, radii.1)]), Shape::rectangle(a, [radii.0, radii.1], direction)] {
+            for shape in [ClutterOutline::Hull([(a, radii.0), (b, radii.1)]), ClutterOutline::rectangle(a, [radii.0, radii.1], direction)] {
                 prop_assert!((shape.depth(p) - shape.depth(q)).abs() <= (p - q).norm() + 1e-12);
             }
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Disc, Scene};
+use super::{Scene, SceneDisc};
 use upm_core::geometry::Vec2;
 
 /// Side of the plate, m.
@@ -11,8 +11,8 @@ pub const SIDE_M: f64 = 0.2032;
 pub const PENNY_M: f64 = 0.009525;
 
 /// A penny at `(x_m, y_m)` on the plate.
-pub fn penny(x_m: f64, y_m: f64) -> Disc {
-    Disc::new(Vec2::new(x_m, y_m), PENNY_M, 1.52e-3)
+pub fn penny(x_m: f64, y_m: f64) -> SceneDisc {
+    SceneDisc::new(Vec2::new(x_m, y_m), PENNY_M, 1.52e-3)
 }
 
 impl Scene {

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use super::Shape;
+use super::ClutterOutline;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::units::INCH_M;
 
@@ -31,18 +31,18 @@ pub struct Scene {
     /// Seed of the noise.
     pub seed: u64,
     /// Parts, later ones in front.
-    pub parts: Vec<Disc>,
+    pub parts: Vec<SceneDisc>,
     /// Reflections of lamps in the plate, in m of the table frame.
     pub glints: Vec<Glint>,
     /// Objects on the ground, behind the plate.
-    pub strays: Vec<Thing>,
+    pub strays: Vec<ClutterShape>,
     /// Objects in front of everything.
-    pub covers: Vec<Thing>,
+    pub covers: Vec<ClutterShape>,
 }
 
 /// A part: a disc on the plate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Disc {
+pub struct SceneDisc {
     /// Index into [`kinds`](super::kinds).
     pub kind: usize,
     /// Middle of its foot in the table frame, m.
@@ -52,12 +52,12 @@ pub struct Disc {
     /// Height, m.
     pub thickness_m: f64,
     /// Relief stamped on it.
-    pub relief: Option<Relief>,
+    pub relief: Option<SurfaceTexture>,
     /// Reflections of lamps in it, in radii from its middle.
     pub glints: Vec<Glint>,
 }
 
-impl Disc {
+impl SceneDisc {
     /// A smooth disc of kind 0 with its foot's middle at `at_m`.
     pub fn new(at_m: Vec2, radius_m: f64, thickness_m: f64) -> Self {
         Self { kind: 0, at_m, radius_m, thickness_m, relief: None, glints: Vec::new() }
@@ -67,7 +67,7 @@ impl Disc {
 /// Gray level over a part's face: three waves and a ring, `a (mean of cos(k·q + phase) + ring) / 2` of the step from
 /// part to plate, `q` in radii from the part's middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Relief {
+pub struct SurfaceTexture {
     /// Largest deviation, as a fraction of the step from part to plate.
     pub amplitude: f64,
     /// Wave vectors, rad a radius, and phases, rad.
@@ -91,16 +91,16 @@ pub struct Glint {
 
 /// An object of one gray level, its outline on the plate's plane.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Thing {
+pub struct ClutterShape {
     /// Outline.
-    pub shape: Shape,
+    pub shape: ClutterOutline,
     /// Gray level in full light.
     pub level: f64,
 }
 
 /// True position of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartTruth {
+pub struct ScenePartTruth {
     /// Index into [`kinds`](super::kinds).
     pub kind: usize,
     /// Middle of its foot in the table frame, m.

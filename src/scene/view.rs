@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::{Disc, PartTruth, Scene, Shape};
+use super::{ClutterOutline, Scene, SceneDisc, ScenePartTruth};
 use upm_core::geometry::{Homography, Vec2, cross};
 
 /// Points of the polygon that approximates an outline for its area.
@@ -40,11 +40,11 @@ impl Scene {
     }
 
     /// True position of every part, on the plate and in the picture.
-    pub fn truth(&self) -> Vec<PartTruth> {
+    pub fn truth(&self) -> Vec<ScenePartTruth> {
         self.parts.iter().map(|part| self.part_truth(part)).collect()
     }
 
-    fn part_truth(&self, part: &Disc) -> PartTruth {
+    fn part_truth(&self, part: &SceneDisc) -> ScenePartTruth {
         let ideal_from_table = self.ideal_from_table();
         let circles = self.seen_circles(part);
         let outline: Vec<Vec2> = (0..OUTLINE_POINTS)
@@ -59,16 +59,16 @@ impl Scene {
             .collect();
         let (area_px2, center_px) = area_and_centre(&outline);
         let radius_px = (area_px2 / std::f64::consts::PI).sqrt();
-        PartTruth { kind: part.kind, at_m: part.at_m, center_px, radius_px }
+        ScenePartTruth { kind: part.kind, at_m: part.at_m, center_px, radius_px }
     }
 
     /// Outline of a part on the plate's plane: the hull of its foot and of its top as the camera projects it.
-    pub(super) fn silhouette(&self, part: &Disc) -> Shape {
-        Shape::Hull(self.seen_circles(part))
+    pub(super) fn silhouette(&self, part: &SceneDisc) -> ClutterOutline {
+        ClutterOutline::Hull(self.seen_circles(part))
     }
 
     /// A part's foot, and its top as projected on the plate's plane, by similar triangles from the camera's centre.
-    pub(super) fn seen_circles(&self, part: &Disc) -> [(Vec2, f64); 2] {
+    pub(super) fn seen_circles(&self, part: &SceneDisc) -> [(Vec2, f64); 2] {
         let scale = self.camera_m.z / (self.camera_m.z - part.thickness_m);
         let below_camera = self.camera_m.xy();
         let top = below_camera + (part.at_m - below_camera) * scale;
@@ -118,7 +118,7 @@ mod tests {
         scene.lens.radial = [0.0; 2];
         scene.lens.tangential = [0.0; 2];
         scene.tilt_rad = [0.17, 0.0, 0.0];
-        scene.parts = vec![Disc::new(Vec2::new(0.05, 0.06), 0.03, 0.0)];
+        scene.parts = vec![SceneDisc::new(Vec2::new(0.05, 0.06), 0.03, 0.0)];
         let map = scene.ideal_from_table();
         let (h, c) = (map.matrix(), scene.parts[0].at_m);
         // Conic of the circle, mapped; its pole of the line at infinity is its centre (Hartley and Zisserman, ch. 2).

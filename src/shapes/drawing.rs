@@ -18,7 +18,7 @@ const COS_CORNER: f64 = 0.866;
 /// A drawing of lines with knots, which always get a place. Between knots, places are spread evenly by arc length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
-    stretches: Vec<Stretch>,
+    stretches: Vec<LineSegment>,
     /// Number of knots.
     knots: usize,
     size_m: f64,
@@ -27,7 +27,7 @@ pub struct Drawing {
 
 /// A line between two knots, in sizes of the drawing from its middle.
 #[derive(Clone, Debug, PartialEq)]
-struct Stretch {
+struct LineSegment {
     line: Polyline,
     /// Indices of the knots at its ends; equal on a closed line.
     ends: [usize; 2],
@@ -56,7 +56,7 @@ impl Drawing {
             let points = joined(piece);
             let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else { continue };
             let ends = [first, last].map(|end| knot(&mut knot_points, end));
-            stretches.push(Stretch { line: Polyline::new(points), ends });
+            stretches.push(LineSegment { line: Polyline::new(points), ends });
         }
         Self { stretches, knots: knot_points.len(), size_m, center_m }
     }
@@ -90,7 +90,7 @@ impl Drawing {
         let gaps = self.gaps(more).filter(|gaps| !gaps.is_empty())?;
         let mut taken = vec![false; self.knots];
         let mut places_m = Vec::with_capacity(count);
-        for (Stretch { line, ends: [first, last] }, gaps) in self.stretches.iter().zip(gaps) {
+        for (LineSegment { line, ends: [first, last] }, gaps) in self.stretches.iter().zip(gaps) {
             for i in 0..=gaps {
                 let end = if i == 0 { Some(first) } else { Some(last).filter(|_| i == gaps) };
                 let is_free = end.is_none_or(|&end| !std::mem::replace(&mut taken[end], true));

@@ -77,7 +77,7 @@ impl Accelerometers {
 
     fn sample(&mut self, from: &PlateMotion, to: &PlateMotion, along: f64) {
         let place = self.params.position_m;
-        let felt = [place, -place].map(|p| from.acceleration_felt_at(p).lerp(&to.acceleration_felt_at(p), along));
+        let felt = [place, -place].map(|p| from.proper_acceleration_at(p).lerp(&to.proper_acceleration_at(p), along));
         let limit = f64::from(self.trace.count_limit);
         for (channel, (counts, felt_mps2)) in
             self.trace.counts.iter_mut().zip([felt[0].x, felt[0].y, felt[1].x, felt[1].y]).enumerate()

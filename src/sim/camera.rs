@@ -58,15 +58,15 @@ mod view;
 use super::CameraParams;
 use disc::DiscOutline;
 use edge::Blur;
-use exposure::Grain;
+use exposure::SubExposureParams;
 use noise::Noise;
 use plate::PlateOutline;
-use shares::Shares;
-use tiles::{AREA, BLOCK_SIDE, Grid, LANE_X, LANE_Y, LANES, Lanes, SIDE};
+use shares::PixelCoverage;
+use tiles::{AREA, BLOCK_SIDE, F32Lanes, LANE_X, LANE_Y, LANES, SIDE, TileGrid};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Rng;
 use upm_core::signal::Frame;
-use view::View;
+use view::CameraProjection;
 
 pub use disc::DiscShape;
 
@@ -83,18 +83,18 @@ pub struct Snapshot {
 #[derive(Clone, Debug)]
 pub struct Camera {
     params: CameraParams,
-    view: View,
-    grid: Grid,
+    view: CameraProjection,
+    grid: TileGrid,
     blur: Blur,
-    grain: Grain,
-    light: Light,
+    grain: SubExposureParams,
+    light: Illumination,
     plate: PlateOutline,
     parts: Vec<DiscOutline>,
-    stale: Stale,
+    stale: DirtyTiles,
     /// Shares of plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
     painted: Vec<[[f32; 2]; LANES]>,
     /// Shares of plate and parts in the tile being painted.
-    shares: [Shares; 2],
+    shares: [PixelCoverage; 2],
     /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
     clean: Vec<i16>,
     /// Standard deviation of each pixel's noise, laid out as `clean`.
@@ -106,15 +106,15 @@ impl Camera {
     /// A camera above a square plate of `plate_side_m` and parts of the given shapes; all noise comes from `noise`. Its
     /// position must be above plate and parts.
     pub fn new(params: CameraParams, plate_side_m: f64, discs: Vec<DiscShape>, noise: Rng) -> Self {
-        let view = View::new(&params);
-        let grid = Grid::new(&view, params.size_px);
+        let view = CameraProjection::new(&params);
+        let grid = TileGrid::new(&view, params.size_px);
         let blur = Blur::new(&params);
-        let grain = Grain { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
+        let grain = SubExposureParams { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
         let tiles = grid.tiles.len();
-        let mut stale = Stale::new(tiles);
+        let mut stale = DirtyTiles::new(tiles);
         (0..tiles).for_each(|index| stale.mark(index));
         let mut camera = Self {
-            light: Light::new(&params),
+            light: Illumination::new(&params),
             plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
             parts: discs.into_iter().map(DiscOutline::new).collect(),
             noise: Noise::new(&params, noise, params.size_px[0]),
@@ -127,9 +127,9 @@ impl Camera {
             grain,
             stale,
             painted: vec![[[f32::NAN; 2]; LANES]; tiles],
-            shares: [Shares::none(), Shares::none()],
+            shares: [PixelCoverage::none(), PixelCoverage::none()],
         };
-        camera.paint_stale();
+        camera.redraw_dirty();
         camera
     }
 
@@ -153,7 +153,7 @@ impl Camera {
     /// parts.
     pub fn render(&mut self, exposure: &[Snapshot], frame: &mut Frame) {
         self.mark_changes(exposure);
-        self.paint_stale();
+        self.redraw_dirty();
         self.expose(frame);
     }
 
@@ -165,7 +165,7 @@ impl Camera {
         for (index, part) in parts.iter_mut().enumerate() {
             let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied().flatten();
             let in_middle = middle.and_then(|snapshot| {
-                pose_in(snapshot).filter(|pose| plate.carries(&snapshot.plate_in_table, pose.position_m))
+                pose_in(snapshot).filter(|pose| plate.contains(&snapshot.plate_in_table, pose.position_m))
             });
             let seen = if in_middle.is_some() { exposure } else { &[] };
             let positions_m =
@@ -174,7 +174,7 @@ impl Camera {
         }
     }
 
-    fn paint_stale(&mut self) {
+    fn redraw_dirty(&mut self) {
         while let Some(index) = self.stale.next() {
             self.paint(index);
         }
@@ -184,7 +184,7 @@ impl Camera {
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
         let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
-        self.shares.iter_mut().for_each(Shares::clear);
+        self.shares.iter_mut().for_each(PixelCoverage::clear);
         let [on_plate, on_parts] = &mut self.shares;
         let lens = (&self.view, &self.blur);
         self.plate.cover(tile, lens, on_plate);
@@ -222,7 +222,7 @@ impl Camera {
         }
         let rows = self.clean.chunks_exact(stride).zip(self.sd.chunks_exact(stride));
         for (out, (clean, sd)) in frame.pixels.chunks_exact_mut(width).zip(rows) {
-            self.noise.develop_row(&clean[..width], &sd[..width], out);
+            self.noise.apply_to_row(&clean[..width], &sd[..width], out);
         }
     }
 }
@@ -233,7 +233,7 @@ impl Camera {
 fn compose_block(
     [ground, plate, part]: [f32; 3],
     [light, light_x, light_y]: [f32; 3],
-    (on_plate, on_parts): (&Lanes, &Lanes),
+    (on_plate, on_parts): (&F32Lanes, &F32Lanes),
 ) -> [i16; LANES] {
     // Adding 1.5·2²³ leaves the nearest whole number in the low bits.
     const ROUND: f32 = 12_582_912.0;
@@ -255,12 +255,12 @@ fn compose_block(
 
 /// Light that falls off evenly across the image: `at_origin + slope · (x, y)`.
 #[derive(Clone, Copy, Debug)]
-struct Light {
+struct Illumination {
     at_origin: f64,
     slope: Vec2,
 }
 
-impl Light {
+impl Illumination {
     fn new(params: &CameraParams) -> Self {
         let (sin, cos) = params.shading_direction_rad.sin_cos();
         let last = params.size_px.map(|count| count.saturating_sub(1) as f64);
@@ -278,12 +278,12 @@ impl Light {
 
 /// Queue of the tiles to be repainted, each once.
 #[derive(Clone, Debug)]
-struct Stale {
+struct DirtyTiles {
     marked: Vec<bool>,
     waiting: Vec<usize>,
 }
 
-impl Stale {
+impl DirtyTiles {
     fn new(tiles: usize) -> Self {
         Self { marked: vec![false; tiles], waiting: Vec::with_capacity(tiles) }
     }

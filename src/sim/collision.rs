@@ -4,7 +4,7 @@
 //! existed before is pushed apart.
 
 use super::ContactParams;
-use super::parts::Body;
+use super::parts::PartBody;
 use upm_core::geometry::{Vec2, perp};
 
 /// Gap from which a pair that has touched is no longer in contact, m.
@@ -38,7 +38,7 @@ impl Contacts {
 
     /// Resolves contacts, if any gap can have closed, after a step in which no part moved farther than `moved_m`.
     #[inline]
-    pub fn step(&mut self, bodies: &mut [Body], moved_m: f64) {
+    pub fn step(&mut self, bodies: &mut [PartBody], moved_m: f64) {
         self.clearance_m -= 2.0 * moved_m;
         if self.clearance_m <= 0.0 {
             self.clearance_m = self.resolve(bodies);
@@ -46,7 +46,7 @@ impl Contacts {
     }
 
     /// One pass over all pairs; returns the smallest gap left, zero while any pair is in contact.
-    fn resolve(&mut self, bodies: &mut [Body]) -> f64 {
+    fn resolve(&mut self, bodies: &mut [PartBody]) -> f64 {
         let mut clearance_m = HORIZON_M;
         let mut pairs = self.in_contact.iter_mut();
         for j in 1..bodies.len() {
@@ -73,7 +73,7 @@ impl Contacts {
 
 /// Distance between rims, m; the horizon when it is more, or when one is a point or has fallen.
 #[inline]
-fn gap(a: &Body, b: &Body) -> f64 {
+fn gap(a: &PartBody, b: &PartBody) -> f64 {
     let reach_m = a.radius_m + b.radius_m;
     let apart = b.motion.part_in_table.position_m - a.motion.part_in_table.position_m;
     let distance2 = apart.norm_squared();
@@ -83,12 +83,12 @@ fn gap(a: &Body, b: &Body) -> f64 {
     distance2.sqrt() - reach_m
 }
 
-fn is_point(a: &Body, b: &Body) -> bool {
+fn is_point(a: &PartBody, b: &PartBody) -> bool {
     a.radius_m == 0.0 || b.radius_m == 0.0
 }
 
 /// Resolves two overlapping discs: by an impulse if they approach, else by separating them.
-fn meet(params: &ContactParams, step_s: f64, a: &mut Body, b: &mut Body) {
+fn meet(params: &ContactParams, step_s: f64, a: &mut PartBody, b: &mut PartBody) {
     let apart = b.motion.part_in_table.position_m - a.motion.part_in_table.position_m;
     let approach = b.motion.velocity_mps - a.motion.velocity_mps;
     let reach_m = a.radius_m + b.radius_m;
@@ -108,7 +108,7 @@ fn meet(params: &ContactParams, step_s: f64, a: &mut Body, b: &mut Body) {
 }
 
 /// Velocities after the impulse along and across `normal`, which points from `a` to `b`.
-fn bounce(params: &ContactParams, a: &mut Body, b: &mut Body, normal: Vec2, approach: Vec2) {
+fn bounce(params: &ContactParams, a: &mut PartBody, b: &mut PartBody, normal: Vec2, approach: Vec2) {
     let inverse_mass = a.inverse_mass + b.inverse_mass;
     let closing_mps = (-approach.dot(&normal)).max(0.0);
     let push = (1.0 + params.restitution) * closing_mps / inverse_mass;
@@ -127,7 +127,7 @@ fn bounce(params: &ContactParams, a: &mut Body, b: &mut Body, normal: Vec2, appr
 }
 
 /// Moves both for `time_s` at their velocities.
-fn carry(a: &mut Body, b: &mut Body, time_s: f64) {
+fn carry(a: &mut PartBody, b: &mut PartBody, time_s: f64) {
     for motion in [&mut a.motion, &mut b.motion] {
         motion.part_in_table.position_m += motion.velocity_mps * time_s;
         motion.part_in_table.heading_rad += motion.spin_radps * time_s;
@@ -135,7 +135,7 @@ fn carry(a: &mut Body, b: &mut Body, time_s: f64) {
 }
 
 /// Pushes discs apart rim to rim, the lighter one farther.
-fn separate(a: &mut Body, b: &mut Body, apart: Vec2, reach_m: f64) {
+fn separate(a: &mut PartBody, b: &mut PartBody, apart: Vec2, reach_m: f64) {
     let overlap_m = reach_m - apart.norm();
     if overlap_m <= SLOP_M {
         return;

@@ -11,4 +11,4 @@ mod trace;
 pub use draw::drawn_faults;
 pub use faulty::Faulty;
 pub use plant::{CoilFaults, FaultyPlant, Oil, PlantChange, PlantFaults, SeenDisc};
-pub use spec::{Component, FaultKind, FaultSpec, ValueRange};
+pub use spec::{FaultKind, FaultSpec, FaultyComponent, ValueRange};

@@ -19,9 +19,11 @@ mod simulated_rig;
 pub use accelerometers::Accelerometers;
 pub use camera::{Camera, DiscShape, Snapshot};
 pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
-pub use open_loop::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, Trajectories, check_pulses, simulate};
+pub use open_loop::{
+    OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, PlateMode, check_pulses, simulate,
+};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
 pub use parts::{PartMotion, Parts};
 pub use plant::Plant;
-pub use plate::{Plate, PlateMotion, Wrench};
+pub use plate::{PlateMotion, ShakenPlate, Wrench};
 pub use simulated_rig::SimRig;

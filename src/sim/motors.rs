@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use super::MotorParams;
 use super::faults::CoilFaults;
-use super::oscillator::{Motion, Oscillator};
+use super::oscillator::{ModeState, Oscillator};
 use super::plate::Wrench;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, MOTORS};
@@ -16,7 +16,7 @@ pub struct Motors {
     params: MotorParams,
     step_s: f64,
     low_pass: LowPass,
-    filtered: [Motion; MOTORS],
+    filtered: [ModeState; MOTORS],
     drive: Option<Drive>,
     steps: u64,
     held_sample: Option<u64>,
@@ -30,7 +30,7 @@ pub struct Motors {
 #[derive(Clone, Copy, Debug)]
 struct SlowCoil {
     low_pass: LowPass,
-    filtered: Motion,
+    filtered: ModeState,
 }
 
 /// A second-order Butterworth filter.
@@ -47,7 +47,7 @@ impl LowPass {
         Self { oscillator, gain: corner_radps * corner_radps }
     }
 
-    fn step(&self, from: Motion, input: f64) -> Motion {
+    fn step(&self, from: ModeState, input: f64) -> ModeState {
         self.oscillator.step(from, self.gain * input)
     }
 }
@@ -59,7 +59,7 @@ impl Motors {
             params: *params,
             step_s,
             low_pass: LowPass::new(params.low_pass_hz, step_s),
-            filtered: [Motion::default(); MOTORS],
+            filtered: [ModeState::default(); MOTORS],
             drive: None,
             steps: 0,
             held_sample: None,
@@ -72,7 +72,8 @@ impl Motors {
     /// Replaces all faults of the coils by `faults`.
     pub fn set_faults(&mut self, faults: &CoilFaults) {
         for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
-            let slow_coil = || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: Motion::default() };
+            let slow_coil =
+                || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: ModeState::default() };
             *slow = corner_hz.is_finite().then(slow_coil);
         }
         let was_stuck = std::mem::replace(&mut self.faults, *faults).stuck;
@@ -95,14 +96,14 @@ impl Motors {
     pub fn stop(&mut self) {
         self.drive = None;
         self.held_counts = [0.0; MOTORS];
-        self.filtered = [Motion::default(); MOTORS];
-        self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = Motion::default());
+        self.filtered = [ModeState::default(); MOTORS];
+        self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = ModeState::default());
     }
 
     /// True when no drive sounds and the coils' last force has decayed (below a thousandth of a count).
-    pub fn is_silent(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         let rate = self.low_pass.gain.sqrt();
-        let faint = |m: &Motion| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
+        let faint = |m: &ModeState| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
         self.drive.is_none() && self.filtered.iter().all(faint)
     }
 
@@ -257,19 +258,19 @@ mod tests {
     #[test]
     fn falls_silent_after_the_pulse_and_at_once_when_stopped() {
         let mut motors = Motors::new(&PARAMS, 5e-5);
-        assert!(motors.is_silent());
+        assert!(motors.is_idle());
         motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
         for _ in 0..900 {
             motors.step();
         }
-        assert!(motors.is_silent());
+        assert!(motors.is_idle());
         motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
         for _ in 0..300 {
             motors.step();
         }
-        assert!(!motors.is_silent());
+        assert!(!motors.is_idle());
         motors.stop();
-        assert!(motors.is_silent());
+        assert!(motors.is_idle());
         assert_eq!(motors.step(), Wrench::default());
     }
 }

@@ -54,7 +54,7 @@ pub struct PartTrajectory {
 
 /// True trajectories of all parts at common instants.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Trajectories {
+pub struct OpenLoopTrajectories {
     /// Instants, s, from zero at the sampling rate to the end of the last pulse's rest.
     pub t_s: Vec<f64>,
     /// Trajectory of each part, with one position per instant.
@@ -125,7 +125,7 @@ pub fn simulate(
     pulses: &[OpenPulse],
     base_radps: f64,
     sample_hz: f64,
-) -> Result<Trajectories, OpenLoopError> {
+) -> Result<OpenLoopTrajectories, OpenLoopError> {
     if ![base_radps, sample_hz].iter().all(|f| f.is_finite() && *f > 0.0) {
         return Err(OpenLoopError::BadFrequency);
     }
@@ -158,10 +158,10 @@ fn kinematic(
     pulses: &[OpenPulse],
     base_radps: f64,
     sample_hz: f64,
-) -> Trajectories {
+) -> OpenLoopTrajectories {
     let step_s = params.step_s;
     let mut moving = Parts::new(parts, &params.contact, params.plate.side_m, step_s);
-    let mut recorder = Recorder::new(parts.len(), sample_hz);
+    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
     let mut steps = 0u64;
     for pulse in pulses {
         let wave = TwistWave { base_radps, harmonics: pulse.harmonics.clone() };
@@ -184,7 +184,7 @@ fn dynamic(
     pulses: &[OpenPulse],
     base_radps: f64,
     sample_hz: f64,
-) -> Result<Trajectories, OpenLoopError> {
+) -> Result<OpenLoopTrajectories, OpenLoopError> {
     let drives = pulses
         .iter()
         .enumerate()
@@ -192,7 +192,7 @@ fn dynamic(
         .collect::<Result<Vec<_>, _>>()?;
     let mut plant = Plant::new(params, parts, &Streams::new(0));
     let step_s = params.step_s;
-    let mut recorder = Recorder::new(parts.len(), sample_hz);
+    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
     for drive in drives {
         let length = (drive.envelope.total_s() / step_s).round() as u64;
         plant.play(drive);
@@ -246,14 +246,14 @@ fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTO
 }
 
 /// Samples trajectories at exact instants from steps of another length.
-struct Recorder {
+struct TrajectoryRecorder {
     sample_hz: f64,
-    done: Trajectories,
+    done: OpenLoopTrajectories,
 }
 
-impl Recorder {
+impl TrajectoryRecorder {
     fn new(parts: usize, sample_hz: f64) -> Self {
-        let done = Trajectories { t_s: Vec::new(), parts: vec![PartTrajectory::default(); parts] };
+        let done = OpenLoopTrajectories { t_s: Vec::new(), parts: vec![PartTrajectory::default(); parts] };
         Self { sample_hz, done }
     }
 

@@ -3,7 +3,7 @@
 
 /// Position and velocity of an oscillator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct ModeState {
     pub position: f64,
     pub velocity: f64,
 }
@@ -53,9 +53,9 @@ impl Oscillator {
 
     /// Motion one step later under `input`.
     #[inline]
-    pub fn step(&self, from: Motion, input: f64) -> Motion {
+    pub fn step(&self, from: ModeState, input: f64) -> ModeState {
         let ([qq, qv, qu], [vq, vv, vu]) = (self.position_from, self.velocity_from);
-        Motion {
+        ModeState {
             position: qq * from.position + qv * from.velocity + qu * input,
             velocity: vq * from.position + vv * from.velocity + vu * input,
         }
@@ -63,7 +63,7 @@ impl Oscillator {
 
     /// Acceleration of `motion` under `input`.
     #[inline]
-    pub fn acceleration(&self, motion: Motion, input: f64) -> f64 {
+    pub fn acceleration(&self, motion: ModeState, input: f64) -> f64 {
         input - self.damping * motion.velocity - self.stiffness * motion.position
     }
 }
@@ -74,11 +74,11 @@ mod tests {
     use proptest::prelude::*;
 
     /// Reference: the same step in many small steps of the classical Runge-Kutta method.
-    fn runge_kutta(oscillator: &Oscillator, from: Motion, input: f64, step_s: f64) -> Motion {
+    fn runge_kutta(oscillator: &Oscillator, from: ModeState, input: f64, step_s: f64) -> ModeState {
         const PARTS: usize = 2000;
         let h = step_s / PARTS as f64;
-        let slope = |m: Motion| Motion { position: m.velocity, velocity: oscillator.acceleration(m, input) };
-        let go = |m: Motion, s: Motion, h: f64| Motion {
+        let slope = |m: ModeState| ModeState { position: m.velocity, velocity: oscillator.acceleration(m, input) };
+        let go = |m: ModeState, s: ModeState, h: f64| ModeState {
             position: m.position + h * s.position,
             velocity: m.velocity + h * s.velocity,
         };
@@ -99,13 +99,13 @@ mod tests {
         ) {
             let step_s = 5e-5;
             let oscillator = Oscillator::new(w, zeta, step_s);
-            let from = Motion { position, velocity: velocity * (1.0 + w) };
+            let from = ModeState { position, velocity: velocity * (1.0 + w) };
             let (exact, small) = (oscillator.step(from, input), runge_kutta(&oscillator, from, input, step_s));
             let scale = 1e-9 * (1.0 + w);
             prop_assert!((exact.position - small.position).abs() < 1e-9);
             prop_assert!((exact.velocity - small.velocity).abs() < scale);
             // the response to the input alone, against the free mass's h²/2 and h
-            let (kick, small) = (oscillator.step(Motion::default(), 1.0), runge_kutta(&oscillator, Motion::default(), 1.0, step_s));
+            let (kick, small) = (oscillator.step(ModeState::default(), 1.0), runge_kutta(&oscillator, ModeState::default(), 1.0, step_s));
             prop_assert!((kick.position / small.position - 1.0).abs() < 1e-7);
             prop_assert!((kick.velocity - small.velocity).abs() < 1e-9 * step_s);
         }

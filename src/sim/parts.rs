@@ -13,7 +13,7 @@ use super::{ContactParams, PartParams};
 use upm_core::disc_friction::DiscFriction;
 use upm_core::geometry::{Pose, Vec2, cross};
 
-pub(super) use body::Body;
+pub(super) use body::PartBody;
 pub use body::PartMotion;
 
 /// Position of parts that are taken off the plate, m: far outside every view.
@@ -29,7 +29,7 @@ fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
 /// All parts of one plate.
 #[derive(Clone, Debug)]
 pub struct Parts {
-    bodies: Vec<Body>,
+    bodies: Vec<PartBody>,
     contacts: Contacts,
     friction: &'static DiscFriction,
     half_side_m: f64,
@@ -43,7 +43,7 @@ impl Parts {
     /// law and neither spins nor touches others.
     pub fn new(parts: &[(PartParams, Pose)], contact: &ContactParams, plate_side_m: f64, step_s: f64) -> Self {
         Self {
-            bodies: parts.iter().map(|(params, pose)| Body::new(params, *pose, step_s)).collect(),
+            bodies: parts.iter().map(|(params, pose)| PartBody::new(params, *pose, step_s)).collect(),
             contacts: Contacts::new(contact, parts.len(), step_s),
             friction: DiscFriction::shared(),
             half_side_m: 0.5 * plate_side_m,

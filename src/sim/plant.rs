@@ -2,10 +2,10 @@
 
 use super::accelerometers::Accelerometers;
 use super::faults::{PlantChange, PlantFaults};
-use super::guard::Guard;
+use super::guard::InterlockPort;
 use super::motors::Motors;
 use super::parts::{PartMotion, Parts};
-use super::plate::{Plate, PlateMotion, Wrench};
+use super::plate::{PlateMotion, ShakenPlate, Wrench};
 use super::{PartParams, SimParams, Snapshot};
 use upm_core::geometry::Pose;
 use upm_core::random::Streams;
@@ -26,7 +26,7 @@ pub struct Plant {
     half_side_m: f64,
     now_ns: u64,
     motors: Motors,
-    plate: Plate,
+    plate: ShakenPlate,
     parts: Parts,
     accelerometers: Accelerometers,
     motion: PlateMotion,
@@ -46,7 +46,7 @@ impl Plant {
             half_side_m: 0.5 * params.plate.side_m,
             now_ns: 0,
             motors: Motors::new(&params.motors, step_s),
-            plate: Plate::new(&params.plate, step_s),
+            plate: ShakenPlate::new(&params.plate, step_s),
             parts: Parts::new(parts, &params.contact, params.plate.side_m, step_s),
             accelerometers: Accelerometers::new(&params.accelerometers, streams),
             motion: PlateMotion::default(),
@@ -77,14 +77,14 @@ impl Plant {
 
     /// Advances to the end of the first step that is not before `time`; skips time at rest. `guard` is asked before
     /// every step whether to cut the motors in it, and notified when they are silent.
-    pub(super) fn advance_to(&mut self, time: PlateTime, guard: &mut Guard) {
+    pub(super) fn advance_to(&mut self, time: PlateTime, guard: &mut InterlockPort) {
         while self.now_ns < time.nanos() {
-            let cut = guard.cuts(self.now());
+            let cut = guard.should_cut(self.now());
             if cut {
                 self.stop();
             }
-            if guard.is_sounding() && (cut || self.motors.is_silent()) {
-                guard.silent(self.now());
+            if guard.is_driving() && (cut || self.motors.is_idle()) {
+                guard.motors_off(self.now());
             }
             if self.still {
                 self.now_ns = time.nanos().div_ceil(self.step_ns) * self.step_ns;
@@ -103,7 +103,7 @@ impl Plant {
         self.accelerometers.observe(from_s, &before, from_s + self.step_s, &self.motion);
         self.pulse_steps += 1;
         self.now_ns += self.step_ns;
-        if self.motors.is_silent() && self.barely_moves() {
+        if self.motors.is_idle() && self.barely_moves() {
             self.settle();
         }
     }
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn still_time_is_skipped_to_whole_steps() {
         let mut plant = plant(&rig_params());
-        let guard = &mut Guard::default();
+        let guard = &mut InterlockPort::default();
         plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001), guard);
         assert_eq!(plant.now().nanos(), 7_200_000_000_050_000);
         plant.play(drive());
@@ -240,10 +240,10 @@ mod tests {
         let (place, every) = (sensors.position_m, 4);
         let mut plant = plant(&params);
         plant.play(drive());
-        let mut felt = vec![plant.plate().acceleration_felt_at(place)];
+        let mut felt = vec![plant.plate().proper_acceleration_at(place)];
         for _ in 0..2400 {
             plant.step();
-            felt.push(plant.plate().acceleration_felt_at(place));
+            felt.push(plant.plate().proper_acceleration_at(place));
         }
         let trace = plant.trace();
         assert_eq!(trace.len(), 601);

@@ -12,7 +12,7 @@
 use std::ops::{Add, Mul};
 
 use super::PlateParams;
-use super::oscillator::{Motion, Oscillator};
+use super::oscillator::{ModeState, Oscillator};
 use upm_core::geometry::{Pose, Twist, Vec2, perp};
 
 /// A planar force and a torque about the plate's centre.
@@ -74,7 +74,7 @@ impl PlateMotion {
 
     /// Proper acceleration of a sensor fixed to the plate at `p_plate_m`, along the plate's axes, m/s²: the centre's
     /// acceleration, that of the spin, and the centripetal part.
-    pub fn acceleration_felt_at(&self, p_plate_m: Vec2) -> Vec2 {
+    pub fn proper_acceleration_at(&self, p_plate_m: Vec2) -> Vec2 {
         let (sin, cos) = self.plate_in_table.heading_rad.sin_cos();
         let center = self.acceleration.velocity_mps;
         let center_in_plate = center * cos - perp(center) * sin;
@@ -85,16 +85,16 @@ impl PlateMotion {
 
 /// The plate's state.
 #[derive(Clone, Debug)]
-pub struct Plate {
+pub struct ShakenPlate {
     params: PlateParams,
     step_s: f64,
     axes: [Oscillator; 3],
     inverse_inertia: [f64; 3],
-    motions: [Motion; 3],
+    motions: [ModeState; 3],
     wrench: Wrench,
 }
 
-impl Plate {
+impl ShakenPlate {
     /// A plate at rest, for steps of `step_s`.
     pub fn new(params: &PlateParams, step_s: f64) -> Self {
         let inverse_mass = params.mass_kg.recip();
@@ -103,7 +103,7 @@ impl Plate {
             step_s,
             axes: axes(params, step_s, 1.0),
             inverse_inertia: [inverse_mass, inverse_mass, params.inertia_kgm2.recip()],
-            motions: [Motion::default(); 3],
+            motions: [ModeState::default(); 3],
             wrench: Wrench::default(),
         }
     }
@@ -142,7 +142,7 @@ impl Plate {
 
     /// Sets the plate to its rest position, at rest.
     pub fn settle(&mut self) {
-        self.motions = [Motion::default(); 3];
+        self.motions = [ModeState::default(); 3];
         self.wrench = Wrench::default();
     }
 
@@ -179,7 +179,7 @@ mod tests {
         for (axis, inertia) in inertias.into_iter().enumerate() {
             for hz in [5.0, 20.0, 60.0, 120.0, 180.0] {
                 let w = TAU * hz;
-                let mut plate = Plate::new(&PARAMS, step_s);
+                let mut plate = ShakenPlate::new(&PARAMS, step_s);
                 let (settle, periods) = (4.0, 20.0);
                 let (from, steps) = ((settle / step_s) as usize, ((settle + periods / hz) / step_s).round() as usize);
                 let mut sum = Complex::new(0.0, 0.0);
@@ -210,11 +210,11 @@ mod tests {
             acceleration: Twist::new(1.0, 2.0, 10.0),
             ..Default::default()
         };
-        let felt = spinning.acceleration_felt_at(p);
+        let felt = spinning.proper_acceleration_at(p);
         assert!((felt - Vec2::new(1.0 - 0.6 - 0.72, 2.0 + 0.8 - 0.54)).norm() < 1e-12);
         let quarter = Pose { position_m: Vec2::zeros(), heading_rad: std::f64::consts::FRAC_PI_2 };
         let turned =
             PlateMotion { plate_in_table: quarter, acceleration: Twist::new(0.0, 1.0, 0.0), ..Default::default() };
-        assert!((turned.acceleration_felt_at(p) - Vec2::new(1.0, 0.0)).norm() < 1e-12);
+        assert!((turned.proper_acceleration_at(p) - Vec2::new(1.0, 0.0)).norm() < 1e-12);
     }
 }

@@ -80,7 +80,7 @@ fn displacement(trajectory: &PartTrajectory) -> Vec2 {
     end(trajectory) - Vec2::new(trajectory.x_m[0], trajectory.y_m[0])
 }
 
-fn kinematic(parts: &[(PartParams, Pose)], pulses: &[OpenPulse], step_s: f64) -> Trajectories {
+fn kinematic(parts: &[(PartParams, Pose)], pulses: &[OpenPulse], step_s: f64) -> OpenLoopTrajectories {
     let params = SimParams { step_s, plate: PlateParams { side_m: 10.0, ..rig_params().plate }, ..rig_params() };
     simulate(&params, PlateMode::Kinematic, parts, pulses, W, 200.0).unwrap()
 }

@@ -4,7 +4,7 @@ mod exposure;
 mod faults;
 
 use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
-use super::guard::Guard;
+use super::guard::InterlockPort;
 use super::{Camera, DiscShape, PartParams, Plant, SimParams, Snapshot};
 use upm_core::geometry::Pose;
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
@@ -30,7 +30,7 @@ pub struct SimRig {
     last_frame: u64,
     quiet_at: PlateTime,
     rest_s: f64,
-    guard: Guard,
+    guard: InterlockPort,
 }
 
 impl SimRig {
@@ -50,15 +50,15 @@ impl SimRig {
             last_frame: 0,
             quiet_at: PlateTime::ZERO,
             rest_s: 0.0,
-            guard: Guard::default(),
+            guard: InterlockPort::default(),
         };
         rig.publish(PlateTime::ZERO, 0.0);
         rig
     }
 
     /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
-    pub fn fit(&mut self, interlock: Interlock) -> Result<(), RigFault> {
-        self.guard.fit(&interlock, self.now())
+    pub fn attach(&mut self, interlock: Interlock) -> Result<(), RigFault> {
+        self.guard.attach(&interlock, self.now())
     }
 
     /// The true camera, for publishing ground truth.
@@ -72,7 +72,7 @@ impl SimRig {
     }
 
     /// Sets the motors to zero and returns `Err` once the interlock has tripped.
-    fn obey(&mut self) -> Result<(), RigFault> {
+    fn stop_if_tripped(&mut self) -> Result<(), RigFault> {
         let checked = self.guard.check();
         if checked.is_err() {
             self.stop();
@@ -134,21 +134,21 @@ impl Rig for SimRig {
     }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
-        self.obey()?;
+        self.stop_if_tripped()?;
         self.check(drive)?;
-        self.guard.sound()?;
+        self.guard.energize()?;
         self.quiet_at = self.now() + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         self.plant.play(drive.clone());
         Ok(())
     }
 
-    fn quiet_at(&self) -> PlateTime {
+    fn settled_at(&self) -> PlateTime {
         self.quiet_at
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
-        self.obey()?;
+        self.stop_if_tripped()?;
         let exposure = Exposure::next(self.camera.params(), self.exposure_factor, self.now(), self.last_frame);
         self.advance_to(exposure.opens);
         let taken = if self.plant.is_still() {
@@ -167,12 +167,12 @@ impl Rig for SimRig {
             }
             EXPOSURE_SNAPSHOTS
         };
-        self.obey()?;
+        self.stop_if_tripped()?;
         self.camera.render(&self.exposure[..taken], frame);
         (frame.index, frame.exposed_at) = (exposure.index, exposure.middle);
         self.last_frame = exposure.index;
         self.advance_to(exposure.closes());
-        self.obey()
+        self.stop_if_tripped()
     }
 
     fn trace(&self) -> AccelTrace {
@@ -181,18 +181,18 @@ impl Rig for SimRig {
 
     fn stop(&mut self) {
         self.plant.stop();
-        self.guard.silent(self.now());
+        self.guard.motors_off(self.now());
         self.quiet_at = self.quiet_at.min(self.now() + self.rest_s);
     }
 
     fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
         let lease_ends = self.now() + Interlock::LEASE_S;
-        if !self.guard.is_sounding() || until <= lease_ends {
+        if !self.guard.is_driving() || until <= lease_ends {
             self.advance_to(until);
-            return self.obey();
+            return self.stop_if_tripped();
         }
         self.advance_to(lease_ends);
-        let trip = self.guard.lease_ran_out(self.now());
+        let trip = self.guard.lease_expired(self.now());
         self.stop();
         self.advance_to(until);
         Err(RigFault::Stopped(trip))
@@ -283,10 +283,10 @@ mod tests {
         let before = rig.probe().read();
         let start = rig.now();
         rig.play(&drive(300.0)).unwrap();
-        assert!((rig.quiet_at() - start - ENVELOPE.total_s()).abs() < 1e-9);
-        assert_eq!(rig.play(&drive(300.0)), Err(RigFault::Busy(rig.quiet_at())));
+        assert!((rig.settled_at() - start - ENVELOPE.total_s()).abs() < 1e-9);
+        assert_eq!(rig.play(&drive(300.0)), Err(RigFault::Busy(rig.settled_at())));
         assert!(rig.trace().is_empty());
-        while rig.now() < rig.quiet_at() {
+        while rig.now() < rig.settled_at() {
             capture(&mut rig);
         }
         let (after, trace) = (rig.probe().read(), rig.trace());
@@ -327,14 +327,14 @@ mod tests {
     fn stop_ends_the_pulse_now() {
         let mut rig = rig(1);
         rig.stop();
-        assert_eq!(rig.quiet_at(), PlateTime::ZERO);
+        assert_eq!(rig.settled_at(), PlateTime::ZERO);
         rig.play(&drive(300.0)).unwrap();
         capture(&mut rig);
         capture(&mut rig);
         rig.stop();
         let (stopped, length) = (rig.now(), rig.trace().len());
-        assert!((rig.quiet_at() - stopped - ENVELOPE.rest_s).abs() < 1e-9);
-        while rig.now() < rig.quiet_at() {
+        assert!((rig.settled_at() - stopped - ENVELOPE.rest_s).abs() < 1e-9);
+        while rig.now() < rig.settled_at() {
             capture(&mut rig);
         }
         assert_eq!(rig.trace().len(), length);

@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 
 use upm_control::Sink;
-use upm_recording::{Keeping, LocalisedRecord, RerunMode};
+use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
 
 use crate::types::Experiment;
 use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
@@ -24,7 +24,7 @@ impl RerunSink {
         _path: &Path,
         _live: Option<&LiveServer>,
         _context: RunContext,
-        _keeping: &Keeping,
+        _keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
         refuse(mode).map(|_| Self(()))
     }

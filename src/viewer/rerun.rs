@@ -28,6 +28,7 @@ mod live_server;
 mod live_tests;
 mod located;
 mod looks;
+mod names;
 mod paint;
 mod picture;
 mod plots;
@@ -41,8 +42,12 @@ mod sink;
 mod survival_tests;
 mod table;
 mod tape;
+mod task;
+#[cfg(test)]
+mod task_tests;
 #[cfg(test)]
 mod tests;
+mod titles;
 mod trails;
 mod viewer_proxy;
 mod vision;

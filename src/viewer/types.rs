@@ -2,10 +2,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use upm_chart::{Chart, Playback};
+use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::rig::RigModel;
 use upm_library::Library;
-use upm_planner::Method;
+use upm_planner::PlanningMethod;
 use upm_recording::RerunMode;
 
 /// Data about a run for its recording.
@@ -20,9 +21,13 @@ pub struct RunContext {
     /// The rig.
     pub model: RigModel,
     /// Method of planning.
-    pub method: Method,
+    pub method: PlanningMethod,
     /// Every part, in the order of the job.
     pub parts: Vec<PartLook>,
+    /// The bins that parts are sorted into.
+    pub bins: Vec<BinLook>,
+    /// Paths that parts shall follow, as lines, m: one for each part, or several for a single part.
+    pub paths_m: Vec<Vec<Vec2>>,
     /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
 }
@@ -36,6 +41,17 @@ pub struct PartLook {
     pub kind: String,
     /// Its outline, m.
     pub radius_m: f64,
+}
+
+/// A rectangle for the parts of some kinds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BinLook {
+    /// Names of the kinds.
+    pub kinds: Vec<String>,
+    /// Lower left corner, m.
+    pub min_m: Vec2,
+    /// Upper right corner, m.
+    pub max_m: Vec2,
 }
 
 /// Reason that a recording could not be made or is incomplete.

@@ -10,7 +10,7 @@ use crate::cli::progress::FULL;
 use crate::cli::run::{run_failure, status_of};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
-use upm_recording::{Keeping, RerunMode};
+use upm_recording::{RecordingOptions, RerunMode};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{PacingStats, RunOptions, run as run_job};
 
@@ -85,7 +85,7 @@ impl Batch<'_> {
             started_utc: self.started_utc.clone(),
             rerun: self.rerun.clone(),
             real_time: false,
-            keeping: Keeping::patient(self.clock),
+            keeping: RecordingOptions::lossless(self.clock),
             live: None,
         };
         let stop = AtomicBool::new(false);

@@ -2,7 +2,7 @@
 
 use super::plan::Planned;
 use upm_chart::{Chart, Color, Layer, Mark};
-use upm_control::Rehearsal;
+use upm_control::DryRun;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_runner::run::{Coverage, PartForecast, Place, PlanVerdict};
@@ -96,7 +96,7 @@ fn plan_title(planned: &Planned) -> String {
 }
 
 fn trails(planned: &Planned) -> impl Iterator<Item = Layer> {
-    let trails = planned.forecast.rehearsals.first().map_or(&[][..], |Rehearsal { trails_m, .. }| trails_m);
+    let trails = planned.forecast.rehearsals.first().map_or(&[][..], |DryRun { trails_m, .. }| trails_m);
     trails.iter().enumerate().map(|(i, trail_m)| {
         let points = trail_m.iter().map(|&p| at_mm(p));
         Layer::new(of_first(i, "predicted way"), Mark::Line, Color::nth(i), points)

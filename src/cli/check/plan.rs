@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 use super::covered::{degrees, mm, place_json, rounded, shown, steps};
 use crate::cli::progress::{LateProgress, ProgressMode};
 use crate::cli::summary::planner_line;
-use upm_control::{LimitMet, Nearest, Rehearsal};
+use upm_control::{ClosestApproach, DryRun, LimitMet};
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
 use upm_library::Library;
 use upm_runner::config::{Fault, JobSpec};
-use upm_runner::run::{Forecast, PartForecast, PlanVerdict, Spot, rehearse};
+use upm_runner::run::{Forecast, PartForecast, PlanVerdict, StartForecast, rehearse};
 
 pub(super) struct Planned {
     pub job: String,
@@ -54,7 +54,7 @@ impl Planned {
         let range = forecast.range(|rehearsal| rehearsal.plate_time_s).map(|[least, median, most]| {
             json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
         });
-        let nearest = forecast.nearest().map(|Nearest { gap_m, parts, at_s }| {
+        let nearest = forecast.nearest().map(|ClosestApproach { gap_m, parts, at_s }| {
             json!({ "gap_mm": rounded(mm(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
         });
         let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
@@ -122,7 +122,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
     figures.push(("planner", planner_line(&forecast.planner.report())));
-    let median = |figure: fn(&Rehearsal) -> f64| forecast.range(figure).map_or(0.0, |[_, median, _]| median);
+    let median = |figure: fn(&DryRun) -> f64| forecast.range(figure).map_or(0.0, |[_, median, _]| median);
     if let Some([least, middle, most]) = forecast.range(|rehearsal| rehearsal.plate_time_s) {
         let cycles = median(|rehearsal| rehearsal.cycles as f64);
         let pulses = median(|rehearsal| rehearsal.pulses as f64);
@@ -137,7 +137,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         ));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
-    if let Some(Nearest { gap_m, parts: [a, b], at_s }) = forecast.nearest() {
+    if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = forecast.nearest() {
         let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm(gap_m)) };
         figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
     }
@@ -155,7 +155,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
 }
 
 /// Start and, where there is one, target of a part.
-fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &Spot)> {
+fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &StartForecast)> {
     [("start", Some(&part.start)), ("target", part.target.as_ref())]
         .into_iter()
         .filter_map(|(name, spot)| Some((name, spot?)))
@@ -168,11 +168,12 @@ fn table(parts: &[PartForecast]) -> Vec<String> {
         format!("{part:wide$}  {place:6}  {at:16}  {weakest:13}  {pulse:42}  {values}")
     };
     let heads = ["part", "place", "at (mm)", "weakest", "one pulse there, in that direction", "singular values"];
-    let row = |part: &PartForecast, name: &str, Spot { place, singular_values: [first, second] }: &Spot| {
-        let weakest = format!("{:3.0} deg, {:.2}", degrees(place.weakest_direction), place.share);
-        let values = format!("{first:.2}, {second:.2}");
-        line([&part.id, name, &shown(place.position_m), &weakest, &steps(place), &values])
-    };
+    let row =
+        |part: &PartForecast, name: &str, StartForecast { place, singular_values: [first, second] }: &StartForecast| {
+            let weakest = format!("{:3.0} deg, {:.2}", degrees(place.weakest_direction), place.share);
+            let values = format!("{first:.2}, {second:.2}");
+            line([&part.id, name, &shown(place.position_m), &weakest, &steps(place), &values])
+        };
     let rows = parts.iter().flat_map(|part| spots(part).map(move |(name, spot)| row(part, name, spot)));
     std::iter::once(line(heads)).chain(rows).collect()
 }

@@ -4,7 +4,7 @@ use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{CoinFinder, Tracker, locate_table};
-use upm_scene::{Disc, Scene, kinds};
+use upm_scene::{Scene, SceneDisc, kinds};
 
 /// Number of frames of the film, and displacement of the part between frames, m (3 px).
 const FRAMES: usize = 48;
@@ -31,7 +31,7 @@ pub(super) fn tracking() -> Option<TrackTimes> {
     let penny = kinds.first()?;
     let film: Vec<_> = (0..FRAMES)
         .map(|i| Vec2::new(-0.016 + STEP_M * i as f64, 0.02))
-        .map(|at_m| scene.frame_with(&[Disc::new(at_m, penny.radius_m, penny.thickness_m)]))
+        .map(|at_m| scene.frame_with(&[SceneDisc::new(at_m, penny.radius_m, penny.thickness_m)]))
         .collect();
     let first = film.first()?;
     let table = locate_table(first, &scene.lens, scene.side_m).ok()?;

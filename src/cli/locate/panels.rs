@@ -10,7 +10,7 @@ use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
-use upm_perception::vision::{HoughArray, Stages};
+use upm_perception::vision::{DebugImages, HoughArray};
 use upm_recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
 
 /// Largest size of the vote map, to which it is scaled down, px.
@@ -42,13 +42,13 @@ pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBu
 }
 
 /// Writes the panels of a picture without a table: the first three, or two if no edge was found.
-pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &Stages) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &DebugImages) -> Result<Vec<PathBuf>, Failure> {
     save(folder, begun(frame, stages))
 }
 
 type Panel = (&'static str, DynamicImage);
 
-fn begun(frame: &Frame, stages: &Stages) -> Vec<Panel> {
+fn begun(frame: &Frame, stages: &DebugImages) -> Vec<Panel> {
     let edges = edge_map(&stages.edges, [frame.width, frame.height], 1);
     let mut panels: Vec<Panel> = vec![("1-picture.png", picture(frame).into()), ("2-edges.png", edges.into())];
     if !stages.hough.votes.is_empty() {

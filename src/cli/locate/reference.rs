@@ -9,7 +9,7 @@ use super::scale::{PlateSide, SideSource};
 use super::setting::Setting;
 use crate::cli::output::Failure;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_perception::vision::{Detection, Stages, Survey};
+use upm_perception::vision::{DebugImages, Detection, Survey};
 use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
@@ -28,7 +28,7 @@ pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Locat
     let detections = find_parts(&view, &setting.kinds, setting.dark_parts);
     let done = clock.elapsed();
     let time_us = TimeUs::of(decode, [begun, found, done]);
-    let (table, stages, localise_us) = (view.table, Stages::default(), time_us.localise);
+    let (table, stages, localise_us) = (view.table, DebugImages::default(), time_us.localise);
     let part = |part: &Detection| {
         let diameter_m = 2.0 * part.radius_px / table.px_per_m_at(part.position_m);
         NamedPart { part: part.clone(), diameter_m, doubts: Vec::new() }

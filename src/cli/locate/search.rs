@@ -13,7 +13,7 @@ use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
-    CoinFinder, Detection, Disc, ResponseMethod, Stages, Survey, Table, TableFault, locate_table,
+    CoinFinder, DebugImages, Detection, DiscSpec, ResponseMethod, Survey, Table, TableFault, locate_table,
     locate_table_in_stages, survey,
 };
 use upm_recording::LocalisedRecord;
@@ -35,7 +35,7 @@ pub(super) fn look(
     }
     let (frame, colors) = (picture.frame, picture.colors);
     let begun = clock.elapsed();
-    let mut stages = Stages::default();
+    let mut stages = DebugImages::default();
     let table = find_table(&frame, setting, shown.then_some(&mut stages))
         .map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
     if let (Err(_), Some(folder)) = (&table, &args.stages) {
@@ -50,7 +50,7 @@ pub(super) fn look(
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
-    let near = |part: &Detection, disc: &Disc| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
+    let near = |part: &Detection, disc: &DiscSpec| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
     let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| near(part, disc)));
     let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
     let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());
@@ -70,7 +70,7 @@ pub(super) fn look(
 fn find_table(
     frame: &Frame,
     setting: &Setting,
-    mut stages: Option<&mut Stages>,
+    mut stages: Option<&mut DebugImages>,
 ) -> Result<Result<Table, TableFault>, String> {
     let mut first = None;
     for lens in setting.lenses(frame)? {

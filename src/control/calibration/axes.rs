@@ -3,10 +3,10 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, Matrix3};
 
 use super::axis_pulse::{AxisPulse, NAMES};
-use super::coils::Coils;
+use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
-use super::workbench::Workbench;
-use super::{CalibrationFault, CalibrationParams, ChannelFault};
+use super::workbench::CalibrationSession;
+use super::{CalibrationFault, CalibrationParams, MiswiredChannel};
 use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic};
@@ -58,7 +58,10 @@ fn axis_amplitudes(axis: usize, counts: i32) -> ([i32; 4], f64) {
     }
 }
 
-pub(super) fn measure(bench: &mut Workbench<'_>, params: &CalibrationParams) -> Result<Axes, CalibrationFault> {
+pub(super) fn measure(
+    bench: &mut CalibrationSession<'_>,
+    params: &CalibrationParams,
+) -> Result<Axes, CalibrationFault> {
     let sustain_s = params.read_sustain_s.max(0.25).min(bench.model.max_sustain_s);
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
@@ -91,13 +94,13 @@ pub(super) fn measure(bench: &mut Workbench<'_>, params: &CalibrationParams) -> 
 /// Refuses channels and coils that contradict the rig file. Channels are checked first because they measure the coils.
 /// A resonance that is too high distorts the coils' gains, but not the detection of dead, reversed or exchanged ones.
 fn check(
-    bench: &Workbench<'_>,
+    bench: &CalibrationSession<'_>,
     pulses: &[AxisPulse; 3],
     shapes: &[AxisShape; 3],
     responses: &[AxisPhasors; 3],
 ) -> Result<(), CalibrationFault> {
     check_channels_alike(&pulses.each_ref().map(|pulse| pulse.shown), bench.sensors.position_m)?;
-    let [first, second] = Coils::read(pulses, &bench.sensors, bench.model);
+    let [first, second] = CoilGains::read(pulses, &bench.sensors, bench.model);
     second.check_working()?;
     for axis in 0..3 {
         refuse_resonance(axis, shapes[axis], &responses[axis], bench.model)?;
@@ -114,7 +117,7 @@ fn check_channels_alike(
     let found = check_channels(shown, accelerometer_in_plate_m);
     let fault = |channel, fault| Err(CalibrationFault::Channel { channel, fault });
     if let Some((channel, share)) = worst(found.share, |share| share < DEAD_CHANNEL, |share| -share) {
-        return fault(channel, ChannelFault::Dead { share });
+        return fault(channel, MiswiredChannel::Dead { share });
     }
     if found.misfit > CHANNEL_MISFIT {
         return Err(CalibrationFault::NotRigid { misfit: found.misfit });
@@ -123,7 +126,7 @@ fn check_channels_alike(
     let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) else {
         return Ok(());
     };
-    fault(channel, if gain < 0.0 { ChannelFault::Reversed { gain } } else { ChannelFault::Gain { gain } })
+    fault(channel, if gain < 0.0 { MiswiredChannel::Reversed { gain } } else { MiswiredChannel::Gain { gain } })
 }
 
 /// Index and value of the `bad` channel for which `how` is largest.

@@ -1,5 +1,5 @@
 use super::CalibrationFault;
-use super::workbench::Workbench;
+use super::workbench::CalibrationSession;
 use upm_core::signal::{CHANNELS, Drive};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 
@@ -17,11 +17,11 @@ pub(super) struct AxisPulse {
 impl AxisPulse {
     /// Plays `drive` in both directions; the pulse and both readings.
     pub fn play(
-        bench: &mut Workbench<'_>,
+        bench: &mut CalibrationSession<'_>,
         axis: usize,
         drive: Drive,
     ) -> Result<(Self, [TwistFit; 2]), CalibrationFault> {
-        let read = |bench: &mut Workbench<'_>, drive: &Drive| {
+        let read = |bench: &mut CalibrationSession<'_>, drive: &Drive| {
             bench.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
                 CalibrationFault::Trace { fault: FitFault::TooWeak { found_mps2, needed_mps2 }, .. } => {
                     CalibrationFault::Still { axis: NAMES[axis], found_mps2, needed_mps2 }

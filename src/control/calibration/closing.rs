@@ -1,8 +1,8 @@
 use super::axes::Axes;
 use super::axis_pulse::{AxisPulse, NAMES};
-use super::coils::Coils;
-use super::workbench::Workbench;
-use super::{CalibrationFault, Component};
+use super::coils::CoilGains;
+use super::workbench::CalibrationSession;
+use super::{CalibrationFault, RigComponent};
 use upm_core::signal::CHANNELS;
 use upm_perception::estimation::Coefficients;
 
@@ -11,7 +11,7 @@ use upm_perception::estimation::Coefficients;
 const ALLOWED: f64 = 0.03;
 
 /// Plays the opening pulses again and refuses a rig that has changed since.
-pub(super) fn check(bench: &mut Workbench<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
+pub(super) fn check(bench: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
     let mut closing: [AxisPulse; 3] = Default::default();
     for (axis, opening) in axes.opening.iter().enumerate() {
         bench.report("closing", axis, closing.len());
@@ -25,9 +25,9 @@ pub(super) fn check(bench: &mut Workbench<'_>, axes: &Axes) -> Result<(), Calibr
     let worst = changes.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((axis, change)) = worst.filter(|(_, change)| *change > ALLOWED) else { return Ok(()) };
     let (component, change) = channel(&axes.opening, &closing)
-        .map(|(channel, change)| (Component::Channel(channel), change))
+        .map(|(channel, change)| (RigComponent::Channel(channel), change))
         .or_else(|| coil(bench, &axes.opening, &closing))
-        .unwrap_or((Component::Axis(NAMES[axis]), change));
+        .unwrap_or((RigComponent::Axis(NAMES[axis]), change));
     Err(CalibrationFault::Changed { component, change, allowed: ALLOWED })
 }
 
@@ -44,9 +44,13 @@ fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize,
 }
 
 /// The coil that changed and its relative change, if it is the only one.
-fn coil(bench: &Workbench<'_>, opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(Component, f64)> {
-    let [before, now] = [opening, closing].map(|pulses| Coils::read(pulses, &bench.sensors, bench.model));
-    now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (Component::Coil(coil), change))
+fn coil(
+    bench: &CalibrationSession<'_>,
+    opening: &[AxisPulse; 3],
+    closing: &[AxisPulse; 3],
+) -> Option<(RigComponent, f64)> {
+    let [before, now] = [opening, closing].map(|pulses| CoilGains::read(pulses, &bench.sensors, bench.model));
+    now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (RigComponent::Coil(coil), change))
 }
 
 fn distance(before: &[Coefficients], now: &[Coefficients]) -> f64 {

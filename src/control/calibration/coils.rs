@@ -36,7 +36,7 @@ const WRENCH: Matrix3x4<f64> = Matrix3x4::new(1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0
 
 /// The coils' gains as one harmonic of three pulses shows them.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Coils {
+pub(super) struct CoilGains {
     /// Wrench on a free plate for one count of each pulse, in counts: rows x, y, spin; columns the pulses.
     wrench: Matrix3<f64>,
     /// Gain of each coil, as a multiple of the nominal one.
@@ -45,7 +45,7 @@ pub(super) struct Coils {
     misfit: f64,
 }
 
-impl Coils {
+impl CoilGains {
     /// The gains from the first and from the second harmonic of `pulses`. The second is the more reliable one: at its
     /// frequency the plate is closer to a free mass.
     pub fn read(pulses: &[AxisPulse; 3], sensors: &AccelerometerPair, model: &RigModel) -> [Self; 2] {

@@ -3,11 +3,11 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 use nalgebra::{DMatrix, DVector};
 
 use super::super::ending::into_result;
-use super::super::eyes::{Eyes, Moment};
+use super::super::eyes::{FramePurpose, Perception};
 use super::super::facts::Sink;
 use super::super::guards::Guards;
-use super::steering::Motion;
-use super::workbench::Workbench;
+use super::steering::SteeringMotion;
+use super::workbench::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::time::StoppedClock;
@@ -42,25 +42,26 @@ const TURNS: usize = 3;
 const MANY: usize = 24;
 
 /// Measurement of one coin in one pulse.
-struct Sample {
+struct DisplacementSample {
     speed_mps: f64,
     sustain: usize,
     distance_m: f64,
 }
 
-struct Quiet;
-impl Sink for Quiet {}
+struct SilentSink;
+impl Sink for SilentSink {}
 
 /// Moves the coins to and fro with every entry of `library` and fits the displacement model to the camera's
 /// measurements.
 pub(super) fn measure(
-    bench: &mut Workbench<'_>,
+    bench: &mut CalibrationSession<'_>,
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
     let (kinds, coins) = (&params.kinds, &params.coins);
     let guards = Guards::without("parts_jumped");
-    let opened = Eyes::open(bench.rig, bench.model, kinds, coins, guards, &mut Quiet, &StoppedClock, bench.stop);
+    let opened =
+        Perception::open(bench.rig, bench.model, kinds, coins, guards, &mut SilentSink, &StoppedClock, bench.stop);
     let mut eyes = into_result(opened)?;
     let (sustain_s, opening) = choose_sustains(bench, &mut eyes, library, params)?;
     let motions = library.entries.len();
@@ -81,10 +82,10 @@ pub(super) fn measure(
 
 /// Refuses a rig whose opening pulses, which chose the longest sustain, carried coins differently than the closing
 /// ones; the pulses of that sustain come last.
-fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
+fn check_closing(opening: &[DisplacementSample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
     let Some(&longest_s) = model.sustain_s.last().filter(|_| !opening.is_empty()) else { return Ok(()) };
     let count = opening.len() as f64;
-    let mean = |of: &dyn Fn(&Sample) -> f64| opening.iter().map(of).sum::<f64>() / count;
+    let mean = |of: &dyn Fn(&DisplacementSample) -> f64| opening.iter().map(of).sum::<f64>() / count;
     let opening_m = mean(&|sample| sample.distance_m);
     let closing_m = mean(&|sample| model.distance(sample.speed_mps, longest_s));
     let sd_m = (mean(&|sample| model.sd(sample.speed_mps, longest_s).powi(2)) / count).sqrt();
@@ -98,7 +99,7 @@ fn check_closing(opening: &[Sample], model: &DisplacementModel) -> Result<(), Ca
 
 /// Motions that give coins all over the plate many speeds in many directions: centres on the plate and outside it, and
 /// translations, each as strong as the motors allow and gently.
-pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
+pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> {
     const CENTERS: [[f64; 2]; 8] =
         [[0.0, 0.0], [-0.6, -0.3], [0.3, 0.6], [0.6, -0.6], [-0.3, 0.3], [1.5, 0.7], [-1.2, 1.5], [-0.6, -2.0]];
     let centers = CENTERS.map(|[x, y]| Twist::about(Vec2::new(x, y) * half_side_m, 1.0));
@@ -107,21 +108,21 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<Motion> {
         Twist::new(cos, sin, 0.0)
     });
     let directions: Vec<Twist> = centers.into_iter().chain(translations).collect();
-    let strong = directions.iter().map(|&direction| Motion { direction, top_mps: f64::INFINITY });
-    let gentle = GENTLE_STEPS
-        .iter()
-        .flat_map(|step| directions.iter().map(move |&direction| Motion { direction, top_mps: step * gentle_mps }));
+    let strong = directions.iter().map(|&direction| SteeringMotion { direction, top_mps: f64::INFINITY });
+    let gentle = GENTLE_STEPS.iter().flat_map(|step| {
+        directions.iter().map(move |&direction| SteeringMotion { direction, top_mps: step * gentle_mps })
+    });
     strong.chain(gentle).collect()
 }
 
 /// Lengthens the pulse until a coin moves as far as the model must cover. Returns sustains spaced evenly up to there,
 /// and the steps in the longest of those pulses.
 fn choose_sustains(
-    bench: &mut Workbench<'_>,
-    eyes: &mut Eyes,
+    bench: &mut CalibrationSession<'_>,
+    eyes: &mut Perception,
     library: &Library,
     params: &CalibrationParams,
-) -> Result<(Vec<f64>, Vec<Sample>), CalibrationFault> {
+) -> Result<(Vec<f64>, Vec<DisplacementSample>), CalibrationFault> {
     let longest_s = bench.model.max_sustain_s;
     let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
     let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
@@ -152,13 +153,13 @@ fn choose_sustains(
 
 /// Plays one pulse and measures every coin. Plays nothing, and has no samples, where a coin could go over the edge.
 fn pulse(
-    bench: &mut Workbench<'_>,
-    eyes: &mut Eyes,
+    bench: &mut CalibrationSession<'_>,
+    eyes: &mut Perception,
     library: &Library,
     params: &CalibrationParams,
     (entry, reversed): (usize, bool),
     (sustain, sustain_s): (usize, f64),
-) -> Result<Vec<Sample>, CalibrationFault> {
+) -> Result<Vec<DisplacementSample>, CalibrationFault> {
     let before = look_at_rest(bench, eyes)?;
     let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
         return Ok(Vec::new());
@@ -171,24 +172,24 @@ fn pulse(
         return Ok(Vec::new());
     }
     bench.rig.play(&if reversed { drive.reversed() } else { drive })?;
-    while bench.rig.now() < bench.rig.quiet_at() {
+    while bench.rig.now() < bench.rig.settled_at() {
         bench.stop_check()?;
-        into_result(eyes.look(bench.rig, Moment::Pulse, &mut Quiet, &StoppedClock))?;
+        into_result(eyes.look(bench.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
     }
     let after = look_at_rest(bench, eyes)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
         let middle = 0.5 * (a + b);
         let distance_m = (b - a).dot(&pump.direction_at(middle));
-        Sample { speed_mps: pump.velocity_at(middle).norm(), sustain, distance_m }
+        DisplacementSample { speed_mps: pump.velocity_at(middle).norm(), sustain, distance_m }
     };
     Ok(before.iter().zip(&after).map(sample).collect())
 }
 
-fn look_at_rest(bench: &mut Workbench<'_>, eyes: &mut Eyes) -> Result<Vec<Vec2>, CalibrationFault> {
+fn look_at_rest(bench: &mut CalibrationSession<'_>, eyes: &mut Perception) -> Result<Vec<Vec2>, CalibrationFault> {
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
         bench.stop_check()?;
-        let is_at_rest = into_result(eyes.look(bench.rig, Moment::Cycle, &mut Quiet, &StoppedClock))?;
+        let is_at_rest = into_result(eyes.look(bench.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
         if is_at_rest && eyes.missing_for() == 0 {
             return Ok(eyes.positions_m());
         }
@@ -197,7 +198,7 @@ fn look_at_rest(bench: &mut Workbench<'_>, eyes: &mut Eyes) -> Result<Vec<Vec2>,
 }
 
 /// Least squares of a piecewise linear curve over speed for every sustain; distances never fall with sustain.
-fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
+fn fit(samples: &[DisplacementSample], sustain_s: Vec<f64>) -> DisplacementModel {
     let mut moving: Vec<f64> = samples.iter().filter(|s| s.distance_m > 0.05e-3).map(|s| s.speed_mps).collect();
     moving.sort_unstable_by(f64::total_cmp);
     let fastest = samples.iter().map(|s| s.speed_mps).fold(0.0, f64::max);
@@ -208,7 +209,7 @@ fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
 
     let columns: Vec<(Vec<f64>, Vec<f64>)> = (0..sustain_s.len())
         .map(|k| {
-            let here: Vec<&Sample> = samples.iter().filter(|s| s.sustain == k).collect();
+            let here: Vec<&DisplacementSample> = samples.iter().filter(|s| s.sustain == k).collect();
             fit_curve(&here, &speed_mps)
         })
         .collect();
@@ -224,7 +225,7 @@ fn fit(samples: &[Sample], sustain_s: Vec<f64>) -> DisplacementModel {
 }
 
 /// Node values, and the scatter about them, of one sustain's samples.
-fn fit_curve(samples: &[&Sample], speed_mps: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn fit_curve(samples: &[&DisplacementSample], speed_mps: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let nodes = speed_mps.len();
     let mut normal = DMatrix::<f64>::identity(nodes, nodes) * 1e-9;
     let mut right = DVector::<f64>::zeros(nodes);
@@ -276,7 +277,7 @@ mod tests {
         for k in 0..3 {
             for i in 0..200 {
                 let speed_mps = 0.004 + 0.0002 * f64::from(i);
-                samples.push(Sample { speed_mps, sustain: k, distance_m: truth(speed_mps, k) });
+                samples.push(DisplacementSample { speed_mps, sustain: k, distance_m: truth(speed_mps, k) });
             }
         }
         let model = fit(&samples, vec![0.0, 0.1, 0.2]);

@@ -1,6 +1,6 @@
 use std::fmt;
 
-use super::super::ending::Ending;
+use super::super::ending::RunEnd;
 use upm_core::job::Outcome;
 use upm_core::rig::RigFault;
 use upm_core::signal::{CHANNEL_NAMES, Motor};
@@ -12,7 +12,7 @@ pub(super) const LEAST_LAG_DEG: f64 = 45.0;
 
 /// A part of the rig that calibration can tell apart from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Component {
+pub enum RigComponent {
     /// A voice coil, with its amplifier and cable.
     Coil(Motor),
     /// A channel of the accelerometers, index into [`CHANNEL_NAMES`].
@@ -21,7 +21,7 @@ pub enum Component {
     Axis(&'static str),
 }
 
-impl fmt::Display for Component {
+impl fmt::Display for RigComponent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Coil(coil) => write!(f, "coil {coil:?}"),
@@ -78,7 +78,7 @@ pub enum CoilFault {
 
 /// Fault of an accelerometer channel. Gains are multiples of the channels' median.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum ChannelFault {
+pub enum MiswiredChannel {
     /// The channel gives no signal.
     #[error("found {share:.2} of what the strongest channel shows, allowed: 0.1 or more (dead: check its cable)")]
     Dead {
@@ -117,7 +117,7 @@ pub enum CalibrationFault {
         fault: FitFault,
     },
     /// A coil contradicts the rig file.
-    #[error("{}: {fault}", Component::Coil(*coil))]
+    #[error("{}: {fault}", RigComponent::Coil(*coil))]
     Coil {
         /// The coil.
         coil: Motor,
@@ -125,12 +125,12 @@ pub enum CalibrationFault {
         fault: CoilFault,
     },
     /// An accelerometer channel contradicts the others.
-    #[error("{}: {fault}", Component::Channel(*channel))]
+    #[error("{}: {fault}", RigComponent::Channel(*channel))]
     Channel {
         /// Index into [`CHANNEL_NAMES`].
         channel: usize,
         /// Its fault.
-        fault: ChannelFault,
+        fault: MiswiredChannel,
     },
     /// The readings of the four channels do not fit one rigid plate.
     #[error(
@@ -172,7 +172,7 @@ pub enum CalibrationFault {
     )]
     Changed {
         /// The coil, channel or axis that changed.
-        component: Component,
+        component: RigComponent,
         /// Relative change since the opening pulse.
         change: f64,
         /// Largest change that is accepted, relative.
@@ -226,8 +226,8 @@ pub enum CalibrationFault {
     Stopped,
 }
 
-impl From<Ending> for CalibrationFault {
-    fn from(ending: Ending) -> Self {
+impl From<RunEnd> for CalibrationFault {
+    fn from(ending: RunEnd) -> Self {
         match ending.outcome {
             Outcome::Cancelled => Self::Stopped,
             Outcome::Completed | Outcome::Failed => Self::Look(ending.reason),

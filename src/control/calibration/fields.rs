@@ -1,7 +1,7 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::CalibrationFault;
-use super::workbench::Workbench;
+use super::workbench::CalibrationSession;
 use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_library::{FieldResponse, motor_harmonics};
@@ -16,7 +16,7 @@ const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
 
 /// Plays every harmonic of the rig's synthesised motions on every axis, in both directions, and reads the plate's
 /// response on all three; `None` where the rig makes none.
-pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
+pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
     let Some(fields) = bench.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
     for k in 1..=fields.harmonics {
@@ -39,7 +39,7 @@ pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<FieldResponse>
 
 /// Velocity phasors of x, y and spin for one count of `axis` at harmonic `k`.
 fn answer(
-    bench: &mut Workbench<'_>,
+    bench: &mut CalibrationSession<'_>,
     fields: &FieldDriveModel,
     k: usize,
     axis: usize,
@@ -56,7 +56,7 @@ fn answer(
 
 /// `counts · cos kwt` on one axis, written as the second harmonic of half its frequency: the read-out of two harmonics
 /// then sees twice the periods and needs only eight samples in each. As a first harmonic its period would be too long.
-fn pulse(bench: &Workbench<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
+fn pulse(bench: &CalibrationSession<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
     let read_s = std::f64::consts::TAU * MAX_PERIODS as f64 / fields.base_radps;
     let sustain_s = SUSTAIN_S.max(read_s).min(bench.model.max_sustain_s);
     let envelope = Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s };

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector3};
 
 use super::CalibrationFault;
-use super::workbench::Workbench;
+use super::workbench::CalibrationSession;
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope};
 use upm_library::{PlateResponse, motor_harmonics};
@@ -50,7 +50,7 @@ impl AxisResonance {
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
 /// sustain holds too few periods to resolve them.
-pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
     let mut found = Vec::with_capacity(3);
     for axis in 0..3 {
         match measure_axis(bench, axis) {
@@ -62,7 +62,7 @@ pub(super) fn measure(bench: &mut Workbench<'_>) -> Result<Option<[AxisResonance
     Ok(found.try_into().ok())
 }
 
-fn measure_axis(bench: &mut Workbench<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
+fn measure_axis(bench: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
     let mut drive = multisine(bench, axis);
     for _ in 0..HALVINGS {
         match average(bench, axis, &drive) {
@@ -75,7 +75,7 @@ fn measure_axis(bench: &mut Workbench<'_>, axis: usize) -> Result<AxisResonance,
 
 /// Plays `drive` in both directions [`REPEATS`] times; half the difference removes everything that does not change sign
 /// with it.
-fn average(bench: &mut Workbench<'_>, axis: usize, drive: &Drive) -> Result<AxisResonance, CalibrationFault> {
+fn average(bench: &mut CalibrationSession<'_>, axis: usize, drive: &Drive) -> Result<AxisResonance, CalibrationFault> {
     let fault = |fault| CalibrationFault::Trace { what: NAMES[axis].to_owned(), fault };
     let mut accel = vec![Complex::default(); LINES];
     for repeat in 0..REPEATS {
@@ -97,7 +97,7 @@ fn average(bench: &mut Workbench<'_>, axis: usize, drive: &Drive) -> Result<Axis
 /// The multisine, as strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line
 /// of a free plate has the same speed: slow lines stay within the travel, fast ones keep friction and rounding from
 /// acting on slow ones. Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peak low.
-fn multisine(bench: &Workbench<'_>, axis: usize) -> Drive {
+fn multisine(bench: &CalibrationSession<'_>, axis: usize) -> Drive {
     let model = bench.model;
     let trace = bench.rig.trace();
     let base_radps = base_radps(PERIOD_S.min(model.max_sustain_s), trace.sample_hz);

@@ -3,14 +3,14 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Vector3;
 
 use super::axes::Axes;
-use super::workbench::Workbench;
+use super::workbench::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
 use upm_core::geometry::{Twist, Vec2};
 use upm_library::Entry;
 
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Motion {
+pub(super) struct SteeringMotion {
     /// Its velocity field, at any scale.
     pub direction: Twist,
     /// Limit for the plate's speed amplitude anywhere on the plate, m/s; infinite where only the motors limit it.
@@ -25,14 +25,14 @@ const MISS: f64 = 0.01;
 
 /// Plays every wanted motion as strongly as the motors allow and records the plate's measured twist.
 pub(super) fn measure(
-    bench: &mut Workbench<'_>,
+    bench: &mut CalibrationSession<'_>,
     axes: &Axes,
     params: &CalibrationParams,
-    wanted: &[Motion],
+    wanted: &[SteeringMotion],
 ) -> Result<Vec<Entry>, CalibrationFault> {
     let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationFault::Singular)?;
     let mut entries = Vec::with_capacity(wanted.len());
-    for (i, Motion { direction, top_mps }) in wanted.iter().enumerate() {
+    for (i, SteeringMotion { direction, top_mps }) in wanted.iter().enumerate() {
         bench.report("centres", i, wanted.len());
         let mut aim = direction.vector();
         let mut entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
@@ -49,7 +49,7 @@ pub(super) fn measure(
 /// Plays axis amplitudes `counts` (any scale) as strongly as motors and `top_mps` allow, in both directions, and reads
 /// the plate's twist.
 fn play(
-    bench: &mut Workbench<'_>,
+    bench: &mut CalibrationSession<'_>,
     axes: &Axes,
     params: &CalibrationParams,
     counts: Vector3<f64>,
@@ -85,7 +85,7 @@ fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
 }
 
 /// The strong motions: a grid of centres, rings of centres outside the plate, and translations.
-pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
+pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<SteeringMotion> {
     let rings = params.rings.iter().enumerate().flat_map(|(k, radius)| {
         (0..params.ring_centers).map(move |i| {
             let angle = TAU * (i as f64 + 0.5 * (k % 2) as f64) / params.ring_centers as f64;
@@ -95,14 +95,14 @@ pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Ve
     });
     let directions = grid(params.grid, params.grid_reach * half_side_m).chain(rings);
     let directions = directions.chain(translations(params.translations));
-    directions.map(|direction| Motion { direction, top_mps: f64::INFINITY }).collect()
+    directions.map(|direction| SteeringMotion { direction, top_mps: f64::INFINITY }).collect()
 }
 
 /// The gentle motions: a coarser grid of centres and translations, for steps shorter than a strong pulse can make.
-pub(super) fn gentle_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<Motion> {
+pub(super) fn gentle_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<SteeringMotion> {
     let directions = grid(params.gentle_grid, params.grid_reach * half_side_m);
     let directions = directions.chain(translations(params.gentle_translations));
-    directions.map(|direction| Motion { direction, top_mps: params.gentle_mps }).collect()
+    directions.map(|direction| SteeringMotion { direction, top_mps: params.gentle_mps }).collect()
 }
 
 fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {

@@ -7,7 +7,7 @@ use upm_library::{AxisShape, PlateResponse, drive_for};
 use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
 
 /// The rig together with everything a measurement needs.
-pub(super) struct Workbench<'a> {
+pub(super) struct CalibrationSession<'a> {
     pub rig: &'a mut dyn Rig,
     pub model: &'a RigModel,
     /// The accelerometers as calibrated so far.
@@ -18,7 +18,7 @@ pub(super) struct Workbench<'a> {
     pub progress: &'a mut dyn FnMut(CalibrationProgress),
 }
 
-impl<'a> Workbench<'a> {
+impl<'a> CalibrationSession<'a> {
     /// With the accelerometers' gains from their data sheet.
     pub fn new(
         rig: &'a mut dyn Rig,
@@ -79,7 +79,7 @@ impl<'a> Workbench<'a> {
         let [width, height] = self.model.frame_size_px;
         let mut frame = Frame::new(width, height);
         self.rig.play(drive)?;
-        while self.rig.now() < self.rig.quiet_at() {
+        while self.rig.now() < self.rig.settled_at() {
             self.stop_check()?;
             self.rig.capture(&mut frame)?;
         }

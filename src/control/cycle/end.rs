@@ -2,27 +2,27 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::Cycle;
+use super::ControlCycle;
 use crate::condition::Condition;
-use crate::ending::{Ending, Flow};
+use crate::ending::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 
 /// How often a goal may seem reached without a second look confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
 
-impl Cycle<'_> {
-    pub(super) fn check_limits(&mut self) -> Flow {
+impl ControlCycle<'_> {
+    pub(super) fn check_limits(&mut self) -> OrEnd {
         self.check_stop()?;
         let limit_s = self.params.time_limit_s;
         if self.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
             let reason = format!("plate time limit of {limit_s} s reached");
             return Break(if !self.params.endless {
-                Ending::failed_because(StopCause::TimeLimit, reason)
+                RunEnd::failed_because(StopCause::TimeLimit, reason)
             } else if self.is_getting_on() {
-                self.confirmed(Ending::completed(reason))
+                self.confirmed(RunEnd::completed(reason))
             } else {
-                Ending::failed_because(StopCause::NoProgress, format!("{reason} without progress"))
+                RunEnd::failed_because(StopCause::NoProgress, format!("{reason} without progress"))
             });
         }
         Continue(())
@@ -34,10 +34,10 @@ impl Cycle<'_> {
 
     /// Returns `ending` of a task without an end if two more looks, with the table located anew, agree with the
     /// tracking.
-    fn confirmed(&mut self, ending: Ending) -> Ending {
+    fn confirmed(&mut self, ending: RunEnd) -> RunEnd {
         match self.looks_agree() {
             Continue(true) => ending,
-            Continue(false) => Ending::guarded(
+            Continue(false) => RunEnd::guarded(
                 Condition::CameraMoved,
                 format!("{}, and a second look did not agree with what was tracked", ending.reason),
             ),
@@ -45,26 +45,26 @@ impl Cycle<'_> {
         }
     }
 
-    fn looks_agree(&mut self) -> Flow<bool> {
+    fn looks_agree(&mut self) -> OrEnd<bool> {
         let looks_twice = self.params.guards.has_code("two_looks");
         Continue(!looks_twice || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)?)
     }
 
     /// Ends the run as completed if two more looks, with the table located anew, confirm the goal; otherwise the run
     /// goes on from the positions these looks show.
-    pub(super) fn finish(&mut self, reason: String) -> Flow<Vec<Vec2>> {
+    pub(super) fn finish(&mut self, reason: String) -> OrEnd<Vec<Vec2>> {
         self.check_limits()?;
         if self.looks_agree()? {
             // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
             if self.goal.next(at, &places_m).done {
-                return Break(Ending::completed(reason));
+                return Break(RunEnd::completed(reason));
             }
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {
             let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
-            return Break(Ending::guarded(Condition::CameraMoved, reason));
+            return Break(RunEnd::guarded(Condition::CameraMoved, reason));
         }
         self.look_at_rest()
     }
@@ -73,17 +73,17 @@ impl Cycle<'_> {
         self.eyes.plainly_missing_for() > self.params.lost_after_frames
     }
 
-    pub(super) fn check_lost(&self) -> Flow {
+    pub(super) fn check_lost(&self) -> OrEnd {
         if self.is_part_lost() && self.params.guards.has_code("part_lost") { Break(self.lost()) } else { Continue(()) }
     }
 
-    fn lost(&self) -> Ending {
+    fn lost(&self) -> RunEnd {
         let places = self.eyes.positions_m();
         let each = self.eyes.unseen().into_iter().map(|part| {
             let id = self.params.id(part);
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        Ending::failed_because(StopCause::PartLost, each.collect::<Vec<_>>().join("; "))
+        RunEnd::failed_because(StopCause::PartLost, each.collect::<Vec<_>>().join("; "))
     }
 }

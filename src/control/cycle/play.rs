@@ -2,13 +2,13 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::Cycle;
+use super::ControlCycle;
 use crate::condition::Condition;
-use crate::ending::{Ending, Flow, flow, is_stopped};
-use crate::eyes::Moment;
-use crate::guards::{Finding, Late, PulseReading, Swing, SwingSeen, Unlike, Went, went};
-use crate::learning::{Lesson, MORE, Scatter};
-use crate::{Carried, EventLevel, PulseFacts};
+use crate::ending::{OrEnd, RunEnd, flow, is_stopped};
+use crate::eyes::FramePurpose;
+use crate::guards::{Late, MotionFinding, PlateSwing, PulseReading, SwingSeen, Unlike, Went, went};
+use crate::learning::{ForecastDeviation, MORE, PulseObservation};
+use crate::{EventLevel, PulseDisplacements, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
@@ -16,13 +16,13 @@ use upm_library::Library;
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use upm_planner::PlannedPulse;
 
-impl Cycle<'_> {
+impl ControlCycle<'_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `moment` gives the purpose of that
     /// frame.
-    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: Moment) -> Flow {
+    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: FramePurpose) -> OrEnd {
         let drive = match drive_of(self.library, planned) {
             Ok(drive) => drive,
-            Err(reason) => return Break(Ending::failed(reason)),
+            Err(reason) => return Break(RunEnd::failed(reason)),
         };
         let started_at = self.rig.now();
         let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
@@ -37,7 +37,7 @@ impl Cycle<'_> {
         let after_m = self.eyes.positions_m();
         let all_seen = all_seen && self.eyes.missing_for() == 0;
         let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.eyes.silenced_pulse());
-        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| Carried {
+        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulseDisplacements {
             before_m: &before_m,
             after_m: &after_m,
             by_library_m,
@@ -64,12 +64,12 @@ impl Cycle<'_> {
             return Break(cause.unwrap_or(ending));
         }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
-            self.planning.gains.learn(&Lesson {
+            self.planning.gains.learn(&PulseObservation {
                 before_m: &before_m,
                 forecast_m,
                 with_more_m,
                 measured_m: &after_m,
-                scatter: Scatter::of(planned),
+                scatter: ForecastDeviation::of(planned),
             });
             self.tell_slow_parts();
         }
@@ -81,7 +81,7 @@ impl Cycle<'_> {
     }
 
     /// Tracks the parts until a frame shows everything at rest.
-    pub(super) fn follow(&mut self, moment: Moment) -> Flow {
+    pub(super) fn follow(&mut self, moment: FramePurpose) -> OrEnd {
         loop {
             let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
             if at_rest {
@@ -105,7 +105,7 @@ impl Cycle<'_> {
         fit: &Result<PlateFit, FitFault>,
         sensors: &AccelerometerPair,
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
-    ) -> Flow {
+    ) -> OrEnd {
         let guards = &self.params.guards;
         let went = steps.and_then(|(before, forecast, after)| went(before, forecast, after));
         let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, went))?;
@@ -121,11 +121,11 @@ impl Cycle<'_> {
         }
         let reason = format!("{} {does} although four pulses in a row should carry it", self.params.id(part));
         self.warn(condition, reason.clone());
-        Break(Ending::guarded(condition, reason))
+        Break(RunEnd::guarded(condition, reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn doubt_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> Flow<bool> {
+    fn doubt_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> OrEnd<bool> {
         let expected = self.coil_responses.expected(planned, drive);
         let found = expected.and_then(|expected| self.motion.check(&expected, reading));
         self.report(found)
@@ -144,12 +144,12 @@ impl Cycle<'_> {
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
-    pub(super) fn report(&mut self, found: Option<Finding>) -> Flow<bool> {
-        let Some(Finding { condition, reason, ends }) = found else { return Continue(true) };
+    pub(super) fn report(&mut self, found: Option<MotionFinding>) -> OrEnd<bool> {
+        let Some(MotionFinding { condition, reason, ends }) = found else { return Continue(true) };
         if self.params.guards.has(condition) {
             if ends {
                 self.warn(condition, reason.clone());
-                return Break(Ending::guarded(condition, reason));
+                return Break(RunEnd::guarded(condition, reason));
             }
             self.warn(condition, reason);
             if !self.is_cautious {
@@ -163,14 +163,14 @@ impl Cycle<'_> {
 
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
-    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> Flow {
+    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> OrEnd {
         let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Continue(()) };
         let reason = match late {
             Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
             Late::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
         };
         self.warn(Condition::CameraLate, reason.clone());
-        Break(Ending::guarded(Condition::CameraLate, reason))
+        Break(RunEnd::guarded(Condition::CameraLate, reason))
     }
 
     pub(super) fn sensors(&self) -> AccelerometerPair {
@@ -178,13 +178,13 @@ impl Cycle<'_> {
     }
 
     /// Expected swing of the plate in a pulse; `None` where the library does not give it.
-    fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<Swing> {
+    fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<PlateSwing> {
         Some(self.swing_of(self.coil_responses.expected(planned, drive)?.wave(), drive))
     }
 
     /// Expected swing of the plate in a pulse with this velocity at full height.
-    pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> Swing {
-        Swing {
+    pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> PlateSwing {
+        PlateSwing {
             wave,
             envelope: drive.envelope,
             half_side_m: 0.5 * self.model.plate_side_m,

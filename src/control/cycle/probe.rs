@@ -3,21 +3,21 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::Cycle;
+use super::ControlCycle;
 use crate::PulseFacts;
 use crate::condition::Condition;
-use crate::ending::{Ending, Flow, flow, is_stopped};
-use crate::eyes::Moment;
-use crate::guards::Finding;
+use crate::ending::{OrEnd, RunEnd, flow, is_stopped};
+use crate::eyes::FramePurpose;
+use crate::guards::MotionFinding;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 
 /// Largest number of probes in a row until one is tracked to its end.
 const MOST_PROBES: usize = 3;
 
-impl Cycle<'_> {
+impl ControlCycle<'_> {
     /// Plays the probe, if the library has one, until one is tracked to its end, and judges it.
-    pub(super) fn probe(&mut self) -> Flow {
+    pub(super) fn probe(&mut self) -> OrEnd {
         let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
         let Some((mut drive, coils)) = probe else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
@@ -37,13 +37,13 @@ impl Cycle<'_> {
         Continue(())
     }
 
-    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> Flow<Result<PlateFit, FitFault>> {
+    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitFault>> {
         let drive = expected.drive;
         let planned = PlannedPulse::Field(FieldPulse { wave: expected.wave(), sustain_s: drive.envelope.sustain_s });
         let (started_at, before_m) = (self.rig.now(), self.eyes.positions_m());
         self.eyes.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
         flow(self.rig.play(drive))?;
-        let followed = self.follow(Moment::Pulse);
+        let followed = self.follow(FramePurpose::Pulse);
         let trace = self.rig.trace();
         let fit = fit_wave(&trace, &drive.envelope, drive.base_radps, 1, &self.sensors()).map(PlateFit::Wave);
         // the repetition of a stopped run does not stop
@@ -62,18 +62,18 @@ impl Cycle<'_> {
         followed.map_continue(|()| fit)
     }
 
-    fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<Finding> {
+    fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<MotionFinding> {
         let sensors = self.sensors();
         self.motion.check(expected, &self.reading(fit, &sensors, None))
     }
 
-    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Flow {
+    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
         if is_as_planned && !self.eyes.has_changed() && self.params.guards.has_code("camera_still") {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             self.warn(Condition::CameraFrozen, reason.clone());
-            return Break(Ending::guarded(Condition::CameraFrozen, reason));
+            return Break(RunEnd::guarded(Condition::CameraFrozen, reason));
         }
         self.doubt_delay(is_as_planned)
     }

@@ -8,12 +8,12 @@ use super::scene::HAND_S;
 use crate::Sink;
 use crate::condition::Condition;
 use crate::conditions::Conditions;
-use crate::ending::{Ending, Flow, check_stop, flow};
+use crate::ending::{OrEnd, RunEnd, check_stop, flow};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::Clock;
-use upm_perception::vision::{Stages, Table, locate_table_in_stages};
+use upm_perception::vision::{DebugImages, Table, locate_table_in_stages};
 
 /// Sampling points across the plate for the check of the exposure.
 const ACROSS: usize = 24;
@@ -29,9 +29,9 @@ pub(super) fn find_table(
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
-) -> Flow<(Table, Stages, Duration)> {
+) -> OrEnd<(Table, DebugImages, Duration)> {
     let mut why = String::new();
-    let mut stages = Stages::default();
+    let mut stages = DebugImages::default();
     let mut conditions = Conditions::default();
     let since = rig.now();
     while why.is_empty() || rig.now().secs_since(since) < HAND_S {
@@ -50,7 +50,7 @@ pub(super) fn find_table(
         conditions.note(frame.exposed_at, Condition::TableMissing, reason, sink);
         conditions.end_cycle(frame.exposed_at, sink);
     }
-    Break(Ending::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
+    Break(RunEnd::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
 }
 
 /// True when most of the plate, or of the ground beside it, is saturated: the plate's sides then appear up to half a

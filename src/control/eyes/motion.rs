@@ -3,11 +3,11 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::scene::Blind;
-use super::{Eyes, REACH_M};
+use super::{Perception, REACH_M};
 use crate::Sink;
 use crate::condition::Condition;
-use crate::ending::{Ending, Flow};
-use crate::guards::{Late, Stale, Swing, SwingSeen};
+use crate::ending::{OrEnd, RunEnd};
+use crate::guards::{Late, PlateSwing, StaleReason, SwingSeen};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -17,10 +17,10 @@ const REACH_OF_WAY: f64 = 0.7;
 /// far from one look to the next.
 const LEAP_M: f64 = 0.04;
 
-impl Eyes {
+impl Perception {
     /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None`
     /// where the library gives no forecast.
-    pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<Swing>) {
+    pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<PlateSwing>) {
         let places_m = self.positions_m();
         self.expected_m = match forecast_m {
             Some(forecast_m) => {
@@ -71,7 +71,7 @@ impl Eyes {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
         let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has_code("camera_still");
-        let stale = stale.or(stands_still.then_some(Blind::Stale(Stale::Repeated)));
+        let stale = stale.or(stands_still.then_some(Blind::Stale(StaleReason::Repeated)));
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
 
@@ -83,7 +83,7 @@ impl Eyes {
     }
 
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
-    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> Flow {
+    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> OrEnd {
         let places_m = self.positions_m();
         let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
         let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
@@ -96,6 +96,6 @@ impl Eyes {
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
         self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
-        Break(Ending::guarded(Condition::PartsJumped, reason))
+        Break(RunEnd::guarded(Condition::PartsJumped, reason))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use crate::ending::{Ending, Flow};
+use crate::ending::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::rig::PartKind;
@@ -29,7 +29,7 @@ pub(super) fn name_parts(
     kinds: &[PartKind],
     parts: &[ExpectedPart],
     counts: bool,
-) -> Flow<Vec<Detection>> {
+) -> OrEnd<Vec<Detection>> {
     if counts {
         count_parts(&found, kinds, parts)?;
     }
@@ -52,17 +52,17 @@ pub(super) fn name_parts(
     }
     match named.into_iter().collect() {
         Some(all) => Continue(all),
-        None => Break(Ending::failed_because(StopCause::PartCount, "a part of the job was not found")),
+        None => Break(RunEnd::failed_because(StopCause::PartCount, "a part of the job was not found")),
     }
 }
 
-fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> Flow {
+fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> OrEnd {
     for (kind, spec) in kinds.iter().enumerate() {
         let seen = found.iter().filter(|detection| detection.kind == kind).count();
         let expected = parts.iter().filter(|part| part.kind == kind).count();
         if seen != expected {
             let reason = format!("the camera sees {seen} of kind {:?}, the job has {expected}", spec.name);
-            return Break(Ending::failed_because(StopCause::PartCount, reason));
+            return Break(RunEnd::failed_because(StopCause::PartCount, reason));
         }
     }
     Continue(())

@@ -4,15 +4,15 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
-use super::settling::{Place, SWING_S};
-use super::{Eyes, Moment, TABLE_LOOKS};
+use super::settling::{PlateInImage, SWING_S};
+use super::{FramePurpose, Perception, TABLE_LOOKS};
 use crate::condition::Condition;
-use crate::ending::{Ending, Flow, check_stop};
+use crate::ending::{OrEnd, RunEnd, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
 use upm_core::time::Clock;
-use upm_perception::vision::{CoinFinder, Detection, Stages, Table, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, DebugImages, Detection, Table, Tracker, locate_table_in_stages};
 
 /// Allowed change of the distances between corners where the table is located anew: px, plus this share of the corners'
 /// displacement.
@@ -31,10 +31,10 @@ const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
 
 /// Table and parts of one frame, located without prior knowledge.
-pub(super) struct Located {
+pub(super) struct Relocated {
     table: Table,
     found: Vec<Detection>,
-    stages: Stages,
+    stages: DebugImages,
     localise_us: f64,
 }
 
@@ -57,10 +57,10 @@ fn has_shape_of(table: &Table, before: &Table) -> bool {
     pairs.into_iter().all(|pair| (apart_px(table, pair) - apart_px(before, pair)).abs() < allowed_px)
 }
 
-impl Eyes {
+impl Perception {
     /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
-    fn locate(&self, clock: &dyn Clock) -> Result<Located, String> {
-        let (mut stages, started) = (Stages::default(), clock.elapsed());
+    fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
+        let (mut stages, started) = (DebugImages::default(), clock.elapsed());
         let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
         let table = table.map_err(|fault| fault.to_string())?;
         if !has_shape_of(&table, &self.table) && self.guards.has_code("table_shape") {
@@ -73,15 +73,15 @@ impl Eyes {
         let found = finder.find(&self.frame);
         stages.disk_response = finder.response();
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
-        Ok(Located { table, found, stages, localise_us })
+        Ok(Relocated { table, found, stages, localise_us })
     }
 
     /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
-    pub(super) fn settle_place(&mut self, place: &Place, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
+    pub(super) fn settle_place(&mut self, place: &PlateInImage, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
         let corner_px = match *place {
-            Place::Elsewhere { corner_px } => corner_px,
-            Place::SwungOut => return self.locate_swung_out(sink, clock),
-            Place::Same | Place::Swinging | Place::Unknown => {
+            PlateInImage::Elsewhere { corner_px } => corner_px,
+            PlateInImage::SwungOut => return self.locate_swung_out(sink, clock),
+            PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
                 self.displaced = 0;
                 return Continue(());
             }
@@ -102,7 +102,7 @@ impl Eyes {
         self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
         match self.locate(clock) {
             Ok(found) => self.relocate(found, Relocation::Knocked, sink),
-            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Break(Ending::guarded(
+            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Break(RunEnd::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
@@ -111,7 +111,7 @@ impl Eyes {
     }
 
     /// Locates table and parts once more when the plate has swung out from the knock that caused the last localisation.
-    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> Flow {
+    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
         self.displaced = 0;
         match self.locate(clock) {
             Ok(found) => self.relocate(found, Relocation::SwungOut, sink),
@@ -120,8 +120,8 @@ impl Eyes {
     }
 
     /// Continues with a table that was located anew.
-    fn relocate(&mut self, located: Located, after: Relocation, sink: &mut dyn Sink) -> Flow {
-        let Located { table, found, stages, localise_us } = located;
+    fn relocate(&mut self, located: Relocated, after: Relocation, sink: &mut dyn Sink) -> OrEnd {
+        let Relocated { table, found, stages, localise_us } = located;
         let count = found.len();
         let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
         for (part, (expected_m, _)) in before.iter_mut().zip(&self.expected_m) {
@@ -131,7 +131,7 @@ impl Eyes {
             let expected = before.len();
             let reason =
                 format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
-            return Break(Ending::guarded(Condition::CameraMoved, reason));
+            return Break(RunEnd::guarded(Condition::CameraMoved, reason));
         };
         let ways = detections.iter().zip(&self.expected_m);
         let off_m =
@@ -142,7 +142,7 @@ impl Eyes {
                 "the plate has moved in the picture, and a part is {:.1} mm farther than it can be from its place",
                 too_far_m * 1e3
             );
-            return Break(Ending::guarded(Condition::PartsJumped, reason));
+            return Break(RunEnd::guarded(Condition::PartsJumped, reason));
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
@@ -166,7 +166,7 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Flow<bool> {
+    ) -> OrEnd<bool> {
         self.let_swing_out(rig, sink, clock, stop)?;
         for _ in 0..CONFIRMING_LOOKS {
             let located = self.locate_at_rest(rig, sink, clock, stop)?;
@@ -189,13 +189,13 @@ impl Eyes {
     }
 
     /// Waits until the plate is still in the picture, for at most the time a plate that was not knocked takes.
-    fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> Flow {
-        let until = rig.quiet_at().max(self.frame.exposed_at) + SWING_S;
+    fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> OrEnd {
+        let until = rig.settled_at().max(self.frame.exposed_at) + SWING_S;
         // a swinging plate passes its rest position for a moment
         let mut still = 0;
         while rig.now() < until && still < STILL_LOOKS {
             check_stop(stop)?;
-            self.look(rig, Moment::Pulse, sink, clock)?;
+            self.look(rig, FramePurpose::Pulse, sink, clock)?;
             still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
         }
         Continue(())
@@ -207,10 +207,10 @@ impl Eyes {
         sink: &mut dyn Sink,
         clock: &dyn Clock,
         stop: &AtomicBool,
-    ) -> Flow<Located> {
+    ) -> OrEnd<Relocated> {
         let mut last = None;
         for _ in 0..TABLE_LOOKS {
-            while !self.look(rig, Moment::Pulse, sink, clock)? {
+            while !self.look(rig, FramePurpose::Pulse, sink, clock)? {
                 check_stop(stop)?;
             }
             match self.locate(clock) {
@@ -221,6 +221,6 @@ impl Eyes {
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
         self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
-        Break(Ending::guarded(Condition::TableMissing, reason))
+        Break(RunEnd::guarded(Condition::TableMissing, reason))
     }
 }

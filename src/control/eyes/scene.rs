@@ -1,9 +1,9 @@
 //! Checks of a frame beyond the parts' positions: whether it is of the present, whether the plate is visible, whether
 //! it is where it was, and whether a foreign object is on it.
 
-use super::settling::{Place, Settling};
+use super::settling::{PlateInImage, Settling};
 use crate::condition::Condition;
-use crate::guards::{Freshness, Stale};
+use crate::guards::{Freshness, StaleReason};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{PartKind, RigModel};
 use upm_core::signal::Frame;
@@ -25,7 +25,7 @@ const COVERED: f64 = 0.06;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Blind {
     /// The frame is not of the present.
-    Stale(Stale),
+    Stale(StaleReason),
     /// The frame shows no plate.
     Dark,
     /// Something hides part of the plate.
@@ -36,8 +36,8 @@ impl Blind {
     /// The condition to report.
     pub(super) fn condition(self) -> Condition {
         match self {
-            Self::Stale(Stale::Repeated) => Condition::CameraFrozen,
-            Self::Stale(Stale::Stamp { .. }) => Condition::CameraStale,
+            Self::Stale(StaleReason::Repeated) => Condition::CameraFrozen,
+            Self::Stale(StaleReason::Stamp { .. }) => Condition::CameraStale,
             Self::Dark => Condition::CameraDark,
             Self::Hidden => Condition::ViewHidden,
         }
@@ -55,8 +55,8 @@ impl Blind {
     /// The reason for people.
     pub(super) fn reason(self) -> String {
         match self {
-            Self::Stale(Stale::Repeated) => "the camera sends the same picture again".into(),
-            Self::Stale(Stale::Stamp { older_s }) => {
+            Self::Stale(StaleReason::Repeated) => "the camera sends the same picture again".into(),
+            Self::Stale(StaleReason::Stamp { older_s }) => {
                 format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3)
             }
             Self::Dark => "the camera's frames show no plate".into(),
@@ -67,15 +67,15 @@ impl Blind {
 
 /// Findings in a frame at rest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct SceneObservation {
     pub(super) blind: Option<Blind>,
-    pub(super) place: Place,
+    pub(super) place: PlateInImage,
     /// Place of an object that does not belong to the job, m.
     pub(super) foreign_m: Option<Vec2>,
 }
 
 /// Monitors everything in the scene that should not change.
-pub(super) struct Scene {
+pub(super) struct SceneMonitor {
     freshness: Freshness,
     table: TableWatch,
     plate: PlateWatch,
@@ -83,7 +83,7 @@ pub(super) struct Scene {
     settling: Settling,
 }
 
-impl Scene {
+impl SceneMonitor {
     pub(super) fn new(table: &Table, model: &RigModel, kinds: &[PartKind]) -> Self {
         Self {
             freshness: Freshness::new(model.frame_hz, model.exposure_s),
@@ -111,23 +111,23 @@ impl Scene {
     }
 
     /// Examines a frame taken at rest, in which `tracks` were followed.
-    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> Seen {
+    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> SceneObservation {
         let place = self.settling.place(frame.exposed_at, self.table.check(frame));
-        if place == Place::SwungOut {
+        if place == PlateInImage::SwungOut {
             self.table.set_rest(frame);
         }
-        if let Place::Elsewhere { .. } = place {
+        if let PlateInImage::Elsewhere { .. } = place {
             // objects on a plate that has moved are detected once it is located anew
             self.foreign_m = None;
-            return Seen { blind: None, place, foreign_m: None };
+            return SceneObservation { blind: None, place, foreign_m: None };
         }
         let sight = self.plate.check(frame, tracks);
         // a hand is visible; where nothing hides the plate and its sides are gone, the picture shows no plate
         let is_hidden = sight.hidden_share > HIDDEN;
-        let is_dark = sight.dark || (place == Place::Unknown && !is_hidden);
+        let is_dark = sight.dark || (place == PlateInImage::Unknown && !is_hidden);
         let blind = if is_dark { Some(Blind::Dark) } else { is_hidden.then_some(Blind::Hidden) };
         self.foreign_m = sight.foreign.first().map(|part| part.position_m);
-        Seen { blind, place, foreign_m: self.foreign_m }
+        SceneObservation { blind, place, foreign_m: self.foreign_m }
     }
 
     /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.

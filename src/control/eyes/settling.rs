@@ -17,7 +17,7 @@ pub(super) const SWING_S: f64 = 0.4;
 
 /// The plate's place in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
+pub(super) enum PlateInImage {
     /// The place where it was.
     Same,
     /// The same place, but it may still swing: it was elsewhere a moment ago, or was knocked before the table was
@@ -47,7 +47,7 @@ pub(super) struct Settling {
 
 impl Settling {
     /// Takes the plate's motion in a frame at rest that was exposed at `at`.
-    pub(super) fn place(&mut self, at: PlateTime, motion: TableMotion) -> Place {
+    pub(super) fn place(&mut self, at: PlateTime, motion: TableMotion) -> PlateInImage {
         let corner_px = match motion {
             TableMotion::Seen { corner_px, shift_px, .. }
                 if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
@@ -56,27 +56,27 @@ impl Settling {
             }
             TableMotion::Seen { corner_px, .. } => corner_px,
             TableMotion::Displaced => f64::INFINITY,
-            TableMotion::Hidden => return Place::Unknown,
+            TableMotion::Hidden => return PlateInImage::Unknown,
         };
         self.settled_from = at + STILL_S;
-        Place::Elsewhere { corner_px }
+        PlateInImage::Elsewhere { corner_px }
     }
 
     /// The place of a plate that is seen where it should be, shifted by `shift_px`.
-    fn near(&mut self, at: PlateTime, shift_px: Vec2) -> Place {
+    fn near(&mut self, at: PlateTime, shift_px: Vec2) -> PlateInImage {
         let since_last_px = (shift_px - std::mem::replace(&mut self.shift_px, shift_px)).norm();
         if since_last_px > SWINGS_PX {
             // pushed again, or the swing was a long one
             self.rest_from = self.rest_from.map(|from| from.max(at + STILL_S));
         }
         match self.rest_from {
-            Some(from) if at < from => Place::Swinging,
+            Some(from) if at < from => PlateInImage::Swinging,
             Some(_) => {
                 self.rest_from = None;
-                Place::SwungOut
+                PlateInImage::SwungOut
             }
-            None if at < self.settled_from => Place::Swinging,
-            None => Place::Same,
+            None if at < self.settled_from => PlateInImage::Swinging,
+            None => PlateInImage::Same,
         }
     }
 
@@ -106,34 +106,34 @@ mod tests {
     #[test]
     fn plate_that_swings_back_from_elsewhere_is_relied_on_after_half_of_the_slowest_swing() {
         let mut settling = Settling::default();
-        assert_eq!(settling.place(at(0), seen(0.1, 0.1)), Place::Same);
+        assert_eq!(settling.place(at(0), seen(0.1, 0.1)), PlateInImage::Same);
         // a turned camera: the plate swings through where it was, and rests elsewhere
-        let swings: Vec<Place> =
+        let swings: Vec<PlateInImage> =
             (1..).zip([2.9, 1.1, 0.5, 0.4]).map(|(i, px)| settling.place(at(i), seen(px, 0.0))).collect();
-        assert!(matches!(swings[..2], [Place::Elsewhere { .. }, Place::Elsewhere { .. }]), "{swings:?}");
-        assert_eq!(swings[2..], [Place::Swinging; 2]);
-        assert_eq!(settling.place(at(9), seen(0.2, 0.0)), Place::Swinging);
-        assert_eq!(settling.place(at(10), seen(0.2, 0.0)), Place::Same);
+        assert!(matches!(swings[..2], [PlateInImage::Elsewhere { .. }, PlateInImage::Elsewhere { .. }]), "{swings:?}");
+        assert_eq!(swings[2..], [PlateInImage::Swinging; 2]);
+        assert_eq!(settling.place(at(9), seen(0.2, 0.0)), PlateInImage::Swinging);
+        assert_eq!(settling.place(at(10), seen(0.2, 0.0)), PlateInImage::Same);
     }
 
     #[test]
     fn plate_located_while_it_swings_is_located_once_more_when_it_has_swung_out() {
         let mut settling = Settling::default();
         settling.relocate(at(0), true);
-        assert_eq!(settling.place(at(20), seen(0.0, 0.05)), Place::Swinging);
+        assert_eq!(settling.place(at(20), seen(0.0, 0.05)), PlateInImage::Swinging);
         // a shift from one look to the next: it still swings
-        assert_eq!(settling.place(at(24), seen(0.0, 0.2)), Place::Swinging);
-        assert_eq!(settling.place(at(33), seen(0.0, 0.2)), Place::SwungOut);
-        assert_eq!(settling.place(at(34), seen(0.0, 0.2)), Place::Same);
+        assert_eq!(settling.place(at(24), seen(0.0, 0.2)), PlateInImage::Swinging);
+        assert_eq!(settling.place(at(33), seen(0.0, 0.2)), PlateInImage::SwungOut);
+        assert_eq!(settling.place(at(34), seen(0.0, 0.2)), PlateInImage::Same);
         settling.relocate(at(40), false);
-        assert_eq!(settling.place(at(41), seen(0.0, 0.0)), Place::Same);
+        assert_eq!(settling.place(at(41), seen(0.0, 0.0)), PlateInImage::Same);
     }
 
     #[test]
     fn plate_that_is_not_seen_is_nowhere_and_one_beyond_reach_is_elsewhere_by_an_unknown_amount() {
         let mut settling = Settling::default();
-        assert_eq!(settling.place(at(0), TableMotion::Hidden), Place::Unknown);
-        assert_eq!(settling.place(at(1), TableMotion::Displaced), Place::Elsewhere { corner_px: f64::INFINITY });
-        assert_eq!(settling.place(at(2), seen(0.0, 0.8)), Place::Elsewhere { corner_px: 0.8 });
+        assert_eq!(settling.place(at(0), TableMotion::Hidden), PlateInImage::Unknown);
+        assert_eq!(settling.place(at(1), TableMotion::Displaced), PlateInImage::Elsewhere { corner_px: f64::INFINITY });
+        assert_eq!(settling.place(at(2), seen(0.0, 0.8)), PlateInImage::Elsewhere { corner_px: 0.8 });
     }
 }

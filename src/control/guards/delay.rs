@@ -16,6 +16,8 @@ const WINDOW: usize = 48;
 const LEAST_SWING_PX: f64 = 0.6;
 /// Residual without a delay, as a share of the squares, below which frames are in time.
 const IN_TIME: f64 = 0.06;
+/// The same after fitting the swing at its best height: a plate that swings less or more than planned, in time.
+const IN_TIME_AT_ANY_HEIGHT: f64 = 0.02;
 /// Largest residual with a delay, relative to the residual without one, for the delay to count.
 const BETTER: f64 = 0.35;
 /// Largest residual with a delay, as a share of the observed squares.
@@ -49,15 +51,15 @@ const PUSHED: f64 = 1.3;
 const PUSHED_PX: f64 = 0.3;
 /// Largest residual, as a share of the squares, of frames that show the expected swing up to its height, and the
 /// residual without a delay.
-const ALIKE_IN_SHAPE: Shape = Shape { left: 0.1, undelayed: 0.4 };
+const ALIKE_IN_SHAPE: MotionShape = MotionShape { left: 0.1, undelayed: 0.4 };
 /// The same for a swing of another shape, as of a stuttering coil: one whose pictures are in time leaves up to 0.35.
-const ROUGHLY_ALIKE: Shape = Shape { left: 0.3, undelayed: 0.6 };
+const ROUGHLY_ALIKE: MotionShape = MotionShape { left: 0.3, undelayed: 0.6 };
 /// Larger displacements are clamped to this, px.
 const FARTHEST_PX: f64 = 6.0;
 
 /// Limits for the comparison of swings in shape alone: the largest residual with a delay and the least without one.
 #[derive(Clone, Copy, Debug)]
-struct Shape {
+struct MotionShape {
     left: f64,
     undelayed: f64,
 }
@@ -72,7 +74,7 @@ pub struct DelayGuard {
     /// Number of the newest frame.
     newest: u64,
     /// The last two pulses with the time of their beginning, s of plate time.
-    pulses: VecDeque<(f64, Swing)>,
+    pulses: VecDeque<(f64, PlateSwing)>,
     /// Delays that explain the last late pulse, and the number of consecutive late pulses.
     last: Delays,
     late: u32,
@@ -151,7 +153,7 @@ impl Delays {
 
 /// Planned swing of the plate in a pulse.
 #[derive(Clone, Debug)]
-pub struct Swing {
+pub struct PlateSwing {
     /// Its velocity at full height, times from the start of the pulse.
     pub wave: TwistWave,
     /// Outline of the pulse, which the displacement follows.
@@ -176,7 +178,7 @@ impl DelayGuard {
     }
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
-    pub fn begin(&mut self, at_s: f64, swing: Swing) {
+    pub fn begin(&mut self, at_s: f64, swing: PlateSwing) {
         if self.pulses.len() == 2 {
             self.pulses.pop_front();
         }
@@ -265,7 +267,7 @@ impl DelayGuard {
     }
 
     /// The delay that best explains the frames since a pulse began, where one is clearly better than none.
-    fn timing_since(&self, pulse: Option<&(f64, Swing)>) -> Timing {
+    fn timing_since(&self, pulse: Option<&(f64, PlateSwing)>) -> Timing {
         let Some((begin_s, _)) = pulse else { return Timing::Weak };
         let (first, expected) = self.window(*begin_s);
         if expected < LEAST_SWING_PX * LEAST_SWING_PX {
@@ -301,6 +303,10 @@ impl DelayGuard {
         if undelayed < IN_TIME * all || delay < LATE || !is_explained {
             return Timing::InTime;
         }
+        // earlier pulses of other heights may fit the height of this one by chance
+        if self.left_at_any_scale(first, 0) < IN_TIME_AT_ANY_HEIGHT {
+            return Timing::InTime;
+        }
         // equal pulses at equal intervals are also explained by a delay of all but one frame of the interval, where the
         // plate swings slightly before its plan; no picture comes early
         let next = |i: usize| self.frames.get(i + 1).map_or(0.0, |frame| frame.expected);
@@ -323,7 +329,7 @@ impl DelayGuard {
 
     /// The delay with which the frames from `first` on show the expected swing, scaled by one factor; `None` where they
     /// are not `alike` enough, or in time.
-    fn delay_at_any_scale(&self, first: usize, alike: Shape) -> Option<usize> {
+    fn delay_at_any_scale(&self, first: usize, alike: MotionShape) -> Option<usize> {
         let left = |delay| self.left_at_any_scale(first, delay);
         let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
         (left(best) < alike.left && left(0) > alike.undelayed).then_some(best)
@@ -358,7 +364,7 @@ impl DelayGuard {
     }
 }
 
-impl Swing {
+impl PlateSwing {
     /// Largest displacement of the corners from their places, px.
     fn corner_px(&self, t_s: f64) -> f64 {
         let height = self.envelope.at(t_s);

@@ -22,7 +22,7 @@ const SWING_PX: f64 = 0.3;
 
 /// Reason for which a frame does not show the present.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stale {
+pub enum StaleReason {
     /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
     /// unique.
     Repeated,
@@ -67,10 +67,10 @@ impl Freshness {
     }
 
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
-    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
+    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<StaleReason> {
         let stamp = self.check_stamp(frame, now);
         let repeated = self.check_picture(frame);
-        stamp.or(repeated.then_some(Stale::Repeated))
+        stamp.or(repeated.then_some(StaleReason::Repeated))
     }
 
     /// True once a frame has differed from the first.
@@ -78,12 +78,12 @@ impl Freshness {
         self.changed
     }
 
-    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<Stale> {
+    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<StaleReason> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
-        (!is_next || !in_time).then_some(Stale::Stamp { older_s })
+        (!is_next || !in_time).then_some(StaleReason::Stamp { older_s })
     }
 
     fn check_picture(&mut self, frame: &Frame) -> bool {
@@ -190,7 +190,7 @@ mod tests {
         frame
     }
 
-    fn check(of: &mut Freshness, frame: &Frame) -> Option<Stale> {
+    fn check(of: &mut Freshness, frame: &Frame) -> Option<StaleReason> {
         of.check(frame, frame.exposed_at + 0.002)
     }
 
@@ -198,12 +198,12 @@ mod tests {
     fn picture_that_comes_again_is_stale_and_new_ones_are_not() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert!((1..50).all(|i| check(&mut fresh, &frame(i, i)).is_none()));
-        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(Stale::Repeated));
-        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(Stale::Repeated), "one of several");
+        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(StaleReason::Repeated));
+        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(StaleReason::Repeated), "one of several");
         assert_eq!(check(&mut fresh, &frame(52, 52)), None);
         let mut torn = frame(53, 53);
         torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
-        assert_eq!(check(&mut fresh, &torn), Some(Stale::Repeated), "a quarter of it stands still");
+        assert_eq!(check(&mut fresh, &torn), Some(StaleReason::Repeated), "a quarter of it stands still");
     }
 
     #[test]
@@ -211,7 +211,7 @@ mod tests {
         let mut fresh = Freshness::new(60.0, 0.004);
         let pictures = [1, 1, 2, 3, 4, 4];
         let stale = (1..).zip(pictures).map(|(i, seed)| check(&mut fresh, &frame(i, seed))).collect::<Vec<_>>();
-        assert_eq!(stale, [None, None, None, None, None, Some(Stale::Repeated)]);
+        assert_eq!(stale, [None, None, None, None, None, Some(StaleReason::Repeated)]);
     }
 
     #[test]
@@ -227,12 +227,14 @@ mod tests {
     fn stamp_that_does_not_fit_the_present_is_stale() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert_eq!(check(&mut fresh, &frame(1, 1)), None);
-        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(Stale::Stamp { .. })), "the same number");
+        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(StaleReason::Stamp { .. })), "the same number");
         let late = frame(9, 9);
-        assert!(matches!(fresh.check(&late, late.exposed_at + 0.2), Some(Stale::Stamp { older_s }) if older_s > 0.19));
+        assert!(
+            matches!(fresh.check(&late, late.exposed_at + 0.2), Some(StaleReason::Stamp { older_s }) if older_s > 0.19)
+        );
         let early = frame(10, 10);
         assert!(
-            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(Stale::Stamp { older_s }) if older_s < 0.0)
+            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(StaleReason::Stamp { older_s }) if older_s < 0.0)
         );
     }
 

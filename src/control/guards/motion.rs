@@ -19,7 +19,7 @@ const OFF_IN_A_ROW: u32 = 2;
 
 /// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
+pub struct MotionFinding {
     /// The condition found.
     pub condition: Condition,
     /// The reason for people.
@@ -78,13 +78,19 @@ pub struct MotionGuard {
 
 impl MotionGuard {
     /// Judges the motion of one pulse; `None` without a finding.
-    pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<Finding> {
+    pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<MotionFinding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
         self.finding(judged.verdict, off, reading.went, reading.swing)
     }
 
-    fn finding(&mut self, verdict: MotionVerdict, off: f64, went: Option<Went>, swing: SwingSeen) -> Option<Finding> {
+    fn finding(
+        &mut self,
+        verdict: MotionVerdict,
+        off: f64,
+        went: Option<Went>,
+        swing: SwingSeen,
+    ) -> Option<MotionFinding> {
         let saw_it_go = matches!(went, Some(Went::There | Went::About));
         let shows_drive = swing == SwingSeen::AsDriven;
         // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go
@@ -102,7 +108,7 @@ impl MotionGuard {
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingSeen::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;
-        let found = |condition, reason: String, ends| Some(Finding { condition, reason, ends });
+        let found = |condition, reason: String, ends| Some(MotionFinding { condition, reason, ends });
         let percent = 100.0 * off;
         match verdict {
             MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => {

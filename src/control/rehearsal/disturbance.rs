@@ -25,7 +25,7 @@ pub(super) const ROTATION_SD_M: f64 = 0.03e-3;
 /// Most of the error repeats: the plate's motion deviates from the commanded one, and equal pulses carry parts equally.
 /// In runs the errors of successive small steps correlate by 0.4 to 0.9, so parts settle; independent errors for each
 /// pulse would let parts wander about their targets.
-pub(super) struct Disturbance {
+pub(super) struct ModelDisturbance {
     /// For each harmonic the factors of x, y and spin.
     plate: Vec<[Complex<f64>; 3]>,
     /// For each entry of the library the factor of its steps.
@@ -33,7 +33,7 @@ pub(super) struct Disturbance {
     rng: Rng,
 }
 
-impl Disturbance {
+impl ModelDisturbance {
     /// Draws the disturbance of one rehearsal.
     pub fn new(library: &Library, rehearsal: &RehearsalParams) -> Self {
         let RehearsalParams { streams, number, .. } = rehearsal;

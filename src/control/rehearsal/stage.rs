@@ -1,9 +1,9 @@
 use std::sync::Arc;
 
-use super::disturbance::{Disturbance, normal};
-use super::{Nearest, RehearsalParams};
+use super::disturbance::{ModelDisturbance, normal};
+use super::{ClosestApproach, RehearsalParams};
 use crate::ControlParams;
-use crate::plans::Plans;
+use crate::plans::PulsePlanner;
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::time::PlateTime;
 use upm_library::Library;
@@ -23,26 +23,26 @@ const PUSHES: usize = 8;
 const ROUNDING: f64 = 1e-6;
 
 /// Parts on a plate that is reduced to a displacement model.
-pub(super) struct Stage {
+pub(super) struct KinematicPlate {
     /// Positions of the parts, m.
     pub positions_m: Vec<Vec2>,
     /// Outlines of the parts, m.
     pub radii_m: Vec<f64>,
     /// The least gap so far.
-    pub nearest: Option<Nearest>,
+    pub nearest: Option<ClosestApproach>,
     library: Arc<Library>,
     /// Displacement of each part relative to the measured one.
     friction: Vec<f64>,
-    disturbance: Disturbance,
+    disturbance: ModelDisturbance,
     frame_hz: f64,
     frames: u64,
 }
 
-impl Stage {
+impl KinematicPlate {
     /// Parts at their starting positions, each with a drawn friction.
     pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
         let RehearsalParams { starts_m, frame_hz, .. } = rehearsal;
-        let disturbance = Disturbance::new(&library, rehearsal);
+        let disturbance = ModelDisturbance::new(&library, rehearsal);
         let mut stage = Self {
             positions_m: starts_m.clone(),
             radii_m: (0..starts_m.len()).map(|part| params.radius_m(part)).collect(),
@@ -81,7 +81,7 @@ impl Stage {
 
     /// Plays a pulse to the first frame after its end: parts move as `plans` forecasts them with their own friction, on
     /// a plate that deviates slightly from the commanded motion.
-    pub fn play(&mut self, pulse: &PlannedPulse, plans: &dyn Plans) {
+    pub fn play(&mut self, pulse: &PlannedPulse, plans: &dyn PulsePlanner) {
         self.frames += (self.length_s(pulse) * self.frame_hz - ROUNDING).ceil().max(1.0) as u64;
         let before_m = self.positions_m.clone();
         let made = self.disturbance.made(pulse);
@@ -135,7 +135,7 @@ impl Stage {
                 let apart = Segment { from: before_m[i] - before_m[j], to: self.positions_m[i] - self.positions_m[j] };
                 let gap_m = apart.distance(Vec2::zeros()) - self.radii_m[i] - self.radii_m[j];
                 if self.nearest.is_none_or(|nearest| gap_m < nearest.gap_m) {
-                    self.nearest = Some(Nearest { gap_m, parts: [i, j], at_s });
+                    self.nearest = Some(ClosestApproach { gap_m, parts: [i, j], at_s });
                 }
             }
         }

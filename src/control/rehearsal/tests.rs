@@ -3,13 +3,13 @@ use std::f64::consts::{PI, TAU};
 use proptest::prelude::*;
 
 use super::*;
-use crate::{ExpectedPart, plans::Plans};
+use crate::{ExpectedPart, plans::PulsePlanner};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::{job::Outcome, random::Streams, rig::PartKind};
 use upm_goal::{PathParams, Trajectories};
 use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
-use upm_planner::{FieldPulse, Method, PartState, PlannedPulse, PlannerParams, Rotation};
+use upm_planner::{FieldPulse, PartState, PlannedPulse, PlannerParams, PlanningMethod, Rotation};
 
 const HALF_M: f64 = 0.1;
 const RADIUS_M: f64 = 0.01;
@@ -63,7 +63,7 @@ fn params(parts: usize) -> ControlParams {
         follows_paths: true,
         tolerance_m: ARRIVE_M,
         lost_after_frames: 2,
-        method: Method::default(),
+        method: PlanningMethod::default(),
         planner: PlannerParams {
             half_side_m: HALF_M,
             edge_margin_m: 0.001,
@@ -94,7 +94,7 @@ fn to(targets_m: &[Vec2]) -> Trajectories {
     Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
 }
 
-fn play(library: &Arc<Library>, goal: &mut dyn Goal, params: &ControlParams, how: &RehearsalParams) -> Rehearsal {
+fn play(library: &Arc<Library>, goal: &mut dyn Task, params: &ControlParams, how: &RehearsalParams) -> DryRun {
     rehearse(library, &FreshPlanner::new(params.method, library, params.planner), goal, params, how, &mut |_, _| ())
 }
 
@@ -103,16 +103,16 @@ struct Stay {
     until_s: Option<f64>,
 }
 
-impl Goal for Stay {
-    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for Stay {
+    fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let progress = self.until_s.map_or(0.0, |until_s| (now.secs() / until_s).min(1.0));
         let places_m = parts_in_table_m.to_vec();
-        Wanted {
+        Setpoints {
             subgoals_m: places_m.clone(),
             targets_m: places_m,
             progress,
             done: progress >= 1.0,
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 }
@@ -120,12 +120,18 @@ impl Goal for Stay {
 /// A goal that wants the first part in one place at once.
 struct There(Vec2);
 
-impl Goal for There {
-    fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+impl Task for There {
+    fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let mut places_m = parts_in_table_m.to_vec();
         places_m[0] = self.0;
         let done = (parts_in_table_m[0] - self.0).norm() < ARRIVE_M;
-        Wanted { subgoals_m: places_m.clone(), targets_m: places_m, done, phase: "there".into(), ..Wanted::default() }
+        Setpoints {
+            subgoals_m: places_m.clone(),
+            targets_m: places_m,
+            done,
+            phase: "there".into(),
+            ..Setpoints::default()
+        }
     }
 }
 
@@ -183,7 +189,7 @@ fn it_ends_at_the_time_limit_and_when_nothing_goes_on() {
     let (start_m, far_m) = ([Vec2::new(-0.08, 0.0)], Vec2::new(0.08, 0.0));
     let short = ControlParams { time_limit_s: 0.5, ..params(1) };
     let done = play(&made, &mut There(far_m), &short, &rehearsal(&start_m, 0));
-    assert_eq!(done.ending, Ending::failed("plate time limit of 0.5 s reached"));
+    assert_eq!(done.ending, RunEnd::failed("plate time limit of 0.5 s reached"));
     assert!((0.5..0.5 + 2.0 * LONGEST_S).contains(&done.plate_time_s), "{done:?}");
     let endless = ControlParams { endless: true, ..short };
     let done = play(&made, &mut There(far_m), &endless, &rehearsal(&start_m, 0));
@@ -245,8 +251,8 @@ fn parts_that_meet_push_each_other_aside() {
     let mut met = 0;
     for number in 1..20 {
         let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
-        let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
-        let plans = FreshPlanner::new(Method::CorSequence, &made, params(2).planner).plans().ok().unwrap();
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(2), &how);
+        let plans = FreshPlanner::new(PlanningMethod::CorSequence, &made, params(2).planner).plans().ok().unwrap();
         let pulse = PlannedPulse::Rotation(Rotation {
             entry: 0,
             distance_m: 0.01,
@@ -266,7 +272,7 @@ fn parts_that_meet_push_each_other_aside() {
 /// A planner that forecasts the same displacement by every field at gain 1.
 struct Along(Vec2);
 
-impl Plans for Along {
+impl PulsePlanner for Along {
     fn plan(&mut self, _: &[PartState]) -> Plan {
         Plan::default()
     }
@@ -289,7 +295,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
     let mut scattered = Vec::new();
     for number in 0..400 {
         let how = rehearsal(&starts_m, number);
-        let mut stage = Stage::new(Arc::clone(&made), &params(2), &how);
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(2), &how);
         let before = stage.now();
         stage.play(&pulse, &Along(way_m));
         assert!((stage.now() - before - 0.3).abs() < 1e-9, "15 frames, for 0.29 s");
@@ -308,7 +314,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
 /// A planner that forecasts displacements by the first harmonic of the wave that is played, 1 s long.
 struct ByWave;
 
-impl Plans for ByWave {
+impl PulsePlanner for ByWave {
     fn plan(&mut self, _: &[PartState]) -> Plan {
         Plan::default()
     }
@@ -334,7 +340,7 @@ fn plate_is_off_what_it_is_asked_by_the_same_share_in_every_pulse() {
     };
     let mut squares = 0.0;
     for number in 0..200 {
-        let mut stage = Stage::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
         let mut share = |x: f64| {
             let before = stage.positions_m[0].x;
             stage.play(&pulse(x), &ByWave);
@@ -353,10 +359,10 @@ fn plate_is_off_what_it_is_asked_by_the_same_share_in_every_pulse() {
 #[test]
 fn rotation_is_off_its_forecast_by_the_same_share_in_every_pulse_of_an_entry() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0)], 0.0);
-    let plans = FreshPlanner::new(Method::CorSequence, &made, params(1).planner).plans().ok().unwrap();
+    let plans = FreshPlanner::new(PlanningMethod::CorSequence, &made, params(1).planner).plans().ok().unwrap();
     let mut squares = 0.0;
     for number in 0..200 {
-        let mut stage = Stage::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
         let friction = stage::friction(&rehearsal(&[Vec2::zeros()], number))[0];
         let mut off_m = |entry: usize, reverse: bool| {
             let before_m = stage.positions_m[0];

@@ -5,7 +5,7 @@ pub(super) const MOST_POINTS: usize = 2000;
 
 /// Path of a part, thinned out evenly as it grows.
 #[derive(Clone, Debug)]
-pub(super) struct Trail {
+pub(super) struct ThinnedPath {
     kept_m: Vec<Vec2>,
     last_m: Vec2,
     /// Interval of the points that are kept, and the number that came since the last kept one.
@@ -13,7 +13,7 @@ pub(super) struct Trail {
     since: usize,
 }
 
-impl Trail {
+impl ThinnedPath {
     /// A trail that begins at `start_m`.
     pub fn from(start_m: Vec2) -> Self {
         Self { kept_m: vec![start_m], last_m: start_m, every: 1, since: 0 }
@@ -52,7 +52,7 @@ mod tests {
         #[test]
         fn a_trail_is_bounded_and_keeps_both_ends(steps in 0usize..30_000) {
             let place = |k: usize| Vec2::new(k as f64, 0.0);
-            let mut trail = Trail::from(place(0));
+            let mut trail = ThinnedPath::from(place(0));
             (1..=steps).for_each(|k| trail.push(place(k)));
             let points = trail.into_points();
             prop_assert!(points.len() <= MOST_POINTS);

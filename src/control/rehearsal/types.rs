@@ -1,5 +1,5 @@
 use super::trail;
-use crate::ending::Ending;
+use crate::ending::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
@@ -23,9 +23,9 @@ pub struct RehearsalParams {
 
 /// Result of a rehearsal. All of it is predicted.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Rehearsal {
+pub struct DryRun {
     /// Outcome, cause and reason of its end.
-    pub ending: Ending,
+    pub ending: RunEnd,
     /// True when it was broken off, neither at the goal nor failed.
     pub left_off: bool,
     /// The goal's progress at the end, 0 to 1.
@@ -44,7 +44,7 @@ pub struct Rehearsal {
     /// Target of each part when the rehearsal ended, m.
     pub targets_m: Vec<Vec2>,
     /// The least gap between two parts at any time; `None` with fewer than two.
-    pub nearest: Option<Nearest>,
+    pub nearest: Option<ClosestApproach>,
     /// Reasons for infeasible plans, in order of first appearance.
     pub limits_met: Vec<LimitMet>,
     /// Root mean square distance, m, between the parts' positions after pulses and the forecasts with the learned
@@ -54,7 +54,7 @@ pub struct Rehearsal {
 
 /// The closest approach of two parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
+pub struct ClosestApproach {
     /// Gap between their rims, m; negative where they would have touched.
     pub gap_m: f64,
     /// Indices of the parts.
@@ -72,7 +72,7 @@ pub struct LimitMet {
     pub times: u64,
 }
 
-impl Rehearsal {
+impl DryRun {
     /// Largest number of points of one part's trail.
     pub const MOST_POINTS: usize = trail::MOST_POINTS;
 }

@@ -73,10 +73,10 @@ pub struct StopTimes {
 /// [`Interlock::fit`] until the rig is dropped. A trip stays while a rig is fitted: a run that was stopped can only
 /// end. After that [`Interlock::release`] clears the trip; otherwise the next rig finds it tripped and plays nothing.
 #[derive(Clone, Debug, Default)]
-pub struct Interlock(Arc<Shared>);
+pub struct Interlock(Arc<InterlockState>);
 
 #[derive(Default)]
-struct Shared {
+struct InterlockState {
     /// Trip, fitted, sounding and the plate time of the trip, in one word, so that each change sees all of them.
     word: AtomicU64,
     now_ns: AtomicU64,
@@ -90,9 +90,9 @@ struct Shared {
 
 /// The fields of [`Shared::word`].
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Word(u64);
+struct StateWord(u64);
 
-impl Word {
+impl StateWord {
     const FITTED: u64 = 1 << 63;
     const SOUNDING: u64 = 1 << 62;
     const TRIP_SHIFT: u32 = 59;
@@ -140,7 +140,7 @@ impl Interlock {
     /// An interlock that also measures the wall time in which motors fall silent.
     #[inline]
     pub fn timed(clock: Arc<dyn Clock + Send + Sync>) -> Self {
-        Self(Arc::new(Shared { clock: Some(clock), ..Shared::default() }))
+        Self(Arc::new(InterlockState { clock: Some(clock), ..InterlockState::default() }))
     }
 
     /// Trips the interlock. True when that changed anything: the first trip remains, but an emergency stop replaces
@@ -180,31 +180,31 @@ impl Interlock {
     /// Clears a trip for `why`. False while a rig is fitted, and when it is not tripped for that cause.
     #[inline]
     pub fn release(&self, why: Trip) -> bool {
-        let free = |word: Word| !word.has(Word::FITTED) && word.trip() == Some(why);
+        let free = |word: StateWord| !word.has(StateWord::FITTED) && word.trip() == Some(why);
         self.0.change(|word| free(word).then(|| word.released())).is_ok()
     }
 
     /// Fits it to a rig whose time is `now` and whose motors are silent; `None` while it is fitted to another rig.
     #[inline]
-    pub fn fit(&self, now: PlateTime) -> Option<Fitted> {
+    pub fn attach(&self, now: PlateTime) -> Option<InterlockGuard> {
         let shared = &*self.0;
-        shared.change(|word| (!word.has(Word::FITTED)).then_some(Word(word.0 | Word::FITTED))).ok()?;
+        shared.change(|word| (!word.has(StateWord::FITTED)).then_some(StateWord(word.0 | StateWord::FITTED))).ok()?;
         shared.now_ns.store(now.nanos(), Ordering::Relaxed);
         shared.silent_at_ns.store(now.nanos(), Ordering::Relaxed);
-        Some(Fitted(self.clone()))
+        Some(InterlockGuard(self.clone()))
     }
 
     /// Registers the calling thread as the one that drives the rig: a trip wakes it when it is parked. Only the first
     /// call counts.
     #[inline]
-    pub fn driven_from_here(&self) {
+    pub fn set_driver_thread(&self) {
         self.0.driver.get_or_init(thread::current);
     }
 
     /// Announces that the rig is about to play; refused once tripped.
     #[inline]
-    pub fn sound(&self) -> Result<(), Trip> {
-        let sounding = |word: Word| word.trip().is_none().then_some(Word(word.0 | Word::SOUNDING));
+    pub fn energize(&self) -> Result<(), Trip> {
+        let sounding = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::SOUNDING));
         self.0.change(sounding).map_err(|word| word.trip().unwrap_or(Trip::EStop))
     }
 
@@ -216,17 +216,17 @@ impl Interlock {
     }
 
     /// Records that the rig's motors are at zero from `at` on.
-    pub fn silent(&self, at: PlateTime) {
+    pub fn motors_off(&self, at: PlateTime) {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
-        if !word.has(Word::SOUNDING) {
+        if !word.has(StateWord::SOUNDING) {
             return;
         }
         shared.silent_at_ns.store(at.nanos(), Ordering::Relaxed);
         if word.trip().is_some() {
             shared.silent_wall_ns.store(shared.wall_ns(), Ordering::Relaxed);
         }
-        let before = Word(shared.word.fetch_and(!Word::SOUNDING, Ordering::AcqRel));
+        let before = StateWord(shared.word.fetch_and(!StateWord::SOUNDING, Ordering::AcqRel));
         if before.trip().is_some() {
             let (lock, condition) = &shared.silence;
             drop(lock.lock());
@@ -235,21 +235,21 @@ impl Interlock {
     }
 
     /// Waits for at most `within` until the motors have answered the trip; returns [`Self::answer`].
-    pub fn wait_for_answer(&self, within: Duration) -> Option<StopTimes> {
+    pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
         let (lock, condition) = &self.0.silence;
         let is_sounding = |_: &mut ()| {
             let word = self.0.word(Ordering::Acquire);
-            word.trip().is_some() && word.has(Word::SOUNDING)
+            word.trip().is_some() && word.has(StateWord::SOUNDING)
         };
         condition.wait_while_for(&mut lock.lock(), is_sounding, within);
-        self.answer()
+        self.stop_times()
     }
 
     /// Times of the motors' answer to the trip; `None` without a trip, and while motors still play.
-    pub fn answer(&self) -> Option<StopTimes> {
+    pub fn stop_times(&self) -> Option<StopTimes> {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
-        if word.trip().is_none() || word.has(Word::SOUNDING) {
+        if word.trip().is_none() || word.has(StateWord::SOUNDING) {
             return None;
         }
         let silent_at = PlateTime::from_nanos(shared.silent_at_ns.load(Ordering::Relaxed));
@@ -262,17 +262,17 @@ impl Interlock {
     }
 }
 
-impl Shared {
+impl InterlockState {
     #[inline]
-    fn word(&self, order: Ordering) -> Word {
-        Word(self.word.load(order))
+    fn word(&self, order: Ordering) -> StateWord {
+        StateWord(self.word.load(order))
     }
 
     /// Replaces the word by `next` of it; `Err` with the current word when `next` gives `None`.
     #[inline]
-    fn change(&self, next: impl Fn(Word) -> Option<Word>) -> Result<(), Word> {
-        let put = |word| next(Word(word)).map(|word| word.0);
-        self.word.fetch_update(Ordering::AcqRel, Ordering::Acquire, put).map(drop).map_err(Word)
+    fn change(&self, next: impl Fn(StateWord) -> Option<StateWord>) -> Result<(), StateWord> {
+        let put = |word| next(StateWord(word)).map(|word| word.0);
+        self.word.fetch_update(Ordering::AcqRel, Ordering::Acquire, put).map(drop).map_err(StateWord)
     }
 
     #[inline]
@@ -282,22 +282,22 @@ impl Shared {
     }
 }
 
-impl fmt::Debug for Shared {
+impl fmt::Debug for InterlockState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let word = self.word(Ordering::Acquire);
         f.debug_struct("Interlock")
             .field("trip", &word.trip())
-            .field("fitted", &word.has(Word::FITTED))
-            .field("sounding", &word.has(Word::SOUNDING))
+            .field("fitted", &word.has(StateWord::FITTED))
+            .field("sounding", &word.has(StateWord::SOUNDING))
             .finish_non_exhaustive()
     }
 }
 
 /// An [`Interlock`] held by a rig. It is dropped with the rig, whose motors are then gone and silent.
 #[derive(Debug)]
-pub struct Fitted(Interlock);
+pub struct InterlockGuard(Interlock);
 
-impl Deref for Fitted {
+impl Deref for InterlockGuard {
     type Target = Interlock;
 
     #[inline]
@@ -306,12 +306,12 @@ impl Deref for Fitted {
     }
 }
 
-impl Drop for Fitted {
+impl Drop for InterlockGuard {
     #[inline]
     fn drop(&mut self) {
         let shared = &*self.0.0;
-        self.0.silent(self.0.now());
-        shared.word.fetch_and(!Word::FITTED, Ordering::AcqRel);
+        self.0.motors_off(self.0.now());
+        shared.word.fetch_and(!StateWord::FITTED, Ordering::AcqRel);
     }
 }
 

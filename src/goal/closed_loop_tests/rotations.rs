@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::*;
 use crate::Effort;
-use crate::fleet::Fleet;
-use crate::least_effort::{ROUNDS, Way, eased, effort_of};
-use crate::turns::{Task, Turn};
+use crate::fleet::MultiDiscProblem;
+use crate::least_effort::{JointPath, ROUNDS, eased, effort_of};
+use crate::turns::{RigidMotionProblem, RigidRotation};
 
 /// Toy effort: a shift of all parts costs little, any other motion much, and more the further out.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ fn by_rotations() -> Motions {
     Motions::Rotations { stride_m: 0.016, effort: Arc::new(Toy) }
 }
 
-fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> Course {
+fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
     let params = ArrangeParams {
         half_side_m: HALF_SIDE_M,
         motions: by_rotations(),
@@ -50,7 +50,7 @@ fn arranged(discs: &[Disc], starts_m: &[Vec2], targets_m: &[Vec2], exchange: boo
     run(&mut Arrange::new(params), discs, starts_m, 0.03, 200)
 }
 
-fn straight(from_m: &[Vec2], to_m: &[Vec2], legs: usize) -> Way {
+fn straight(from_m: &[Vec2], to_m: &[Vec2], legs: usize) -> JointPath {
     let at = |k: usize| from_m.iter().zip(to_m).map(|(from, to)| from.lerp(to, k as f64 / legs as f64)).collect();
     (0..=legs).map(at).collect()
 }
@@ -68,9 +68,9 @@ fn two_change_places_round_each_other() {
 fn a_set_that_is_turned_goes_round_as_one() {
     let starts_m = ring(6, 0.03, 0.0);
     let targets_m = ring(6, 0.03, 2.0);
-    let fleet = Fleet::new(pennies(6), HALF_SIDE_M, targets_m);
+    let fleet = MultiDiscProblem::new(pennies(6), HALF_SIDE_M, targets_m);
     let mut rng = Streams::new(1).stream("ways");
-    let stages = Task { fleet: &fleet, starts_m: &starts_m, effort: &Rigid }.stages(&mut rng);
+    let stages = RigidMotionProblem { fleet: &fleet, starts_m: &starts_m, effort: &Rigid }.stages(&mut rng);
     let radius_m = starts_m[0].norm();
     let out = stages.places_m.iter().flatten().map(|place| (place.norm() - radius_m).abs()).fold(0.0, f64::max);
     // chords between stages 25 mm apart lie 2 mm inside
@@ -85,7 +85,7 @@ impl Effort for Rigid {
     fn squared(&self, places_m: &[Vec2], steps_m: &[Vec2], slopes: Option<(&mut [Vec2], &mut [Vec2])>) -> f64 {
         let ends_m: Vec<Vec2> = places_m.iter().zip(steps_m).map(|(place, step)| place + step * 0.5).collect();
         let begins_m: Vec<Vec2> = places_m.iter().zip(steps_m).map(|(place, step)| place - step * 0.5).collect();
-        let turn = Turn::between(&begins_m, &ends_m);
+        let turn = RigidRotation::between(&begins_m, &ends_m);
         let left = begins_m.iter().zip(&ends_m).map(|(begin, end)| end - turn.carry(*begin, 1.0));
         let left: Vec<Vec2> = left.collect();
         if let Some((_, by_step)) = slopes {
@@ -114,7 +114,7 @@ proptest! {
         // so far apart that no straight path is crowded
         let starts_m = scattered(&radii_m(&discs), 0.01, 0.02, &mut rng);
         let targets_m: Vec<Vec2> = starts_m.iter().map(|start| start * 0.9 + Vec2::new(0.002, -0.003)).collect();
-        let fleet = Fleet::new(discs, HALF_SIDE_M, targets_m.clone());
+        let fleet = MultiDiscProblem::new(discs, HALF_SIDE_M, targets_m.clone());
         let before = straight(&starts_m, &targets_m, 6);
         let (after, cost) = eased(before.clone(), &fleet, &Toy, ROUNDS);
         prop_assert_eq!((&after[0], after.last()), (&starts_m, Some(&targets_m)));
@@ -131,7 +131,7 @@ proptest! {
         let (sin, cos) = angle.sin_cos();
         let moved = |p: &Vec2| Vec2::new(cos * p.x - sin * p.y + x, sin * p.x + cos * p.y + y);
         let to_m: Vec<Vec2> = from_m.iter().map(moved).collect();
-        let turn = Turn::between(&from_m, &to_m);
+        let turn = RigidRotation::between(&from_m, &to_m);
         for (from, to) in from_m.iter().zip(&to_m) {
             prop_assert!((turn.carry(*from, 1.0) - to).norm() < 1e-12 && (turn.carry(*from, 0.0) - from).norm() < 1e-12);
             prop_assert!((turn.undo(*to) - from).norm() < 1e-12);

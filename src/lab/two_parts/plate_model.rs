@@ -8,7 +8,7 @@ use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, s
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, Places};
 use upm_core::geometry::{Pose, Vec2};
-use upm_sim::{OpenPulse, PlateMode, Trajectories, simulate};
+use upm_sim::{OpenLoopTrajectories, OpenPulse, PlateMode, simulate};
 
 /// Sustains measured, from the shortest to the longest one used.
 const SUSTAINS: usize = 17;
@@ -130,7 +130,7 @@ impl<'a> PlateModel<'a> {
         OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], envelope(self.rig, sustain_s))
     }
 
-    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<Trajectories, LabFault> {
+    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
         let parts: Vec<_> =
             parts_m.iter().map(|&part| (self.rig.penny, Pose { position_m: part, heading_rad: 0.0 })).collect();
         let sample_hz = PLAYBACK_HZ * FINER as f64;

@@ -1,7 +1,7 @@
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_perception::vision::{CoinFinder, Detection, TableFault, locate_table};
-use upm_scene::{Family, PartTruth, Scene, kinds};
+use upm_scene::{Difficulty, Scene, ScenePartTruth, kinds};
 
 /// Error of a corner, px, above which a located table counts as misplaced.
 const MISPLACED_PX: f64 = 5.0;
@@ -50,7 +50,7 @@ pub struct PartError {
 }
 
 /// Locates table and parts in the scene's picture and compares them with its truth.
-pub fn judge(family: Family, scene: &Scene) -> Verdict {
+pub fn judge(family: Difficulty, scene: &Scene) -> Verdict {
     let verdict = |table| Verdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {
@@ -68,16 +68,16 @@ pub fn judge(family: Family, scene: &Scene) -> Verdict {
 }
 
 /// The kinds searched for.
-fn kinds_of(family: Family) -> Vec<PartKind> {
+fn kinds_of(family: Difficulty) -> Vec<PartKind> {
     let kinds = kinds();
     match family {
-        Family::Papers => kinds.into_iter().take(1).collect(),
-        Family::Clean | Family::Rough | Family::Hard => kinds,
+        Difficulty::Papers => kinds.into_iter().take(1).collect(),
+        Difficulty::Clean | Difficulty::Rough | Difficulty::Hard => kinds,
     }
 }
 
 /// Matches nearest pairs first; a part is found where a detection is within half its radius.
-fn compare(truth: &[PartTruth], found: &[Detection]) -> PartsVerdict {
+fn compare(truth: &[ScenePartTruth], found: &[Detection]) -> PartsVerdict {
     let distance = |i: usize, k: usize| (found[k].center_px - truth[i].center_px).norm();
     let near = |&(i, k): &(usize, usize)| distance(i, k) < truth[i].radius_px / 2.0;
     let mut pairs: Vec<(usize, usize)> =
@@ -98,7 +98,7 @@ fn compare(truth: &[PartTruth], found: &[Detection]) -> PartsVerdict {
     }
 }
 
-fn error(truth: &PartTruth, found: &Detection) -> PartError {
+fn error(truth: &ScenePartTruth, found: &Detection) -> PartError {
     let off: Vec2 = found.center_px - truth.center_px;
     let inverse = found.covariance_px2.try_inverse();
     PartError {
@@ -114,8 +114,8 @@ mod tests {
     use super::*;
     use nalgebra::Matrix2;
 
-    fn part(x: f64, kind: usize) -> PartTruth {
-        PartTruth { kind, at_m: Vec2::new(x * 1e-3, 0.0), center_px: Vec2::new(x, 0.0), radius_px: 10.0 }
+    fn part(x: f64, kind: usize) -> ScenePartTruth {
+        ScenePartTruth { kind, at_m: Vec2::new(x * 1e-3, 0.0), center_px: Vec2::new(x, 0.0), radius_px: 10.0 }
     }
 
     fn detection(x: f64, kind: usize) -> Detection {

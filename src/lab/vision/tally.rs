@@ -1,7 +1,7 @@
 use super::super::Figure;
 use super::judge::{PartError, PartsVerdict, TableVerdict, Verdict};
 use upm_core::units::mm_from_m;
-use upm_scene::Family;
+use upm_scene::Difficulty;
 
 /// Kinds of failure.
 const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed", "parts invented", "parts misnamed"];
@@ -10,7 +10,7 @@ const MOST_SEEDS: usize = 10;
 
 /// Statistics of one family's verdicts.
 pub struct Tally {
-    family: Family,
+    family: Difficulty,
     scenes: usize,
     parts: usize,
     counts: [usize; CAUSES.len()],
@@ -25,7 +25,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    pub fn new(family: Family, verdicts: &[Verdict]) -> Self {
+    pub fn new(family: Difficulty, verdicts: &[Verdict]) -> Self {
         let mut tally = Self {
             family,
             scenes: verdicts.len(),
@@ -74,7 +74,7 @@ impl Tally {
         self.errors.extend(&parts.errors);
     }
 
-    pub fn family(&self) -> Family {
+    pub fn family(&self) -> Difficulty {
         self.family
     }
 
@@ -101,9 +101,9 @@ impl Tally {
             None => Figure::alone(name(what), unit, measured, TRUTH),
         };
         let (center_bar, corner_bar) = match self.family {
-            Family::Clean => (Some(0.03), Some(0.05)),
-            Family::Rough => (Some(0.10), Some(0.15)),
-            Family::Hard | Family::Papers => (None, None),
+            Difficulty::Clean => (Some(0.03), Some(0.05)),
+            Difficulty::Rough => (Some(0.10), Some(0.15)),
+            Difficulty::Hard | Difficulty::Papers => (None, None),
         };
         let centers_px = self.center_errors_px();
         let positions_mm: Vec<f64> = self.errors.iter().map(|error| mm_from_m(error.position_m)).collect();
@@ -177,7 +177,7 @@ mod tests {
         ];
         let verdicts: Vec<Verdict> =
             tables.into_iter().zip(7..).map(|(table, seed)| Verdict { seed, parts: 3, table }).collect();
-        let tally = Tally::new(Family::Rough, &verdicts);
+        let tally = Tally::new(Difficulty::Rough, &verdicts);
         let figures = tally.figures();
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
         for (name, expected) in [

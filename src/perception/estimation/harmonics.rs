@@ -9,7 +9,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::FitFault;
-use super::window::Window;
+use super::window::SteadyWindow;
 
 /// Acceleration coefficients c1, s1, c2, s2 of one channel (Eq. 12), m/s².
 pub type Coefficients = [f64; 4];
@@ -28,7 +28,7 @@ pub struct HarmonicFit {
 /// Fits every channel over `window`, with a drift polynomial of the highest degree that the number of periods supports:
 /// twice that number.
 pub fn fit_channels<const N: usize>(
-    window: &Window,
+    window: &SteadyWindow,
     channels: &[Vec<f64>; N],
     base_radps: f64,
 ) -> Result<[HarmonicFit; N], FitFault> {
@@ -43,7 +43,7 @@ pub fn fit_channels<const N: usize>(
 /// Least squares with `D` regressors: the four of the harmonics, then Legendre polynomials from the constant up.
 /// `D = 4` fits harmonics alone; over whole periods that is a discrete Fourier transform at two bins.
 pub fn fit<const D: usize, const N: usize>(
-    window: &Window,
+    window: &SteadyWindow,
     channels: &[Vec<f64>; N],
     base_radps: f64,
 ) -> Option<[HarmonicFit; N]> {
@@ -71,7 +71,7 @@ pub fn fit<const D: usize, const N: usize>(
 }
 
 /// One row of regressors for each sample of `window`.
-fn regressors<const D: usize>(window: &Window, base_radps: f64) -> impl Iterator<Item = SVector<f64, D>> + '_ {
+fn regressors<const D: usize>(window: &SteadyWindow, base_radps: f64) -> impl Iterator<Item = SVector<f64, D>> + '_ {
     let half = 0.5 * window.samples.len() as f64;
     window.times_s().enumerate().map(move |(i, t_s)| {
         let (sin, cos) = (base_radps * t_s).sin_cos();
@@ -110,8 +110,8 @@ mod tests {
 
     const HZ: f64 = 50.0;
 
-    fn window(periods: usize) -> Window {
-        Window { samples: 0..100 * periods, start_s: 0.0123, step_s: 1.0 / 5000.0, periods }
+    fn window(periods: usize) -> SteadyWindow {
+        SteadyWindow { samples: 0..100 * periods, start_s: 0.0123, step_s: 1.0 / 5000.0, periods }
     }
 
     fn model(c: &[f64; 4], t_s: f64) -> f64 {

@@ -13,7 +13,7 @@ mod reading;
 
 use nalgebra::{Complex, Vector3};
 
-use self::reading::Reading;
+use self::reading::TraceReading;
 use super::felt::{Felt, Velocity, felt};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
@@ -136,7 +136,7 @@ pub fn judge(
     sensors: &AccelerometerPair,
 ) -> MotionJudgement {
     match fit {
-        Ok(fit) => Judge::new(expected, Reading::of(fit), sensors).judgement(),
+        Ok(fit) => PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
         Err(fault) => MotionJudgement { mismatch: None, verdict: unreadable(expected, fault, sensors) },
     }
 }
@@ -196,17 +196,17 @@ impl ExpectedMotion<'_> {
 }
 
 /// A reading and the planned one, under comparison.
-struct Judge<'a> {
+struct PulseJudge<'a> {
     expected: &'a ExpectedMotion<'a>,
     sensors: &'a AccelerometerPair,
-    read: Reading,
+    read: TraceReading,
     planned: Felt,
     /// Inverse square of the tolerance of each coefficient, (m/s²)⁻², harmonic by harmonic.
     weights: Vec<f64>,
 }
 
-impl<'a> Judge<'a> {
-    fn new(expected: &'a ExpectedMotion<'a>, read: Reading, sensors: &'a AccelerometerPair) -> Self {
+impl<'a> PulseJudge<'a> {
+    fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
         let velocity = expected.velocity(read.variance.len(), &Played::Planned);
         let planned = felt(&velocity, expected.drive.base_radps, sensors.position_m);
         let coefficients = 2.0 * (CHANNELS * planned.len()) as f64;

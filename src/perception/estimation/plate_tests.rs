@@ -17,7 +17,7 @@ const MPS2_PER_COUNT: f64 = 60.0 / 1024.0;
 const PULSE: Envelope = Envelope { attack_s: 0.015, sustain_s: 0.08, rest_s: 0.03 };
 
 /// Three independent mass-spring-dampers (Eq. 33) driven by `amplitude · (cos wt - sin 2wt)` under an envelope.
-struct Plate {
+struct WavingPlate {
     base_radps: f64,
     resonance_radps: [f64; 3],
     damping_ratio: f64,
@@ -25,7 +25,7 @@ struct Plate {
     drive: [f64; 3],
 }
 
-impl Plate {
+impl WavingPlate {
     fn random(rng: &mut Rng, base_hz: f64, drive: [f64; 3]) -> Self {
         let resonance_radps = std::array::from_fn(|_| TAU * rng.random_range(11.0..17.0));
         Self { base_radps: TAU * base_hz, resonance_radps, damping_ratio: 0.1, drive }
@@ -90,11 +90,11 @@ fn digitised(axes: &[Vec<f64>; 3], noise_mps2: f64, bias_mps2: f64, rng: &mut Rn
 }
 
 /// A plate driven to turn about `center_m` (as a free mass would) with 25 m/s² of each harmonic at the fastest corner.
-fn turning_plate(rng: &mut Rng, base_hz: f64, center_m: Vec2, sign: f64) -> Plate {
+fn turning_plate(rng: &mut Rng, base_hz: f64, center_m: Vec2, sign: f64) -> WavingPlate {
     let twist = Twist::about(center_m, sign);
     let fastest = [R1_M, -R1_M].map(|r| twist.velocity_at(r).norm()).into_iter().fold(0.0, f64::max);
     let drive = twist * (25.0 / fastest);
-    Plate::random(rng, base_hz, [drive.velocity_mps.x, drive.velocity_mps.y, drive.spin_radps])
+    WavingPlate::random(rng, base_hz, [drive.velocity_mps.x, drive.velocity_mps.y, drive.spin_radps])
 }
 
 /// Root mean square error of the measured centre of rotation, m, over centres inside the plate.
@@ -138,7 +138,7 @@ fn phasors_of_every_axis_match_the_transfer_function() {
     let mut rng = Streams::new(5).stream("plates");
     for _ in 0..20 {
         let drive = std::array::from_fn(|axis| rng.random_range(5.0..10.0) * if axis == 2 { 8.0 } else { 1.0 });
-        let plate = Plate::random(&mut rng, 60.0, drive);
+        let plate = WavingPlate::random(&mut rng, 60.0, drive);
         let trace = digitised(&plate.accelerations(&PULSE), 0.0, 0.3, &mut rng);
         let fit = fit_twist(&trace, &PULSE, plate.base_radps, &SENSORS).unwrap();
         for (axis, (read, truth)) in fit.axes.iter().zip(plate.steady()).enumerate() {

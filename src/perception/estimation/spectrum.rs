@@ -18,7 +18,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use rustfft::FftPlanner;
 
 use super::{AccelerometerPair, FitFault, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
-use super::{Window, twist_from_corners};
+use super::{SteadyWindow, twist_from_corners};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
@@ -116,7 +116,7 @@ fn axis_accelerations([x1, y1, x2, y2]: [Complex<f64>; CHANNELS], position_m: Ve
     ]
 }
 
-fn refuse_uneven(window: &Window, base_radps: f64) -> Result<(), FitFault> {
+fn refuse_uneven(window: &SteadyWindow, base_radps: f64) -> Result<(), FitFault> {
     let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
     if (samples - window.samples.len() as f64).abs() <= UNEVEN_SAMPLES {
         Ok(())
@@ -137,10 +137,10 @@ pub fn fit_oscillator(
     accel: &[Complex<f64>],
 ) -> Result<OscillatorFit, FitFault> {
     let undetermined = |found_sd: f64| FitFault::Undetermined { found_sd, needed_sd: LARGEST_SD };
-    let lines: Vec<Line> = (1..)
+    let lines: Vec<SpectralLine> = (1..)
         .zip(force.iter().zip(accel))
         .filter(|(_, (force, accel))| force.norm() > 0.0 && accel.norm() > 0.0)
-        .map(|(k, (&force, &accel))| Line { order: f64::from(k), force, accel })
+        .map(|(k, (&force, &accel))| SpectralLine { order: f64::from(k), force, accel })
         .collect();
     if 2 * lines.len() <= UNKNOWNS {
         return Err(undetermined(f64::INFINITY));
@@ -172,7 +172,7 @@ pub fn fit_oscillator(
 }
 
 /// One excited line: its number, the force and the acceleration.
-struct Line {
+struct SpectralLine {
     order: f64,
     force: Complex<f64>,
     accel: Complex<f64>,
@@ -184,7 +184,7 @@ struct Solution {
     covariance: DMatrix<f64>,
 }
 
-fn solve(lines: &[Line], weights: &[f64], delay_rad: f64) -> Option<Solution> {
+fn solve(lines: &[SpectralLine], weights: &[f64], delay_rad: f64) -> Option<Solution> {
     let rows = 2 * lines.len();
     let mut regressors = DMatrix::zeros(rows, UNKNOWNS);
     let mut wanted = DVector::zeros(rows);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
-use super::{AccelerometerPair, FitFault, WEAKEST_MPS2, WaveFit, Window, accelerations_mps2, sustain_window};
+use super::{AccelerometerPair, FitFault, SteadyWindow, WEAKEST_MPS2, WaveFit, accelerations_mps2, sustain_window};
 use super::{refuse_bad, refuse_cut_short, twist_from_corners};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave};
@@ -56,7 +56,7 @@ pub fn fit_wave(
 }
 
 /// A row for each sample of `window`: cos and sin of every harmonic, then Legendre polynomials from the constant up.
-fn regressors(window: &Window, base_radps: f64, harmonics: usize) -> DMatrix<f64> {
+fn regressors(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> DMatrix<f64> {
     let drift = 2 * harmonics;
     let mut rows = DMatrix::zeros(window.samples.len(), drift + 1 + DEGREES_A_PERIOD * window.periods);
     let half = 0.5 * window.samples.len() as f64;

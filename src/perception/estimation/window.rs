@@ -12,7 +12,7 @@ pub const MAX_PERIODS: usize = 3;
 
 /// A stretch of whole base periods at full height.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Window {
+pub struct SteadyWindow {
     /// Indices of the samples.
     pub samples: Range<usize>,
     /// Time of the first sample after the start of the pulse, s.
@@ -23,7 +23,7 @@ pub struct Window {
     pub periods: usize,
 }
 
-impl Window {
+impl SteadyWindow {
     /// Times of the samples after the start of the pulse, s.
     pub fn times_s(&self) -> impl Iterator<Item = f64> + '_ {
         (0..self.samples.len()).map(|i| self.start_s + i as f64 * self.step_s)
@@ -32,7 +32,7 @@ impl Window {
 
 /// The latest whole base periods at full height in `trace`, [`MAX_PERIODS`] at most. The latest, because low-pass and
 /// plate have then had the longest time to settle.
-pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<Window, FitFault> {
+pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<SteadyWindow, FitFault> {
     if !(trace.sample_hz.is_finite() && trace.sample_hz > 0.0 && trace.first_sample_s.is_finite()) {
         return Err(FitFault::Unreadable("sample times are not numbers"));
     }
@@ -51,7 +51,7 @@ pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) 
     }
     let length = (periods as f64 * period_s * trace.sample_hz).round() as usize;
     let first = to.saturating_sub(length).max(from);
-    Ok(Window { samples: first..to, start_s: trace.time_s(first), step_s, periods })
+    Ok(SteadyWindow { samples: first..to, start_s: trace.time_s(first), step_s, periods })
 }
 
 /// Index of the first sample not before `t_s`; 0 for times before the trace.
@@ -61,7 +61,7 @@ fn sample_index(trace: &AccelTrace, t_s: f64) -> usize {
 
 /// The samples of `window` in m/s², channel by channel. A single clipped or missing sample is an error: a fit that
 /// interpolated it would be wrong without any indication.
-pub fn accelerations_mps2(trace: &AccelTrace, window: &Window) -> Result<[Vec<f64>; CHANNELS], FitFault> {
+pub fn accelerations_mps2(trace: &AccelTrace, window: &SteadyWindow) -> Result<[Vec<f64>; CHANNELS], FitFault> {
     let mut accelerations = [const { Vec::new() }; CHANNELS];
     for (channel, (counts, out)) in trace.counts.iter().zip(&mut accelerations).enumerate() {
         let counts = counts.get(window.samples.clone()).unwrap_or_default();
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn silent(samples: usize) -> AccelTrace {
+    fn is_silent(samples: usize) -> AccelTrace {
         AccelTrace {
             sample_hz: 5000.0,
             first_sample_s: 0.0,
@@ -104,7 +104,7 @@ mod tests {
             samples in 0..2000usize, hz in 20.0..150.0f64,
         ) {
             let envelope = Envelope { attack_s, sustain_s, rest_s: 0.05 };
-            let trace = AccelTrace { first_sample_s, ..silent(samples) };
+            let trace = AccelTrace { first_sample_s, ..is_silent(samples) };
             match sustain_window(&trace, &envelope, TAU * hz) {
                 Ok(window) => {
                     prop_assert!(window.samples.end <= samples);
@@ -123,13 +123,13 @@ mod tests {
 
     #[test]
     fn latest_periods_are_taken() {
-        let window = sustain_window(&silent(1000), &PULSE, TAU * 50.0).unwrap();
+        let window = sustain_window(&is_silent(1000), &PULSE, TAU * 50.0).unwrap();
         assert_eq!((window.samples, window.periods), (300..600, 3));
     }
 
     #[test]
     fn one_bad_sample_inside_spoils_it_and_outside_does_not() {
-        let window = sustain_window(&silent(1000), &PULSE, TAU * 50.0).unwrap();
+        let window = sustain_window(&is_silent(1000), &PULSE, TAU * 50.0).unwrap();
         for (at, count, fault) in [
             (299, MISSING_SAMPLE, None),
             (600, 1023, None),
@@ -137,7 +137,7 @@ mod tests {
             (599, 1023, Some(FitFault::Clipped { channel: 2, samples: 1, limit: 1023 })),
             (400, -1024, Some(FitFault::Clipped { channel: 2, samples: 1, limit: 1023 })),
         ] {
-            let mut trace = silent(1000);
+            let mut trace = is_silent(1000);
             trace.counts[2][at] = count;
             assert_eq!(accelerations_mps2(&trace, &window).err(), fault);
         }
@@ -145,9 +145,9 @@ mod tests {
 
     #[test]
     fn nonsense_is_told_apart() {
-        let broken = |sample_hz| AccelTrace { sample_hz, ..silent(1000) };
+        let broken = |sample_hz| AccelTrace { sample_hz, ..is_silent(1000) };
         for (trace, base_radps) in
-            [(broken(0.0), 300.0), (broken(f64::NAN), 300.0), (silent(1000), f64::NAN), (silent(1000), 3000.0)]
+            [(broken(0.0), 300.0), (broken(f64::NAN), 300.0), (is_silent(1000), f64::NAN), (is_silent(1000), 3000.0)]
         {
             assert!(matches!(sustain_window(&trace, &PULSE, base_radps), Err(FitFault::Unreadable(_))));
         }

@@ -1,7 +1,7 @@
 //! Convolution of a rectangle with a solid disk by running sums: each chord of the disk contributes one difference of a
 //! row's running sum. Integer arithmetic, hence exact; the fastest method for disks of few cells.
 
-use super::disk::Disk;
+use super::disk::DiskKernel;
 
 /// Integer that represents a value of 1.
 const ONE: f32 = 65_535.0;
@@ -9,7 +9,7 @@ const ONE: f32 = 65_535.0;
 pub(super) const LARGEST_AREA: usize = 32_000;
 
 /// Running sums of the rows of a rectangle, and scratch.
-pub(super) struct ChordSums {
+pub(super) struct RunLengthSums {
     width: usize,
     /// Zero cells to the left and right of each row.
     margin: usize,
@@ -19,7 +19,7 @@ pub(super) struct ChordSums {
     values: Vec<f32>,
 }
 
-impl ChordSums {
+impl RunLengthSums {
     /// For rectangles of `width` by `height` cells and disks that reach `reach` cells from their middle.
     pub(super) fn new(width: usize, height: usize, reach: usize) -> Self {
         Self {
@@ -51,7 +51,7 @@ impl ChordSums {
 
     /// Mean of the loaded values under `disk`, of at most [`LARGEST_AREA`] cells, at every cell; 0 beyond the
     /// rectangle.
-    pub(super) fn respond(&mut self, disk: &Disk, out: &mut [f32]) {
+    pub(super) fn respond(&mut self, disk: &DiskKernel, out: &mut [f32]) {
         let (width, margin) = (self.width, self.margin);
         if width == 0 {
             return;

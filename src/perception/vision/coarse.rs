@@ -9,7 +9,7 @@ pub(super) const UNITS: i16 = 4;
 const LARGEST_BIN: usize = 256;
 
 /// A part of a frame, averaged over squares of `bin` by `bin` pixels.
-pub(super) struct Coarse {
+pub(super) struct BinnedImage {
     pub(super) bin: usize,
     /// Column and row of the first cell, counted in cells from the frame's corner.
     pub(super) corner: [usize; 2],
@@ -19,7 +19,7 @@ pub(super) struct Coarse {
     pub(super) levels: Vec<i16>,
 }
 
-impl Coarse {
+impl BinnedImage {
     /// Averages the whole frame; a remainder narrower than a square at its right and lower side is left out.
     pub(super) fn of(frame: &Frame, bin: usize) -> Self {
         let bin = bin.clamp(1, LARGEST_BIN);
@@ -108,7 +108,7 @@ mod tests {
         ) {
             let mut frame = Frame::new(size[0], size[1]);
             frame.pixels.iter_mut().enumerate().for_each(|(i, p)| *p = ((i + seed).wrapping_mul(2_654_435_761) >> 11) as u8);
-            let coarse = Coarse::part_of(&frame, bin, corner, [7, 5]);
+            let coarse = BinnedImage::part_of(&frame, bin, corner, [7, 5]);
             prop_assert!(coarse.width <= 7 && coarse.height <= 5 && coarse.levels.len() == coarse.width * coarse.height);
             for y in 0..coarse.height {
                 for x in 0..coarse.width {
@@ -125,9 +125,9 @@ mod tests {
     #[test]
     fn places_are_kept() {
         let frame = Frame::new(12, 8);
-        let coarse = Coarse::part_of(&frame, 2, [1, 0], [3, 3]);
+        let coarse = BinnedImage::part_of(&frame, 2, [1, 0], [3, 3]);
         assert_eq!(coarse.frame_from_cell(Vec2::new(1.0, 0.0)), Vec2::new(4.5, 0.5));
-        assert_eq!(Coarse::of(&frame, 1).frame_from_cell(Vec2::new(5.0, 2.0)), Vec2::new(5.0, 2.0));
-        assert_eq!(Coarse::of(&frame, 100_000).levels.len(), 0);
+        assert_eq!(BinnedImage::of(&frame, 1).frame_from_cell(Vec2::new(5.0, 2.0)), Vec2::new(5.0, 2.0));
+        assert_eq!(BinnedImage::of(&frame, 100_000).levels.len(), 0);
     }
 }

@@ -1,12 +1,12 @@
-use super::coarse::{Coarse, UNITS};
-use super::disk::Disk;
-use super::judge::{LEAST_SCORE, PartJudge, kernel_radius_px, overlap, reach_px};
+use super::coarse::{BinnedImage, UNITS};
+use super::disk::DiskKernel;
+use super::judge::{LEAST_SCORE, PartClassifier, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
 use super::response::{DiskResponder, ResponseMethod};
 use super::rim::RimFit;
 use super::sampling::Sampler;
 use super::shading::Shading;
-use super::{Detection, Plane, Table};
+use super::{Detection, FloatImage, Table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
@@ -37,9 +37,9 @@ const SETTLED_PX: f64 = 0.1;
 /// frame.
 pub struct CoinFinder {
     table: Table,
-    judge: PartJudge,
+    judge: PartClassifier,
     /// Disk of each kind, px.
-    disks: Vec<Disk>,
+    disks: Vec<DiskKernel>,
     /// Reach of each kind's disk, cells.
     reaches: Vec<f64>,
     frame_size: [usize; 2],
@@ -51,14 +51,14 @@ pub struct CoinFinder {
     strongest: f32,
 }
 
-struct Candidate {
+struct DiskCandidate {
     value: f32,
     kind: usize,
     cell: [usize; 2],
 }
 
 /// A possible part.
-struct Found {
+struct CandidatePart {
     part: Detection,
     /// Rays that agree on its rim.
     agreeing: usize,
@@ -87,11 +87,11 @@ impl CoinFinder {
         // A cell across the edge contains some of the ground.
         let plate = PlateCells::new(table, frame_size, bin, 2.0 + 0.75 * bin as f64);
         let [width, height] = plate.size;
-        let binned: Vec<Disk> = radii.iter().map(|radius| Disk::new(radius / bin as f64)).collect();
+        let binned: Vec<DiskKernel> = radii.iter().map(|radius| DiskKernel::new(radius / bin as f64)).collect();
         Self {
             table: table.clone(),
-            judge: PartJudge::new(kinds, dark_parts),
-            disks: radii.iter().map(|&radius| Disk::new(radius)).collect(),
+            judge: PartClassifier::new(kinds, dark_parts),
+            disks: radii.iter().map(|&radius| DiskKernel::new(radius)).collect(),
             reaches: binned.iter().map(|disk| disk.reach() as f64).collect(),
             frame_size,
             plate,
@@ -110,7 +110,7 @@ impl CoinFinder {
         if [frame.width, frame.height] != self.frame_size || self.plate.spans.is_empty() || self.disks.is_empty() {
             return Vec::new();
         }
-        let picture = Coarse::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
+        let picture = BinnedImage::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
         self.load_darkness(&picture);
         for (kind, response) in self.responses.iter_mut().enumerate() {
             self.responder.respond(kind, response);
@@ -121,7 +121,7 @@ impl CoinFinder {
             return Vec::new();
         }
         let candidates = self.candidates();
-        let found: Vec<Found> =
+        let found: Vec<CandidatePart> =
             candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
         self.agreed(found)
     }
@@ -133,9 +133,9 @@ impl CoinFinder {
 
     /// The last response of kind 0, over the whole frame: 1 where a part covers the whole kernel, 0 off the plate. One
     /// value for each square of pixels that the picture was averaged over.
-    pub fn response(&self) -> Plane {
+    pub fn response(&self) -> FloatImage {
         let [width, height] = self.frame_size.map(|n| n / self.plate.bin);
-        let mut plane = Plane { width, height, values: vec![0.0; width * height] };
+        let mut plane = FloatImage { width, height, values: vec![0.0; width * height] };
         let Some(response) = self.responses.first() else { return plane };
         let scale = if self.strongest > 0.0 { 1.0 / self.strongest.max(LEAST_CONTRAST) } else { 0.0 };
         for (row, values) in response.chunks_exact(self.plate.size[0].max(1)).enumerate() {
@@ -147,7 +147,7 @@ impl CoinFinder {
     }
 
     /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.
-    fn load_darkness(&mut self, picture: &Coarse) {
+    fn load_darkness(&mut self, picture: &BinnedImage) {
         let Self { plate, judge, responder, inverse, .. } = self;
         let shading = Shading::fit(picture, plate, judge.dark_parts);
         let sign = if judge.dark_parts { 1.0f32 } else { -1.0 };
@@ -164,15 +164,15 @@ impl CoinFinder {
     }
 
     /// Peaks of all responses, kind by kind, highest first.
-    fn candidates(&self) -> Vec<Candidate> {
+    fn candidates(&self) -> Vec<DiskCandidate> {
         let mut peaks = Vec::new();
         for (kind, response) in self.responses.iter().enumerate() {
             let near = (0.4 * self.reaches[kind]).max(1.0);
             let mut own = self.peaks(kind, response);
             own.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.cell.cmp(&b.cell)));
-            let mut kept: Vec<Candidate> = Vec::new();
+            let mut kept: Vec<DiskCandidate> = Vec::new();
             for candidate in own {
-                let distance = |other: &Candidate| {
+                let distance = |other: &DiskCandidate| {
                     let [dx, dy] = [0, 1].map(|i| candidate.cell[i] as f64 - other.cell[i] as f64);
                     dx.hypot(dy)
                 };
@@ -186,7 +186,7 @@ impl CoinFinder {
     }
 
     /// Cells no lower than their neighbours, and a lattice over the area that a larger part covers without a peak.
-    fn peaks(&self, kind: usize, response: &[f32]) -> Vec<Candidate> {
+    fn peaks(&self, kind: usize, response: &[f32]) -> Vec<DiskCandidate> {
         let [width, height] = self.plate.size;
         let (least, full) = (LEAST_PEAK * self.strongest, 0.999 * self.strongest);
         let mut found = Vec::new();
@@ -199,7 +199,7 @@ impl CoinFinder {
                     let peak = || value >= here[x - 1] && above[x - 1..=x + 1].iter().all(|&a| value >= a);
                     let flat = || value >= full && x % 2 == 0 && y % 2 == 0;
                     if (later() && peak()) || flat() {
-                        found.push(Candidate { value, kind, cell: [x, y] });
+                        found.push(DiskCandidate { value, kind, cell: [x, y] });
                     }
                 }
             }
@@ -208,7 +208,7 @@ impl CoinFinder {
     }
 
     /// A candidate's position to a fraction of a cell, by a parabola along each axis.
-    fn place(&self, candidate: &Candidate) -> Vec2 {
+    fn place(&self, candidate: &DiskCandidate) -> Vec2 {
         let ([x, y], width) = (candidate.cell, self.plate.size[0]);
         let response = &self.responses[candidate.kind];
         let off = |step: usize| {
@@ -222,7 +222,13 @@ impl CoinFinder {
 
     /// Measures the rim of a candidate, within a short or else a long reach; then once more as the kind that matches
     /// its radius.
-    fn examine(&self, frame: &Frame, sampler: &Sampler, picture: &Coarse, candidate: &Candidate) -> Option<Found> {
+    fn examine(
+        &self,
+        frame: &Frame,
+        sampler: &Sampler,
+        picture: &BinnedImage,
+        candidate: &DiskCandidate,
+    ) -> Option<CandidatePart> {
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
         let foot_m = self.judge.foot_below(&self.table, kind, center_px);
@@ -246,20 +252,20 @@ impl CoinFinder {
         let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
         let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
         let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
-        (on_plate && part.score >= LEAST_SCORE).then_some(Found { part, agreeing: fit.agreeing, gap })
+        (on_plate && part.score >= LEAST_SCORE).then_some(CandidatePart { part, agreeing: fit.agreeing, gap })
     }
 
     /// Of parts that cannot both exist, those whose rims are seen best; in the picture's order. A wide gap in a rim has
     /// to be filled by other parts or by the plate's edge.
-    fn agreed(&self, mut found: Vec<Found>) -> Vec<Detection> {
+    fn agreed(&self, mut found: Vec<CandidatePart>) -> Vec<Detection> {
         found.sort_by(|a, b| {
-            let open = |found: &Found| !found.gap.is_empty();
-            let place = |found: &Found| found.part.center_px.y;
+            let open = |found: &CandidatePart| !found.gap.is_empty();
+            let place = |found: &CandidatePart| found.part.center_px.y;
             let score = b.part.score.total_cmp(&a.part.score);
             open(a).cmp(&open(b)).then(b.agreeing.cmp(&a.agreeing)).then(score).then(place(a).total_cmp(&place(b)))
         });
         let mut kept: Vec<Detection> = Vec::with_capacity(found.len());
-        for Found { part, gap, .. } in found {
+        for CandidatePart { part, gap, .. } in found {
             let filled = gap.iter().filter(|&&place| self.is_filled(place, &kept)).count() as f64;
             if filled >= FILLED * gap.len() as f64 && kept.iter().all(|other| !overlap(other, &part)) {
                 kept.push(part);

@@ -5,7 +5,7 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
-use upm_scene::{Disc, Scene};
+use upm_scene::{Scene, SceneDisc};
 
 fn kind(name: &str, diameter_mm: f64, thickness_mm: f64) -> PartKind {
     PartKind { name: name.into(), radius_m: diameter_mm * 5e-4, thickness_m: thickness_mm * 1e-3 }
@@ -15,23 +15,23 @@ fn pennies() -> Vec<PartKind> {
     vec![kind("penny", 19.05, 1.52)]
 }
 
-fn scattered() -> Vec<Disc> {
+fn scattered() -> Vec<SceneDisc> {
     [(-0.0671, -0.0713), (0.0012, 0.0004), (0.0533, 0.0617), (-0.0481, 0.0557), (0.0729, -0.0391), (0.0203, -0.0684)]
         .map(|(x, y)| penny(x, y))
         .into()
 }
 
-fn table_of(scene: &Scene, discs: &[Disc]) -> Table {
+fn table_of(scene: &Scene, discs: &[SceneDisc]) -> Table {
     locate_table(&scene.frame_with(discs), &scene.lens, SIDE_M).unwrap()
 }
 
-fn found(scene: &Scene, discs: &[Disc], kinds: &[PartKind]) -> (Table, Vec<Detection>) {
+fn found(scene: &Scene, discs: &[SceneDisc], kinds: &[PartKind]) -> (Table, Vec<Detection>) {
     let table = table_of(scene, discs);
     let parts = CoinFinder::new(&table, scene.size_px, kinds, true).find(&scene.frame_with(discs));
     (table, parts)
 }
 
-fn nearest<'a>(parts: &'a [Detection], disc: &Disc) -> &'a Detection {
+fn nearest<'a>(parts: &'a [Detection], disc: &SceneDisc) -> &'a Detection {
     let off = |part: &Detection| (part.position_m - disc.at_m).norm();
     parts.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
 }
@@ -143,10 +143,10 @@ fn kinds_are_told_apart_by_their_rims() {
         (0.06, -0.06),
         (-0.03, -0.06),
     ];
-    let discs: Vec<Disc> = places
+    let discs: Vec<SceneDisc> = places
         .iter()
         .enumerate()
-        .map(|(i, &(x, y))| Disc::new(Vec2::new(x, y), kinds[i % 4].radius_m, kinds[i % 4].thickness_m))
+        .map(|(i, &(x, y))| SceneDisc::new(Vec2::new(x, y), kinds[i % 4].radius_m, kinds[i % 4].thickness_m))
         .collect();
     let (_, parts) = found(&Scene::general(9).rough(), &discs, &kinds);
     assert_eq!(parts.len(), discs.len());
@@ -170,7 +170,8 @@ fn light_parts_on_a_gray_plate() {
 
 #[test]
 fn what_is_no_part_is_not_found() {
-    let blots = [Disc::new(Vec2::new(0.03, 0.03), 0.025, 0.0), Disc::new(Vec2::new(-0.04, -0.03), 0.006, 0.0)];
+    let blots =
+        [SceneDisc::new(Vec2::new(0.03, 0.03), 0.025, 0.0), SceneDisc::new(Vec2::new(-0.04, -0.03), 0.006, 0.0)];
     for scene in [Scene::plain(1), Scene::general(2).rough()] {
         let table = table_of(&scene, &[]);
         let mut finder = CoinFinder::new(&table, scene.size_px, &pennies(), true);

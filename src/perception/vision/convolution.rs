@@ -6,7 +6,7 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-use super::disk::Disk;
+use super::disk::DiskKernel;
 
 type Complex32 = Complex<f32>;
 
@@ -31,8 +31,8 @@ pub(super) struct DiskConvolver {
 
 impl DiskConvolver {
     /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle values are 0.
-    pub(super) fn new(width: usize, height: usize, disks: &[Disk]) -> Self {
-        let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
+    pub(super) fn new(width: usize, height: usize, disks: &[DiskKernel]) -> Self {
+        let reach = disks.iter().map(DiskKernel::reach).max().unwrap_or(0);
         let padded = [even_smooth(width + reach), even_smooth(height + reach)];
         let (mut real, mut complex) = (RealFftPlanner::new(), FftPlanner::new());
         let rows_forward = real.plan_fft_forward(padded[0]);
@@ -93,7 +93,7 @@ impl DiskConvolver {
         }
     }
 
-    fn kernel(&mut self, disk: &Disk) -> Vec<f32> {
+    fn kernel(&mut self, disk: &DiskKernel) -> Vec<f32> {
         let [width, height] = self.padded;
         self.transform(height, |y, row| {
             row.fill(0.0);

@@ -6,14 +6,14 @@ const CHORDS: usize = 12;
 
 /// The solid disk kernel: all cells whose middle is within the radius of the disk's middle cell.
 #[derive(Clone, Debug)]
-pub(super) struct Disk {
+pub(super) struct DiskKernel {
     /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry also that of
     /// columns.
     half: Vec<usize>,
     area: usize,
 }
 
-impl Disk {
+impl DiskKernel {
     /// A disk of `radius_px` cells; at least a single cell, at most 30 000 cells.
     pub(super) fn new(radius_px: f64) -> Self {
         let radius = radius_px.clamp(0.0, 30_000.0);
@@ -104,7 +104,7 @@ impl Disk {
 }
 
 #[cfg(test)]
-impl Disk {
+impl DiskKernel {
     /// Sum of gray levels under the disk at a place where it fits.
     pub(super) fn sum(&self, frame: &Frame, x: usize, y: usize) -> i64 {
         let chord = |row: usize, half: usize| -> u32 {
@@ -132,7 +132,7 @@ impl Disk {
 
 /// End point of a climb.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Peak {
+pub(super) struct LocalMaximum {
     pub(super) x: usize,
     pub(super) y: usize,
     /// The vertex of the parabolas through the last place and its neighbours, px.
@@ -141,7 +141,14 @@ pub(super) struct Peak {
 
 /// Climbs from the place nearest `(x, y)` to neighbouring ones as long as the disk there is darker (lighter when not
 /// `dark`), `most_steps` at most. `None` where the disk does not fit the frame.
-pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most_steps: usize) -> Option<Peak> {
+pub(super) fn hill_climb(
+    disk: &DiskKernel,
+    frame: &Frame,
+    x: i64,
+    y: i64,
+    dark: bool,
+    most_steps: usize,
+) -> Option<LocalMaximum> {
     let sign = if dark { -1 } else { 1 };
     let (mut x, mut y) = disk.fitted(frame, x, y)?;
     for steps in 0.. {
@@ -165,7 +172,7 @@ pub(super) fn climb(disk: &Disk, frame: &Frame, x: i64, y: i64, dark: bool, most
         };
         if next == (x, y) || steps >= most_steps {
             let vertex_px = Vec2::new(x as f64 + vertex(columns), y as f64 + vertex(rows));
-            return Some(Peak { x, y, vertex_px });
+            return Some(LocalMaximum { x, y, vertex_px });
         }
         (x, y) = next;
     }
@@ -205,7 +212,7 @@ mod tests {
     proptest! {
         #[test]
         fn steps_and_sums_agree_with_the_plain_sum(radius in 0.5..9.0f64, x in 12usize..28, y in 12usize..20, seed in 0usize..999) {
-            let (disk, frame) = (Disk::new(radius), frame(41, 33, seed));
+            let (disk, frame) = (DiskKernel::new(radius), frame(41, 33, seed));
             let values: Vec<f32> = frame.pixels.iter().map(|&p| f32::from(p)).collect();
             let plain = |x, y| (f64::from(disk.mean_under(&values, 41, 33, x, y)) * disk.area() as f64).round() as i64;
             let here = disk.sum(&frame, x, y);
@@ -219,8 +226,8 @@ mod tests {
 
         #[test]
         fn climbing_ends_where_no_neighbour_is_darker(radius in 1.0..6.0f64, x in -5i64..50, y in -5i64..40, seed in 0usize..99) {
-            let (disk, frame) = (Disk::new(radius), frame(41, 33, seed));
-            let peak = climb(&disk, &frame, x, y, true, 1000).unwrap();
+            let (disk, frame) = (DiskKernel::new(radius), frame(41, 33, seed));
+            let peak = hill_climb(&disk, &frame, x, y, true, 1000).unwrap();
             for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
                 let to = (peak.x as i64 + dx, peak.y as i64 + dy);
                 if let Some(to) = disk.fitted(&frame, to.0, to.1) {
@@ -239,19 +246,22 @@ mod tests {
             *pixel = (115.0 + 85.0 * (off / 1.5).clamp(-1.0, 1.0)) as u8;
         }
         for (x, y) in [(77, 72), (72, 78), (95, 60)] {
-            let peak = climb(&Disk::new(radius), &frame, x, y, true, 99).unwrap();
+            let peak = hill_climb(&DiskKernel::new(radius), &frame, x, y, true, 99).unwrap();
             assert!((peak.vertex_px - middle).norm() < 0.15, "{peak:?}");
         }
-        let mean = Disk::new(radius).mean(&frame, 77, 72);
-        assert!((mean - Disk::new(radius).sum(&frame, 77, 72) as f64 / Disk::new(radius).area() as f64).abs() < 2.0);
+        let mean = DiskKernel::new(radius).mean(&frame, 77, 72);
+        assert!(
+            (mean - DiskKernel::new(radius).sum(&frame, 77, 72) as f64 / DiskKernel::new(radius).area() as f64).abs()
+                < 2.0
+        );
     }
 
     #[test]
     fn area_is_that_of_a_disk() {
-        assert_eq!(Disk::new(0.0).area(), 1);
-        assert_eq!(Disk::new(1.0).area(), 5);
-        let area = Disk::new(40.0).area() as f64;
+        assert_eq!(DiskKernel::new(0.0).area(), 1);
+        assert_eq!(DiskKernel::new(1.0).area(), 5);
+        let area = DiskKernel::new(40.0).area() as f64;
         assert!((area / (std::f64::consts::PI * 1600.0) - 1.0).abs() < 2e-3);
-        assert!(climb(&Disk::new(30.0), &Frame::new(50, 50), 0, 0, true, 9).is_none());
+        assert!(hill_climb(&DiskKernel::new(30.0), &Frame::new(50, 50), 0, 0, true, 9).is_none());
     }
 }

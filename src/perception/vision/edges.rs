@@ -1,8 +1,8 @@
 //! Edges of an averaged picture: Scharr gradient, thinned to ridges, selected by hysteresis (Canny, 1986). Thresholds
 //! follow the picture's own strongest edges and its noise, so light and contrast do not matter.
 
-use super::Plane;
-use super::coarse::{Coarse, UNITS};
+use super::FloatImage;
+use super::coarse::{BinnedImage, UNITS};
 use upm_core::geometry::Vec2;
 
 /// Weakest gradient that counts as an edge at all, levels a cell.
@@ -39,7 +39,7 @@ struct Ridge {
 }
 
 /// The edges of a picture. A `plane` is filled with an image of them: strength at an edge, else 0; levels a cell.
-pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoint> {
+pub(super) fn edges(picture: &BinnedImage, plane: Option<&mut FloatImage>) -> Vec<EdgePoint> {
     let smooth;
     // Averaged levels are smooth enough; single pixels are not.
     let levels = if picture.bin == 1 {
@@ -54,7 +54,7 @@ pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoin
         None => Vec::new(),
     };
     if let Some(plane) = plane {
-        *plane = Plane { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
+        *plane = FloatImage { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
         for ridge in &ridges {
             plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
         }
@@ -63,7 +63,7 @@ pub(super) fn edges(picture: &Coarse, plane: Option<&mut Plane>) -> Vec<EdgePoin
 }
 
 /// Binomial smoothing over three cells along each axis.
-fn smoothed(picture: &Coarse) -> Vec<i16> {
+fn smoothed(picture: &BinnedImage) -> Vec<i16> {
     let (width, height) = (picture.width, picture.height);
     let mut across = picture.levels.clone();
     if width < 3 || height < 3 {
@@ -203,7 +203,7 @@ impl Gradient<'_> {
         (here > after && here >= before).then_some(Ridge { cell, slope, offset })
     }
 
-    fn edge_at(&self, ridge: &Ridge, picture: &Coarse) -> EdgePoint {
+    fn edge_at(&self, ridge: &Ridge, picture: &BinnedImage) -> EdgePoint {
         let (x, y) = ((ridge.cell % self.width) as f64, (ridge.cell / self.width) as f64);
         let slope = Vec2::new(f64::from(ridge.slope[0]), f64::from(ridge.slope[1]));
         let off = f64::from(ridge.offset);
@@ -226,8 +226,8 @@ mod tests {
     #[test]
     fn a_step_is_one_line_of_edges_in_the_right_place() {
         for (bin, edge, cells) in [(1, 17, 26), (2, 33, 26), (4, 66, 26)] {
-            let mut plane = Plane::default();
-            let points = edges(&Coarse::of(&step(40 * bin, 30 * bin, edge), bin), Some(&mut plane));
+            let mut plane = FloatImage::default();
+            let points = edges(&BinnedImage::of(&step(40 * bin, 30 * bin, edge), bin), Some(&mut plane));
             assert_eq!(points.len(), cells);
             for point in &points {
                 assert!((point.at_px.x - (edge as f64 - 0.5)).abs() < 0.2 * bin as f64, "{point:?} {edge}");
@@ -245,7 +245,7 @@ mod tests {
             let off = ((i % 320) as f64 - 160.0) * cos + ((i / 320) as f64 - 120.0) * sin;
             *pixel = (110.0 - 100.0 * (off * 2.0).clamp(-1.0, 1.0)) as u8;
         }
-        let points = edges(&Coarse::of(&frame, 4), None);
+        let points = edges(&BinnedImage::of(&frame, 4), None);
         assert!(points.len() > 50);
         for point in &points {
             let off = (point.at_px - Vec2::new(160.0, 120.0)).dot(&Vec2::new(cos, sin));
@@ -258,7 +258,7 @@ mod tests {
     fn flat_and_tiny_pictures_have_no_edges() {
         for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
             for bin in [1, 2, 4] {
-                assert!(edges(&Coarse::of(&Frame::new(width, height), bin), None).is_empty());
+                assert!(edges(&BinnedImage::of(&Frame::new(width, height), bin), None).is_empty());
             }
         }
     }

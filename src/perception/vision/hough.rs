@@ -10,7 +10,7 @@ const ANGLES: usize = 360;
 /// Columns on either side of its own direction in which an edge votes.
 const SPREAD: i32 = 2;
 /// Weight of one vote: an integer, so that withdrawing a vote leaves exactly nothing.
-const VOTE: f32 = 16.0;
+const VOTE_WEIGHT: f32 = 16.0;
 
 /// An edge in ideal coordinates, where the table's sides are straight.
 #[derive(Clone, Copy, Debug)]
@@ -23,12 +23,12 @@ pub(super) struct IdealEdge {
 
 /// The line `normal · p = offset` in ideal coordinates, px.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Line {
+pub(super) struct HoughLine {
     pub(super) normal: Vec2,
     pub(super) offset: f64,
 }
 
-impl Line {
+impl HoughLine {
     /// The line through two points, its normal a quarter turn from `a → b` towards negative angles.
     pub(super) fn through(a: Vec2, b: Vec2) -> Self {
         let along = (b - a).normalize();
@@ -57,7 +57,7 @@ impl Line {
 
 /// The votes of edges, less those of the lines already found. Withdrawing a found line's votes separates lines close to
 /// each other without a neighbourhood size to choose.
-pub(super) struct Ballot {
+pub(super) struct HoughAccumulator {
     distances: usize,
     px_per_row: f64,
     center: Vec2,
@@ -68,7 +68,7 @@ pub(super) struct Ballot {
     directions: Vec<[f32; 2]>,
 }
 
-impl Ballot {
+impl HoughAccumulator {
     /// Votes of all edges about `center`. An edge votes for lines whose normal points from light to dark, outwards for
     /// a bright plate; lines at negative distance are entered turned by half a turn.
     pub(super) fn new(edges: &[IdealEdge], center: Vec2, farthest_px: f64, px_per_row: f64) -> Self {
@@ -85,7 +85,7 @@ impl Ballot {
     /// A copy of the votes left.
     pub(super) fn array(&self) -> HoughArray {
         let &Self { distances, px_per_row, .. } = self;
-        let votes = self.left.iter().map(|&votes| f32::from(votes) / VOTE).collect();
+        let votes = self.left.iter().map(|&votes| f32::from(votes) / VOTE_WEIGHT).collect();
         HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
     }
 
@@ -94,11 +94,11 @@ impl Ballot {
         let top = highest(&self.tops);
         let row = self.tops.iter().position(|&value| value == top).filter(|_| top > 0)?;
         let column = self.left[row * ANGLES..][..ANGLES].iter().position(|&value| value == top)?;
-        Some(((column, row), f32::from(top) / VOTE))
+        Some(((column, row), f32::from(top) / VOTE_WEIGHT))
     }
 
     /// Withdraws the votes of a line's edges, and any votes remaining at its peak.
-    pub(super) fn withdraw<'a>(&mut self, peak: (usize, usize), edges: impl Iterator<Item = &'a IdealEdge>) {
+    pub(super) fn remove_votes<'a>(&mut self, peak: (usize, usize), edges: impl Iterator<Item = &'a IdealEdge>) {
         let mut touched = vec![false; self.distances];
         for edge in edges {
             self.cast(edge, -1, |row| touched[row] = true);
@@ -126,10 +126,10 @@ impl Ballot {
             };
             let row = distance.abs();
             let first = row as usize;
-            let share = ((row - first as f32) * VOTE) as i16;
+            let share = ((row - first as f32) * VOTE_WEIGHT) as i16;
             if first + 1 < self.distances {
                 let [near, far] = [first, first + 1].map(|row| row * ANGLES + turned);
-                self.left[near] = self.left[near].saturating_add(sign * (VOTE as i16 - share));
+                self.left[near] = self.left[near].saturating_add(sign * (VOTE_WEIGHT as i16 - share));
                 self.left[far] = self.left[far].saturating_add(sign * share);
                 touch(first);
                 touch(first + 1);
@@ -139,7 +139,7 @@ impl Ballot {
     }
 
     /// The line of a peak, to a fraction of a cell by the centroid of the votes left around it.
-    pub(super) fn line_at(&self, peak: (usize, usize)) -> Line {
+    pub(super) fn line_at(&self, peak: (usize, usize)) -> HoughLine {
         let (mut sum, mut column, mut row) = (0.0, 0.0, 0.0);
         for r in peak.1.saturating_sub(1)..(peak.1 + 2).min(self.distances) {
             for dc in 0..3 {
@@ -151,7 +151,7 @@ impl Ballot {
         }
         let (column, row) = if sum > 0.0 { (column / sum, row / sum) } else { (0.0, 0.0) };
         let normal = direction(peak.0 as f64 + column);
-        Line { normal, offset: (peak.1 as f64 + row) * self.px_per_row + normal.dot(&self.center) }
+        HoughLine { normal, offset: (peak.1 as f64 + row) * self.px_per_row + normal.dot(&self.center) }
     }
 }
 
@@ -193,13 +193,13 @@ mod tests {
             let edges: Vec<_> = (-80..80)
                 .map(|t| IdealEdge { at: center + distance * outward + f64::from(t) * along, outward })
                 .collect();
-            let mut ballot = Ballot::new(&edges, center, 250.0, 1.0);
+            let mut ballot = HoughAccumulator::new(&edges, center, 250.0, 1.0);
             let (peak, votes) = ballot.highest().unwrap();
             let line = ballot.line_at(peak);
             for edge in &edges {
                 prop_assert!(line.distance(edge.at).abs() < 1.5, "{line:?} {}", line.distance(edge.at));
             }
-            ballot.withdraw(peak, edges.iter());
+            ballot.remove_votes(peak, edges.iter());
             prop_assert!(votes > 40.0 && ballot.highest().is_none());
         }
 
@@ -212,7 +212,7 @@ mod tests {
         #[test]
         fn lines_meet_where_they_cross(x in -9.0..9.0f64, y in -9.0..9.0f64, a in 0.0..1.0f64, b in 1.5..2.5f64) {
             let p = Vec2::new(x, y);
-            let [l, m] = [a, b].map(|a| Line::through(p, p + Vec2::new(a.cos(), a.sin())));
+            let [l, m] = [a, b].map(|a| HoughLine::through(p, p + Vec2::new(a.cos(), a.sin())));
             prop_assert!((l.meets(&m).unwrap() - p).norm() < 1e-9);
             prop_assert!(l.meets(&l).is_none());
         }

@@ -1,4 +1,4 @@
-use super::disk::Disk;
+use super::disk::DiskKernel;
 use super::rim::{RimFinder, RimFit, RimGuess};
 use super::sampling::Sampler;
 use super::{Detection, Table};
@@ -14,13 +14,13 @@ const RADIUS_TOLERANCE: f64 = 0.08;
 pub(super) const APART: f64 = 0.8;
 
 /// Classifies a rim as a kind of part, or as none. Shared by the full search and the tracker.
-pub(super) struct PartJudge {
+pub(super) struct PartClassifier {
     pub(super) kinds: Vec<PartKind>,
     pub(super) dark_parts: bool,
     rim: RimFinder,
 }
 
-impl PartJudge {
+impl PartClassifier {
     pub(super) fn new(kinds: &[PartKind], dark_parts: bool) -> Self {
         Self { kinds: kinds.to_vec(), dark_parts, rim: RimFinder::new(dark_parts) }
     }
@@ -54,7 +54,7 @@ impl PartJudge {
     }
 
     /// Detection of a part of `kind` from its rim; `disk` is the kind's. `None` where the disk does not fit the frame.
-    pub(super) fn detection(&self, frame: &Frame, fit: &RimFit, kind: usize, disk: &Disk) -> Option<Detection> {
+    pub(super) fn detection(&self, frame: &Frame, fit: &RimFit, kind: usize, disk: &DiskKernel) -> Option<Detection> {
         let [x, y] = [fit.center_px.x, fit.center_px.y].map(|v| v.round() as i64);
         let (x, y) = disk.fitted(frame, x, y)?;
         let contrast = f64::from(fit.plate_level - fit.part_level);

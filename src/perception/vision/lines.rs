@@ -1,7 +1,7 @@
 //! Sides of the table to a small fraction of a pixel: many profiles across a side, their half-level crossings, and a
 //! robust straight line through them that rejects outliers (coins over the edge, a hand).
 
-use super::hough::{IdealEdge, Line};
+use super::hough::{HoughLine, IdealEdge};
 use super::sampling::{Sampler, biweight, quantile, rising_crossing};
 use upm_core::geometry::{Lens, Vec2};
 
@@ -17,7 +17,7 @@ const SAME_GROUND: f64 = 0.6;
 const FAINTEST: f64 = 4.0;
 
 /// One edge found across a side: place along it and distance from it, ideal px, and strength.
-struct Crossing {
+struct EdgeSample {
     along: f64,
     across: f64,
     contrast: f64,
@@ -25,7 +25,7 @@ struct Crossing {
 
 /// Measurement of one side of the table.
 #[derive(Clone, Copy)]
-pub(super) struct SideLook<'a> {
+pub(super) struct SideMeasurement<'a> {
     pub(super) sampler: &'a Sampler<'a>,
     pub(super) lens: &'a Lens,
     /// True when the plate is lighter than the ground.
@@ -38,7 +38,13 @@ pub(super) struct SideLook<'a> {
 
 /// First estimate of a side: the least-squares line through the edges near `from → to` (ideal px, the plate to the
 /// right hand, y down) whose dark side is along `outward`. `None` when there are too few.
-pub(super) fn through_edges(edges: &[IdealEdge], from: Vec2, to: Vec2, outward: Vec2, reach_px: f64) -> Option<Line> {
+pub(super) fn through_edges(
+    edges: &[IdealEdge],
+    from: Vec2,
+    to: Vec2,
+    outward: Vec2,
+    reach_px: f64,
+) -> Option<HoughLine> {
     let (along, inward) = axes(from, to);
     let length = (to - from).norm();
     let (mut n, mut st, mut stt, mut sy, mut sty) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -54,12 +60,12 @@ pub(super) fn through_edges(edges: &[IdealEdge], from: Vec2, to: Vec2, outward: 
     }
     let slope = (n * sty - st * sy) / det;
     let offset = (sy - slope * st) / n;
-    Some(Line::through(from + inward * offset, to + inward * (offset + slope * length)))
+    Some(HoughLine::through(from + inward * offset, to + inward * (offset + slope * length)))
 }
 
-impl SideLook<'_> {
+impl SideMeasurement<'_> {
     /// Refines the side near `from → to` with profiles of `N` pixels. `None` when too little of it shows.
-    pub(super) fn refine<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<Line> {
+    pub(super) fn refine<const N: usize>(&self, from: Vec2, to: Vec2) -> Option<HoughLine> {
         let stations = ((to - from).norm() as usize).clamp(40, self.stations.max(40));
         let mut crossings = self.crossings::<N>(from, to, stations);
         let mut contrasts: Vec<f64> = crossings.iter().map(|c| c.contrast).collect();
@@ -71,10 +77,10 @@ impl SideLook<'_> {
         let length = (to - from).norm();
         let a = from + inward * offset;
         let b = from + along * length + inward * (offset + slope * length);
-        Some(Line::through(a, b))
+        Some(HoughLine::through(a, b))
     }
 
-    fn crossings<const N: usize>(&self, from: Vec2, to: Vec2, stations: usize) -> Vec<Crossing> {
+    fn crossings<const N: usize>(&self, from: Vec2, to: Vec2, stations: usize) -> Vec<EdgeSample> {
         let (along, inward) = axes(from, to);
         let length = (to - from).norm();
         let middle = (N as f64 - 1.0) / 2.0;
@@ -98,7 +104,7 @@ impl SideLook<'_> {
             let inside = (profile[N - 1] + profile[N - 2]) / 2.0;
             if let Some(at) = rising_crossing(&profile, outside, inside) {
                 let across = (at - middle) / scale;
-                found.push(Crossing { along: t, across, contrast: f64::from(inside - outside) });
+                found.push(EdgeSample { along: t, across, contrast: f64::from(inside - outside) });
             }
         }
         found
@@ -121,7 +127,7 @@ fn axes(from: Vec2, to: Vec2) -> (Vec2, Vec2) {
 
 /// Fits `across = offset + slope · along` by least squares with biweights about the median (Beaton and Tukey, 1974).
 /// For a `known` side the start is the axis itself, to within the reach of the biweights.
-fn fit(crossings: &[Crossing], stations: usize, known: bool) -> Option<(f64, f64)> {
+fn fit(crossings: &[EdgeSample], stations: usize, known: bool) -> Option<(f64, f64)> {
     const ROUNDS: usize = 5;
     let least = (LEAST_AGREEING * stations as f64).max(6.0);
     if (crossings.len() as f64) < least {
@@ -157,7 +163,7 @@ fn fit(crossings: &[Crossing], stations: usize, known: bool) -> Option<(f64, f64
 
 /// Of the lines through pairs of crossings half the side apart, the one with the least median residual (Rousseeuw,
 /// 1984), so that the refinement starts among the majority.
-fn least_median_start(crossings: &[Crossing], scratch: &mut Vec<f64>) -> (f64, f64) {
+fn least_median_start(crossings: &[EdgeSample], scratch: &mut Vec<f64>) -> (f64, f64) {
     const PAIRS: usize = 24;
     const SAMPLES: usize = 48;
     let half = crossings.len() / 2;
@@ -188,7 +194,7 @@ mod tests {
             .map(|i| {
                 let along = f64::from(i);
                 let wild = (80..180).contains(&i);
-                Crossing { along, across: if wild { 3.0 } else { 0.2 + 0.004 * along }, contrast: 100.0 }
+                EdgeSample { along, across: if wild { 3.0 } else { 0.2 + 0.004 * along }, contrast: 100.0 }
             })
             .collect();
         let (offset, slope) = fit(&crossings, 300, false).unwrap();

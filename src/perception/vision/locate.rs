@@ -1,12 +1,12 @@
 use nalgebra::Matrix2;
 
-use super::coarse::Coarse;
+use super::coarse::BinnedImage;
 use super::edges::{EdgePoint, edges};
-use super::hough::{Ballot, IdealEdge, Line};
-use super::lines::{SideLook, through_edges};
-use super::quad::{Quad, SeenLine, quads};
+use super::hough::{HoughAccumulator, HoughLine, IdealEdge};
+use super::lines::{SideMeasurement, through_edges};
+use super::quad::{DetectedLine, Quad, quads};
 use super::sampling::Sampler;
-use super::{Stages, Table};
+use super::{DebugImages, Table};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::Frame;
 
@@ -103,31 +103,31 @@ pub fn locate_table_in_stages(
     frame: &Frame,
     lens: &Lens,
     side_m: f64,
-    stages: &mut Stages,
+    stages: &mut DebugImages,
 ) -> Result<Table, TableFault> {
-    *stages = Stages::default();
+    *stages = DebugImages::default();
     located(frame, lens, side_m, Some(stages))
 }
 
-fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stages>) -> Result<Table, TableFault> {
+fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut DebugImages>) -> Result<Table, TableFault> {
     check(frame, lens, side_m)?;
     let Some(sampler) = Sampler::new(frame) else {
         return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
     };
     let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
-    let points = edges(&Coarse::of(frame, bin), stages.as_deref_mut().map(|stages| &mut stages.edges));
+    let points = edges(&BinnedImage::of(frame, bin), stages.as_deref_mut().map(|stages| &mut stages.edges));
     if points.is_empty() {
         return Err(TableFault::NoEdges);
     }
     let edges = ideal_edges(&points, lens);
     let size = Vec2::new(frame.width as f64, frame.height as f64);
     let cell_px = bin as f64;
-    let mut ballot = Ballot::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
+    let mut ballot = HoughAccumulator::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
     if let Some(stages) = &mut stages {
         stages.hough = ballot.array();
     }
     let (lines, peaks) = strongest_lines(&mut ballot, &edges, cell_px);
-    let quad = choose(&lines, &Seen { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
+    let quad = choose(&lines, &LineEvidence { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
     if let Some(stages) = &mut stages {
         stages.hough.peaks = quad.lines.iter().filter_map(|&i| peaks.get(i).copied()).collect();
     }
@@ -140,14 +140,18 @@ fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Stag
 }
 
 /// The strongest lines and their peaks, strongest first; the edges of each line are withdrawn from the ballot.
-fn strongest_lines(ballot: &mut Ballot, edges: &[IdealEdge], cell_px: f64) -> (Vec<SeenLine>, Vec<(usize, usize)>) {
-    let (mut lines, mut peaks): (Vec<SeenLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+fn strongest_lines(
+    ballot: &mut HoughAccumulator,
+    edges: &[IdealEdge],
+    cell_px: f64,
+) -> (Vec<DetectedLine>, Vec<(usize, usize)>) {
+    let (mut lines, mut peaks): (Vec<DetectedLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
     let mut floor = 0.0;
     while let Some((peak, votes)) = ballot.highest().filter(|(_, votes)| lines.len() < MOST_LINES && *votes >= floor) {
         floor = LEAST_LINE * votes.max(floor / LEAST_LINE);
         let line = ballot.line_at(peak);
-        let (seen, own) = SeenLine::new(line, edges, near_px(cell_px), 2.0 * cell_px);
-        ballot.withdraw(peak, own.iter().filter_map(|&i| edges.get(i)));
+        let (seen, own) = DetectedLine::new(line, edges, near_px(cell_px), 2.0 * cell_px);
+        ballot.remove_votes(peak, own.iter().filter_map(|&i| edges.get(i)));
         lines.push(seen);
         peaks.push(peak);
     }
@@ -194,7 +198,7 @@ fn ideal_edges(points: &[EdgePoint], lens: &Lens) -> Vec<IdealEdge> {
 }
 
 /// Data in which the lines were found.
-struct Seen<'a> {
+struct LineEvidence<'a> {
     lens: &'a Lens,
     sampler: &'a Sampler<'a>,
     frame: &'a Frame,
@@ -204,7 +208,7 @@ struct Seen<'a> {
 }
 
 /// The one table among the lines, or the reason why there is none.
-fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
+fn choose(lines: &[DetectedLine], seen: &LineEvidence) -> Result<Quad, TableFault> {
     let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
     let shown = |a: Vec2, b: Vec2| {
         if inside(a) && inside(b) {
@@ -219,11 +223,11 @@ fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
     let Some(best) = found.first() else {
         return Err(no_quad(lines, seen));
     };
-    let best = found.iter().find(|other| best.carries(other)).unwrap_or(best);
+    let best = found.iter().find(|other| best.supports(other)).unwrap_or(best);
     if !best.corners.iter().all(|&corner| inside(corner)) {
         return Err(TableFault::CutByFrame);
     }
-    if found.iter().any(|other| best.rivals(other)) {
+    if found.iter().any(|other| best.competes_with(other)) {
         return Err(TableFault::MoreThanOne);
     }
     Ok(best.clone())
@@ -231,10 +235,10 @@ fn choose(lines: &[SeenLine], seen: &Seen) -> Result<Quad, TableFault> {
 
 /// Distinguishes a table that leaves the picture from other pictures without a table: two or more of the strongest
 /// lines then run into the picture's border.
-fn no_quad(lines: &[SeenLine], seen: &Seen) -> TableFault {
+fn no_quad(lines: &[DetectedLine], seen: &LineEvidence) -> TableFault {
     // No edges are found in the two outermost cells.
     let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
-    let leaves = |line: &Line| {
+    let leaves = |line: &HoughLine| {
         let near = seen.edges.iter().filter(|edge| {
             line.distance(edge.at).abs() < near_px(seen.cell_px) && edge.outward.dot(&line.normal).abs() > 0.966
         });
@@ -258,9 +262,9 @@ fn refined_corners(
     edges: &[IdealEdge],
     bin: usize,
 ) -> Result<[Vec2; 4], TableFault> {
-    let look = SideLook { sampler, lens, bright: quad.bright, stations: 96, known: false };
+    let look = SideMeasurement { sampler, lens, bright: quad.bright, stations: 96, known: false };
     let seen = |from: Vec2, to: Vec2| {
-        let outward = Line::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
+        let outward = HoughLine::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
         through_edges(edges, from, to, outward, near_px(bin as f64))
     };
     let corners = from_sides(quad.corners, seen)?;
@@ -270,13 +274,16 @@ fn refined_corners(
             if bin > 6 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
         },
     )?;
-    let careful = SideLook { stations: 256, known: true, ..look };
+    let careful = SideMeasurement { stations: 256, known: true, ..look };
     from_sides(corners, |from, to| careful.refine::<9>(from, to))
 }
 
 /// Intersections of the sides that `side` makes of each pair of corners.
-fn from_sides(corners: [Vec2; 4], mut side: impl FnMut(Vec2, Vec2) -> Option<Line>) -> Result<[Vec2; 4], TableFault> {
-    let mut sides = [Line { normal: Vec2::x(), offset: 0.0 }; 4];
+fn from_sides(
+    corners: [Vec2; 4],
+    mut side: impl FnMut(Vec2, Vec2) -> Option<HoughLine>,
+) -> Result<[Vec2; 4], TableFault> {
+    let mut sides = [HoughLine { normal: Vec2::x(), offset: 0.0 }; 4];
     for (i, line) in sides.iter_mut().enumerate() {
         let (from, to) = (corners[i], corners[(i + 1) % 4]);
         *line = side(from, to).ok_or_else(|| TableFault::SideHidden { side: name_of(from, to) })?;
@@ -289,7 +296,7 @@ fn from_sides(corners: [Vec2; 4], mut side: impl FnMut(Vec2, Vec2) -> Option<Lin
 }
 
 fn name_of(from: Vec2, to: Vec2) -> &'static str {
-    let facing = Line::through(from, to).normal;
+    let facing = HoughLine::through(from, to).normal;
     match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
         (true, _, false) => "top",
         (true, _, true) => "bottom",

@@ -2,8 +2,8 @@ mod blobs;
 mod grid;
 
 use self::blobs::{BARE, BORDER, Blob, Blobs, DIFFERS, SEEN, UNSEEN};
-use self::grid::Grid;
-use super::coarse::Coarse;
+use self::grid::CellGrid;
+use super::coarse::BinnedImage;
 use super::outline::PlateCells;
 use super::sampling::quantile;
 use super::shading::Shading;
@@ -77,7 +77,7 @@ pub struct PlateWatch {
     dark_parts: bool,
     frame_size: [usize; 2],
     cells: PlateCells,
-    grid: Grid,
+    grid: CellGrid,
     /// Indices of the samples from which the light is measured.
     probes: Vec<usize>,
     reference: Reference,
@@ -106,7 +106,7 @@ struct Reference {
 
 /// Brightness of a frame relative to the first one, and robust standard deviation of the samples about it.
 #[derive(Clone, Copy)]
-struct Light {
+struct LightLevel {
     ratio: f64,
     scatter: f64,
 }
@@ -118,7 +118,7 @@ impl PlateWatch {
         let radii_m = || kinds.iter().map(|kind| kind.radius_m);
         let smallest_m = radii_m().fold(f64::INFINITY, f64::min).min(table.side_m / 4.0);
         let largest_m = radii_m().fold(smallest_m, f64::max);
-        let grid = Grid::new(table, frame_size, smallest_m / 2.0);
+        let grid = CellGrid::new(table, frame_size, smallest_m / 2.0);
         let usable: Vec<usize> = grid.usable().collect();
         let excused_m = largest_m * (1.0 + MARGIN_RADII) + MARGIN_PX / table.mean_px_per_m();
         let probes = PROBES.min(usable.len());
@@ -188,7 +188,7 @@ impl PlateWatch {
 
     /// Sets the references of all samples from the plate's brightness in `frame`.
     fn load_surface(&mut self, frame: &Frame) {
-        let picture = Coarse::part_of(frame, self.cells.bin, self.cells.corner, self.cells.size);
+        let picture = BinnedImage::part_of(frame, self.cells.bin, self.cells.corner, self.cells.size);
         let shading = Shading::fit(&picture, &self.cells, self.dark_parts);
         let mut inverse = vec![1.0; picture.width.max(1)];
         let mut last_row = None;
@@ -219,7 +219,7 @@ impl PlateWatch {
 
     /// The light of the newest frame, if it shows a plate. Where most of the plate is saturated the light is that of
     /// its dimmest places: the others only bound it from below.
-    fn light(&self) -> Option<Light> {
+    fn light(&self) -> Option<LightLevel> {
         let (mut ratios, mut count) = ([0.0; PROBES], 0);
         for &probe in self.probes.iter().filter(|&&probe| self.excused[probe] == BARE).take(PROBES) {
             ratios[count] = f64::from(self.levels[probe] / self.reference.levels[probe]);
@@ -234,12 +234,12 @@ impl PlateWatch {
         ratios.iter_mut().for_each(|value| *value = (*value / ratio - 1.0).abs());
         let scatter = if is_saturated { 0.0 } else { SD_OF_QUARTILE * quantile(ratios, 0.25) };
         let shows_plate = ratio * self.reference.median > DARKEST && scatter < MOST_SCATTER;
-        shows_plate.then_some(Light { ratio, scatter })
+        shows_plate.then_some(LightLevel { ratio, scatter })
     }
 
     /// Marks the samples that differ from the lit reference and belong to no tracked part. Returns their number and
     /// that of all samples compared.
-    fn compare(&mut self, light: Light) -> [u32; 2] {
+    fn compare(&mut self, light: LightLevel) -> [u32; 2] {
         let noise = (NOISE_SDS * light.scatter).min(MOST_NOISE) as f32;
         let (least, most) = (1.0 - noise.max(DARKER), 1.0 + noise.max(LIGHTER));
         let ratio = light.ratio as f32;
@@ -258,7 +258,7 @@ impl PlateWatch {
     }
 
     /// Sets references from bare plate for samples that have only the surface's level so far.
-    fn learn(&mut self, light: Light) {
+    fn learn(&mut self, light: LightLevel) {
         let Self { reference, levels, blobs, .. } = self;
         let Reference { levels: references, pending, .. } = reference;
         let states = blobs.states();

@@ -9,7 +9,7 @@ use upm_core::random::{Rng, Streams};
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
-use upm_scene::{Disc, Scene, Shape, Thing};
+use upm_scene::{ClutterOutline, ClutterShape, Scene, SceneDisc};
 
 const QUARTER_M: f64 = 12.13e-3;
 
@@ -29,7 +29,7 @@ fn watch(scene: &Scene) -> PlateWatch {
 }
 
 /// A track whose last detection is `disc`.
-fn track(disc: &Disc, frames_unseen: u32) -> Track {
+fn track(disc: &SceneDisc, frames_unseen: u32) -> Track {
     let seen = Detection {
         kind: usize::from(disc.radius_m > 0.011),
         center_px: Vec2::zeros(),
@@ -41,23 +41,28 @@ fn track(disc: &Disc, frames_unseen: u32) -> Track {
     Track { seen, frames_unseen }
 }
 
-fn tracks(discs: &[Disc]) -> Vec<Track> {
+fn tracks(discs: &[SceneDisc]) -> Vec<Track> {
     discs.iter().map(|disc| track(disc, 0)).collect()
 }
 
 /// A disc `margin_m` or more within the edge and at least as far from all others, outline to outline.
-fn place(dice: &mut Rng, others: &[Disc], radius_m: f64, margin_m: f64) -> Disc {
+fn place(dice: &mut Rng, others: &[SceneDisc], radius_m: f64, margin_m: f64) -> SceneDisc {
     let reach_m = SIDE_M / 2.0 - radius_m - margin_m;
     let draw = |_| {
-        Disc::new(Vec2::new(dice.random_range(-1.0..1.0), dice.random_range(-1.0..1.0)) * reach_m, radius_m, 1.6e-3)
+        SceneDisc::new(
+            Vec2::new(dice.random_range(-1.0..1.0), dice.random_range(-1.0..1.0)) * reach_m,
+            radius_m,
+            1.6e-3,
+        )
     };
-    let free =
-        |disc: &Disc| others.iter().all(|other| (other.at_m - disc.at_m).norm() > other.radius_m + radius_m + margin_m);
+    let free = |disc: &SceneDisc| {
+        others.iter().all(|other| (other.at_m - disc.at_m).norm() > other.radius_m + radius_m + margin_m)
+    };
     (0..10_000).map(draw).find(free).unwrap()
 }
 
 /// Pennies and quarters.
-fn scattered(dice: &mut Rng, count: usize) -> Vec<Disc> {
+fn scattered(dice: &mut Rng, count: usize) -> Vec<SceneDisc> {
     let mut discs = Vec::new();
     for i in 0..count {
         let next = place(dice, &discs, [PENNY_M, QUARTER_M][i % 2], 1e-4);
@@ -71,7 +76,7 @@ fn lit(mut frame: Frame, factor: f64) -> Frame {
     frame
 }
 
-fn shot(scene: &Scene, seed: u64, discs: &[Disc]) -> Frame {
+fn shot(scene: &Scene, seed: u64, discs: &[SceneDisc]) -> Frame {
     Scene { seed, ..scene.clone() }.frame_with(discs)
 }
 
@@ -116,7 +121,7 @@ fn foreign_parts_of_the_first_frame_are_reported() {
 #[test]
 fn foreign_parts_beyond_eight_are_left_out() {
     let scene = Scene::plain(1);
-    let discs: Vec<Disc> =
+    let discs: Vec<SceneDisc> =
         (0..12).map(|i| penny(0.04 * f64::from(i % 4) - 0.06, 0.04 * f64::from(i / 4) - 0.05)).collect();
     assert_eq!(watch(&scene).check(&scene.frame_with(&discs), &[]).foreign.len(), 8);
 }
@@ -148,7 +153,7 @@ fn last_place_of_an_unseen_part_is_excused() {
 }
 
 /// The tracks while `cover` hides some of the parts.
-fn tracks_behind(discs: &[Disc], cover: &Shape) -> Vec<Track> {
+fn tracks_behind(discs: &[SceneDisc], cover: &ClutterOutline) -> Vec<Track> {
     discs.iter().map(|disc| track(disc, u32::from(cover.depth(disc.at_m) > -0.3 * disc.radius_m))).collect()
 }
 
@@ -163,12 +168,12 @@ fn hand_and_arm_hide_and_are_no_parts() {
         for k in 0..16 {
             let (sin, cos) = (f64::from(k) * 0.8).sin_cos();
             let (out, side) = (Vec2::new(cos, sin), Vec2::new(-sin, cos));
-            let palm = Shape::rectangle(out * (SIDE_M * 0.68), [SIDE_M / 2.0, SIDE_M], 0.8 * f64::from(k));
+            let palm = ClutterOutline::rectangle(out * (SIDE_M * 0.68), [SIDE_M / 2.0, SIDE_M], 0.8 * f64::from(k));
             let tip = out * (0.01 * f64::from(k % 8)) + side * (0.008 * f64::from(k % 5));
-            let arm = Shape::capsule(tip, tip + out * 0.4, 0.03);
+            let arm = ClutterOutline::capsule(tip, tip + out * 0.4, 0.03);
             for (shape, least) in [(palm, 0.15), (arm, 0.05)] {
                 let tracks = tracks_behind(&discs, &shape);
-                let covered = Scene { covers: vec![Thing { shape, level }], ..scene.clone() };
+                let covered = Scene { covers: vec![ClutterShape { shape, level }], ..scene.clone() };
                 let sight = watch.check(&shot(&covered, 60 + k as u64, &discs), &tracks);
                 assert!(sight.foreign.is_empty() && !sight.dark, "level {level}, {k}: {sight:?}");
                 assert!(sight.hidden_share > least, "level {level}, {k}: {sight:?}");

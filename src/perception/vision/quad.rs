@@ -1,6 +1,6 @@
 //! Selection of the four lines that are the table's sides.
 
-use super::hough::{IdealEdge, Line};
+use super::hough::{HoughLine, IdealEdge};
 use upm_core::geometry::Vec2;
 
 /// Largest ratio of two sides: a square seen obliquely.
@@ -14,14 +14,14 @@ const ALL_SEEN: f64 = 0.55;
 /// Weights: unseen length counts double; a side that stops short of a corner costs as much as this share of it unseen.
 /// This rejects the larger square formed with a strip beside the table, which has few gaps, but two of them at corners.
 const UNSEEN: f64 = 2.0;
-const LOOSE_END: f64 = 0.3;
+const SHORT_END_PENALTY: f64 = 0.3;
 /// Length of a side's end: this share of it, and at least this many cells.
 const END: f64 = 0.05;
 const END_CELLS: f64 = 3.0;
 
 /// A line, and the positions along it of edges of its direction.
-pub(super) struct SeenLine {
-    pub(super) line: Line,
+pub(super) struct DetectedLine {
+    pub(super) line: HoughLine,
     /// Cells along the line that hold an edge, ascending: first those with the dark side along the normal.
     cells: [Vec<i64>; 2],
     cell_px: f64,
@@ -37,13 +37,13 @@ pub(super) struct Quad {
     /// True when it is lighter than its surroundings.
     pub(super) bright: bool,
     /// Score, px: higher is better seen.
-    worth_px: f64,
+    score_px: f64,
 }
 
-impl SeenLine {
+impl DetectedLine {
     /// Collects the edges within `reach_px` of `line` whose direction agrees with it to 15°; also returns their
     /// indices.
-    pub(super) fn new(line: Line, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> (Self, Vec<usize>) {
+    pub(super) fn new(line: HoughLine, edges: &[IdealEdge], reach_px: f64, cell_px: f64) -> (Self, Vec<usize>) {
         let mut cells = [Vec::new(), Vec::new()];
         let mut own = Vec::new();
         for (i, edge) in edges.iter().enumerate() {
@@ -73,7 +73,7 @@ impl SeenLine {
 
 /// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first.
 /// `shown(a, b)` is the share of the stretch from `a` to `b` within the frame.
-pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
+pub(super) fn quads(lines: &[DetectedLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
     let pairs = parallel_pairs(lines, least_side_px);
     let mut found = Vec::new();
     for (i, &first) in pairs.iter().enumerate() {
@@ -81,7 +81,7 @@ pub(super) fn quads(lines: &[SeenLine], least_side_px: f64, shown: impl Fn(Vec2,
             found.extend(quad(lines, first, second, least_side_px, &shown));
         }
     }
-    found.sort_by(|a, b| b.worth_px.total_cmp(&a.worth_px).then(a.lines.cmp(&b.lines)));
+    found.sort_by(|a, b| b.score_px.total_cmp(&a.score_px).then(a.lines.cmp(&b.lines)));
     found
 }
 
@@ -93,24 +93,24 @@ impl Quad {
 
     /// True when `p` is inside.
     pub(super) fn contains(&self, p: Vec2) -> bool {
-        (0..4).all(|i| Line::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
+        (0..4).all(|i| HoughLine::through(self.corners[i], self.corners[(i + 1) % 4]).distance(p) < 0.0)
     }
 
     /// True when `self` is the dark mat under the bright plate `other`.
-    pub(super) fn carries(&self, other: &Self) -> bool {
-        !self.bright && other.bright && self.contains(other.middle()) && other.worth_px > 0.3 * self.worth_px
+    pub(super) fn supports(&self, other: &Self) -> bool {
+        !self.bright && other.bright && self.contains(other.middle()) && other.score_px > 0.3 * self.score_px
     }
 
     /// True for a second table: beside this one, and with a score not much lower.
-    pub(super) fn rivals(&self, other: &Self) -> bool {
-        !self.contains(other.middle()) && !other.contains(self.middle()) && other.worth_px > 0.5 * self.worth_px
+    pub(super) fn competes_with(&self, other: &Self) -> bool {
+        !self.contains(other.middle()) && !other.contains(self.middle()) && other.score_px > 0.5 * self.score_px
     }
 }
 
-fn parallel_pairs(lines: &[SeenLine], least_side_px: f64) -> Vec<[usize; 2]> {
+fn parallel_pairs(lines: &[DetectedLine], least_side_px: f64) -> Vec<[usize; 2]> {
     let mut pairs = Vec::new();
-    for (i, SeenLine { line: a, .. }) in lines.iter().enumerate() {
-        for (j, SeenLine { line: b, .. }) in lines.iter().enumerate().skip(i + 1) {
+    for (i, DetectedLine { line: a, .. }) in lines.iter().enumerate() {
+        for (j, DetectedLine { line: b, .. }) in lines.iter().enumerate().skip(i + 1) {
             let cosine = a.normal.dot(&b.normal);
             let apart = (a.offset - cosine.signum() * b.offset).abs();
             if cosine.abs() > PARALLEL_RAD.cos() && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
@@ -122,7 +122,7 @@ fn parallel_pairs(lines: &[SeenLine], least_side_px: f64) -> Vec<[usize; 2]> {
 }
 
 fn quad(
-    lines: &[SeenLine],
+    lines: &[DetectedLine],
     first: [usize; 2],
     second: [usize; 2],
     least_side_px: f64,
@@ -153,7 +153,7 @@ fn quad(
         let (mut seen_px, mut loose_px) = (0.0, 0.0);
         for i in 0..4 {
             let (from, to) = (corners[i], corners[(i + 1) % 4]);
-            let outward = Line::through(from, to).normal * if bright { 1.0 } else { -1.0 };
+            let outward = HoughLine::through(from, to).normal * if bright { 1.0 } else { -1.0 };
             let side = &lines[around[i]];
             let seen = side.seen_px(from, to, outward);
             if seen < SIDE_SEEN * visible[i] {
@@ -163,11 +163,11 @@ fn quad(
             let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
             let near = |a: Vec2, b: Vec2| side.seen_px(a, a + (b - a) * end, outward) < 0.5 * end * sides[i];
             let loose = [near(from, to), near(to, from)].into_iter().filter(|&loose| loose).count();
-            loose_px += loose as f64 * LOOSE_END * visible[i];
+            loose_px += loose as f64 * SHORT_END_PENALTY * visible[i];
         }
         let visible_px = visible.iter().sum::<f64>();
         let worth_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
-        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, worth_px })
+        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, score_px: worth_px })
     };
     seen_as(true).or_else(|| seen_as(false))
 }
@@ -183,14 +183,14 @@ fn is_convex(corners: &[Vec2; 4]) -> bool {
 mod tests {
     use super::*;
 
-    fn square(middle: Vec2, half: f64, inside_out: bool) -> (Vec<Line>, Vec<IdealEdge>) {
+    fn square(middle: Vec2, half: f64, inside_out: bool) -> (Vec<HoughLine>, Vec<IdealEdge>) {
         let corners =
             [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| middle + half * Vec2::new(x, y));
         let mut edges = Vec::new();
         let mut lines = Vec::new();
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            let line = Line::through(a, b);
+            let line = HoughLine::through(a, b);
             let outward = if inside_out { -line.normal } else { line.normal };
             edges.extend((0..200).map(|k| IdealEdge { at: a + (b - a) * (f64::from(k) / 200.0), outward }));
             lines.push(line);
@@ -198,8 +198,8 @@ mod tests {
         (lines, edges)
     }
 
-    fn seen(scene: &(Vec<Line>, Vec<IdealEdge>)) -> Vec<SeenLine> {
-        scene.0.iter().map(|&line| SeenLine::new(line, &scene.1, 2.0, 2.0).0).collect()
+    fn seen(scene: &(Vec<HoughLine>, Vec<IdealEdge>)) -> Vec<DetectedLine> {
+        scene.0.iter().map(|&line| DetectedLine::new(line, &scene.1, 2.0, 2.0).0).collect()
     }
 
     #[test]
@@ -238,6 +238,6 @@ mod tests {
         scene.0.extend(other.0);
         scene.1.extend(other.1);
         let found = quads(&seen(&scene), 40.0, |_, _| 1.0);
-        assert!(found.iter().skip(1).any(|q| found[0].rivals(q)), "{found:?}");
+        assert!(found.iter().skip(1).any(|q| found[0].competes_with(q)), "{found:?}");
     }
 }

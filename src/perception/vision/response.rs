@@ -1,6 +1,6 @@
-use super::chords::{ChordSums, LARGEST_AREA};
+use super::chords::{LARGEST_AREA, RunLengthSums};
 use super::convolution::DiskConvolver;
-use super::disk::Disk;
+use super::disk::DiskKernel;
 
 /// Method that computes the means under the disks. Both give the same response to within rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,29 +19,29 @@ pub enum ResponseMethod {
 /// Means under solid disks at every cell of a rectangle. Data shared between disks (running sums, or the picture's
 /// spectrum) is computed once per picture.
 pub(super) struct DiskResponder {
-    disks: Vec<Disk>,
-    way: Way,
+    disks: Vec<DiskKernel>,
+    way: PlannedMethod,
 }
 
-enum Way {
-    Chords(ChordSums),
+enum PlannedMethod {
+    Chords(RunLengthSums),
     Spectrum(DiskConvolver),
 }
 
 impl DiskResponder {
     /// For rectangles of `width` by `height` cells and these kernels. Beyond the rectangle values are 0. Disks whose
     /// sums would overflow the chords' integers use the FFT, whatever the `method`.
-    pub(super) fn new(width: usize, height: usize, disks: Vec<Disk>, method: ResponseMethod) -> Self {
-        let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
+    pub(super) fn new(width: usize, height: usize, disks: Vec<DiskKernel>, method: ResponseMethod) -> Self {
+        let reach = disks.iter().map(DiskKernel::reach).max().unwrap_or(0);
         let wanted = match method {
             ResponseMethod::Auto => chords_are_faster(width, height, &disks),
             ResponseMethod::Chords => true,
             ResponseMethod::Fft => false,
         };
         let way = if wanted && disks.iter().all(|disk| disk.area() <= LARGEST_AREA) {
-            Way::Chords(ChordSums::new(width, height, reach))
+            PlannedMethod::Chords(RunLengthSums::new(width, height, reach))
         } else {
-            Way::Spectrum(DiskConvolver::new(width.max(1), height.max(1), &disks))
+            PlannedMethod::Spectrum(DiskConvolver::new(width.max(1), height.max(1), &disks))
         };
         Self { disks, way }
     }
@@ -49,24 +49,24 @@ impl DiskResponder {
     /// The method in use: chords or FFT.
     pub(super) fn method(&self) -> ResponseMethod {
         match self.way {
-            Way::Chords(_) => ResponseMethod::Chords,
-            Way::Spectrum(_) => ResponseMethod::Fft,
+            PlannedMethod::Chords(_) => ResponseMethod::Chords,
+            PlannedMethod::Spectrum(_) => ResponseMethod::Fft,
         }
     }
 
     /// Loads rows of `width` values of 0 to 1, each written by `fill`.
     pub(super) fn load(&mut self, fill: impl FnMut(usize, &mut [f32])) {
         match &mut self.way {
-            Way::Chords(sums) => sums.load(fill),
-            Way::Spectrum(convolver) => convolver.load(fill),
+            PlannedMethod::Chords(sums) => sums.load(fill),
+            PlannedMethod::Spectrum(convolver) => convolver.load(fill),
         }
     }
 
     /// Mean of the loaded values under the disk of kernel `index`, for every cell of the rectangle.
     pub(super) fn respond(&mut self, index: usize, out: &mut [f32]) {
         match &mut self.way {
-            Way::Chords(sums) => sums.respond(&self.disks[index], out),
-            Way::Spectrum(convolver) => convolver.respond(index, out),
+            PlannedMethod::Chords(sums) => sums.respond(&self.disks[index], out),
+            PlannedMethod::Spectrum(convolver) => convolver.respond(index, out),
         }
     }
 }
@@ -75,9 +75,9 @@ impl DiskResponder {
 /// per cell for each doubling of the size, forward and back, and its plans about as much again. The factor follows
 /// measurements for a single picture, plans included: about even at a radius of 40 cells over 150 × 150 cells, at 60 to
 /// 90 over 400 × 400.
-fn chords_are_faster(width: usize, height: usize, disks: &[Disk]) -> bool {
+fn chords_are_faster(width: usize, height: usize, disks: &[DiskKernel]) -> bool {
     const STEPS_A_DOUBLING: f64 = 4.5;
-    let reach = disks.iter().map(Disk::reach).max().unwrap_or(0);
+    let reach = disks.iter().map(DiskKernel::reach).max().unwrap_or(0);
     let rows: usize = disks.iter().map(|disk| 2 * disk.reach() + 1).sum();
     let cells = (width * height) as f64;
     let padded = ((width + reach) * (height + reach)).max(4) as f64;
@@ -98,9 +98,9 @@ mod tests {
         ) {
             let values: Vec<f32> =
                 (0..width * height).map(|i| ((i as u32 ^ seed).wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
-            let disks: Vec<Disk> = radii.iter().map(|&r| Disk::new(r)).collect();
-            let reach = disks.iter().map(Disk::reach).max().unwrap();
-            let mut chords = ChordSums::new(width, height, reach);
+            let disks: Vec<DiskKernel> = radii.iter().map(|&r| DiskKernel::new(r)).collect();
+            let reach = disks.iter().map(DiskKernel::reach).max().unwrap();
+            let mut chords = RunLengthSums::new(width, height, reach);
             let mut spectrum = DiskConvolver::new(width, height, &disks);
             let fill = |y: usize, row: &mut [f32]| row.copy_from_slice(&values[y * width..][..width]);
             chords.load(fill);
@@ -121,12 +121,12 @@ mod tests {
 
     #[test]
     fn the_way_follows_the_size_of_the_disks() {
-        let used = |radius, method| DiskResponder::new(215, 215, vec![Disk::new(radius)], method).method();
+        let used = |radius, method| DiskResponder::new(215, 215, vec![DiskKernel::new(radius)], method).method();
         assert_eq!(used(10.0, ResponseMethod::Auto), ResponseMethod::Chords);
         assert_eq!(used(150.0, ResponseMethod::Auto), ResponseMethod::Fft);
         assert_eq!(used(10.0, ResponseMethod::Fft), ResponseMethod::Fft);
         assert_eq!(used(90.0, ResponseMethod::Chords), ResponseMethod::Chords);
         assert_eq!(used(150.0, ResponseMethod::Chords), ResponseMethod::Fft, "its sum overflows");
-        DiskResponder::new(0, 0, vec![Disk::new(3.0)], ResponseMethod::Auto).load(|_, _| {});
+        DiskResponder::new(0, 0, vec![DiskKernel::new(3.0)], ResponseMethod::Auto).load(|_, _| {});
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::coarse::{Coarse, UNITS};
+use super::coarse::{BinnedImage, UNITS};
 use super::outline::PlateCells;
 use super::sampling::{biweight, quantile};
 use upm_core::geometry::Vec2;
@@ -25,7 +25,7 @@ pub(super) struct Shading {
 impl Shading {
     /// Fits the plate's brightness in `picture`, the plate's rectangle of cells. A high quantile of each block rejects
     /// parts darker than the plate, a low one lighter parts; biweights reject blocks full of parts.
-    pub(super) fn fit(picture: &Coarse, plate: &PlateCells, dark_parts: bool) -> Self {
+    pub(super) fn fit(picture: &BinnedImage, plate: &PlateCells, dark_parts: bool) -> Self {
         let share = if dark_parts { 0.7 } else { 0.3 };
         let center = Vec2::new(picture.width as f64, picture.height as f64) / 2.0;
         let mut shading =
@@ -62,7 +62,7 @@ impl Shading {
     }
 
     /// Quantiles of blocks that are wholly on the plate.
-    fn samples(&self, picture: &Coarse, plate: &PlateCells, share: f64) -> Vec<(SVector<f64, 6>, f64)> {
+    fn samples(&self, picture: &BinnedImage, plate: &PlateCells, share: f64) -> Vec<(SVector<f64, 6>, f64)> {
         let (width, height) = (picture.width, picture.height);
         let edge = |i: usize, n: usize| i * n / BLOCKS;
         let mut levels: Vec<i16> = Vec::with_capacity((SAMPLES + 1) * (SAMPLES + 1));
@@ -113,10 +113,10 @@ mod tests {
 
     const BIN: usize = 4;
 
-    fn seen(scene: &Scene, frame: &Frame) -> (Coarse, PlateCells) {
+    fn seen(scene: &Scene, frame: &Frame) -> (BinnedImage, PlateCells) {
         let table = locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap();
         let plate = PlateCells::new(&table, scene.size_px, BIN, 6.0);
-        (Coarse::part_of(frame, BIN, plate.corner, plate.size), plate)
+        (BinnedImage::part_of(frame, BIN, plate.corner, plate.size), plate)
     }
 
     #[test]
@@ -143,7 +143,7 @@ mod tests {
     fn darkness_gives_a_finite_surface() {
         let scene = Scene::plain(1);
         let (coarse, plate) = seen(&scene, &Frame::new(1280, 1024));
-        let nothing = Coarse::part_of(&Frame::new(3, 2), BIN, plate.corner, plate.size);
+        let nothing = BinnedImage::part_of(&Frame::new(3, 2), BIN, plate.corner, plate.size);
         let mut inverse = [0.0f32; 9];
         for picture in [coarse, nothing] {
             Shading::fit(&picture, &plate, true).inverse_row(10, &mut inverse);

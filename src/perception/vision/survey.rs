@@ -13,11 +13,11 @@ mod seeds;
 use self::circle::OutlineGauge;
 use self::relative::Relative;
 use self::seeds::{Seed, Votes};
-use super::coarse::Coarse;
+use super::coarse::BinnedImage;
 use super::outline::PlateCells;
 use super::rim::map::outline;
 use super::sampling::Sampler;
-use super::{Detection, Disc, Survey, Table};
+use super::{Detection, DiscSpec, Survey, Table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
@@ -48,7 +48,7 @@ pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
     let Some(sampler) = Sampler::new(frame) else { return Survey::default() };
     let bin = (table.side_px / CELLS).ceil().clamp(1.0, 256.0) as usize;
     let plate = PlateCells::new(table, [frame.width, frame.height], bin, 2.0 + 0.75 * bin as f64);
-    let picture = Coarse::part_of(frame, bin, plate.corner, plate.size);
+    let picture = BinnedImage::part_of(frame, bin, plate.corner, plate.size);
     if picture.width == 0 || picture.height == 0 {
         return Survey::default();
     }
@@ -70,26 +70,26 @@ pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
 struct Surveyor<'a> {
     table: &'a Table,
     gauge: OutlineGauge<'a>,
-    picture: &'a Coarse,
+    picture: &'a BinnedImage,
     levels: &'a Relative,
 }
 
 impl Surveyor<'_> {
     /// Discs at known parts and where edges vote for them; may contain the same disc more than once.
-    fn search(&self, known: &[Detection]) -> Vec<Disc> {
+    fn search(&self, known: &[Detection]) -> Vec<DiscSpec> {
         let mut votes = Votes::of(self.levels);
-        let mut found: Vec<Disc> = known.iter().filter_map(|part| self.known(part)).collect();
+        let mut found: Vec<DiscSpec> = known.iter().filter_map(|part| self.known(part)).collect();
         for (cell, radius_cells) in found.iter().map(|disc| self.in_cells(disc)) {
-            votes.withdraw(cell, radius_cells);
+            votes.remove_votes(cell, radius_cells);
         }
-        let mut faint: Vec<Disc> = Vec::new();
+        let mut faint: Vec<DiscSpec> = Vec::new();
         for _ in 0..MOST_SEEDS {
             let Some(seed) = votes.next_seed() else { break };
             match self.at_seed(&seed) {
                 Some(disc) if disc.outline_share >= LEAST_SHARE && found.len() < MOST_DISCS => {
                     if disc.outline_share >= SURE_SHARE {
                         let (cell, radius_cells) = self.in_cells(&disc);
-                        votes.withdraw(cell, radius_cells);
+                        votes.remove_votes(cell, radius_cells);
                     }
                     found.push(disc);
                 }
@@ -102,13 +102,13 @@ impl Surveyor<'_> {
         found
     }
 
-    fn known(&self, part: &Detection) -> Option<Disc> {
+    fn known(&self, part: &Detection) -> Option<DiscSpec> {
         let at_m = self.table.table_from_image(part.center_px);
         let disc = self.gauge.measure(at_m, part.radius_px / self.table.px_per_m_at(at_m), KNOWN_WINDOW)?;
         (disc.outline_share >= LEAST_SHARE_OF_KNOWN).then_some(disc)
     }
 
-    fn at_seed(&self, &Seed { cell, radius_cells }: &Seed) -> Option<Disc> {
+    fn at_seed(&self, &Seed { cell, radius_cells }: &Seed) -> Option<DiscSpec> {
         let at_m = self.table.table_from_image(self.picture.frame_from_cell(cell));
         let radius_m = radius_cells * self.picture.bin as f64 / self.table.px_per_m_at(at_m);
         self.gauge.measure(at_m, radius_m, SEED_WINDOW)
@@ -119,7 +119,7 @@ impl Surveyor<'_> {
     }
 
     /// Middle and radius of a disc, cells of the averaged picture.
-    fn in_cells(&self, disc: &Disc) -> (Vec2, f64) {
+    fn in_cells(&self, disc: &DiscSpec) -> (Vec2, f64) {
         let bin = self.picture.bin as f64;
         ((disc.center_px - self.picture.frame_from_cell(Vec2::zeros())) / bin, disc.radius_px / bin)
     }
@@ -132,12 +132,12 @@ pub fn seen_radius_m(table: &Table, at_m: Vec2, kind: &PartKind) -> f64 {
 }
 
 /// The best of all detections of the same disc.
-fn apart(mut found: Vec<Disc>) -> Vec<Disc> {
-    let worth = |disc: &Disc| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
+fn apart(mut found: Vec<DiscSpec>) -> Vec<DiscSpec> {
+    let worth = |disc: &DiscSpec| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
     found.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.center_px.y.total_cmp(&b.center_px.y)));
-    let mut kept: Vec<Disc> = Vec::with_capacity(found.len());
+    let mut kept: Vec<DiscSpec> = Vec::with_capacity(found.len());
     for disc in found {
-        let same = |other: &Disc| (other.at_m - disc.at_m).norm() < APART * (other.radius_m + disc.radius_m);
+        let same = |other: &DiscSpec| (other.at_m - disc.at_m).norm() < APART * (other.radius_m + disc.radius_m);
         if !kept.iter().any(same) {
             kept.push(disc);
         }

@@ -1,10 +1,10 @@
 //! Discs of any size in rendered pictures with known positions.
 
-use super::{Detection, Disc, Survey, locate_table, survey};
+use super::{Detection, DiscSpec, Survey, locate_table, survey};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_scene::testing::SIDE_M;
-use upm_scene::{Disc as Drawn, Scene};
+use upm_scene::{Scene, SceneDisc as Drawn};
 
 /// Flat discs, one at each place, of these diameters, mm.
 fn drawn(diameters_mm: &[f64]) -> Vec<Drawn> {
@@ -16,7 +16,7 @@ fn surveyed(scene: &Scene, frame: &Frame, known: &[Detection]) -> Survey {
     survey(frame, &locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap(), known)
 }
 
-fn nearest(discs: &[Disc], at_m: Vec2) -> &Disc {
+fn nearest(discs: &[DiscSpec], at_m: Vec2) -> &DiscSpec {
     discs.iter().min_by(|a, b| (a.at_m - at_m).norm().total_cmp(&(b.at_m - at_m).norm())).unwrap()
 }
 

@@ -1,6 +1,6 @@
 //! Location of rendered tables with known corners.
 
-use super::{Stages, Table, TableFault, locate_table, locate_table_in_stages};
+use super::{DebugImages, Table, TableFault, locate_table, locate_table_in_stages};
 use proptest::prelude::*;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::random::Streams;
@@ -108,7 +108,7 @@ fn strong_shading_is_no_obstacle() {
 #[test]
 fn stages_show_four_peaks() {
     let scene = Scene::general(1);
-    let mut stages = Stages::default();
+    let mut stages = DebugImages::default();
     locate_table_in_stages(&scene.frame(), &scene.lens, SIDE_M, &mut stages).unwrap();
     assert_eq!(stages.hough.peaks.len(), 4);
     assert_eq!(stages.hough.votes.len(), stages.hough.angles * stages.hough.distances);

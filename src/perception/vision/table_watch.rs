@@ -102,7 +102,7 @@ struct Profile {
 }
 
 /// Profile measurements of one frame.
-struct Reading {
+struct SideReading {
     levels: [[f32; SAMPLES]; ALL],
     /// Offset of the side along its outward normal, px; NaN where no crossing is seen.
     crossings: [f64; ALL],
@@ -110,7 +110,7 @@ struct Reading {
 }
 
 /// The motion of the plate that most profiles agree on.
-struct Fit {
+struct CornerFit {
     /// Shift along x and y, turn and growth at the farthest corner, px.
     motion: Vector4<f64>,
     /// Mean offset of each side's profiles, px.
@@ -153,7 +153,7 @@ impl TableWatch {
     pub fn check(&self, frame: &Frame) -> TableMotion {
         let Some(reading) = self.read(frame) else { return TableMotion::Hidden };
         match self.fit(&reading) {
-            Some(Fit { motion, sides_px }) => TableMotion::Seen {
+            Some(CornerFit { motion, sides_px }) => TableMotion::Seen {
                 sides_px,
                 shift_px: Vec2::new(motion.x, motion.y),
                 turn_px: motion.z,
@@ -165,7 +165,7 @@ impl TableWatch {
     }
 
     /// Reads the profiles, which run from outside to inside.
-    fn read(&self, frame: &Frame) -> Option<Reading> {
+    fn read(&self, frame: &Frame) -> Option<SideReading> {
         let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size)?;
         let levels = self.profiles.map(|Profile { center_px, outward, .. }| {
             let (from, to) = (center_px + outward * MIDDLE, center_px - outward * MIDDLE);
@@ -194,11 +194,11 @@ impl TableWatch {
             at.map_or(f64::NAN, |at| MIDDLE - at - self.profiles[i].row.dot(&self.rest))
         });
         let saturated = levels.iter().any(|levels| inside(levels).max(outside(levels)) >= SATURATED);
-        Some(Reading { levels, crossings, saturated })
+        Some(SideReading { levels, crossings, saturated })
     }
 
     /// The motion that fits most profiles on at least three sides.
-    fn fit(&self, reading: &Reading) -> Option<Fit> {
+    fn fit(&self, reading: &SideReading) -> Option<CornerFit> {
         let crossings = &reading.crossings;
         let mut weights = crossings.map(|at| if at.is_finite() { 1.0 } else { 0.0 });
         let (mut motion, mut scatter_px) = self.start(crossings, &weights)?;
@@ -218,7 +218,7 @@ impl TableWatch {
         if reading.saturated {
             motion.w = 0.0;
         }
-        Some(Fit { motion, sides_px })
+        Some(CornerFit { motion, sides_px })
     }
 
     /// Largest displacement of a corner by a motion, px.

@@ -7,7 +7,7 @@ use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 use upm_core::signal::Frame;
 use upm_scene::testing::{SIDE_M, penny};
-use upm_scene::{Disc, Scene, Shape, Thing};
+use upm_scene::{ClutterOutline, ClutterShape, Scene, SceneDisc};
 
 /// The largest displacement of a corner in frames of an unmoved table, px; a larger one counts as a knock.
 const KNOCK_PX: f64 = 0.3;
@@ -26,7 +26,7 @@ fn sides_seen(motion: &TableMotion) -> usize {
 }
 
 /// Parts, some of them over the edge.
-fn discs() -> Vec<Disc> {
+fn discs() -> Vec<SceneDisc> {
     let half = SIDE_M / 2.0;
     [(0.0, 0.0), (half - 0.002, 0.03), (-0.05, half), (0.03, 0.008 - half), (-half + 0.01, -0.04)]
         .map(|(x, y)| penny(x, y))
@@ -187,10 +187,10 @@ fn hand_over_a_third_of_the_view_is_no_knock_and_hides_none() {
         for k in 0..4 {
             let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_2).sin_cos();
             let out = Vec2::new(cos, sin);
-            let shape = Shape::rectangle(out * (SIDE_M * 0.66), [SIDE_M / 2.0, SIDE_M], 0.05 + sin.atan2(cos));
+            let shape = ClutterOutline::rectangle(out * (SIDE_M * 0.66), [SIDE_M / 2.0, SIDE_M], 0.05 + sin.atan2(cos));
             let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
             let covered = |scene: &Scene| {
-                let covers = vec![Thing { shape: shape.clone(), level }];
+                let covers = vec![ClutterShape { shape: shape.clone(), level }];
                 Scene { covers, ..scene.clone() }.frame_with(&discs())
             };
             let watch = watch(&scene);
@@ -208,7 +208,8 @@ fn hand_along_a_side_is_left_out() {
     let scene = Scene { noise_sd: 2.5, ..Scene::plain(4) };
     for depth_m in [-0.0008, 0.0, 0.0006, 0.001] {
         let at = Vec2::new(0.0, SIDE_M - depth_m);
-        let covers = vec![Thing { shape: Shape::rectangle(at, [SIDE_M, SIDE_M / 2.0], 0.0), level: 150.0 }];
+        let covers =
+            vec![ClutterShape { shape: ClutterOutline::rectangle(at, [SIDE_M, SIDE_M / 2.0], 0.0), level: 150.0 }];
         let motion = watch(&scene).check(&Scene { covers, ..scene.clone() }.frame_with(&discs()));
         assert!(corner_px(motion) < KNOCK_PX, "{motion:?}");
     }
@@ -229,7 +230,7 @@ proptest! {
     fn light_noise_and_parts_are_no_knock(seed in 0u64..10_000, light in 0.1..1.5f64, shading in 0.0..0.3f64) {
         let mut dice = Streams::new(seed).stream("parts");
         let mut place = || SIDE_M * dice.random_range(-0.5..0.5);
-        let discs: Vec<Disc> = (0..12).map(|_| penny(place(), place())).collect();
+        let discs: Vec<SceneDisc> = (0..12).map(|_| penny(place(), place())).collect();
         let scene = Scene { seed, noise_sd: 2.5, shading, ..Scene::general(seed % 50) };
         let watch = watch(&scene);
         let motion = watch.check(&lit(scene.frame_with(&discs), light));

@@ -5,8 +5,8 @@ mod look;
 mod motion;
 
 use self::assignment::assign;
-use self::look::{Expected, Look, Looker, PLAIN_RAYS, View};
-use self::motion::Motion;
+use self::look::{Expected, Observation, PLAIN_RAYS, PartLocalizer, TrackingFrame};
+use self::motion::MotionModel;
 use super::coins::CoinFinder;
 use super::judge::overlap;
 use super::sampling::Sampler;
@@ -29,14 +29,14 @@ const UNSEEN: f64 = 1e9;
 /// whole frame every few frames. Where it is ambiguous which part was seen, all detections are assigned to all parts at
 /// once, by maximum likelihood.
 pub struct Tracker {
-    looker: Looker,
+    localizer: PartLocalizer,
     finder: CoinFinder,
     frame_size: [usize; 2],
     tracks: Vec<Track>,
-    motions: Vec<Motion>,
+    motions: Vec<MotionModel>,
     /// Gray levels of plate and part when last in plain view.
     levels: Vec<Option<[f32; 2]>>,
-    looks: Vec<Option<Look>>,
+    observations: Vec<Option<Observation>>,
     frames: u64,
     next_full_search: u64,
 }
@@ -50,14 +50,14 @@ impl Tracker {
         dark_parts: bool,
         start: Vec<Detection>,
     ) -> Self {
-        let at_rest = |seen: &Detection| Motion::at_rest(seen.center_px, seen.radius_px, frame_size);
+        let at_rest = |seen: &Detection| MotionModel::at_rest(seen.center_px, seen.radius_px, frame_size);
         Self {
-            looker: Looker::new(table, kinds, dark_parts),
+            localizer: PartLocalizer::new(table, kinds, dark_parts),
             finder: CoinFinder::new(table, frame_size, kinds, dark_parts),
             frame_size,
             motions: start.iter().map(at_rest).collect(),
             levels: vec![None; start.len()],
-            looks: vec![None; start.len()],
+            observations: vec![None; start.len()],
             tracks: start.into_iter().map(|seen| Track { seen, frames_unseen: 0 }).collect(),
             frames: 0,
             next_full_search: 0,
@@ -67,23 +67,23 @@ impl Tracker {
     /// Tracks the parts in the next frame. In a frame of another size nothing is seen.
     pub fn track(&mut self, frame: &Frame) {
         self.frames += 1;
-        self.looks.fill(None);
+        self.observations.fill(None);
         let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
         for motion in &mut self.motions {
             motion.step();
             motion.keep_within(Vec2::zeros(), last);
         }
         if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
-            let view = View { frame, sampler, tracks: &self.tracks };
+            let view = TrackingFrame { frame, sampler, tracks: &self.tracks };
             for i in 0..self.tracks.len() {
-                self.looks[i] = self.looker.near(&view, i, &self.expected(i));
+                self.observations[i] = self.localizer.near(&view, i, &self.expected(i));
             }
             if !self.is_plain() {
-                self.settle(frame, sampler);
+                self.resolve(frame, sampler);
             }
         }
         for i in 0..self.tracks.len() {
-            match self.looks[i].take() {
+            match self.observations[i].take() {
                 Some(look) => self.see(i, look),
                 None => self.tracks[i].frames_unseen = self.tracks[i].frames_unseen.saturating_add(1),
             }
@@ -113,53 +113,53 @@ impl Tracker {
 
     /// True when each part was seen near its expected position, and no two at one place.
     fn is_plain(&self) -> bool {
-        let near = |(look, motion): (&Option<Look>, &Motion)| {
+        let near = |(look, motion): (&Option<Observation>, &MotionModel)| {
             look.as_ref()
                 .is_some_and(|look| (look.part.center_px - motion.place_px).norm() < FAR_RADII * look.part.radius_px)
         };
-        let apart = |(i, look): (usize, &Option<Look>)| {
-            let free = |b: &Look| self.looks[..i].iter().flatten().all(|a| !overlap(&a.part, &b.part));
+        let apart = |(i, look): (usize, &Option<Observation>)| {
+            let free = |b: &Observation| self.observations[..i].iter().flatten().all(|a| !overlap(&a.part, &b.part));
             look.as_ref().is_none_or(free)
         };
-        self.looks.iter().zip(&self.motions).all(near) && self.looks.iter().enumerate().all(apart)
+        self.observations.iter().zip(&self.motions).all(near) && self.observations.iter().enumerate().all(apart)
     }
 
     /// Detects every visible part and assigns the detections to the tracks.
-    fn settle(&mut self, frame: &Frame, sampler: Sampler) {
-        let mut pool = self.distinct_looks();
-        let view = View { frame, sampler, tracks: &self.tracks };
+    fn resolve(&mut self, frame: &Frame, sampler: Sampler) {
+        let mut pool = self.distinct_observations();
+        let view = TrackingFrame { frame, sampler, tracks: &self.tracks };
         for i in 0..self.tracks.len() {
-            let seen_by_itself = self.looks[i].as_ref().is_some_and(|look| pool.contains(look));
+            let seen_by_itself = self.observations[i].as_ref().is_some_and(|look| pool.contains(look));
             if seen_by_itself {
                 continue;
             }
             let expected = self.expected(i);
             let last = Expected { place_px: self.tracks[i].seen.center_px, ..expected };
-            let found = self.looker.wide(&view, i, &expected, &pool);
-            let found = found.or_else(|| self.looker.wide(&view, i, &last, &pool));
+            let found = self.localizer.wide(&view, i, &expected, &pool);
+            let found = found.or_else(|| self.localizer.wide(&view, i, &last, &pool));
             if let Some(look) = found.filter(|look| is_free(&look.part, &pool)) {
                 pool.push(look);
             }
         }
         // A part that returns may not be the one nearest to the detection: then all must be seen before any is named.
-        let back = |(look, track): (&Option<Look>, &Track)| look.is_some() && track.frames_unseen > 0;
-        let due = self.frames >= self.next_full_search || self.looks.iter().zip(&self.tracks).any(back);
+        let back = |(look, track): (&Option<Observation>, &Track)| look.is_some() && track.frames_unseen > 0;
+        let due = self.frames >= self.next_full_search || self.observations.iter().zip(&self.tracks).any(back);
         if pool.len() < self.tracks.len() && due {
             self.next_full_search = self.frames + FULL_SEARCH_EVERY;
             for part in self.finder.find(frame) {
                 if is_free(&part, &pool) {
-                    pool.push(Look { part, agreeing: 0, levels: [0.0; 2] });
+                    pool.push(Observation { part, agreeing: 0, levels: [0.0; 2] });
                 }
             }
         }
-        self.give(pool);
+        self.assign_observations(pool);
     }
 
     /// The detections of this frame, the best of those at one place.
-    fn distinct_looks(&self) -> Vec<Look> {
-        let mut looks: Vec<Look> = self.looks.iter().flatten().cloned().collect();
+    fn distinct_observations(&self) -> Vec<Observation> {
+        let mut looks: Vec<Observation> = self.observations.iter().flatten().cloned().collect();
         looks.sort_by(|a, b| b.agreeing.cmp(&a.agreeing).then(b.part.score.total_cmp(&a.part.score)));
-        let mut pool: Vec<Look> = Vec::with_capacity(self.tracks.len());
+        let mut pool: Vec<Observation> = Vec::with_capacity(self.tracks.len());
         for look in looks {
             if is_free(&look.part, &pool) {
                 pool.push(look);
@@ -170,8 +170,8 @@ impl Tracker {
 
     /// Assigns one detection to each track, by maximum likelihood: either all unseen parts continued to move as
     /// predicted, or they stopped when last seen.
-    fn give(&mut self, pool: Vec<Look>) {
-        let own = self.own_looks(&pool);
+    fn assign_observations(&mut self, pool: Vec<Observation>) {
+        let own = self.own_observations(&pool);
         let cost = |place: Vec2, i: usize, k: usize| {
             let (part, variance) = (&pool[k].part, self.motions[i].place_variance());
             if part.kind != self.tracks[i].seen.kind || own[i].unwrap_or(k) != k {
@@ -186,17 +186,17 @@ impl Tracker {
         let moved = assign(rows, columns, UNSEEN, |i, k| cost(self.motions[i].place_px, i, k));
         let stopped = assign(rows, columns, UNSEEN, |i, k| cost(self.tracks[i].seen.center_px, i, k));
         let choice = if stopped.1 < moved.1 { stopped.0 } else { moved.0 };
-        let mut given: Vec<Option<Look>> = pool.into_iter().map(Some).collect();
-        for (look, choice) in self.looks.iter_mut().zip(choice) {
+        let mut given: Vec<Option<Observation>> = pool.into_iter().map(Some).collect();
+        for (look, choice) in self.observations.iter_mut().zip(choice) {
             *look = choice.and_then(|k| given.get_mut(k)?.take());
         }
     }
 
     /// For each part that was seen in the last frame, the detection at its expected position, if no other claims it.
-    fn own_looks(&self, pool: &[Look]) -> Vec<Option<usize>> {
-        let claim = |(track, motion): (&Track, &Motion)| {
-            let off = |look: &Look| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
-            let fits = |(_, look): &(usize, &Look)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
+    fn own_observations(&self, pool: &[Observation]) -> Vec<Option<usize>> {
+        let claim = |(track, motion): (&Track, &MotionModel)| {
+            let off = |look: &Observation| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
+            let fits = |(_, look): &(usize, &Observation)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
             pool.iter().enumerate().filter(|_| track.frames_unseen == 0).find(fits).map(|(k, _)| k)
         };
         let claims: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(claim).collect();
@@ -204,12 +204,12 @@ impl Tracker {
         claims.iter().map(|claim| claim.filter(|_| alone(claim))).collect()
     }
 
-    fn see(&mut self, i: usize, look: Look) {
+    fn see(&mut self, i: usize, look: Observation) {
         let (motion, part) = (&mut self.motions[i], look.part);
         if (part.center_px - motion.place_px).norm() < part.radius_px {
             motion.see(part.center_px, part.covariance_px2.trace() / 2.0);
         } else {
-            *motion = Motion::at_rest(part.center_px, part.radius_px, self.frame_size);
+            *motion = MotionModel::at_rest(part.center_px, part.radius_px, self.frame_size);
         }
         if look.agreeing >= PLAIN_RAYS {
             self.levels[i] = Some(look.levels);
@@ -218,6 +218,6 @@ impl Tracker {
     }
 }
 
-fn is_free(part: &Detection, pool: &[Look]) -> bool {
+fn is_free(part: &Detection, pool: &[Observation]) -> bool {
     pool.iter().all(|other| !overlap(&other.part, part))
 }

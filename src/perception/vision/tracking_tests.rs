@@ -8,7 +8,7 @@ use upm_core::random::Streams;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
-use upm_scene::{Disc, Scene};
+use upm_scene::{Scene, SceneDisc};
 
 fn pennies() -> Vec<PartKind> {
     vec![PartKind { name: "penny".into(), radius_m: PENNY_M, thickness_m: 1.52e-3 }]
@@ -23,7 +23,7 @@ fn small_scene(seed: u64) -> Scene {
     scene
 }
 
-fn start(scene: &Scene, discs: &[Disc]) -> (Table, Vec<Detection>) {
+fn start(scene: &Scene, discs: &[SceneDisc]) -> (Table, Vec<Detection>) {
     let frame = scene.frame_with(discs);
     let table = locate_table(&frame, &scene.lens, SIDE_M).unwrap();
     let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&frame);
@@ -31,7 +31,7 @@ fn start(scene: &Scene, discs: &[Disc]) -> (Table, Vec<Detection>) {
     (table, parts)
 }
 
-fn tracker(scene: &Scene, discs: &[Disc]) -> (Tracker, Vec<usize>) {
+fn tracker(scene: &Scene, discs: &[SceneDisc]) -> (Tracker, Vec<usize>) {
     let (table, parts) = start(scene, discs);
     let order = parts
         .iter()
@@ -43,7 +43,7 @@ fn tracker(scene: &Scene, discs: &[Disc]) -> (Tracker, Vec<usize>) {
     (Tracker::new(&table, scene.size_px, &pennies(), true, parts), order)
 }
 
-fn worst_mm(tracker: &Tracker, order: &[usize], discs: &[Disc]) -> f64 {
+fn worst_mm(tracker: &Tracker, order: &[usize], discs: &[SceneDisc]) -> f64 {
     let off = |(track, &i): (&super::Track, &usize)| (track.seen.position_m - discs[i].at_m).norm() * 1e3;
     tracker.tracks().iter().zip(order).map(off).fold(0.0, f64::max)
 }

@@ -42,7 +42,7 @@ pub struct Detection {
 
 /// A round object on the plate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Disc {
+pub struct DiscSpec {
     /// Middle and radius of its outline, px.
     pub center_px: Vec2,
     /// Radius of the outline, px.
@@ -66,7 +66,7 @@ pub struct Disc {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Discs sorted from the top of the picture to the bottom.
-    pub discs: Vec<Disc>,
+    pub discs: Vec<DiscSpec>,
     /// Level of the darkest place of a small disc's size, as a fraction of the bare plate's.
     pub darkest: f64,
     /// Level of the lightest such place, as a fraction of the bare plate's.
@@ -84,7 +84,7 @@ pub struct Track {
 
 /// A gray picture of floats, for inspection of intermediate results.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plane {
+pub struct FloatImage {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -110,11 +110,11 @@ pub struct HoughArray {
 
 /// Intermediate results of the localisation, for inspection.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Stages {
+pub struct DebugImages {
     /// Edge strength where an edge was found, else 0.
-    pub edges: Plane,
+    pub edges: FloatImage,
     /// Hough votes of those edges.
     pub hough: HoughArray,
     /// Response of the first kind's disk kernel over the whole frame, 1 where a part covers it all.
-    pub disk_response: Plane,
+    pub disk_response: FloatImage,
 }

@@ -11,10 +11,10 @@ use std::cell::RefCell;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::course::{Course, Disc};
-use super::guard::Guard;
-use super::strength::Strength;
-use super::waves::Waves;
+use super::course::{Rollout, RolloutDisc};
+use super::guard::SeparationPenalty;
+use super::strength::MotorEffort;
+use super::waves::HarmonicBasis;
 use upm_core::signal::Envelope;
 
 /// Trust region: longest change of a motion, relative to the motion, at first; its factors after a success and a
@@ -37,52 +37,52 @@ const GOOD: f64 = 0.02;
 
 /// Problem of the search: the motions, the parts and their steps.
 #[derive(Clone, Copy)]
-pub(super) struct Range<'a> {
-    pub waves: &'a Waves,
-    pub strength: &'a Strength,
-    pub discs: &'a [Disc],
+pub(super) struct ShootingProblem<'a> {
+    pub waves: &'a HarmonicBasis,
+    pub strength: &'a MotorEffort,
+    pub discs: &'a [RolloutDisc],
     /// Wanted step of every part, x and y in turn, m.
     pub steps_m: &'a DVector<f64>,
     pub envelope: &'a Envelope,
     /// Directions in which parts must keep their distance.
-    pub guards: &'a [Guard],
-    pub spare: &'a Spare,
+    pub guards: &'a [SeparationPenalty],
+    pub spare: &'a RolloutPool,
 }
 
 /// Pool of courses no longer in use, kept to reuse their large buffers.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Spare(RefCell<Vec<Course>>);
+pub(super) struct RolloutPool(RefCell<Vec<Rollout>>);
 
-impl Spare {
-    fn take(&self) -> Course {
+impl RolloutPool {
+    fn take(&self) -> Rollout {
         self.0.borrow_mut().pop().unwrap_or_default()
     }
 
-    pub fn keep(&self, shot: Shot) {
+    pub fn keep(&self, shot: Iterate) {
         self.0.borrow_mut().push(shot.course);
     }
 }
 
 /// A motion and its effect on the parts.
 #[derive(Clone, Debug)]
-pub(super) struct Shot {
+pub(super) struct Iterate {
     pub coefficients: Vec<f64>,
-    pub course: Course,
+    pub course: Rollout,
     went_m: DVector<f64>,
     /// Sum of the squared remaining steps, guards included, m².
     cost: f64,
 }
 
-impl Shot {
+impl Iterate {
     /// Remaining part of the steps: ratio of the root sums of squares.
     pub fn left(&self, steps_m: &DVector<f64>) -> f64 {
         (steps_m - &self.went_m).norm() / steps_m.norm()
     }
 }
 
-impl Range<'_> {
+impl ShootingProblem<'_> {
     /// Shot of `start` scaled to the motors' limit.
-    pub fn shot(&self, start: &[f64]) -> Shot {
+    pub fn shot(&self, start: &[f64]) -> Iterate {
         let mut coefficients = start.to_vec();
         self.strength.fill(self.waves, &mut coefficients);
         let mut course = self.spare.take();
@@ -91,13 +91,13 @@ impl Range<'_> {
         let went_m = DVector::from_iterator(self.steps_m.len(), went);
         let missing_m = self.steps_m - &went_m;
         let guarded: f64 = self.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
-        Shot { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
+        Iterate { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
     }
 
     /// Shot of `start`, softened where it carries parts too far or backwards. A motion without even harmonics retraces
     /// in the second half of a period its path of the first and carries parts nowhere; net displacement is therefore
     /// roughly proportional to the even harmonics.
-    pub fn softened_shot(&self, start: &[f64]) -> Shot {
+    pub fn regularized_step(&self, start: &[f64]) -> Iterate {
         let shot = self.shot(start);
         let share = shot.went_m.dot(self.steps_m) / shot.went_m.norm_squared();
         if share.is_nan() || share > SOFTEN {
@@ -109,14 +109,14 @@ impl Range<'_> {
         self.cheaper(softened, shot)
     }
 
-    fn cheaper(&self, a: Shot, b: Shot) -> Shot {
+    fn cheaper(&self, a: Iterate, b: Iterate) -> Iterate {
         let (cheaper, other) = if a.cost < b.cost { (a, b) } else { (b, a) };
         self.spare.keep(other);
         cheaper
     }
 
     /// Improves `shot` in at most `rounds` rounds.
-    pub fn better(&self, mut shot: Shot, rounds: usize) -> Shot {
+    pub fn improved(&self, mut shot: Iterate, rounds: usize) -> Iterate {
         let good = (GOOD * self.steps_m.norm()).powi(2);
         let mut reach = REACH;
         let mut slopes = None;
@@ -141,7 +141,7 @@ impl Range<'_> {
     }
 
     /// Slopes of the remaining error, guards included, by motor counts, one column for each.
-    fn slopes(&self, shot: &Shot) -> DMatrix<f64> {
+    fn slopes(&self, shot: &Iterate) -> DMatrix<f64> {
         let (n, ends) = (self.waves.len(), self.steps_m.len());
         let mut slopes = shot.course.slopes(self.waves).resize_horizontally(ends + self.guards.len(), 0.0);
         for (mut row, weight) in slopes.row_iter_mut().zip(&self.strength.weights) {
@@ -156,7 +156,7 @@ impl Range<'_> {
 
     /// The least damped change of the motion that follows the slopes and is no longer than `reach` times the motion.
     /// `raised` is the number of times damping was raised, carried over from the previous change.
-    fn change(&self, slopes: &DMatrix<f64>, shot: &Shot, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
+    fn change(&self, slopes: &DMatrix<f64>, shot: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
         let missing_m = self.steps_m - &shot.went_m;
         let guarded = self.guards.iter().map(|guard| guard.missing(shot.went_m.as_slice()));
         let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(guarded));

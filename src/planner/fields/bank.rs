@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
-use super::waves::{Lanes, PlateInstant, Waves};
+use super::waves::{HarmonicBasis, Lanes, PlateInstant};
 
 /// Motions that have a table, eight at a time.
 const MOTIONS: usize = 8 * EIGHTS;
@@ -52,7 +52,7 @@ impl Symmetry {
 
 /// Random motions and their mean push on parts at rest.
 #[derive(Clone, Debug)]
-pub(super) struct Bank {
+pub(super) struct SeedLibrary {
     half_side_m: f64,
     motions: Vec<Vec<f64>>,
     /// `pushes[row * NODES + column]`: mean direction of the slip, x and y, for eight motions at a time.
@@ -60,22 +60,22 @@ pub(super) struct Bank {
 }
 
 /// A motion of the bank under one symmetry and direction, with its expected score.
-struct Promise {
+struct SeedScore {
     score: f64,
     motion: usize,
     symmetry: Symmetry,
     reverse: bool,
 }
 
-impl Promise {
+impl SeedScore {
     fn order(&self, other: &Self) -> Ordering {
         other.score.total_cmp(&self.score).then(self.motion.cmp(&other.motion))
     }
 }
 
-impl Bank {
+impl SeedLibrary {
     /// The bank for these harmonics; deterministic, equal for equal harmonics.
-    pub fn new(waves: &Waves, half_side_m: f64) -> Self {
+    pub fn new(waves: &HarmonicBasis, half_side_m: f64) -> Self {
         let mut rng = Streams::new(0).stream("field bank");
         let mut draw = || {
             use rand::RngExt as _;
@@ -94,7 +94,7 @@ impl Bank {
     }
 
     /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
-    pub fn best(&self, waves: &Waves, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
+    pub fn best(&self, waves: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
         let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
         for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
             promises.extend(self.promises(symmetry, positions_m, steps_m));
@@ -103,14 +103,14 @@ impl Bank {
         if count == 0 {
             return Vec::new();
         }
-        promises.select_nth_unstable_by(count - 1, Promise::order);
+        promises.select_nth_unstable_by(count - 1, SeedScore::order);
         promises.truncate(count);
-        promises.sort_by(Promise::order);
-        promises.iter().map(|promise| self.laid(waves, promise)).collect()
+        promises.sort_by(SeedScore::order);
+        promises.iter().map(|promise| self.transformed(waves, promise)).collect()
     }
 
     /// Scores of all motions under `symmetry`.
-    fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = Promise> {
+    fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = SeedScore> {
         let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
         let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
         for (&p, &s) in positions_m.iter().zip(steps_m) {
@@ -124,7 +124,7 @@ impl Bank {
             let astray = (square - along * along).max(Lanes::ZERO).sqrt();
             let scores = (along.abs() - astray * ASTRAY).to_array();
             let lanes = scores.into_iter().zip(along.to_array()).enumerate();
-            lanes.map(move |(lane, (score, along))| Promise {
+            lanes.map(move |(lane, (score, along))| SeedScore {
                 score,
                 motion: 8 * k + lane,
                 symmetry,
@@ -164,7 +164,7 @@ impl Bank {
     }
 
     /// Coefficients of the motion with its symmetry and direction applied.
-    fn laid(&self, waves: &Waves, &Promise { motion, symmetry, reverse, .. }: &Promise) -> Vec<f64> {
+    fn transformed(&self, waves: &HarmonicBasis, &SeedScore { motion, symmetry, reverse, .. }: &SeedScore) -> Vec<f64> {
         let n = waves.per_axis();
         let mut laid = self.motions[motion].clone();
         let sign = if reverse { -1.0 } else { 1.0 };
@@ -185,7 +185,7 @@ impl Bank {
     }
 }
 
-fn table(waves: &Waves, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
+fn table(waves: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
     let phases = waves.motion(motion);
     let phase = |i: usize| phases[i * phases.len() / PHASES];
     let square = (0..PHASES).map(|i| phase(i).velocity_mps.norm_squared()).sum::<f64>() / PHASES as f64;

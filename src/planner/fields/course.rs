@@ -16,7 +16,7 @@
 
 use nalgebra::DMatrix;
 
-use super::waves::{Lanes, PlateInstant, Waves};
+use super::waves::{HarmonicBasis, Lanes, PlateInstant};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
@@ -30,7 +30,7 @@ const LANES: usize = 8;
 
 /// A part at rest before the pulse.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Disc {
+pub(super) struct RolloutDisc {
     pub position_m: Vec2,
     pub radius_m: f64,
     /// Coefficient of Coulomb friction against the plate.
@@ -39,8 +39,8 @@ pub(super) struct Disc {
 
 /// Courses of all parts in a pulse; the steps are kept for the adjoint.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Course {
-    steps: Vec<Step>,
+pub(super) struct Rollout {
+    steps: Vec<PlateStep>,
     groups: Vec<Group>,
     /// Positions where the parts come to rest, m.
     pub ends_m: Vec<Vec2>,
@@ -48,7 +48,7 @@ pub(super) struct Course {
 
 /// Motion of the plate during one time step.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct PlateStep {
     phase: usize,
     /// Height of the envelope.
     height: f64,
@@ -65,13 +65,13 @@ struct Group {
     /// `1/(2 μ g)`, s²/m.
     coasting: Lanes,
     /// State before every step.
-    states: Vec<State>,
+    states: Vec<RolloutState>,
     /// Velocity when the motors fall silent, m/s.
     last_mps: [Lanes; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
-struct State {
+struct RolloutState {
     /// Position from the plate's centre, m.
     arm_m: [Lanes; 2],
     /// Fraction of full friction, a vector: `s / sqrt(|s|² + κ R² ω² + ε²)`.
@@ -80,16 +80,16 @@ struct State {
     inverse: Lanes,
 }
 
-impl Course {
+impl Rollout {
     /// Computes the course of `discs` under the motion `coefficients` of `waves` and `envelope`.
-    pub fn run(&mut self, waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]) {
+    pub fn run(&mut self, waves: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) {
         let motion = waves.motion(coefficients);
         let dt = waves.step_s();
         let count = (envelope.sounding_s() / dt).round() as usize;
         self.steps.clear();
         self.steps.extend(waves.phases().take(count).enumerate().map(|(k, phase)| {
             let height = envelope.at((k as f64 + 0.5) * dt);
-            Step { phase, height, plate: motion[phase] * height }
+            PlateStep { phase, height, plate: motion[phase] * height }
         }));
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
@@ -113,13 +113,13 @@ impl Course {
     }
 
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
-    pub fn slopes(&self, waves: &Waves) -> DMatrix<f64> {
+    pub fn slopes(&self, waves: &HarmonicBasis) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(waves.len(), 2 * self.ends_m.len());
         let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; waves.samples]);
         for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
             for axis in 0..2 {
                 by_motion.iter_mut().for_each(|series| series.fill(Lanes::ZERO));
-                group.trace_back(axis, &self.steps, waves.step_s(), &mut by_motion);
+                group.adjoint(axis, &self.steps, waves.step_s(), &mut by_motion);
                 for (j, of_parts) in waves.slopes(&by_motion).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
                     ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
@@ -132,8 +132,8 @@ impl Course {
 
 impl Group {
     /// Moves `discs` from rest through `steps` until they have coasted to rest; returns their final positions, m.
-    fn play(&mut self, steps: &[Step], dt: f64, discs: &[Disc]) -> [Lanes; 2] {
-        let each = |of: fn(&Disc) -> f64, idle: f64| {
+    fn play(&mut self, steps: &[PlateStep], dt: f64, discs: &[RolloutDisc]) -> [Lanes; 2] {
+        let each = |of: fn(&RolloutDisc) -> f64, idle: f64| {
             Lanes::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
         };
         let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
@@ -143,7 +143,7 @@ impl Group {
         let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
         let [mut vx, mut vy] = [Lanes::ZERO; 2];
         self.states.clear();
-        self.states.extend(steps.iter().map(|Step { plate, .. }| {
+        self.states.extend(steps.iter().map(|PlateStep { plate, .. }| {
             let spin = plate.spin_radps;
             let arm_m = [x - plate.offset_m.x, y - plate.offset_m.y];
             let slip = [plate.velocity_mps.x - vx - arm_m[1] * spin, plate.velocity_mps.y - vy + arm_m[0] * spin];
@@ -154,7 +154,7 @@ impl Group {
             vy += pull[1] * pull_mps;
             x += vx * dt;
             y += vy * dt;
-            State { arm_m, pull, inverse }
+            RolloutState { arm_m, pull, inverse }
         }));
         (self.pull_mps, self.turning_m2, self.coasting) = (pull_mps, turning_m2, coasting);
         self.last_mps = [vx, vy];
@@ -163,12 +163,12 @@ impl Group {
     }
 
     /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).
-    fn trace_back(&self, axis: usize, steps: &[Step], dt: f64, by_motion: &mut [Vec<Lanes>; 3]) {
+    fn adjoint(&self, axis: usize, steps: &[PlateStep], dt: f64, by_motion: &mut [Vec<Lanes>; 3]) {
         let mut by_place = [Lanes::ZERO; 2];
         by_place[axis] = Lanes::ONE;
         let mut by_speed = self.coasting_slope(axis);
         let [by_x, by_y, by_spin] = by_motion;
-        for (state, &Step { phase, height, plate }) in self.states.iter().zip(steps).rev() {
+        for (state, &PlateStep { phase, height, plate }) in self.states.iter().zip(steps).rev() {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
             let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];

@@ -8,7 +8,7 @@ const WEIGHT: f64 = 4.0;
 
 /// Distance that a part should gain from another or from the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Guard {
+pub(super) struct SeparationPenalty {
     pub limit: Limit,
     /// Unit vector away from the other part or the edge.
     normal: Vec2,
@@ -17,7 +17,7 @@ pub(super) struct Guard {
     aim_m: f64,
 }
 
-impl Guard {
+impl SeparationPenalty {
     /// Guard of `limit` at the parts' present positions; it asks for the distance that their steps make. `None` for a
     /// limit without a direction.
     pub fn of_limit(limit: Limit, parts: &[PartState], steps_m: &[f64]) -> Option<Self> {

@@ -2,13 +2,13 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::aim::{Range, Shot, Spare};
-use super::bank::Bank;
-use super::course::{Course, Disc};
-use super::guard::Guard;
+use super::aim::{Iterate, RolloutPool, ShootingProblem};
+use super::bank::SeedLibrary;
+use super::course::{Rollout, RolloutDisc};
+use super::guard::SeparationPenalty;
 use super::limits::{Clearances, half_spaces, most_violated};
-use super::strength::Strength;
-use super::waves::Waves;
+use super::strength::MotorEffort;
+use super::waves::HarmonicBasis;
 use crate::friction::friction_of;
 use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use upm_core::geometry::Vec2;
@@ -49,9 +49,9 @@ pub struct FieldPlanner {
     params: PlannerParams,
     attack_s: f64,
     rest_s: f64,
-    waves: Waves,
-    strength: Strength,
-    bank: Bank,
+    waves: HarmonicBasis,
+    strength: MotorEffort,
+    bank: SeedLibrary,
     friction: f64,
     /// Largest root mean square of the steps aimed at, m.
     reach_m: f64,
@@ -62,11 +62,11 @@ pub struct FieldPlanner {
     promised_m: Vec<Vec2>,
     /// Number of the bank's best motions that are skipped.
     passed_over: usize,
-    spare: Spare,
+    spare: RolloutPool,
 }
 
 /// Failed attempt at a plan.
-struct Stopped {
+struct AttemptFailed {
     by: Limit,
     /// The motion found before limits were applied, a start for the next attempt.
     motion: Vec<f64>,
@@ -77,9 +77,9 @@ impl FieldPlanner {
     pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
         let fields = library.fields.as_ref()?;
         let half_side_m = params.half_side_m;
-        let waves = Waves::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
-        let strength = Strength::new(&waves, fields, half_side_m)?;
-        let bank = Bank::new(&waves, half_side_m);
+        let waves = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
+        let strength = MotorEffort::new(&waves, fields, half_side_m)?;
+        let bank = SeedLibrary::new(&waves, half_side_m);
         let friction = friction_of(library)?;
         let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
         Some(Self {
@@ -95,7 +95,7 @@ impl FieldPlanner {
             last: None,
             promised_m: Vec::new(),
             passed_over: 0,
-            spare: Spare::default(),
+            spare: RolloutPool::default(),
         })
     }
 
@@ -119,8 +119,8 @@ impl FieldPlanner {
         for _ in 0..ATTEMPTS {
             match self.attempt(parts, rms_m, wanted_m, again.take()) {
                 Ok(plan) => return plan,
-                Err(Stopped { by: Limit::Unreachable, .. }) => self.look_elsewhere(),
-                Err(Stopped { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
+                Err(AttemptFailed { by: Limit::Unreachable, .. }) => self.restart_from_seed(),
+                Err(AttemptFailed { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
             }
         }
         ended(PlanStatus::Infeasible(stopped_by))
@@ -136,27 +136,27 @@ impl FieldPlanner {
         }
         let off_sq: f64 = promised.iter().zip(parts).map(|(p, part)| (p - part.position_m).norm_squared()).sum();
         if (off_sq / parts.len() as f64).sqrt() > BROKEN_PROMISE * rms_m {
-            self.look_elsewhere();
+            self.restart_from_seed();
         } else {
             self.passed_over = 0;
         }
     }
 
     /// Drops the last motion and advances to the next start motions of the bank.
-    fn look_elsewhere(&mut self) {
+    fn restart_from_seed(&mut self) {
         self.last = None;
         self.passed_over = (self.passed_over + STARTS) % MOST_PASSED_OVER;
     }
 
     /// Pushes of all start motions on parts at rest at `positions_m`: for each motion the mean direction of the slip, a
     /// vector of length at most 1.
-    pub fn pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+    pub fn mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
         self.bank.all_pushes(positions_m)
     }
 
     /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
-        let mut course = Course::default();
+        let mut course = Rollout::default();
         let coefficients = self.waves.coefficients(&pulse.wave);
         course.run(&self.waves, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
         course.ends_m
@@ -170,15 +170,15 @@ impl FieldPlanner {
         rms_m: f64,
         wanted_m: f64,
         again: Option<Vec<f64>>,
-    ) -> Result<Plan, Stopped> {
+    ) -> Result<Plan, AttemptFailed> {
         let shorter = |p: &PartState| p.step_m * ((LONGEST * rms_m / p.step_m.norm()).min(1.0) * wanted_m / rms_m);
         let steps: Vec<Vec2> =
             parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
         let envelope = self.envelope(self.sustain_s(wanted_m));
-        let near = Guard::of_near(parts, self.params.separation_m, steps_m.as_slice());
-        let free = Range {
+        let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
+        let free = ShootingProblem {
             waves: &self.waves,
             strength: &self.strength,
             discs: &discs,
@@ -188,11 +188,11 @@ impl FieldPlanner {
             spare: &self.spare,
         };
         let shot = match again {
-            Some(motion) => free.better(free.softened_shot(&motion), ROUNDS),
+            Some(motion) => free.improved(free.regularized_step(&motion), ROUNDS),
             None => self.best_shot(&free, parts, &steps),
         };
         let motion = shot.coefficients.clone();
-        let shot = self.cleared(shot, &free, parts).map_err(|by| Stopped { by, motion })?;
+        let shot = self.cleared(shot, &free, parts).map_err(|by| AttemptFailed { by, motion })?;
         let left = shot.left(&steps_m);
         let predicted_m = vec![shot.course.ends_m.clone()];
         self.promised_m.clone_from(&shot.course.ends_m);
@@ -211,7 +211,7 @@ impl FieldPlanner {
     }
 
     /// `shot`, changed until it keeps the limits, with guards where necessary.
-    fn cleared(&self, mut shot: Shot, free: &Range<'_>, parts: &[PartState]) -> Result<Shot, Limit> {
+    fn cleared(&self, mut shot: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
         let clearances = Clearances::of(parts, &self.params);
         let mut guards = free.guards.to_vec();
         for tried in 0.. {
@@ -221,10 +221,10 @@ impl FieldPlanner {
             }
             match guards.iter_mut().find(|guard| guard.limit == limit) {
                 Some(guard) => guard.push(PUSH_M),
-                None => guards.extend(Guard::of_limit(limit, parts, free.steps_m.as_slice())),
+                None => guards.extend(SeparationPenalty::of_limit(limit, parts, free.steps_m.as_slice())),
             }
-            let guarded = Range { guards: &guards, ..*free };
-            shot = guarded.better(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
+            let guarded = ShootingProblem { guards: &guards, ..*free };
+            shot = guarded.improved(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
         }
         if shot.left(free.steps_m) < 1.0 {
             return Ok(shot);
@@ -240,22 +240,23 @@ impl FieldPlanner {
     }
 
     /// Improves the last motion and a few of the bank, then the best of them further.
-    fn best_shot(&self, range: &Range<'_>, parts: &[PartState], steps: &[Vec2]) -> Shot {
+    fn best_shot(&self, range: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let starts = self.bank.best(&self.waves, &positions, steps, self.passed_over + STARTS);
         let others = starts.iter().skip(self.passed_over);
-        let shots = self.last.iter().chain(others).map(|start| range.better(range.softened_shot(start), FIRST_ROUNDS));
+        let shots =
+            self.last.iter().chain(others).map(|start| range.improved(range.regularized_step(start), FIRST_ROUNDS));
         let best = shots.reduce(|best, shot| {
             let (best, other) =
                 if shot.left(range.steps_m) < best.left(range.steps_m) { (shot, best) } else { (best, shot) };
             self.spare.keep(other);
             best
         });
-        range.better(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
+        range.improved(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
     }
 
     /// The first limit broken along the course, or at its end, where sway no longer applies.
-    fn broken(&self, clearances: &Clearances, course: &Course, parts: &[PartState]) -> Option<Limit> {
+    fn broken(&self, clearances: &Clearances, course: &Rollout, parts: &[PartState]) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
         let every = self.waves.steps_a_period() / LOOKS;
@@ -304,8 +305,8 @@ impl FieldPlanner {
         Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s }
     }
 
-    fn discs(&self, parts: &[PartState]) -> Vec<Disc> {
-        let disc = |part: &PartState| Disc {
+    fn discs(&self, parts: &[PartState]) -> Vec<RolloutDisc> {
+        let disc = |part: &PartState| RolloutDisc {
             position_m: part.position_m,
             radius_m: part.radius_m,
             friction: self.friction * part.gain,

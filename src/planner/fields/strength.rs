@@ -3,7 +3,7 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 use wide::f64x4;
 
-use super::waves::{Lanes, Waves};
+use super::waves::{HarmonicBasis, Lanes};
 use upm_core::signal::Envelope;
 use upm_library::{FieldResponse, motor_harmonics};
 
@@ -13,7 +13,7 @@ const EFFORT: f64 = 0.99;
 
 /// Motor counts per m/s of every coefficient.
 #[derive(Clone, Debug)]
-pub(super) struct Strength {
+pub(super) struct MotorEffort {
     /// Axis amplitudes (counts) from velocity phasors (m/s; spin as the speed half a side out), for each harmonic.
     counts_from_motion: Vec<Matrix3<Complex<f64>>>,
     limit_counts: f64,
@@ -23,9 +23,9 @@ pub(super) struct Strength {
     pub weights: Vec<f64>,
 }
 
-impl Strength {
+impl MotorEffort {
     /// Strength under the response `fields`; `None` when a harmonic moves the plate along fewer than three axes.
-    pub fn new(waves: &Waves, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
+    pub fn new(waves: &HarmonicBasis, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
         let scaled = |response: &Matrix3<Complex<f64>>| {
             let mut response = *response;
             response.row_mut(2).scale_mut(half_side_m);
@@ -50,7 +50,7 @@ impl Strength {
 
     /// Scales the motion to its share of the motors' limit.
     #[inline]
-    pub fn fill(&self, waves: &Waves, coefficients: &mut [f64]) {
+    pub fn fill(&self, waves: &HarmonicBasis, coefficients: &mut [f64]) {
         let peak = self.peak_counts(waves, coefficients);
         if peak > 0.0 {
             let scale = EFFORT * self.limit_counts / peak;
@@ -59,7 +59,7 @@ impl Strength {
     }
 
     /// Largest sample of any motor in a pulse, its flanks included, counts.
-    fn peak_counts(&self, waves: &Waves, coefficients: &[f64]) -> f64 {
+    fn peak_counts(&self, waves: &HarmonicBasis, coefficients: &[f64]) -> f64 {
         let n = waves.per_axis();
         let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =

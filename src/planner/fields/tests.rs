@@ -13,9 +13,9 @@ use std::sync::{Arc, LazyLock};
 
 use proptest::prelude::*;
 
-use super::course::{Course, Disc};
-use super::strength::Strength;
-use super::waves::Waves;
+use super::course::{Rollout, RolloutDisc};
+use super::strength::MotorEffort;
+use super::waves::HarmonicBasis;
 use crate::fixture::PENNY_M;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, TwistWave};
@@ -35,13 +35,13 @@ fn upm_2() -> Arc<Library> {
     Arc::clone(&LOADED)
 }
 
-fn upm_2_waves() -> Waves {
+fn upm_2_waves() -> HarmonicBasis {
     let fields = upm_2().fields.clone().unwrap();
-    Waves::new(fields.base_radps, fields.twist_from_counts.len(), HALF_SIDE_M)
+    HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), HALF_SIDE_M)
 }
 
-fn upm_2_strength(waves: &Waves) -> Strength {
-    Strength::new(waves, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
+fn upm_2_strength(waves: &HarmonicBasis) -> MotorEffort {
+    MotorEffort::new(waves, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
 }
 
 fn upm_2_envelope(sustain_s: f64) -> Envelope {
@@ -63,12 +63,12 @@ fn place() -> impl Strategy<Value = Vec2> {
     (-0.14..0.14f64, -0.14..0.14f64).prop_map(|(x, y)| Vec2::new(x, y))
 }
 
-fn coin(position_m: Vec2, friction: f64) -> Disc {
-    Disc { position_m, radius_m: PENNY_M, friction }
+fn coin(position_m: Vec2, friction: f64) -> RolloutDisc {
+    RolloutDisc { position_m, radius_m: PENNY_M, friction }
 }
 
-fn ends(waves: &Waves, coefficients: &[f64], envelope: &Envelope, discs: &[Disc]) -> Vec<Vec2> {
-    let mut course = Course::default();
+fn ends(waves: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> Vec<Vec2> {
+    let mut course = Rollout::default();
     course.run(waves, coefficients, envelope, discs);
     course.ends_m
 }

@@ -21,7 +21,7 @@ const STRIDE: usize = 4;
 /// The coefficients of a motion, m/s, are for x, y and spin in turn cos and sin of harmonic 1, cos and sin of harmonic
 /// 2, and so on. Spin counts as the speed it gives a point half a side from the centre.
 #[derive(Clone, Debug)]
-pub(super) struct Waves {
+pub(super) struct HarmonicBasis {
     base_radps: f64,
     half_side_m: f64,
     /// Number of harmonics.
@@ -54,7 +54,7 @@ impl Mul<f64> for PlateInstant {
     }
 }
 
-impl Waves {
+impl HarmonicBasis {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
         let samples = (STEPS * harmonics).max(FEWEST) * STRIDE + 1;
         let phase = |q: usize| TAU * q as f64 / samples as f64;

@@ -34,13 +34,13 @@ pub(super) struct Pulse {
 
 /// Amplitude and sustain of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Setting {
+pub(super) struct DialSetting {
     /// Fraction of the full amplitude, 0 to 1.
     pub amplitude: f64,
     pub sustain_s: f64,
 }
 
-impl Setting {
+impl DialSetting {
     /// Linear interpolation from this setting towards `other`.
     fn towards(self, other: Self, part: f64) -> Self {
         Self {
@@ -52,8 +52,8 @@ impl Setting {
 
 /// A pulse prepared for forecasts.
 #[derive(Clone, Debug)]
-pub(super) struct Motion {
-    pub setting: Setting,
+pub(super) struct LibraryMotion {
+    pub setting: DialSetting,
     /// Amplitude of the plate's twist, reversed for a reversed pulse.
     twist: Twist,
     slice: BeltSlice,
@@ -61,32 +61,32 @@ pub(super) struct Motion {
 
 /// A motion of the library and its dial.
 #[derive(Clone, Debug)]
-pub(super) struct Belt {
+pub(super) struct MotionDial {
     /// Index into the library.
     pub entry: usize,
     pub twist: Twist,
     /// Distances on the typical belt, rising, m, each with its setting.
-    dial: Vec<(f64, Setting)>,
+    dial: Vec<(f64, DialSetting)>,
 }
 
 /// All motions that a planner uses.
 #[derive(Clone, Debug)]
-pub(super) struct Belts {
+pub(super) struct MotionSet {
     pub table: BeltTable,
-    pub belts: Vec<Belt>,
+    pub belts: Vec<MotionDial>,
     attack_s: f64,
     frame_s: f64,
     exposure_s: f64,
 }
 
-impl Belts {
+impl MotionSet {
     pub fn new(library: &Arc<Library>, params: &PlannerParams) -> Self {
         let table = BeltTable::new(library, params.max_sustain_s);
         let typical: Vec<f64> = library.entries.iter().map(|e| typical_mps(&e.pump, params.half_side_m)).collect();
         let fastest = typical.iter().copied().fold(0.0, f64::max);
         let strong =
             library.entries.iter().zip(typical).enumerate().filter(|(_, (_, speed))| *speed >= STRONG * fastest);
-        let belts = strong.map(|(entry, (motion, speed))| Belt {
+        let belts = strong.map(|(entry, (motion, speed))| MotionDial {
             entry,
             twist: motion.pump,
             dial: dial(&table, &motion.pump, speed),
@@ -103,29 +103,29 @@ impl Belts {
     }
 
     /// Amplitude and sustain of `pulse`.
-    pub fn setting(&self, pulse: Pulse) -> Setting {
+    pub fn setting(&self, pulse: Pulse) -> DialSetting {
         let (dial, way_m) = (&self.belts[pulse.belt].dial, pulse.way_m.abs());
         let above = dial.partition_point(|d| d.0 < way_m);
         match (above.checked_sub(1).map(|below| dial[below]), dial.get(above)) {
             (Some((low_m, low)), Some(&(high_m, high))) => low.towards(high, (way_m - low_m) / (high_m - low_m)),
             (None, Some(&(first_m, first))) => {
-                Setting { amplitude: first.amplitude * way_m / first_m, sustain_s: first.sustain_s }
+                DialSetting { amplitude: first.amplitude * way_m / first_m, sustain_s: first.sustain_s }
             }
             (Some((_, last)), None) => last,
-            (None, None) => Setting { amplitude: 0.0, sustain_s: 0.0 },
+            (None, None) => DialSetting { amplitude: 0.0, sustain_s: 0.0 },
         }
     }
 
     /// `pulse`, prepared for forecasts.
-    pub fn motion(&self, pulse: Pulse) -> Motion {
+    pub fn motion(&self, pulse: Pulse) -> LibraryMotion {
         self.motion_of(&self.belts[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
     }
 
     /// The motion of a library entry's `twist` at `setting`.
-    pub fn motion_of(&self, twist: &Twist, setting: Setting, reversed: bool) -> Motion {
+    pub fn motion_of(&self, twist: &Twist, setting: DialSetting, reversed: bool) -> LibraryMotion {
         let signed = if reversed { -setting.amplitude } else { setting.amplitude };
         let twist = *twist * signed;
-        Motion { setting, twist, slice: self.table.slice(twist.spin_radps, setting.sustain_s) }
+        LibraryMotion { setting, twist, slice: self.table.slice(twist.spin_radps, setting.sustain_s) }
     }
 
     /// Rest after a pulse whose slowest part is at rest after `coasts_s`, s.
@@ -134,14 +134,14 @@ impl Belts {
     }
 
     /// Time from the start of a pulse until the camera has seen the parts at rest, s: whole frames.
-    pub fn price_s(&self, setting: Setting, coasts_s: f64) -> f64 {
+    pub fn price_s(&self, setting: DialSetting, coasts_s: f64) -> f64 {
         let all_s = 2.0 * self.attack_s + setting.sustain_s + self.rest_s(coasts_s) + self.exposure_s;
         (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
     }
 
     /// Belts with a centre more than `nearest` radii from every one of these discs (position and radius, m).
     pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone, nearest: f64) -> Vec<usize> {
-        let carries = |belt: &Belt| {
+        let carries = |belt: &MotionDial| {
             discs.clone().all(|(p, radius_m)| {
                 belt.twist.velocity_at(p).norm() > nearest * radius_m * belt.twist.spin_radps.abs()
             })
@@ -150,7 +150,7 @@ impl Belts {
     }
 }
 
-impl Motion {
+impl LibraryMotion {
     /// Final position, m, and coasting time, s, of a part at `p` that moves `gain` times as far as measured.
     #[inline]
     pub fn carry(&self, p: Vec2, gain: f64) -> (Vec2, f64) {
@@ -173,17 +173,17 @@ fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
 }
 
 /// Settings from the weakest belt that moves anything without sustain, over full amplitude, to the longest sustain.
-fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting)> {
+fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, DialSetting)> {
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
     let weaker = (0..AMPLITUDES)
-        .map(|k| Setting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
+        .map(|k| DialSetting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
     let longer = (1..=(table.sustains() - 1) / 2)
-        .map(|k| Setting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
-    let way_m = |setting: Setting| {
+        .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
+    let way_m = |setting: DialSetting| {
         let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);
         slice.at(typical_mps * setting.amplitude).along_m
     };
-    let mut coarse: Vec<(f64, Setting)> = Vec::new();
+    let mut coarse: Vec<(f64, DialSetting)> = Vec::new();
     for setting in weaker.chain(longer) {
         push_longer(&mut coarse, way_m(setting), setting);
     }
@@ -201,7 +201,7 @@ fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Setting
 }
 
 /// Adds a setting if it carries farther than those before.
-fn push_longer(dial: &mut Vec<(f64, Setting)>, way_m: f64, setting: Setting) {
+fn push_longer(dial: &mut Vec<(f64, DialSetting)>, way_m: f64, setting: DialSetting) {
     if way_m > dial.last().map_or(0.0, |last| last.0) + 1e-7 {
         dial.push((way_m, setting));
     }

@@ -1,6 +1,6 @@
 //! Candidate pulses: their displacements of every part and their times.
 
-use super::belts::{Belts, Pulse};
+use super::belts::{MotionSet, Pulse};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
@@ -47,7 +47,7 @@ impl PulseScale {
 
 /// Exact displacements of pulses on all parts, in mm, with their times.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
+pub(super) struct DisplacementMatrix {
     rows: usize,
     /// Column by column: x, y of each part, mm.
     values_mm: Vec<f64>,
@@ -55,9 +55,9 @@ pub(super) struct Columns {
     pub pulses: Vec<Pulse>,
 }
 
-impl Columns {
+impl DisplacementMatrix {
     /// Every usable belt in both directions at every length suited to steps of `rms_m`.
-    pub fn all(belts: &Belts, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
+    pub fn all(belts: &MotionSet, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
         let usable = belts.usable(discs, scale.nearest_radii());
         let (shortest_m, always_m) = scale.shortest_m();
@@ -76,13 +76,13 @@ impl Columns {
     }
 
     /// Columns of `pulses`.
-    pub fn of(belts: &Belts, parts: &[PartState], pulses: impl Iterator<Item = Pulse>) -> Self {
+    pub fn of(belts: &MotionSet, parts: &[PartState], pulses: impl Iterator<Item = Pulse>) -> Self {
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         pulses.for_each(|pulse| columns.push(belts, parts, pulse));
         columns
     }
 
-    fn push(&mut self, belts: &Belts, parts: &[PartState], pulse: Pulse) {
+    fn push(&mut self, belts: &MotionSet, parts: &[PartState], pulse: Pulse) {
         let motion = belts.motion(pulse);
         let mut coasts_s = 0.0f64;
         for part in parts {

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use super::columns::Columns;
+use super::columns::DisplacementMatrix;
 use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
 
 /// Columns of the first program and of each addition, per coordinate.
@@ -42,7 +42,7 @@ pub(super) struct LeastTime {
 
 impl LeastTime {
     /// Solves the program over all of `columns`, starting from the prices `last`. `None` where the solver fails.
-    pub fn solve(columns: &Columns, steps_mm: &[f64], leave_mm: f64, last: &[f64]) -> Option<Self> {
+    pub fn solve(columns: &DisplacementMatrix, steps_mm: &[f64], leave_mm: f64, last: &[f64]) -> Option<Self> {
         let rows = steps_mm.len();
         let mut chosen: BTreeSet<usize> = if last.len() == rows {
             best_paying(columns, last, FIRST * rows, 0.0).into_iter().collect()
@@ -64,7 +64,7 @@ impl LeastTime {
 
     /// Solves the program over a subset of `columns`; the other counts are 0.
     pub fn over<'a>(
-        columns: &Columns,
+        columns: &DisplacementMatrix,
         chosen: impl IntoIterator<Item = &'a usize>,
         steps_mm: &[f64],
         leave_mm: f64,
@@ -108,7 +108,7 @@ impl LeastTime {
 }
 
 /// Up to `most` columns that pay more than `least` at `prices`, best first.
-pub(super) fn best_paying(columns: &Columns, prices: &[f64], most: usize, least: f64) -> Vec<usize> {
+pub(super) fn best_paying(columns: &DisplacementMatrix, prices: &[f64], most: usize, least: f64) -> Vec<usize> {
     let mut paying: Vec<(f64, usize)> =
         (0..columns.len()).map(|j| (columns.pay(j, prices), j)).filter(|&(pay, _)| pay > least).collect();
     paying.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -117,7 +117,7 @@ pub(super) fn best_paying(columns: &Columns, prices: &[f64], most: usize, least:
 }
 
 /// Columns along the steps, and for each coordinate and sign a few that move the other coordinates little.
-fn spanning(columns: &Columns, steps_mm: &[f64]) -> BTreeSet<usize> {
+fn spanning(columns: &DisplacementMatrix, steps_mm: &[f64]) -> BTreeSet<usize> {
     let rows = steps_mm.len();
     let mut chosen: BTreeSet<usize> = best_paying(columns, steps_mm, FIRST * rows, 0.0).into_iter().collect();
     let lengths: Vec<f64> =

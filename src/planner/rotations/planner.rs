@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
-use super::belts::{Belts, Pulse};
-use super::columns::{Columns, PulseScale};
+use super::belts::{MotionSet, Pulse};
+use super::columns::{DisplacementMatrix, PulseScale};
 use super::least_time::{LeastTime, best_paying};
 use super::order::order;
 use super::refine::Refined;
@@ -68,17 +68,17 @@ const FIGURE_LEFT_MM: f64 = 0.4;
 pub struct RotationPlanner {
     library: Arc<Library>,
     params: PlannerParams,
-    pub(super) belts: Arc<Belts>,
+    pub(super) belts: Arc<MotionSet>,
     /// Prices of the last program, s/mm.
     prices: Vec<f64>,
     /// Longest displacement of a part in the next sequence, m.
     way_m: Option<f64>,
-    running: Option<Running>,
+    running: Option<PlayedSequence>,
 }
 
 /// A sequence that is being played.
 #[derive(Clone, Debug)]
-struct Running {
+struct PlayedSequence {
     /// Pulses not yet played.
     pulses: Vec<Pulse>,
     subgoals_m: Vec<Vec2>,
@@ -88,7 +88,7 @@ struct Running {
 }
 
 /// A sequence that could be played.
-struct Candidate {
+struct SequenceCandidate {
     refined: Refined,
     /// Number of pulses from the first that keep the limits.
     safe: usize,
@@ -101,7 +101,7 @@ struct Candidate {
 impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        let belts = Arc::new(Belts::new(&library, &params));
+        let belts = Arc::new(MotionSet::new(&library, &params));
         Self { library, params, belts, prices: Vec::new(), way_m: None, running: None }
     }
 
@@ -140,7 +140,7 @@ impl RotationPlanner {
         let Some(entry) = self.library.entries.get(pulse.entry) else {
             return parts.iter().map(|part| part.position_m).collect();
         };
-        let setting = super::belts::Setting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
+        let setting = super::belts::DialSetting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
         let motion = self.belts.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
         parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
     }
@@ -149,7 +149,7 @@ impl RotationPlanner {
     /// strict bound, since flows change along the path. `None` where the library cannot make the steps.
     pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
         let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
-        let columns = Columns::all(&self.belts, parts, f64::INFINITY, PulseScale::Coarse);
+        let columns = DisplacementMatrix::all(&self.belts, parts, f64::INFINITY, PulseScale::Coarse);
         let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
         if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
             return Some(0.0);
@@ -159,7 +159,7 @@ impl RotationPlanner {
     }
 
     /// The rest of the running sequence, corrected; `None` where it no longer does what was forecast.
-    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<Candidate> {
+    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<SequenceCandidate> {
         let mut running = self.running.take()?;
         if running.pulses.is_empty() || running.targets_m.len() != parts.len() {
             return None;
@@ -181,16 +181,21 @@ impl RotationPlanner {
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
         let safe = safe(&refined, room);
-        (kept && safe > 0).then_some(Candidate { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
+        (kept && safe > 0).then_some(SequenceCandidate { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
     }
 
     /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
-    fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Candidate, Limit> {
+    fn new_sequence(
+        &mut self,
+        parts: &[PartState],
+        targets_m: &[Vec2],
+        room: &Room,
+    ) -> Result<SequenceCandidate, Limit> {
         let usual_m = Self::longest_way_m(parts.len());
         let mut way_m = self.way_m.unwrap_or(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);
-        let (mut best, mut limit): (Option<Candidate>, _) = (None, Limit::Unreachable);
+        let (mut best, mut limit): (Option<SequenceCandidate>, _) = (None, Limit::Unreachable);
         let (mut tightened, mut scale) = (1.0, PulseScale::Coarse);
         for _ in 0..ATTEMPTS {
             let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
@@ -236,7 +241,7 @@ impl RotationPlanner {
         targets_m: &[Vec2],
         (subgoals_m, tightened, scale): (Vec<Vec2>, f64, PulseScale),
         room: &Room,
-    ) -> Option<Candidate> {
+    ) -> Option<SequenceCandidate> {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
         let rms_m = rms_m(steps_m.iter().copied());
         let alone = parts.len() == 1;
@@ -257,7 +262,7 @@ impl RotationPlanner {
         let safe = safe(&refined, room);
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let gain_mps = self.gain_mps(&refined, safe, parts, targets_m);
-        Some(Candidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
+        Some(SequenceCandidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
     }
 
     /// Pulses that make `steps_m` in the least time: the relaxed program rounded to whole pulses, then both again over
@@ -266,13 +271,13 @@ impl RotationPlanner {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
-        let columns = Columns::all(&self.belts, parts, rms_m, scale);
+        let columns = DisplacementMatrix::all(&self.belts, parts, rms_m, scale);
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
         self.prices.clone_from(&first.prices);
         let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
         let more = best_paying(&columns, &first.prices, 3 * steps_mm.len(), 0.0).into_iter();
         let halves = more.map(|j| Pulse { way_m: 0.5 * columns.pulses[j].way_m, ..columns.pulses[j] });
-        let second = Columns::of(&self.belts, parts, whole.iter().copied().chain(halves));
+        let second = DisplacementMatrix::of(&self.belts, parts, whole.iter().copied().chain(halves));
         let all: Vec<usize> = (0..second.len()).collect();
         if let Some(found) = LeastTime::over(&second, &all, &steps_mm, leave_mm) {
             (whole, counts) = self.whole(parts, &second, &found.counts);
@@ -283,7 +288,7 @@ impl RotationPlanner {
     }
 
     /// Whole pulses for relaxed counts: below one a shorter pulse, above it several equal pulses, never a longer one.
-    fn whole(&self, parts: &[PartState], columns: &Columns, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
+    fn whole(&self, parts: &[PartState], columns: &DisplacementMatrix, counts: &[f64]) -> (Vec<Pulse>, Vec<usize>) {
         let used = counts.iter().enumerate().filter(|(_, count)| **count > 0.02);
         let whole = used.map(|(j, &count)| {
             let copies = (count - 0.05).ceil().max(1.0);
@@ -294,7 +299,7 @@ impl RotationPlanner {
 
     /// The pulse of column `j`, shortened until its displacement projects to `share` of the column. Its length on the
     /// typical belt is no measure of that, since parts on the slowest belts of a weak pulse stick.
-    fn shortened(&self, parts: &[PartState], columns: &Columns, j: usize, share: f64) -> Pulse {
+    fn shortened(&self, parts: &[PartState], columns: &DisplacementMatrix, j: usize, share: f64) -> Pulse {
         let (pulse, column) = (columns.pulses[j], columns.column(j));
         let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };
         let does = |way_m: f64| {
@@ -355,8 +360,8 @@ impl RotationPlanner {
     }
 
     /// Plan of the first pulses of `candidate`; keeps the rest.
-    fn play(&mut self, candidate: Candidate, targets_m: Vec<Vec2>, continues: bool) -> Plan {
-        let Candidate { refined, safe, subgoals_m, want_m, .. } = candidate;
+    fn play(&mut self, candidate: SequenceCandidate, targets_m: Vec<Vec2>, continues: bool) -> Plan {
+        let SequenceCandidate { refined, safe, subgoals_m, want_m, .. } = candidate;
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
@@ -371,7 +376,7 @@ impl RotationPlanner {
         let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
         let left = refined.pulses[count..].to_vec();
-        self.running = Some(Running { pulses: left, subgoals_m, targets_m, want_m });
+        self.running = Some(PlayedSequence { pulses: left, subgoals_m, targets_m, want_m });
         let candidates = refined.pulses.iter().map(|pulse| self.belts.belts[pulse.belt].entry).collect();
         Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
     }

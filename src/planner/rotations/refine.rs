@@ -7,7 +7,7 @@
 //!               effect of all δ on a gap or on the distance to the edge, at each stage <= its room + s,   s >= 0
 //! ```
 
-use super::belts::{Belts, Motion, Pulse};
+use super::belts::{LibraryMotion, MotionSet, Pulse};
 use super::rollout::{Rollout, Slopes};
 use super::subgoals::{Room, Shortfall};
 use crate::PartState;
@@ -42,7 +42,7 @@ const SLOW: f64 = 0.97;
 #[derive(Clone, Debug)]
 pub(super) struct Refined {
     pub pulses: Vec<Pulse>,
-    pub motions: Vec<Motion>,
+    pub motions: Vec<LibraryMotion>,
     pub rollout: Rollout,
     /// Distance left to the subgoals at the end: root of the sum of squares over the parts, m.
     pub left_m: f64,
@@ -52,8 +52,8 @@ pub(super) struct Refined {
 
 impl Refined {
     /// Forecast of `pulses` on `parts`.
-    pub fn of(belts: &Belts, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
-        let motions: Vec<Motion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+    pub fn of(belts: &MotionSet, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+        let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
         let rollout = Rollout::of(&motions, parts);
         let left_m =
             rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
@@ -77,7 +77,7 @@ impl Refined {
     /// the parts).
     pub fn refined(
         self,
-        belts: &Belts,
+        belts: &MotionSet,
         parts: &[PartState],
         goal_m: &[Vec2],
         room: &Room,
@@ -126,7 +126,7 @@ struct Linear {
 }
 
 impl Linear {
-    fn at(belts: &Belts, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+    fn at(belts: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
         let count = now.pulses.len();
         let by_stage = Slopes::of(belts, &now.pulses, &now.motions, &now.rollout, parts);
         let slopes: Vec<f64> = (0..count).flat_map(|k| by_stage.at(count, k).iter().flat_map(|s| [s.x, s.y])).collect();
@@ -140,7 +140,7 @@ impl Linear {
     ///
     /// Variables are the changes, the residuals they leave to the subgoals, and the slack of the limits. Rows are the
     /// definition of the residuals, the longest and shortest lengths, the slack's sign, and the limits.
-    fn step(&self, belts: &Belts, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
+    fn step(&self, belts: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
         let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);
         let sign = |k: usize| if pulses[k].way_m < 0.0 { -1.0 } else { 1.0 };

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix2;
 
-use super::belts::{Belts, Motion, Pulse};
+use super::belts::{LibraryMotion, MotionSet, Pulse};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
@@ -23,7 +23,7 @@ pub(super) struct Rollout {
 
 impl Rollout {
     /// Forecast of `motions` on `parts`.
-    pub fn of(motions: &[Motion], parts: &[PartState]) -> Self {
+    pub fn of(motions: &[LibraryMotion], parts: &[PartState]) -> Self {
         let mut rollout = Self { parts: parts.len(), ..Self::default() };
         rollout.places_m.reserve((motions.len() + 1) * parts.len());
         rollout.places_m.extend(parts.iter().map(|part| part.position_m));
@@ -64,7 +64,13 @@ pub(super) struct Slopes {
 }
 
 impl Slopes {
-    pub fn of(belts: &Belts, pulses: &[Pulse], motions: &[Motion], rollout: &Rollout, parts: &[PartState]) -> Self {
+    pub fn of(
+        belts: &MotionSet,
+        pulses: &[Pulse],
+        motions: &[LibraryMotion],
+        rollout: &Rollout,
+        parts: &[PartState],
+    ) -> Self {
         let (count, n) = (pulses.len(), parts.len());
         let mut values = vec![Vec2::zeros(); count * count * n];
         for (k, (&pulse, motion)) in pulses.iter().zip(motions).enumerate() {

@@ -7,7 +7,7 @@ mod program;
 use std::sync::{Arc, LazyLock};
 
 use super::RotationPlanner;
-use super::belts::Belts;
+use super::belts::MotionSet;
 use crate::fixture::{library, params};
 
 /// A planner for the fixture's library; the belt table is computed once.
@@ -16,6 +16,6 @@ fn planner() -> RotationPlanner {
     MADE.clone()
 }
 
-fn belts() -> Arc<Belts> {
+fn belts() -> Arc<MotionSet> {
     planner().belts
 }

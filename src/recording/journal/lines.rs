@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
 use super::located::{ConfirmedLine, LocalisedLine};
-use crate::motion::Motion;
+use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
@@ -19,7 +19,7 @@ use upm_planner::{Limit, PlanStatus, PlannedPulse};
 #[serde(tag = "type", rename_all = "snake_case")]
 /// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; null replaces a
 /// number that is not finite.
-pub(super) enum Line<'a> {
+pub(super) enum JournalLine<'a> {
     /// Table and parts located without prior knowledge.
     Localised(LocalisedLine),
     /// The same at the places where they were tracked, before a goal counts as reached.
@@ -136,7 +136,7 @@ impl PlannedPart {
                 let entry = library.entries.get(rotation.entry);
                 Self::Rotation {
                     entry: rotation.entry,
-                    motion: entry.and_then(|entry| Motion::of(&entry.pump)).map(MotionPart::new),
+                    motion: entry.and_then(|entry| MotionRecord::of(&entry.pump)).map(MotionPart::new),
                     d_mm: mm(rotation.distance_m),
                     amplitude: Fixed(rotation.amplitude),
                     sustain_s: Fixed(rotation.sustain_s),
@@ -182,12 +182,12 @@ enum MotionPart {
 }
 
 impl MotionPart {
-    fn new(motion: Motion) -> Self {
+    fn new(motion: MotionRecord) -> Self {
         match motion {
-            Motion::About { center_m, counter_clockwise } => {
+            MotionRecord::About { center_m, counter_clockwise } => {
                 Self::About { cor_mm: point_mm(center_m), rotation: if counter_clockwise { 1 } else { -1 } }
             }
-            Motion::Along { direction } => Self::Along { direction: fixed_pair(direction) },
+            MotionRecord::Along { direction } => Self::Along { direction: fixed_pair(direction) },
         }
     }
 }
@@ -260,7 +260,7 @@ impl SentLine {
             Ok(PlateFit::Twist(fit)) => ReadPart::Fit {
                 pump_mm_s: fixed_pair(fit.pump.velocity_mps * 1e3),
                 pump_rad_s: Fixed(fit.pump.spin_radps),
-                motion: Motion::of(&fit.pump).map(MotionPart::new),
+                motion: MotionRecord::of(&fit.pump).map(MotionPart::new),
                 residual_m_s2: Fixed(fit.residual_rms_mps2),
             },
             Ok(PlateFit::Wave(fit)) => ReadPart::Wave {

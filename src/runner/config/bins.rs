@@ -1,13 +1,13 @@
 use super::raw_job::RawBin;
 use super::read::point_m;
 use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
-use super::task::{Scene, TaskSpec};
+use super::task::{TaskContext, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path};
 use upm_goal::BinParams;
 
-impl Scene<'_> {
+impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
     pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("bins");

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use upm_core::time::PlateTime;
 use upm_document::{Faults, Path, one_of, quoted};
-use upm_sim::faults::{Component, FaultKind, FaultSpec, ValueRange, drawn_faults};
+use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
 
 /// Names of components for error messages.
 const COMPONENTS: [&str; 11] =
@@ -157,12 +157,12 @@ fn components(found: &str) -> String {
 }
 
 fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
-    let Some(component) = Component::named(&raw.component) else {
+    let Some(component) = FaultyComponent::named(&raw.component) else {
         let found = quoted(&raw.component);
         faults.push(at.key("component"), found, components(&raw.component));
         return None;
     };
-    if let Component::Part(part) = component {
+    if let FaultyComponent::Part(part) = component {
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
         faults.demand(part < parts, at.key("component"), &raw.component, allowed);
     }
@@ -184,7 +184,7 @@ fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<
 
 fn values(
     raw: &RawFault,
-    component: Component,
+    component: FaultyComponent,
     kind: FaultKind,
     parts: usize,
     at: &Path,
@@ -205,7 +205,7 @@ fn values(
     for (i, (value, range)) in given.iter().zip(wanted).enumerate() {
         let top = if kind != FaultKind::Swapped {
             range.max
-        } else if component == Component::Coils {
+        } else if component == FaultyComponent::Coils {
             3.0
         } else {
             parts.saturating_sub(1) as f64
@@ -244,7 +244,7 @@ mod tests {
     fn typed_faults_are_read_with_values_and_times() {
         let specs = read("coil0:reversed@1.2, camera:shift=3;-1.5@0.5-1.5,device:hang").unwrap();
         let [coil, shift, hang] = &specs[..] else { panic!("{specs:?}") };
-        assert_eq!((coil.component, coil.kind), (Component::Coil(0), FaultKind::Reversed));
+        assert_eq!((coil.component, coil.kind), (FaultyComponent::Coil(0), FaultKind::Reversed));
         assert_eq!((coil.from, coil.to), (PlateTime::from_secs(1.2), None));
         assert_eq!((shift.values, shift.to), ([3.0, -1.5, 0.0], Some(PlateTime::from_secs(1.5))));
         assert_eq!(hang.values[0], 1.0, "the default");

@@ -1,7 +1,7 @@
 //! Checks whether the places of a shape, or a part on its path, fit on the plate, and computes the size that would fit.
 
 use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
-use super::task::Scene;
+use super::task::TaskContext;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path, counted};
@@ -69,16 +69,16 @@ impl Pair {
 }
 
 /// A shape with one place per part, and its path in the file.
-pub(super) struct Shape {
+pub(super) struct FittedOutline {
     pub at: Path,
     pub pattern: Pattern,
     pub growth: Growth,
 }
 
-impl Scene<'_> {
+impl TaskContext<'_> {
     /// Places of `shape` for the parts, m. Faults where they are too close to each other or to the edge; each names the
     /// size, or else the number of parts, that would fit.
-    pub(super) fn places_of(&self, shape: &Shape, faults: &mut Faults) -> Option<Vec<Vec2>> {
+    pub(super) fn places_of(&self, shape: &FittedOutline, faults: &mut Faults) -> Option<Vec<Vec2>> {
         let places_m = shape.pattern.places(self.kinds.len())?;
         let most = self.largest_scale(&places_m, &self.radii_m, shape.growth.center_m);
         let tightest = self.tightest(&places_m);
@@ -112,8 +112,8 @@ impl Scene<'_> {
     }
 
     /// Text of what would fit, if the shape must grow by at least `least` and at most `most`.
-    fn remedy(&self, shape: &Shape, least: f64, most: f64) -> String {
-        let Shape { growth, pattern, .. } = shape;
+    fn remedy(&self, shape: &FittedOutline, least: f64, most: f64) -> String {
+        let FittedOutline { growth, pattern, .. } = shape;
         if growth.is_between(least, most) {
             return if least > 1.0 { growth.at_least(least) } else { growth.at_most(most) };
         }

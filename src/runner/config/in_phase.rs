@@ -13,7 +13,7 @@ const SAME_LENGTH: f64 = 0.01;
 
 /// Reports paths that differ in length, speed or repeat, and parts in phase that would touch.
 pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
-    let laps: Vec<Lap> = paths.iter().map(|path| Lap::of(&path.params)).collect();
+    let laps: Vec<LoopLap> = paths.iter().map(|path| LoopLap::of(&path.params)).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
     let before = faults.len();
     for (PartPath { at, shape_at, params, .. }, lap) in
@@ -37,10 +37,10 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
 
 /// Reports every path on which two of its parts come too close to each other during the lap, and every path with a part
 /// that comes too close to one of an earlier path.
-fn check_on_the_way(paths: &[PartPath], laps: &[Lap], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
+fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
     let meetings = meetings(laps, radii_m);
     let of = |part: usize| paths.get(part).map(|path| &path.at);
-    let (own, others): (Vec<&Meeting>, Vec<&Meeting>) =
+    let (own, others): (Vec<&LoopMeeting>, Vec<&LoopMeeting>) =
         meetings.iter().partition(|meeting| of(meeting.parts[0]) == of(meeting.parts[1]));
     for on_one in own.chunk_by(|a, b| of(a.parts[1]) == of(b.parts[1])) {
         let tightest = on_one.iter().reduce(|a, b| if b.scale() > a.scale() * TIGHTER { b } else { a });
@@ -56,15 +56,15 @@ fn check_on_the_way(paths: &[PartPath], laps: &[Lap], radii_m: &[f64], ids: &[St
 }
 
 /// All pairs of parts that come too close, in the order of the later part.
-fn meetings(laps: &[Lap], radii_m: &[f64]) -> Vec<Meeting> {
-    let discs: Vec<(&Lap, &f64)> = laps.iter().zip(radii_m).collect();
+fn meetings(laps: &[LoopLap], radii_m: &[f64]) -> Vec<LoopMeeting> {
+    let discs: Vec<(&LoopLap, &f64)> = laps.iter().zip(radii_m).collect();
     let mut meetings = Vec::new();
     for (i, (lap, radius_m)) in discs.iter().enumerate() {
         for (k, (other, other_radius_m)) in discs.iter().enumerate().take(i) {
             let least_m = *radius_m + *other_radius_m + REST_GAP_M;
             let (distance_m, share) = lap.nearest_to(other);
             if distance_m < least_m - ROUNDING_M {
-                meetings.push(Meeting { parts: [k, i], least_m, distance_m, share });
+                meetings.push(LoopMeeting { parts: [k, i], least_m, distance_m, share });
             }
         }
     }
@@ -72,7 +72,7 @@ fn meetings(laps: &[Lap], radii_m: &[f64]) -> Vec<Meeting> {
 }
 
 /// Closest approach of two parts in phase.
-struct Meeting {
+struct LoopMeeting {
     parts: [usize; 2],
     least_m: f64,
     distance_m: f64,
@@ -80,7 +80,7 @@ struct Meeting {
     share: f64,
 }
 
-impl Meeting {
+impl LoopMeeting {
     /// Factor by which both paths must at least grow.
     fn scale(&self) -> f64 {
         (self.least_m - ROUNDING_M) / self.distance_m
@@ -104,7 +104,7 @@ impl Meeting {
 }
 
 /// One lap of a path.
-struct Lap {
+struct LoopLap {
     /// Corners from the first to the end of the lap, m.
     corners_m: Vec<Vec2>,
     /// Share of the lap at each corner.
@@ -113,7 +113,7 @@ struct Lap {
     length_m: f64,
 }
 
-impl Lap {
+impl LoopLap {
     /// The segment back to the first corner counts in the length, although parts follow it only if the path is
     /// repeated.
     fn of(path: &PathParams) -> Self {
@@ -173,23 +173,23 @@ mod tests {
     #[test]
     fn a_lap_goes_back_to_its_start() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        let lap = Lap::of(&path(&square, 2));
+        let lap = LoopLap::of(&path(&square, 2));
         assert_eq!(lap.length_m, 4.0);
         for (share, x, y) in [(0.0, 0.0, 0.0), (0.125, 0.5, 0.0), (0.5, 1.0, 1.0), (0.875, 0.0, 0.5), (1.0, 0.0, 0.0)] {
             assert!((lap.at(share) - Vec2::new(x, y)).norm() < 1e-12, "{share}");
         }
-        let once = Lap::of(&path(&square, 1));
+        let once = LoopLap::of(&path(&square, 1));
         assert_eq!((once.length_m, once.at(0.9)), (4.0, Vec2::new(0.0, 1.0)), "it waits at the last corner");
     }
 
     #[test]
     fn the_nearest_is_found_between_corners() {
         // one goes right while the other goes left, 1 below: they meet in the middle of the first side
-        let there = Lap::of(&path(&[[0.0, 0.0], [4.0, 0.0]], 2));
-        let back = Lap::of(&path(&[[4.0, -1.0], [0.0, -1.0]], 2));
+        let there = LoopLap::of(&path(&[[0.0, 0.0], [4.0, 0.0]], 2));
+        let back = LoopLap::of(&path(&[[4.0, -1.0], [0.0, -1.0]], 2));
         let (distance, share) = there.nearest_to(&back);
         assert!((distance - 1.0).abs() < 1e-12 && (share - 0.25).abs() < 1e-12, "{distance} {share}");
-        let still = Lap::of(&path(&[[1.0, 3.0]], 2));
+        let still = LoopLap::of(&path(&[[1.0, 3.0]], 2));
         assert_eq!(there.nearest_to(&still).0, 3.0);
     }
 }

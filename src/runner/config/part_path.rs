@@ -27,7 +27,7 @@ pub(super) struct PartPath {
 }
 
 /// A path before it is assigned to parts.
-struct Line {
+struct PathLine {
     key: &'static str,
     points_m: Vec<Vec2>,
     growth: Option<Growth>,
@@ -41,7 +41,7 @@ impl PartPath {
     }
 }
 
-fn part_paths(line: &Line, raw: &RawPath, at: &Path) -> Vec<PartPath> {
+fn part_paths(line: &PathLine, raw: &RawPath, at: &Path) -> Vec<PartPath> {
     let waypoints_m = |k: u32| match raw.count {
         1 => line.points_m.clone(),
         count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
@@ -55,7 +55,7 @@ fn part_paths(line: &Line, raw: &RawPath, at: &Path) -> Vec<PartPath> {
     (0..raw.count).map(part_path).collect()
 }
 
-fn line_of(raw: &RawPath, at: &Path, faults: &mut Faults) -> Option<Line> {
+fn line_of(raw: &RawPath, at: &Path, faults: &mut Faults) -> Option<PathLine> {
     let RawPath { waypoints_mm, circle, lissajous, svg, .. } = raw;
     let keys = [
         ("waypoints_mm", waypoints_mm.is_some()),
@@ -76,17 +76,17 @@ fn line_of(raw: &RawPath, at: &Path, faults: &mut Faults) -> Option<Line> {
         return drawn_line(raw, &at.key("svg"), faults);
     }
     let points_m = waypoints_mm.iter().flatten().copied().map(point_m).collect();
-    Some(Line { key: "waypoints_mm", points_m, growth: None })
+    Some(PathLine { key: "waypoints_mm", points_m, growth: None })
 }
 
-fn circle_of(raw: &RawCircle) -> Line {
+fn circle_of(raw: &RawCircle) -> PathLine {
     let RawCircle { center_mm, radius_mm, start_deg, clockwise } = *raw;
     let center_m = point_m(center_mm);
     let points_m = circle_path(center_m, m_from_mm(radius_mm), start_deg.to_radians(), clockwise);
-    Line { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
+    PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
 }
 
-fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Faults) -> Option<Line> {
+fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Faults) -> Option<PathLine> {
     let RawLissajous { center_mm, size_mm, frequencies: [a, b], phase_deg } = *raw;
     let common = common_factor(a, b);
     if common > 1 {
@@ -97,14 +97,14 @@ fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Faults) -> Option<Li
     let (center_m, size_m) = (point_m(center_mm), point_m(size_mm));
     let figure = Lissajous { center_m, size_m, frequencies: [a, b], phase_rad: phase_deg.to_radians() };
     let growth = Growth { name: "size_mm", size_mm: size_mm.to_vec(), center_m };
-    Some(Line { key: "lissajous", points_m: figure.path(), growth: Some(growth) })
+    Some(PathLine { key: "lissajous", points_m: figure.path(), growth: Some(growth) })
 }
 
 fn common_factor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { common_factor(b, a % b) }
 }
 
-fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<Line> {
+fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<PathLine> {
     let (drawing, growth) = drawing_of(raw, at, faults)?;
     let Some(points_m) = drawing.single_line() else {
         faults.push(at, "a drawing of several lines", "one unbroken line");
@@ -117,5 +117,5 @@ fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<Line> {
         format!("{corners} corners"),
         format!("up to {MOST_CORNERS} once its curves are straight pieces"),
     );
-    Some(Line { key: "svg", points_m, growth: Some(growth) })
+    Some(PathLine { key: "svg", points_m, growth: Some(growth) })
 }

@@ -4,10 +4,10 @@ use super::in_phase::check_in_phase;
 use super::part_path::PartPath;
 use super::raw_job::RawPath;
 use super::room::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
-use super::task::{Scene, TaskSpec};
+use super::task::{TaskContext, TaskSpec};
 use upm_document::Faults;
 
-impl Scene<'_> {
+impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
     pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
         let at = self.at.key("paths");

@@ -56,7 +56,7 @@ impl TaskSpec {
 
 /// The task in SI. Faults where it is not feasible.
 pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) -> Option<TaskSpec> {
-    let scene = Scene::new(groups, rig);
+    let scene = TaskContext::new(groups, rig);
     match raw {
         RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
         RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
@@ -70,7 +70,7 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
 }
 
 /// Rig and parts that a task is checked against.
-pub(super) struct Scene<'a> {
+pub(super) struct TaskContext<'a> {
     /// Path of the task in the file.
     pub at: Path,
     /// The rig.
@@ -85,7 +85,7 @@ pub(super) struct Scene<'a> {
     pub ids: Vec<String>,
 }
 
-impl<'a> Scene<'a> {
+impl<'a> TaskContext<'a> {
     fn new(groups: &[PartGroup], rig: &'a RigSpec) -> Self {
         let kinds = each_kind(groups);
         let radii_m = kinds.iter().map(|&kind| rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m)).collect();

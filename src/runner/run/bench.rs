@@ -9,11 +9,11 @@ use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::PlateTime;
 use upm_goal::{
-    Arrange, ArrangeParams, BinParams, Disc, Effort, Goal, Hold, HoldParams, InPhase, InPhaseParams, Motions,
-    PathParams, PlusSign, PlusSignParams, Sort, SortParams, Trajectories,
+    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, InPhase, InPhaseParams, Motions, PartOutline,
+    PathParams, PlusSign, PlusSignParams, Sort, SortParams, Task, Trajectories,
 };
 use upm_library::{Entry, Library};
-use upm_planner::{FlowEffort, Method, PlannerParams, RotationPlanner};
+use upm_planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
 use upm_viewer::PartLook;
@@ -33,7 +33,7 @@ const LEAD_M: f64 = 4e-3;
 const LOST_AFTER_S: f64 = 0.4;
 
 /// A job's rig, its goal and the parameters of control.
-pub struct Bench<R = SimRig> {
+pub struct RunSetup<R = SimRig> {
     /// The rig.
     pub rig: R,
     /// True positions of its parts.
@@ -41,7 +41,7 @@ pub struct Bench<R = SimRig> {
     /// Model of the rig that control knows.
     pub model: RigModel,
     /// Goal of the job.
-    pub goal: Box<dyn Goal>,
+    pub goal: Box<dyn Task>,
     /// Limits and parts for control.
     pub params: ControlParams,
     /// Parts at their start.
@@ -52,7 +52,7 @@ pub struct Bench<R = SimRig> {
     pub streams: Streams,
 }
 
-impl Bench {
+impl RunSetup {
     /// Places the parts and builds rig, goal and parameters. `Err` if the parts find no places.
     pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
         let (rig, placed) = simulated_rig(job)?;
@@ -79,13 +79,13 @@ impl Bench {
     }
 
     /// The same bench with the rig that `make` returns for the simulated one.
-    pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Bench<R> {
+    pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
         let Self { rig, truth, model, goal, params, placed, faults, streams } = self;
-        Bench { rig: make(rig), truth, model, goal, params, placed, faults, streams }
+        RunSetup { rig: make(rig), truth, model, goal, params, placed, faults, streams }
     }
 }
 
-impl<R: Rig> Bench<R> {
+impl<R: Rig> RunSetup<R> {
     /// Plate time now.
     pub fn now(&self) -> PlateTime {
         self.rig.now()
@@ -173,7 +173,7 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Goal> {
+pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
@@ -207,11 +207,11 @@ pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
 fn motions(job: &JobSpec, library: &Library) -> Motions {
     let parts = job.parts.iter().map(|group| group.count).sum();
     match PlannerSelection::of(job).method {
-        Method::CorSequence => Motions::Rotations {
+        PlanningMethod::CorSequence => Motions::Rotations {
             stride_m: RotationPlanner::longest_way_m(parts),
             effort: Arc::new(RotationEffort(FlowEffort::new(library))),
         },
-        Method::PseudoInverse | Method::SynthesizedField => Motions::Independent,
+        PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField => Motions::Independent,
     }
 }
 
@@ -225,11 +225,11 @@ impl Effort for RotationEffort {
     }
 }
 
-fn discs(placed: &[PlacedPart]) -> Vec<Disc> {
-    placed.iter().map(|part| Disc { kind: part.kind, radius_m: part.params.radius_m }).collect()
+fn discs(placed: &[PlacedPart]) -> Vec<PartOutline> {
+    placed.iter().map(|part| PartOutline { kind: part.kind, radius_m: part.params.radius_m }).collect()
 }
 
-fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<Disc>, motions: Motions) -> SortParams {
+fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motions: Motions) -> SortParams {
     SortParams {
         half_side_m: 0.5 * job.rig.model.plate_side_m,
         motions,
@@ -244,8 +244,8 @@ fn trajectories(
     library: &Library,
     paths: &[PathParams],
     in_phase: bool,
-    discs: Vec<Disc>,
-) -> Box<dyn Goal> {
+    discs: Vec<PartOutline>,
+) -> Box<dyn Task> {
     if let (true, Some(path)) = (in_phase, paths.first()) {
         let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
         return Box::new(InPhase::new(InPhaseParams {
@@ -270,16 +270,16 @@ fn lap_m(corners_m: &[Vec2]) -> f64 {
 }
 
 /// Sink that orders the truth as control named the parts; must be the first sink.
-pub struct NamedTruth(GroundTruthHandle);
+pub struct TruthInJobOrder(GroundTruthHandle);
 
-impl NamedTruth {
+impl TruthInJobOrder {
     /// Sink for this truth.
     pub fn new(truth: GroundTruthHandle) -> Self {
         Self(truth)
     }
 }
 
-impl Sink for NamedTruth {
+impl Sink for TruthInJobOrder {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         let seen_m: Vec<_> = facts.detections.iter().map(|detection| detection.position_m).collect();
         self.0.order_by(&seen_m);

@@ -1,36 +1,41 @@
 //! Ending of a run for its report, and the verdict of the ground truth on it.
 
-use super::{Bench, PlannerSelection, RunError};
+use super::{PlannerSelection, RunError, RunSetup};
 use crate::config::{Assignment, JobSpec, TaskSpec};
-use upm_control::{ExpectedPart, Finish};
+use upm_control::{ExpectedPart, FinalState};
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::Rig;
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
-use upm_recording::{Ending, FaultReport, PartEnding, PartReport, Report, Verdict};
+use upm_recording::{EndFacts, FaultReport, PartEnd, PartReport, Report, Verdict};
 use upm_sim::faults::FaultSpec;
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
 
 /// Ending of a run; without a bench for a run that had no plate.
-pub(super) fn ending<R: Rig>(job: &JobSpec, bench: Option<&Bench<R>>, finish: Finish, wall_time_s: f64) -> Ending {
-    let Finish { ending, wanted, measured_m, lost } = finish;
-    let part_ending = |(i, part): (usize, &ExpectedPart), bench: &Bench<R>| PartEnding {
+pub(super) fn ending<R: Rig>(
+    job: &JobSpec,
+    bench: Option<&RunSetup<R>>,
+    finish: FinalState,
+    wall_time_s: f64,
+) -> EndFacts {
+    let FinalState { ending, wanted, measured_m, lost } = finish;
+    let part_ending = |(i, part): (usize, &ExpectedPart), bench: &RunSetup<R>| PartEnd {
         id: part.id.clone(),
         kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
         target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
         measured_m: measured_m.get(i).copied(),
     };
     let parts = bench.map(|bench| bench.params.parts.iter().enumerate().map(|part| part_ending(part, bench)).collect());
-    Ending {
+    EndFacts {
         name: job.name.clone(),
         seed: job.seed(),
         planner: Some(PlannerSelection::of(job).report()),
         outcome: ending.outcome,
         reason: ending.reason,
         cause: ending.cause,
-        plate_time: bench.map_or(PlateTime::ZERO, Bench::now),
+        plate_time: bench.map_or(PlateTime::ZERO, RunSetup::now),
         bound_s: None,
         wall_time_s,
         deadlines: None,
@@ -43,7 +48,7 @@ pub(super) fn ending<R: Rig>(job: &JobSpec, bench: Option<&Bench<R>>, finish: Fi
 
 /// Adds `error`, about a file that could not be written, to the ending of a run. A lost part and a stop from outside
 /// remain its cause.
-pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
+pub(super) fn unwritten_ending(ending: &mut EndFacts, error: &RunError) {
     let lost = ending.cause.filter(|&cause| cause == StopCause::PartLost);
     match (lost, ending.outcome, ending.cause) {
         (Some(_), ..) => ending.reason = format!("{}; {error}", ending.reason),
@@ -58,7 +63,7 @@ pub(super) fn unwritten_ending(ending: &mut Ending, error: &RunError) {
 }
 
 /// Faults that have begun by now.
-fn faults_within<R: Rig>(bench: &Bench<R>) -> Vec<FaultReport> {
+fn faults_within<R: Rig>(bench: &RunSetup<R>) -> Vec<FaultReport> {
     let now = bench.now();
     let begun = bench.faults.iter().filter(|fault| fault.from <= now);
     let report = |fault: &FaultSpec| FaultReport {
@@ -129,7 +134,7 @@ mod tests {
     fn a_run_of_which_something_is_unwritten_still_says_what_matters() {
         let error = RunError::Write { path: "journal.jsonl".into(), reason: "no space".into() };
         let ended = |cause, outcome| {
-            let mut ending = Ending { cause, outcome, reason: "penny-1 is lost".into(), ..Ending::default() };
+            let mut ending = EndFacts { cause, outcome, reason: "penny-1 is lost".into(), ..EndFacts::default() };
             unwritten_ending(&mut ending, &error);
             (ending.cause, ending.outcome, ending.reason)
         };

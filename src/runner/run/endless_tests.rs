@@ -29,7 +29,7 @@ fn options(out: &TempDir) -> RunOptions {
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
         real_time: false,
-        keeping: Keeping::patient(MonotonicClock::new()),
+        keeping: RecordingOptions::lossless(MonotonicClock::new()),
     }
 }
 
@@ -65,7 +65,8 @@ fn gives_way(task: &Value) -> (TempDir, Report, Vec<Value>, f64) {
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
     let (interlock, pacing) = (Interlock::default(), PacingStats::default());
-    let links = Links { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
+    let links =
+        RunControls { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let mut watcher = InAPulse { after_s: 2.0, give_way: &give_way, asked_s: None };
     let (library, clock) = (job_library(&job).unwrap(), MonotonicClock::new());
     let done = run_linked(&job, library, folder, &options, &clock, links, &mut watcher).unwrap();
@@ -124,6 +125,6 @@ fn run_asked_to_give_way_ends_its_cycle_first_and_is_completed_when_endless() {
         assert!(took_s <= longest_s, "{took_s} s, a cycle takes up to {longest_s} s");
         let folder = std::fs::read_dir(out.path()).unwrap().next().unwrap().unwrap().path();
         let verdict = verify(&folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
-        assert_eq!(verdict, Verdict::Equal { lines: journal.len() - 1, stopped: true });
+        assert_eq!(verdict, Verification::Equal { lines: journal.len() - 1, stopped: true });
     }
 }

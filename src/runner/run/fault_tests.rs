@@ -42,7 +42,7 @@ fn played(job: &JobSpec) -> (TempDir, RunResult) {
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
         real_time: false,
-        keeping: Keeping::patient(MonotonicClock::new()),
+        keeping: RecordingOptions::lossless(MonotonicClock::new()),
     };
     let done = run(job, &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
     (out, done)
@@ -78,7 +78,7 @@ fn faulty_run_is_reported_and_repeats_from_its_folder() {
     let effective: Value = serde_json::from_str(&bytes(&done, "effective.json")).unwrap();
     assert_eq!(effective["job"]["faults"][3]["kind"], "moved");
     let verdict = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
-    assert!(matches!(verdict, Verdict::Equal { .. }), "{verdict:?}");
+    assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
 }
 
 #[test]

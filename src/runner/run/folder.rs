@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::bench::Bench;
+use super::bench::RunSetup;
 use super::error::RunError;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
@@ -12,7 +12,7 @@ use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
 use upm_library::Library;
-use upm_recording::{Keeping, Report, RoomyFile, Scribe};
+use upm_recording::{BackgroundWriter, PreallocatedFile, RecordingOptions, Report};
 
 /// Most folders of one name; another one is refused.
 const MOST_NAMESAKES: u32 = 1000;
@@ -98,11 +98,17 @@ impl RunFolder {
         self.write_json("report.json", report)
     }
 
-    pub(super) fn journal(&self, keeping: &Keeping) -> Result<Scribe, RunError> {
-        RoomyFile::create(&self.0.join("journal.jsonl"))
+    pub(super) fn journal(&self, keeping: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
+        PreallocatedFile::create(&self.0.join("journal.jsonl"))
             .and_then(|file| {
                 self.sync_names();
-                Scribe::start(file, keeping.journal_overflow, keeping.has_clock, keeping.clock, keeping.journal.clone())
+                BackgroundWriter::start(
+                    file,
+                    keeping.journal_overflow,
+                    keeping.has_clock,
+                    keeping.clock,
+                    keeping.journal.clone(),
+                )
             })
             .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
     }
@@ -134,7 +140,7 @@ pub(super) struct TruthLog {
 
 impl TruthLog {
     /// Log for `bench`; writes nothing if the bench has no faults.
-    pub(super) fn of(bench: &Bench, folder: &RunFolder) -> Result<Self, RunError> {
+    pub(super) fn of(bench: &RunSetup, folder: &RunFolder) -> Result<Self, RunError> {
         if bench.faults.is_empty() {
             return Ok(Self::default());
         }

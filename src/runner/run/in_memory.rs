@@ -1,20 +1,20 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::bench::{Bench, NamedTruth};
+use super::bench::{RunSetup, TruthInJobOrder};
 use super::ending::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
 use super::play;
 use super::time_figure::FirstLook;
 use crate::config::{Fault, JobSpec};
-use upm_control::{self as control, ControlParams, Devices, Finish, Sink};
+use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
 use upm_document::counted;
-use upm_goal::Goal;
+use upm_goal::Task;
 use upm_library::Library;
-use upm_recording::{Ending, Fanout, Report, Tally};
+use upm_recording::{EndFacts, Fanout, Report, RunStats};
 use upm_sim::SimRig;
 
 /// A run without files: a job with its simulated rig, its goal and its library, built in memory.
@@ -23,7 +23,7 @@ use upm_sim::SimRig;
 pub struct InMemoryRun<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
-    bench: Bench,
+    bench: RunSetup,
     watcher: Option<&'a mut dyn Sink>,
     has_own_goal: bool,
 }
@@ -35,7 +35,7 @@ impl<'a> InMemoryRun<'a> {
     /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
-        let bench = Bench::new(job, &library).map_err(RunError::Job)?;
+        let bench = RunSetup::new(job, &library).map_err(RunError::Job)?;
         Ok(Self { job, library, bench, watcher: None, has_own_goal: false })
     }
 
@@ -47,7 +47,7 @@ impl<'a> InMemoryRun<'a> {
 
     /// Replaces the task of the job by `goal`, which receives the parts in the order of the job and ends the run by
     /// [`done`](upm_goal::Wanted::done). The report then has no verdict, which would be about the task.
-    pub fn with_goal(mut self, goal: impl Goal + 'static) -> Self {
+    pub fn with_goal(mut self, goal: impl Task + 'static) -> Self {
         self.bench.goal = Box::new(goal);
         self.bench.params.endless = false;
         self.has_own_goal = true;
@@ -67,7 +67,7 @@ impl<'a> InMemoryRun<'a> {
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
         let Self { job, library, mut bench, watcher, has_own_goal } = self;
-        let mut notes = Notes::of(&bench);
+        let mut notes = ReportSinks::of(&bench);
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
         let finish = play(&mut bench, &library, None, &mut notes.sinks(watcher), &StoppedClock, &stop, &give_way);
         notes.report(job, &library, &bench, finish, has_own_goal)
@@ -84,12 +84,12 @@ impl<'a> InMemoryRun<'a> {
             let found = counted(bench.faults.len(), "fault");
             return Err(RunError::Job(Fault::new(&job.file, "faults", found, "none on a rig of the caller's")));
         }
-        let (mut notes, mut bench) = (Notes::of(&bench), bench.with_rig(make));
+        let (mut notes, mut bench) = (ReportSinks::of(&bench), bench.with_rig(make));
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let Bench { rig, model, goal, params, .. } = &mut bench;
+        let RunSetup { rig, model, goal, params, .. } = &mut bench;
         let mut sinks = notes.sinks(watcher);
         let clock = &StoppedClock;
-        let devices = Devices { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
+        let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
         let finish = control::run(devices, &library, goal.as_mut(), params);
         let report = notes.report(job, &library, &bench, finish, has_own_goal);
         Ok((report, bench.rig))
@@ -97,15 +97,15 @@ impl<'a> InMemoryRun<'a> {
 }
 
 /// Sinks that the report is made from.
-struct Notes {
-    named: NamedTruth,
+struct ReportSinks {
+    named: TruthInJobOrder,
     first_look: FirstLook,
-    tally: Tally,
+    tally: RunStats,
 }
 
-impl Notes {
-    fn of(bench: &Bench) -> Self {
-        let (named, tally) = (NamedTruth::new(bench.truth()), Tally::new(Some(bench.truth())));
+impl ReportSinks {
+    fn of(bench: &RunSetup) -> Self {
+        let (named, tally) = (TruthInJobOrder::new(bench.truth()), RunStats::new(Some(bench.truth())));
         Self { named, first_look: FirstLook::default(), tally }
     }
 
@@ -121,8 +121,8 @@ impl Notes {
         &self,
         job: &JobSpec,
         library: &Arc<Library>,
-        bench: &Bench<R>,
-        finish: Finish,
+        bench: &RunSetup<R>,
+        finish: FinalState,
         has_own_goal: bool,
     ) -> Report {
         let ending = ending(job, Some(bench), finish, 0.0);
@@ -130,7 +130,7 @@ impl Notes {
             return self.tally.report(ending);
         }
         let bound_s = self.first_look.time_figure_s(job, library, &bench.params);
-        let report = self.tally.report(Ending { bound_s, ..ending });
+        let report = self.tally.report(EndFacts { bound_s, ..ending });
         Report { verdict: verdict(job, &report), ..report }
     }
 }
@@ -147,8 +147,8 @@ mod tests {
     use upm_core::geometry::Vec2;
     use upm_core::job::Outcome;
     use upm_core::time::{MonotonicClock, PlateTime};
-    use upm_goal::Wanted;
-    use upm_recording::{Keeping, MemorySink, RerunMode};
+    use upm_goal::Setpoints;
+    use upm_recording::{MemorySink, RecordingOptions, RerunMode};
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -172,7 +172,7 @@ mod tests {
             started_utc: "20260101T000000Z".into(),
             rerun: RerunMode::Off,
             real_time: false,
-            keeping: Keeping::patient(MonotonicClock::new()),
+            keeping: RecordingOptions::lossless(MonotonicClock::new()),
             live: None,
         };
         let mut sink = MemorySink::default();
@@ -207,20 +207,20 @@ mod tests {
     }
 
     /// Goal that holds every part for this many looks.
-    struct Looks(u32);
+    struct HoldForFrames(u32);
 
-    impl Goal for Looks {
-        fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+    impl Task for HoldForFrames {
+        fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
             self.0 = self.0.saturating_sub(1);
             let (subgoals_m, targets_m) = (parts_in_table_m.to_vec(), parts_in_table_m.to_vec());
-            Wanted { subgoals_m, targets_m, phase: "looking".into(), done: self.0 == 0, ..Wanted::default() }
+            Setpoints { subgoals_m, targets_m, phase: "looking".into(), done: self.0 == 0, ..Setpoints::default() }
         }
     }
 
     #[test]
     fn own_goal_replaces_the_task_and_has_no_verdict() {
         let job = job(json!([]));
-        let report = InMemoryRun::new(&job).unwrap().with_goal(Looks(3)).run();
+        let report = InMemoryRun::new(&job).unwrap().with_goal(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
         assert_eq!((report.verdict, report.bound_s), (None, None));

@@ -2,14 +2,14 @@ use std::fmt;
 use std::sync::atomic::AtomicBool;
 
 use super::paced::PacingStats;
-use upm_control::{Ending, EventLevel, Finish, Milestone, MilestoneFacts, Sink};
+use upm_control::{EventLevel, FinalState, Milestone, MilestoneFacts, RunEnd, Sink};
 use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
 /// Links through which the caller observes and stops a run.
 #[derive(Clone, Copy)]
-pub struct Links<'a> {
+pub struct RunControls<'a> {
     /// Set to stop after the next frame.
     pub stop: &'a AtomicBool,
     /// Set to end between two cycles, with motors at zero and parts at rest.
@@ -34,12 +34,12 @@ pub struct ExternalStop {
 impl ExternalStop {
     /// A stop by `cause` with `reason`, followed by the remedy if there is one.
     pub fn of(cause: StopCause, reason: impl fmt::Display) -> Self {
-        Self { cause, reason: Ending::failed_because(cause, reason).reason }
+        Self { cause, reason: RunEnd::failed_because(cause, reason).reason }
     }
 
     /// Interruption by the operator at the program.
     pub(super) fn by_operator() -> Self {
-        Self { cause: StopCause::Interrupted, reason: Ending::stopped().reason }
+        Self { cause: StopCause::Interrupted, reason: RunEnd::stopped().reason }
     }
 
     /// Text added to the reason of a run that was too late for its plate, with the remedy; `real_time` for a run paced
@@ -53,16 +53,16 @@ impl ExternalStop {
     }
 }
 
-impl Links<'_> {
+impl RunControls<'_> {
     /// Reports the cause of a stop in an event and in the ending. Runs that were not stopped are left unchanged.
-    pub(super) fn explain(&self, finish: &mut Finish, sink: &mut dyn Sink, at: PlateTime) {
+    pub(super) fn explain(&self, finish: &mut FinalState, sink: &mut dyn Sink, at: PlateTime) {
         if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::GaveWay) {
             return;
         }
         let by_control = finish.ending.clone();
         let trip = self.interlock.tripped();
         if let Some(trip) = trip {
-            finish.ending = Ending::from(RigFault::Stopped(trip));
+            finish.ending = RunEnd::from(RigFault::Stopped(trip));
         }
         // plate time passes without a driver only in real time
         if trip == Some(Trip::Lease) {
@@ -74,7 +74,7 @@ impl Links<'_> {
         }
         if finish.ending != by_control {
             let level = if trip.is_some() { EventLevel::Error } else { EventLevel::Info };
-            let Ending { outcome, cause, reason } = &finish.ending;
+            let RunEnd { outcome, cause, reason } = &finish.ending;
             let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
             sink.milestone(&MilestoneFacts { at, level, milestone, text: reason });
         }

@@ -12,14 +12,14 @@ use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;
 
 /// A rig whose camera shows uniform gray from pulse `blind_from` on, counted from 1.
-struct Blinded<'a> {
+struct MaskedRig<'a> {
     rig: &'a mut dyn Rig,
     pulses: u64,
     blind_from: Option<u64>,
     blind_at: Option<PlateTime>,
 }
 
-impl Rig for Blinded<'_> {
+impl Rig for MaskedRig<'_> {
     fn now(&self) -> PlateTime {
         self.rig.now()
     }
@@ -32,8 +32,8 @@ impl Rig for Blinded<'_> {
         self.rig.play(drive)
     }
 
-    fn quiet_at(&self) -> PlateTime {
-        self.rig.quiet_at()
+    fn settled_at(&self) -> PlateTime {
+        self.rig.settled_at()
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
@@ -65,20 +65,20 @@ impl Sink for FirstCycle {
 
 /// Runs the first cycle of four coins moved by one rotation after the other; returns its pulses, the ending, and the
 /// time for which it continued without a picture, s.
-fn first_cycle(blind_from: Option<u64>) -> (u64, Finish, f64) {
+fn first_cycle(blind_from: Option<u64>) -> (u64, FinalState, f64) {
     let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let file = root.join("configs/arrange-4.json");
     let mut job: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
     job["planner"] = json!("cor_sequence");
     let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
     let library = job_library(&job).unwrap();
-    let Bench { mut rig, model, mut goal, mut params, .. } = Bench::new(&job, &library).unwrap();
+    let RunSetup { mut rig, model, mut goal, mut params, .. } = RunSetup::new(&job, &library).unwrap();
     params.time_limit_s = 8.0;
     let (mut pulses, clock) = (FirstCycle::default(), MonotonicClock::new());
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-    let mut rig = Blinded { rig: &mut rig, pulses: 0, blind_from, blind_at: None };
+    let mut rig = MaskedRig { rig: &mut rig, pulses: 0, blind_from, blind_at: None };
     let (sink, clock) = (&mut pulses, &clock);
-    let devices = Devices { rig: &mut rig, model: &model, sink, clock, stop: &stop, give_way: &give_way };
+    let devices = RunIo { rig: &mut rig, model: &model, sink, clock, stop: &stop, give_way: &give_way };
     let finish = control::run(devices, &library, goal.as_mut(), &params);
     let blind_s = rig.blind_at.map_or(0.0, |at| rig.now().secs() - at.secs());
     (pulses.0, finish, blind_s)

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::paced::Pace;
-use super::{Bench, PacingStats, play};
+use super::paced::PaceClock;
+use super::{PacingStats, RunSetup, play};
 use crate::config::{DeadlinePolicy, Fault, JobSpec, Origin, RigSpec};
 use upm_control::{FrameFacts, Sink};
 use upm_core::rig::Interlock;
@@ -51,7 +51,7 @@ pub fn check_pace(
     });
     let origin = Origin::of_request("pace check");
     let job = JobSpec::from_json(&job.to_string(), &origin, Some(rig)).map_err(|faults| one_line(&faults))?;
-    let mut bench = Bench::new(&job, library).map_err(|fault| fault.to_string())?;
+    let mut bench = RunSetup::new(&job, library).map_err(|fault| fault.to_string())?;
     let (stats, interlock, napped) = (PacingStats::default(), Interlock::default(), Cell::new(Duration::ZERO));
     let timed_nap = |time| {
         let from = clock.elapsed();
@@ -60,7 +60,7 @@ pub fn check_pace(
     };
     let frame_hz = bench.model.frame_hz;
     let deadlines = DeadlinePolicy::Relaxed;
-    let pace = Pace { clock, nap: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
+    let pace = PaceClock { clock, nap: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
     let stop = AtomicBool::new(false);
     let mut loops =
         LoopTimes { clock, napped: &napped, stats: &stats, lasting, stop: &stop, begin: None, loops: vec![] };
@@ -74,7 +74,7 @@ fn one_line(faults: &[Fault]) -> String {
 
 /// Readings of the clocks at a frame.
 #[derive(Clone, Copy)]
-struct Moment {
+struct ClockReadings {
     at: Duration,
     napped: Duration,
     behind: Duration,
@@ -88,7 +88,7 @@ struct LoopTimes<'a> {
     lasting: Duration,
     stop: &'a AtomicBool,
     /// The first frame and the latest one.
-    begin: Option<(Moment, Moment)>,
+    begin: Option<(ClockReadings, ClockReadings)>,
     loops: Vec<Duration>,
 }
 
@@ -112,7 +112,7 @@ impl LoopTimes<'_> {
 
 impl Sink for LoopTimes<'_> {
     fn frame(&mut self, _: &FrameFacts<'_>) {
-        let now = Moment { at: self.clock.elapsed(), napped: self.napped.get(), behind: self.stats.behind() };
+        let now = ClockReadings { at: self.clock.elapsed(), napped: self.napped.get(), behind: self.stats.behind() };
         let (first, before) = *self.begin.get_or_insert((now, now));
         if now.at > before.at || now.napped > before.napped {
             self.loops.push((now.at - before.at).saturating_sub(now.napped - before.napped));

@@ -10,7 +10,7 @@ use upm_core::time::{Clock, PlateTime};
 const LONGEST_NAP: Duration = Duration::from_millis(20);
 
 /// Clock, statistics and policies of real-time pacing.
-pub(super) struct Pace<'a> {
+pub(super) struct PaceClock<'a> {
     pub(super) clock: &'a dyn Clock,
     /// Parks the thread for that long, or until it is woken.
     pub(super) nap: &'a dyn Fn(Duration),
@@ -29,9 +29,9 @@ pub(super) struct Pace<'a> {
 ///
 /// Under strict deadlines a plate does not wait during a pulse: if control is later than [`Interlock::LEASE_S`], for
 /// example because the process was suspended, it was not there to drive the plate, and the drive lease expires.
-pub(super) struct Paced<'a> {
+pub(super) struct RealTimeRig<'a> {
     rig: &'a mut dyn Rig,
-    pace: Pace<'a>,
+    pace: PaceClock<'a>,
     period: Duration,
     /// Reading of the clock at plate time zero, extrapolated from the present offset.
     epoch: Option<Epoch>,
@@ -60,9 +60,9 @@ impl Epoch {
     }
 }
 
-impl<'a> Paced<'a> {
-    pub(super) fn new(rig: &'a mut dyn Rig, pace: Pace<'a>) -> Self {
-        pace.interlock.driven_from_here();
+impl<'a> RealTimeRig<'a> {
+    pub(super) fn new(rig: &'a mut dyn Rig, pace: PaceClock<'a>) -> Self {
+        pace.interlock.set_driver_thread();
         let period = Duration::try_from_secs_f64(1.0 / pace.frame_hz).unwrap_or(Duration::MAX);
         Self { rig, pace, period, epoch: None, sounding_until: PlateTime::ZERO }
     }
@@ -112,7 +112,7 @@ impl<'a> Paced<'a> {
     }
 }
 
-impl Rig for Paced<'_> {
+impl Rig for RealTimeRig<'_> {
     fn now(&self) -> PlateTime {
         self.rig.now()
     }
@@ -126,8 +126,8 @@ impl Rig for Paced<'_> {
         Ok(())
     }
 
-    fn quiet_at(&self) -> PlateTime {
-        self.rig.quiet_at()
+    fn settled_at(&self) -> PlateTime {
+        self.rig.settled_at()
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {

@@ -1,7 +1,7 @@
 use std::fmt;
 
 use crate::config::{JobSpec, PlannerChoice};
-use upm_planner::Method;
+use upm_planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
 /// Number of parts from which on one motion for all of them is faster than rotations one after another.
@@ -11,11 +11,11 @@ const SEVERAL: usize = 2;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannerSelection {
     /// The planner that runs.
-    pub method: Method,
+    pub method: PlanningMethod,
     /// Reason for the choice.
     pub reason: SelectionReason,
     /// Other planners that the rig supports, the most promising first.
-    pub alternatives: Vec<Method>,
+    pub alternatives: Vec<PlanningMethod>,
 }
 
 /// Reason for the choice of a planner.
@@ -40,15 +40,16 @@ impl PlannerSelection {
         let has_fields = job.rig.model.fields.is_some();
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
         let (method, reason) = match job.planner {
-            PlannerChoice::CorSequence => (Method::CorSequence, SelectionReason::NamedByJob),
-            PlannerChoice::SynthesizedField => (Method::SynthesizedField, SelectionReason::NamedByJob),
-            PlannerChoice::PseudoInverse => (Method::PseudoInverse, SelectionReason::NamedByJob),
-            PlannerChoice::Auto if !has_fields => (Method::CorSequence, SelectionReason::NoFields),
-            PlannerChoice::Auto if parts < SEVERAL => (Method::CorSequence, SelectionReason::OnePart),
-            PlannerChoice::Auto => (Method::SynthesizedField, SelectionReason::SeveralParts { parts }),
+            PlannerChoice::CorSequence => (PlanningMethod::CorSequence, SelectionReason::NamedByJob),
+            PlannerChoice::SynthesizedField => (PlanningMethod::SynthesizedField, SelectionReason::NamedByJob),
+            PlannerChoice::PseudoInverse => (PlanningMethod::PseudoInverse, SelectionReason::NamedByJob),
+            PlannerChoice::Auto if !has_fields => (PlanningMethod::CorSequence, SelectionReason::NoFields),
+            PlannerChoice::Auto if parts < SEVERAL => (PlanningMethod::CorSequence, SelectionReason::OnePart),
+            PlannerChoice::Auto => (PlanningMethod::SynthesizedField, SelectionReason::SeveralParts { parts }),
         };
-        let possible = [Method::SynthesizedField, Method::CorSequence, Method::PseudoInverse];
-        let is_other = |other: &Method| *other != method && (has_fields || *other != Method::SynthesizedField);
+        let possible = [PlanningMethod::SynthesizedField, PlanningMethod::CorSequence, PlanningMethod::PseudoInverse];
+        let is_other =
+            |other: &PlanningMethod| *other != method && (has_fields || *other != PlanningMethod::SynthesizedField);
         Self { method, reason, alternatives: possible.into_iter().filter(is_other).collect() }
     }
 
@@ -98,11 +99,11 @@ impl fmt::Display for SelectionReason {
 }
 
 /// Name of a planner in a job file.
-fn name_of(method: Method) -> &'static str {
+fn name_of(method: PlanningMethod) -> &'static str {
     match method {
-        Method::CorSequence => "cor_sequence",
-        Method::SynthesizedField => "synthesized_field",
-        Method::PseudoInverse => "pseudo_inverse",
+        PlanningMethod::CorSequence => "cor_sequence",
+        PlanningMethod::SynthesizedField => "synthesized_field",
+        PlanningMethod::PseudoInverse => "pseudo_inverse",
     }
 }
 
@@ -130,10 +131,10 @@ mod tests {
     #[test]
     fn auto_takes_fields_for_several_parts_on_a_rig_that_has_them() {
         for (rig, pennies, method, reason) in [
-            ("upm-2", 2, Method::SynthesizedField, SelectionReason::SeveralParts { parts: 2 }),
-            ("upm-2", 1, Method::CorSequence, SelectionReason::OnePart),
-            ("upm-1", 2, Method::CorSequence, SelectionReason::NoFields),
-            ("upm-1", 1, Method::CorSequence, SelectionReason::NoFields),
+            ("upm-2", 2, PlanningMethod::SynthesizedField, SelectionReason::SeveralParts { parts: 2 }),
+            ("upm-2", 1, PlanningMethod::CorSequence, SelectionReason::OnePart),
+            ("upm-1", 2, PlanningMethod::CorSequence, SelectionReason::NoFields),
+            ("upm-1", 1, PlanningMethod::CorSequence, SelectionReason::NoFields),
         ] {
             for planner in [Value::Null, json!("auto")] {
                 let selection = selection(rig, pennies, planner);
@@ -145,7 +146,7 @@ mod tests {
     #[test]
     fn named_planner_is_kept_and_the_others_of_the_rig_are_alternatives() {
         let named = selection("upm-2", 4, json!("cor_sequence"));
-        assert_eq!((named.method, named.reason), (Method::CorSequence, SelectionReason::NamedByJob));
+        assert_eq!((named.method, named.reason), (PlanningMethod::CorSequence, SelectionReason::NamedByJob));
         assert_eq!(named.alternative_names(), ["synthesized_field", "pseudo_inverse"]);
         assert_eq!(named.report().chosen, SelectedBy::Job);
         let without_fields = selection("upm-1", 4, json!("pseudo_inverse"));

@@ -6,10 +6,10 @@ use super::*;
 use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::time::MonotonicClock;
-use upm_recording::{RecordingState, RecordingSwitch};
+use upm_recording::{RecordingHandle, RecordingState};
 
 /// Stops the recording at a frame.
-struct StopsAt(u64, RecordingSwitch);
+struct StopsAt(u64, RecordingHandle);
 
 impl Sink for StopsAt {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
@@ -31,7 +31,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     });
     let job = JobSpec::from_json(&text.to_string(), &origin, None).unwrap();
     let clock = MonotonicClock::new();
-    let keeping = Keeping::patient(clock);
+    let keeping = RecordingOptions::lossless(clock);
     let recording = keeping.recording.clone();
     let options = RunOptions {
         live: None,
@@ -67,8 +67,8 @@ fn a_run_goes_on_without_its_recording_and_says_so() {
     assert_eq!((&told[0]["level"], &told[0]["text"]), (&json!("warning"), &json!(text)));
     assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
     // the disk decided that, so a repetition has no such event
-    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingSwitch::default())).unwrap();
-    assert!(matches!(verdict, Verdict::Equal { .. }), "{verdict:?}");
+    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingHandle::default())).unwrap();
+    assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
 }
 
 #[test]

@@ -3,18 +3,18 @@
 
 use std::sync::Arc;
 
-use super::bench::{self, Bench};
+use super::bench::{self, RunSetup};
 use super::coverage::Place;
 use super::planner_selection::PlannerSelection;
 use super::time_figure::time_figure_s;
 use crate::config::{Fault, JobSpec, PlacedPart};
-use upm_control::{self as control, ControlParams, FreshPlanner, LimitMet, Nearest, Rehearsal, RehearsalParams};
+use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, FreshPlanner, LimitMet, RehearsalParams};
 use upm_core::geometry::Vec2;
 use upm_core::job::Outcome;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_library::Library;
-use upm_planner::{FieldPlanner, Independence, Method, Reach};
+use upm_planner::{FieldPlanner, Independence, PlanningMethod, Reach};
 
 /// Most rehearsals of a job.
 const REHEARSALS: u64 = 5;
@@ -41,7 +41,7 @@ pub struct Forecast {
     /// steps.
     pub bound_s: Option<f64>,
     /// The rehearsals, each with different random numbers.
-    pub rehearsals: Vec<Rehearsal>,
+    pub rehearsals: Vec<DryRun>,
     /// Relative standard deviation of the parts' displacements in them: the spread of friction in the rig's file.
     pub friction_spread: f64,
 }
@@ -54,21 +54,21 @@ pub struct PartForecast {
     /// Radius, m.
     pub radius_m: f64,
     /// Start.
-    pub start: Spot,
+    pub start: StartForecast,
     /// Target at the end of the first rehearsal.
-    pub target: Option<Spot>,
+    pub target: Option<StartForecast>,
 }
 
 /// A position of a part with the reach of the library there.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spot {
+pub struct StartForecast {
     /// Position, and effect of one pulse in the weakest direction.
     pub place: Place,
     /// Singular values of the flows of all entries there, larger first; see [`Reach`].
     pub singular_values: [f64; 2],
 }
 
-impl Spot {
+impl StartForecast {
     fn of(library: &Library, position_m: Vec2) -> Self {
         let reach = Reach::of(library, position_m);
         Self { place: Place::of(position_m, &reach), singular_values: reach.singular_values }
@@ -128,7 +128,7 @@ pub fn rehearse(
     watch: &mut dyn FnMut(RehearsalProgress),
 ) -> Result<Forecast, Fault> {
     // only parts and parameters of the bench are used; nothing is played on its rig
-    let Bench { params, placed, model, .. } = Bench::new(job, library)?;
+    let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
     let starts_m = named(&placed, &params);
     let planner = FreshPlanner::new(params.method, library, params.planner);
     let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
@@ -154,14 +154,14 @@ pub fn rehearse(
         }
     }
     let first_targets_m = bench::goal(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
-    let by_fields = params.method == Method::SynthesizedField;
+    let by_fields = params.method == PlanningMethod::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
         id: part.id.clone(),
         radius_m: params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
-        start: Spot::of(library, start_m),
-        target: targets_m.get(i).map(|&target_m| Spot::of(library, target_m)),
+        start: StartForecast::of(library, start_m),
+        target: targets_m.get(i).map(|&target_m| StartForecast::of(library, target_m)),
     });
     Ok(Forecast {
         planner: PlannerSelection::of(job),
@@ -225,9 +225,9 @@ impl Forecast {
     /// Reasons of the rehearsals' endings, failures first, with the number of each.
     pub fn endings(&self) -> Vec<(&str, usize)> {
         let mut endings: Vec<(&str, usize)> = Vec::new();
-        let (completed, failed): (Vec<&Rehearsal>, Vec<&Rehearsal>) =
+        let (completed, failed): (Vec<&DryRun>, Vec<&DryRun>) =
             self.rehearsals.iter().partition(|rehearsal| is_completed(rehearsal));
-        for Rehearsal { ending, .. } in failed.into_iter().chain(completed) {
+        for DryRun { ending, .. } in failed.into_iter().chain(completed) {
             match endings.iter_mut().find(|(reason, _)| *reason == ending.reason) {
                 Some((_, times)) => *times += 1,
                 None => endings.push((&ending.reason, 1)),
@@ -237,7 +237,7 @@ impl Forecast {
     }
 
     /// Least, median and largest value of a figure over the completed rehearsals; `None` if none completed.
-    pub fn range(&self, figure: impl Fn(&Rehearsal) -> f64) -> Option<[f64; 3]> {
+    pub fn range(&self, figure: impl Fn(&DryRun) -> f64) -> Option<[f64; 3]> {
         let completed = self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal));
         let mut figures: Vec<f64> = completed.map(figure).collect();
         figures.sort_by(f64::total_cmp);
@@ -251,7 +251,7 @@ impl Forecast {
     }
 
     /// Least gap between two parts in any rehearsal.
-    pub fn nearest(&self) -> Option<Nearest> {
+    pub fn nearest(&self) -> Option<ClosestApproach> {
         self.rehearsals.iter().filter_map(|rehearsal| rehearsal.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
     }
 
@@ -269,7 +269,7 @@ impl Forecast {
     }
 }
 
-fn is_completed(rehearsal: &Rehearsal) -> bool {
+fn is_completed(rehearsal: &DryRun) -> bool {
     rehearsal.ending.outcome == Outcome::Completed
 }
 

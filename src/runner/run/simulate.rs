@@ -5,10 +5,10 @@ use crate::config::{self, Fault, JobSpec, PulseSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::Frame;
-use upm_sim::{self as sim, OpenLoopError, OpenPulse, PlateMode, Trajectories};
+use upm_sim::{self as sim, OpenLoopError, OpenLoopTrajectories, OpenPulse, PlateMode};
 
 /// Plays the pulses of an experiment on its parts, open loop.
-pub fn simulate(spec: &SimulateSpec) -> Result<Trajectories, OpenLoopError> {
+pub fn simulate(spec: &SimulateSpec) -> Result<OpenLoopTrajectories, OpenLoopError> {
     let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, Pose::at(part.position_m))).collect();
     sim::simulate(&spec.rig.sim, mode(spec), &parts, &pulses(spec), spec.base_radps, spec.sample_hz)
 }

@@ -66,27 +66,27 @@ impl<F: FnMut()> Sink for InPulse<F> {
     }
 }
 
-struct Stopped {
+struct StopRecord {
     out: TempDir,
     report: Report,
     events: Vec<String>,
     pulses: usize,
 }
 
-fn keeping() -> Keeping {
-    Keeping::patient(MonotonicClock::new())
+fn keeping() -> RecordingOptions {
+    RecordingOptions::lossless(MonotonicClock::new())
 }
 
-impl Stopped {
+impl StopRecord {
     /// Runs the plus sign and calls `act` in the third frame of pulse `number`, from 1.
-    fn run(plate: &Plate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
+    fn run(plate: &StoppedPlate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
         Self::run_job(&job(), plate, real_time, number, act, cause)
     }
 
     /// As [`run`], with another job.
     fn run_job(
         job: &JobSpec,
-        plate: &Plate,
+        plate: &StoppedPlate,
         real_time: bool,
         number: u64,
         act: impl FnMut(),
@@ -106,7 +106,7 @@ impl Stopped {
         let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(|reason| ExternalStop::of(StopCause::Cancelled, reason));
-        let links = Links {
+        let links = RunControls {
             stop: &plate.stop,
             give_way: &plate.give_way,
             interlock: &plate.interlock,
@@ -130,7 +130,7 @@ impl Stopped {
         std::fs::read_dir(self.out.path()).unwrap().next().unwrap().unwrap().path()
     }
 
-    fn holds(&self) -> Verdict {
+    fn holds(&self) -> Verification {
         // the repetition would continue to the end of the job; equality up to the stop is enough
         let stop = AtomicBool::new(false);
         let mut watcher = InPulse {
@@ -145,7 +145,7 @@ impl Stopped {
 }
 
 #[derive(Default)]
-struct Plate {
+struct StoppedPlate {
     stop: AtomicBool,
     give_way: AtomicBool,
     interlock: Interlock,
@@ -155,70 +155,70 @@ struct Plate {
 
 #[test]
 fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
-    let plate = Plate::default();
+    let plate = StoppedPlate::default();
     let press = || {
         plate.interlock.trip(Trip::EStop);
         plate.stop.store(true, Ordering::Relaxed);
     };
-    let stopped = Stopped::run(&plate, false, 2, press, Some("emergency stop by the page"));
+    let stopped = StopRecord::run(&plate, false, 2, press, Some("emergency stop by the page"));
     assert_eq!((stopped.report.outcome, stopped.report.pulses), (Outcome::Cancelled, 1));
     assert_eq!(stopped.report.reason, "emergency stop by the page");
     assert_eq!(stopped.pulses, 1, "the pulse that was cut is not written down as one that was played");
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
-    assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::Ending::stopped().reason.as_str()]);
-    let answer = plate.interlock.answer().unwrap();
+    assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::RunEnd::stopped().reason.as_str()]);
+    let answer = plate.interlock.stop_times().unwrap();
     assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
-    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
     assert_eq!(stopped.report.deadline_misses, None);
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
 }
 
 #[test]
 fn a_watchdog_needs_no_flag_and_fails_the_run() {
-    let plate = Plate::default();
+    let plate = StoppedPlate::default();
     let bark = || assert!(plate.interlock.trip(Trip::Watchdog));
-    let stopped = Stopped::run(&plate, false, 1, bark, Some("no frame for 0.5 s"));
+    let stopped = StopRecord::run(&plate, false, 1, bark, Some("no frame for 0.5 s"));
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
     assert_eq!(stopped.report.reason, "no frame for 0.5 s");
-    let by_rig = Ending::from(RigFault::Stopped(Trip::Watchdog)).reason;
+    let by_rig = RunEnd::from(RigFault::Stopped(Trip::Watchdog)).reason;
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
     assert_eq!(tail.collect::<Vec<_>>(), ["no frame for 0.5 s", &by_rig]);
-    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
 }
 
 #[test]
 fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
-    let plate = Plate::default();
+    let plate = StoppedPlate::default();
     let stand_still = || plate.clock.ahead_ns.store(3_000_000_000, Ordering::Relaxed);
-    let stopped = Stopped::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
+    let stopped = StopRecord::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
-    let by_rig = Ending::from(RigFault::Stopped(Trip::Lease)).reason;
+    let by_rig = RunEnd::from(RigFault::Stopped(Trip::Lease)).reason;
     let reason = format!("{by_rig}; {}", ExternalStop::too_busy(true));
     assert_eq!(stopped.report.reason, reason);
     assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::DeadlineMissed));
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
-    let answer = plate.interlock.answer().unwrap();
+    let answer = plate.interlock.stop_times().unwrap();
     assert!(stopped.report.plate_time_s > answer.silent_at.secs() + 2.0, "time went on without force");
     assert_eq!(stopped.report.deadline_misses, Some(1));
     assert!(stopped.report.worst_late_frames > Some(10), "{:?}", stopped.report.worst_late_frames);
-    assert!(matches!(stopped.holds(), Verdict::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
 }
 
 #[test]
 fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines() {
-    let plate = Plate::default();
+    let plate = StoppedPlate::default();
     let stand_still = || plate.clock.ahead_ns.store(8_000_000_000, Ordering::Relaxed);
-    let stalled = Stopped::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
+    let stalled = StopRecord::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
     let report = &stalled.report;
     assert_eq!((report.outcome, report.deadline_misses, &report.stop), (Outcome::Completed, Some(1), &None));
     let behind_s = report.behind_s.unwrap();
     assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
     assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
     assert_eq!(plate.interlock.tripped(), None);
-    assert!(matches!(stalled.holds(), Verdict::Equal { stopped: false, .. }));
+    assert!(matches!(stalled.holds(), Verification::Equal { stopped: false, .. }));
 
-    let fast = Stopped::run_job(&short_job("strict"), &Plate::default(), false, 1, || (), None);
-    let journal = |run: &Stopped| std::fs::read(run.folder().join("journal.jsonl")).unwrap();
+    let fast = StopRecord::run_job(&short_job("strict"), &StoppedPlate::default(), false, 1, || (), None);
+    let journal = |run: &StopRecord| std::fs::read(run.folder().join("journal.jsonl")).unwrap();
     assert!(journal(&stalled) == journal(&fast), "neither deadlines nor the computer's speed change a journal");
     let effective = std::fs::read_to_string(fast.folder().join("effective.json")).unwrap();
     let effective: Value = serde_json::from_str(&effective).unwrap();
@@ -228,10 +228,10 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
 
 #[test]
 fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
-    let plate = Plate::default();
+    let plate = StoppedPlate::default();
     plate.interlock.trip(Trip::EStop);
-    let stopped = Stopped::run(&plate, false, 0, || (), None);
-    let reason = Ending::from(RigFault::Stopped(Trip::EStop)).reason;
+    let stopped = StopRecord::run(&plate, false, 0, || (), None);
+    let reason = RunEnd::from(RigFault::Stopped(Trip::EStop)).reason;
     assert_eq!((stopped.report.outcome, &stopped.report.reason), (Outcome::Cancelled, &reason));
     assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.frames), ([reason].as_slice(), 0, 0));
     let state = RunFolder::reopen(&stopped.folder()).unwrap().state();
@@ -240,9 +240,9 @@ fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
 
 #[test]
 fn a_cause_that_comes_too_late_changes_nothing() {
-    let plate = Plate::default();
-    let mut finish = Finish { ending: Ending::completed("all in place"), ..Finish::default() };
-    let links = Links {
+    let plate = StoppedPlate::default();
+    let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
+    let links = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,
@@ -251,10 +251,10 @@ fn a_cause_that_comes_too_late_changes_nothing() {
     };
     let mut heard = upm_recording::MemorySink::default();
     links.explain(&mut finish, &mut heard, PlateTime::ZERO);
-    assert_eq!(finish.ending, Ending::completed("all in place"));
-    finish.ending = Ending::stopped();
+    assert_eq!(finish.ending, RunEnd::completed("all in place"));
+    finish.ending = RunEnd::stopped();
     links.explain(&mut finish, &mut heard, PlateTime::ZERO);
-    assert_eq!(finish.ending, Ending::cancelled(StopCause::Cancelled, "late"));
+    assert_eq!(finish.ending, RunEnd::cancelled(StopCause::Cancelled, "late"));
 }
 
 #[test]
@@ -268,7 +268,7 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
     assert!(lines.iter().all(|fault| !fault.found.is_empty() && !fault.allowed.is_empty()), "{lines:?}");
     assert_eq!(check_job(&self::job(), &job_library(&self::job()).unwrap()), Ok(()));
 
-    let (plate, out) = (Plate::default(), TempDir::new().unwrap());
+    let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
     let options = RunOptions {
@@ -279,7 +279,7 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
         keeping: keeping(),
         real_time: false,
     };
-    let links = Links {
+    let links = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,
@@ -295,8 +295,8 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
 
 #[test]
 fn one_interlock_serves_one_run_at_a_time() {
-    let (plate, out) = (Plate::default(), TempDir::new().unwrap());
-    let busy = plate.interlock.fit(PlateTime::ZERO).unwrap();
+    let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
+    let busy = plate.interlock.attach(PlateTime::ZERO).unwrap();
     let job = job();
     let options = RunOptions {
         live: None,
@@ -307,7 +307,7 @@ fn one_interlock_serves_one_run_at_a_time() {
         real_time: false,
     };
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
-    let links = Links {
+    let links = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,

@@ -73,7 +73,7 @@ mod tests {
 
     use super::*;
     use crate::config::Origin;
-    use crate::run::{Bench, job_library};
+    use crate::run::{RunSetup, job_library};
 
     /// Time figure of a job of pennies on `upm-2`, from their starts to `targets_m`.
     fn figure(pennies: &[[f64; 2]], task: Value, targets_m: &[Vec2]) -> Option<f64> {
@@ -82,7 +82,7 @@ mod tests {
         let job = json!({"name": "made", "rig": "rigs/upm-2.json", "parts": parts, "task": task});
         let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&folder), None).unwrap();
         let library = job_library(&job).unwrap();
-        let bench = Bench::new(&job, &library).unwrap();
+        let bench = RunSetup::new(&job, &library).unwrap();
         let starts_m: Vec<Vec2> = bench.placed.iter().map(|part| part.position_m).collect();
         time_figure_s(&job, &library, &bench.params, &starts_m, targets_m)
     }

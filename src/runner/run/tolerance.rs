@@ -7,7 +7,7 @@ use super::planner_selection::PlannerSelection;
 use crate::config::{Fault, JobSpec, TaskSpec};
 use upm_core::units::mm_from_m;
 use upm_library::{DisplacementModel, Library};
-use upm_planner::Method;
+use upm_planner::PlanningMethod;
 
 /// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise
 /// and lens included.
@@ -43,8 +43,8 @@ const BROUGHT_BACK: f64 = 0.5;
 pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64> {
     let parts: usize = job.parts.iter().map(|group| group.count).sum();
     let (left_m, scatter_m) = match PlannerSelection::of(job).method {
-        Method::SynthesizedField => (LEFT_M, FIELD_SCATTER_M),
-        Method::CorSequence | Method::PseudoInverse => {
+        PlanningMethod::SynthesizedField => (LEFT_M, FIELD_SCATTER_M),
+        PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => {
             (if parts > 1 { SQRT_2 * LEFT_M } else { LEFT_M }, scatter_m(&library.displacement))
         }
     };

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Bench, NamedTruth, RunError, job_library, play};
+use super::{RunError, RunSetup, TruthInJobOrder, job_library, play};
 use crate::config::{Fault, JobSpec, Origin, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::job::{RecordingEnd, StopCause, legacy};
@@ -21,7 +21,7 @@ const TAIL_LINES: usize = 6;
 
 /// Result of the comparison of a run with its repetition.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Verification {
     /// The journals are byte for byte equal.
     Equal {
         /// Number of lines compared.
@@ -61,16 +61,16 @@ pub enum VerifyError {
 
 /// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when the result
 /// is known or `stop` is set. A run that was stopped from outside is compared up to the stop.
-pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verdict, VerifyError> {
+pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verification, VerifyError> {
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
     let library = job_library(&job).map_err(RunError::Library)?;
-    let mut bench = Bench::new(&job, &library).map_err(RunError::Job)?;
+    let mut bench = RunSetup::new(&job, &library).map_err(RunError::Job)?;
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
-    let mut named = NamedTruth::new(bench.truth());
+    let mut named = TruthInJobOrder::new(bench.truth());
     let mut until = Until { stop, enough: &enough };
     let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
     play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
@@ -119,7 +119,7 @@ struct Repetition<'a> {
     stopped: bool,
     /// Number of equal lines so far.
     equal: usize,
-    differs: Option<Verdict>,
+    differs: Option<Verification>,
     /// Set when no further line can change the verdict.
     enough: &'a AtomicBool,
 }
@@ -160,14 +160,14 @@ impl<'a> Repetition<'a> {
         self.tell_enough();
     }
 
-    fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verdict {
+    fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verification {
         let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
-        Verdict::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
+        Verification::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
     }
 
-    fn verdict(self) -> Verdict {
+    fn verdict(self) -> Verification {
         let rest = self.recorded.get(self.equal).map(|&recorded| self.differs_in(Some(recorded), None));
-        let equal = Verdict::Equal { lines: self.equal, stopped: self.stopped };
+        let equal = Verification::Equal { lines: self.equal, stopped: self.stopped };
         self.differs.or(rest).unwrap_or(equal)
     }
 }
@@ -230,7 +230,7 @@ fn lines_before_stop(journal: &[&str]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    fn compare(recorded: &str, repeated: &str) -> Verdict {
+    fn compare(recorded: &str, repeated: &str) -> Verification {
         let enough = AtomicBool::new(false);
         let mut repetition = Repetition::of(recorded, &enough);
         for line in repeated.split_inclusive('\n') {
@@ -241,14 +241,14 @@ mod tests {
 
     fn differs_at(recorded: &str, repeated: &str) -> usize {
         match compare(recorded, repeated) {
-            Verdict::Differs { line, .. } => line,
-            Verdict::Equal { .. } => 0,
+            Verification::Differs { line, .. } => line,
+            Verification::Equal { .. } => 0,
         }
     }
 
     #[test]
     fn the_first_difference_is_named() {
-        assert_eq!(compare("a\nb\n", "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+        assert_eq!(compare("a\nb\n", "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
         assert_eq!(differs_at("a\nb\n", "a\nc\n"), 2);
         assert_eq!(differs_at("a\nb\n", "a\n"), 2);
         assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
@@ -266,7 +266,7 @@ mod tests {
             event("whatever it says", r#","code":"recording_stopped""#),
             event("the recording ends early: no space", ""),
         ] {
-            assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verdict::Equal { lines: 2, stopped: false });
+            assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
             assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
             let other = ended.replace("event", "cycle");
             assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
@@ -284,7 +284,7 @@ mod tests {
             ["stopped from outside, motors at zero", "gave way to another job", "the rig stopped: emergency stop"];
         for stop in coded.chain(by_words.map(|text| event(text, ""))) {
             let recorded = format!("a\nb\n{stop}{after}");
-            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verdict::Equal { lines: 2, stopped: true }, "{stop}");
+            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verification::Equal { lines: 2, stopped: true }, "{stop}");
             assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
             assert_eq!(differs_at(&recorded, "a\n"), 2);
         }

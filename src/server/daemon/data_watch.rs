@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 
 use crate::service::{Reason, ReasonCode};
 use crate::store::Displaced;
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 
 /// Time between two comparisons.
 const EVERY: Duration = Duration::from_secs(1);
@@ -51,7 +51,7 @@ pub(super) fn reason(displaced: &Displaced) -> Reason {
 /// Calls `compare` once a second until it returns false. Runs on its own thread, since a hung disk blocks the caller.
 pub(super) fn watch(mut compare: impl FnMut() -> bool + Send + 'static) -> io::Result<()> {
     thread::Builder::new().name("data-watch".into()).spawn(move || {
-        step_back();
+        lower_thread_priority();
         while compare() {
             thread::sleep(EVERY);
         }

@@ -10,7 +10,7 @@ use rustix::process::umask;
 
 use crate::plates::fitting_library;
 use crate::service::{Scope, Tokens};
-use upm_core::priority::go_first;
+use upm_core::priority::raise_thread_priority;
 use upm_core::time::Clock;
 use upm_library::Library;
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec, reason};
@@ -42,7 +42,7 @@ impl Prepared {
         clock: &(dyn Clock + Sync),
     ) -> Vec<(String, Result<PaceCheck, String>)> {
         let run = |plate: &PlateSpec, library: &Arc<Library>| {
-            go_first(true);
+            raise_thread_priority(true);
             check_pace(&plate.rig, library, clock, &thread::sleep, PACE_CHECKED_FOR)
         };
         thread::scope(|scope| {

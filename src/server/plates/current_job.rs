@@ -8,7 +8,7 @@ use super::watchdog::{Deadlines, Vitals};
 use super::{JobLayout, LastObservation};
 use crate::store::JobId;
 use upm_core::job::StopCause;
-use upm_recording::{RecordingSwitch, ScribeWatch};
+use upm_recording::{RecordingHandle, WriterStatus};
 use upm_runner::config::DeadlinePolicy;
 use upm_runner::run::{ExternalStop, PacingStats};
 
@@ -43,8 +43,8 @@ pub(super) struct Running {
     pub job: JobId,
     /// True for a run of the standing job.
     pub standing: bool,
-    pub recording: RecordingSwitch,
-    journal: ScribeWatch,
+    pub recording: RecordingHandle,
+    journal: WriterStatus,
     /// The requested end; `None` while none was requested.
     cause: Option<ExternalStop>,
 }
@@ -58,7 +58,7 @@ pub(super) struct Seen {
 
 impl CurrentJob {
     /// Begins a job on the plate. Its run ends at once when it was cancelled before.
-    pub fn begin(&self, job: JobId, standing: bool, recording: RecordingSwitch, journal: ScribeWatch) {
+    pub fn begin(&self, job: JobId, standing: bool, recording: RecordingHandle, journal: WriterStatus) {
         *self.seen.lock() = Seen::default();
         *self.layout.lock() = None;
         self.vitals.clear();
@@ -93,13 +93,13 @@ impl CurrentJob {
     }
 
     /// Its recording.
-    pub fn recording(&self) -> Option<RecordingSwitch> {
+    pub fn recording(&self) -> Option<RecordingHandle> {
         self.turn.lock().running.as_ref().map(|running| running.recording.clone())
     }
 
     /// The job whose run is still under control, and its journal. `None` once only recording, journal and report remain
     /// to be written.
-    pub fn driven(&self) -> Option<(JobId, ScribeWatch)> {
+    pub fn driven(&self) -> Option<(JobId, WriterStatus)> {
         let turn = self.turn.lock();
         let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
         Some((running.job, running.journal.clone()))

@@ -15,7 +15,7 @@ use super::watchdog::ms;
 use crate::store::JobId;
 use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_recording::{RecordingState, RecordingSwitch};
+use upm_recording::{RecordingHandle, RecordingState};
 
 /// Interval between two measurements of free space.
 const APART: Duration = Duration::from_secs(1);
@@ -41,7 +41,7 @@ pub(super) struct Disk {
     told: AtomicBool,
     ending: AtomicBool,
     /// Recordings of running jobs with the bytes promised to each.
-    promised: Mutex<BTreeMap<JobId, (RecordingSwitch, u64)>>,
+    promised: Mutex<BTreeMap<JobId, (RecordingHandle, u64)>>,
 }
 
 impl Disk {
@@ -74,7 +74,7 @@ impl Disk {
     pub fn promise(
         &self,
         job: JobId,
-        recording: &RecordingSwitch,
+        recording: &RecordingHandle,
         wanted_bytes: u64,
         now: Duration,
     ) -> Result<(), String> {
@@ -96,7 +96,7 @@ impl Disk {
         self.promised().remove(job);
     }
 
-    fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingSwitch, u64)>> {
+    fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingHandle, u64)>> {
         self.promised.lock()
     }
 
@@ -218,7 +218,7 @@ mod tests {
         let disk = Disk::new(Path::new("/no/such/folder"), 500 * MB, &clock);
         let now = clock.elapsed();
         let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
-        let promise = |number, bytes| disk.promise(job(number), &RecordingSwitch::default(), bytes, now);
+        let promise = |number, bytes| disk.promise(job(number), &RecordingHandle::default(), bytes, now);
         assert_eq!((disk.free_bytes(now), promise(0, u64::MAX)), (None, Ok(())), "nobody knows");
         disk.release(&job(0));
         disk.saw(Some(600 * MB), now);
@@ -234,7 +234,7 @@ mod tests {
         let clock = MonotonicClock::new();
         let (disk, now) = (Disk::new(Path::new("/"), 500 * MB, &clock), clock.elapsed());
         let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
-        let (first, second) = (RecordingSwitch::default(), RecordingSwitch::default());
+        let (first, second) = (RecordingHandle::default(), RecordingHandle::default());
         disk.saw(Some(600 * MB), now);
         assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
         let told =

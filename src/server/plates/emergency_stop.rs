@@ -112,12 +112,12 @@ impl EmergencyStop {
 
     /// Response times of the motors; `None` without a trip, and until they are silent.
     pub fn times(&self) -> Option<StopTimes> {
-        self.interlock.answer()
+        self.interlock.stop_times()
     }
 
     /// The same, once the motors are silent; waits at most `within`.
     pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
-        self.interlock.wait_for_answer(within)
+        self.interlock.wait_until_silent(within)
     }
 
     /// Waits at most `within` until the stop that holds is on the disk. False when it is not by then: it holds all the

@@ -22,7 +22,7 @@ use super::worker::{Place, Worker};
 use super::{Pause, PlateSetup, Surroundings};
 use crate::store::Displaced;
 use upm_core::background::{OverflowPolicy, Queue};
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::WatchdogSpec;
@@ -210,7 +210,7 @@ fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>) -> io::Re
     let place = Place { runs, clock, record, disk: Arc::clone(disk) };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
     let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
-        step_back();
+        lower_thread_priority();
         publish(&of_crier, &items);
     })?;
     let work = move || {

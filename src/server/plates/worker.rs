@@ -19,12 +19,12 @@ use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStat
 use upm_control::EventLevel;
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::job::StopCause;
-use upm_core::priority::go_first;
+use upm_core::priority::raise_thread_priority;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_recording::{Keeping, RecordingState, RecordingSwitch, RerunMode, ScribeWatch, StopReport};
+use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
-use upm_runner::run::{FolderState, Links, RunFolder, RunOptions, RunResult, run_linked};
+use upm_runner::run::{FolderState, RunControls, RunFolder, RunOptions, RunResult, run_linked};
 
 /// Interval at which an idle plate asks for work, unless it is woken.
 const IDLE: Duration = Duration::from_secs(1);
@@ -112,7 +112,7 @@ impl Worker {
 
     fn run(&mut self, claimed: &Claimed) {
         let id = claimed.row.id;
-        let (recording, journal) = (RecordingSwitch::default(), ScribeWatch::default());
+        let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
         self.shared.window.clear();
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
@@ -154,8 +154,8 @@ impl Worker {
         &self,
         Claimed { row, spec_json }: &Claimed,
         folder: &Path,
-        recording: &RecordingSwitch,
-        journal: ScribeWatch,
+        recording: &RecordingHandle,
+        journal: WriterStatus,
     ) -> Result<RunResult, Vec<String>> {
         let shared = &*self.shared;
         let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rules.rig)).map_err(lines)?;
@@ -172,7 +172,7 @@ impl Worker {
         let real_time = row.pace == Pace::RealTime;
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
         shared.job.paced(real_time, is_strict);
-        go_first(real_time);
+        raise_thread_priority(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
@@ -180,7 +180,7 @@ impl Worker {
             real_time,
             // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
             // when the journal cannot keep up, the run ends
-            keeping: Keeping {
+            keeping: RecordingOptions {
                 journal_overflow: OverflowPolicy::GiveUp,
                 journal,
                 recording_overflow: if real_time && is_strict {
@@ -199,14 +199,14 @@ impl Worker {
         let never = AtomicBool::new(false);
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
-        let links = Links { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
+        let links = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
         run_linked(&job, library, folder, &options, &clock, links, &mut observer).map_err(|error| error.lines())
     }
 
     /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
-    fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingSwitch) -> bool {
+    fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingHandle) -> bool {
         let Place { disk, clock, .. } = &self.place;
         let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
         let Err(why) = disk.promise(id, recording, wanted_bytes, clock.elapsed()) else { return true };

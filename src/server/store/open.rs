@@ -22,7 +22,7 @@ use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, WriteQueue, WriterStatus};
 use super::writer::Writer;
 use super::{Clocks, JobId, Limits, Recovery, RepairRecording, StoreFault};
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 
 /// An open store with the report of its recovery.
@@ -86,7 +86,7 @@ impl Store {
             lock,
         };
         thread::Builder::new().name("store-write".into()).spawn(move || {
-            step_back();
+            lower_thread_priority();
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;

@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use rusqlite::Connection;
 
 use super::StoreFault;
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 use upm_core::time::Clock;
 
 /// Most reads that may wait.
@@ -38,7 +38,7 @@ impl Readers {
             let (questions, clock, busy) = (Arc::clone(&questions), Arc::clone(&readers.clock), Arc::<Busy>::default());
             readers.busy.push(Arc::clone(&busy));
             thread::Builder::new().name("store-read".into()).spawn(move || {
-                step_back();
+                lower_thread_priority();
                 answer(&connection, &questions, &*clock, &busy);
             })?;
         }

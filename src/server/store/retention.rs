@@ -17,7 +17,7 @@ use super::layout::DataDir;
 use super::write_queue::WriteQueue;
 use super::write_tx::Ended;
 use super::{JobId, Limits, StoreFault};
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
@@ -70,7 +70,7 @@ impl Retention {
         let (sender, asked) = sync_channel(1);
         let (bytes, discarded) = (Arc::clone(&sweeper.bytes), Arc::clone(&sweeper.discarded));
         thread::Builder::new().name("store-sweep".into()).spawn(move || {
-            step_back();
+            lower_thread_priority();
             sweeper.run(&asked);
         })?;
         Ok(Self { asked: sender, discarded, bytes })

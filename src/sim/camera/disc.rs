@@ -2,10 +2,10 @@ use multiversion::multiversion;
 use nalgebra::Matrix2;
 
 use super::edge::{Blur, REACH, edge_spread, inverse_sqrt};
-use super::exposure::{Glimpse, Grain};
-use super::shares::Shares;
-use super::tiles::{Grid, LANES, Lanes, Pixels, Tile, TileBox};
-use super::view::View;
+use super::exposure::{SubExposure, SubExposureParams};
+use super::shares::PixelCoverage;
+use super::tiles::{F32Lanes, LANES, Pixels, Tile, TileBox, TileGrid};
+use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, cross};
 
 /// Shape of a part as the camera sees it.
@@ -21,8 +21,8 @@ pub struct DiscShape {
 #[derive(Clone, Debug)]
 pub(super) struct DiscOutline {
     shape: DiscShape,
-    shown: Vec<Glimpse>,
-    next: Vec<Glimpse>,
+    shown: Vec<SubExposure>,
+    next: Vec<SubExposure>,
     silhouettes: Vec<Silhouette>,
     tiles: TileBox,
 }
@@ -68,8 +68,8 @@ impl DiscOutline {
     pub(super) fn show(
         &mut self,
         positions_m: impl ExactSizeIterator<Item = Vec2> + Clone,
-        grain: &Grain,
-        (view, grid, blur): (&View, &Grid, &Blur),
+        grain: &SubExposureParams,
+        (view, grid, blur): (&CameraProjection, &TileGrid, &Blur),
         mut stale: impl FnMut(usize),
     ) {
         let poses = positions_m.map(|position_m| Pose { position_m, heading_rad: 0.0 });
@@ -91,12 +91,12 @@ impl DiscOutline {
     }
 
     /// Adds the part's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
         self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, (view, blur), shares));
     }
 
     /// The tiles within reach of the projections of polygons around foot and top.
-    fn tiles_touched(&self, view: &View, grid: &Grid, blur: &Blur) -> TileBox {
+    fn tiles_touched(&self, view: &CameraProjection, grid: &TileGrid, blur: &Blur) -> TileBox {
         const CORNERS: u32 = 16;
         let circumradius_m = self.shape.radius_m / (std::f64::consts::PI / f64::from(CORNERS)).cos();
         let (mut low, mut high) = (Vec2::repeat(f64::INFINITY), Vec2::repeat(f64::NEG_INFINITY));
@@ -120,7 +120,7 @@ impl DiscOutline {
 }
 
 impl Silhouette {
-    fn new(shape: &DiscShape, glimpse: &Glimpse, view: &View) -> Self {
+    fn new(shape: &DiscShape, glimpse: &SubExposure, view: &CameraProjection) -> Self {
         let foot_m = glimpse.pose.position_m;
         let (top_m, magnification) = view.shadow(foot_m, shape.thickness_m);
         let (lean_m, growth_m) = (top_m - foot_m, (magnification - 1.0) * shape.radius_m);
@@ -142,7 +142,7 @@ impl Silhouette {
         (q - t * self.lean_m).norm() - (self.foot_radius_m + t * self.growth_m)
     }
 
-    fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
+    fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
         let covariance = blur.covariance_m2(tile) + self.spread_m2;
         let reach_m = REACH * covariance.trace().sqrt();
         let distance_m = self.distance_m(tile.center_m);
@@ -157,7 +157,7 @@ impl Silhouette {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
     let depths = rim.depths(&pixels.block_x_m, &pixels.block_y_m);
     for (block, depth) in depths.into_iter().enumerate() {
         if depth > blur.block_reach {
@@ -209,7 +209,7 @@ impl Rim {
     /// Depths of table points inside the outline, in standard deviations of the blur. With w = p - c(t), the edge's
     /// normal is w/|w| and the blur along it has the variance wᵀCw/|w|².
     #[inline(always)]
-    fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
+    fn depths(&self, x_m: &F32Lanes, y_m: &F32Lanes) -> F32Lanes {
         // Avoids 0/0 at the circle's centre; far below the visible range.
         const TINY_M2: f32 = 1e-14;
         let mut depths = [0.0; LANES];

@@ -4,7 +4,7 @@ use upm_core::geometry::{Pose, Vec2};
 
 /// Section of the exposure short enough to be pictured as the body's mean pose, blurred by the spread of its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Glimpse {
+pub(super) struct SubExposure {
     /// The mean pose.
     pub(super) pose: Pose,
     /// Covariance of x, y (m) and heading (rad) about it.
@@ -15,14 +15,14 @@ pub(super) struct Glimpse {
 
 /// Lengths that determine how an exposure is cut into glimpses.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Grain {
+pub(super) struct SubExposureParams {
     /// Standard deviation of the blur, as a length on the table, m.
     pub(super) blur_m: f64,
     /// Distance from a body's origin at which its heading matters, m.
     pub(super) arm_m: f64,
 }
 
-impl Grain {
+impl SubExposureParams {
     /// Extent of one glimpse (number of snapshots times their spacing), in standard deviations of the blur. n snapshots
     /// s apart have the fourth cumulant κ₄ = -(n⁴ - 1) s⁴/120, and a step's blurred edge differs from that of a
     /// Gaussian of equal variance by at most κ₄/24 · 0.55 of its height: 0.14 %.
@@ -33,7 +33,7 @@ impl Grain {
     const STILL: f64 = 1e-2;
 
     /// Cuts evenly spaced poses of one body into the fewest glimpses that give the same picture.
-    pub(super) fn glimpses(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<Glimpse>) {
+    pub(super) fn glimpses(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<SubExposure>) {
         out.clear();
         let count = poses.len();
         let travel = |(a, b): (Pose, Pose)| {
@@ -69,7 +69,7 @@ impl Grain {
         (turn_rad / grain_rad).round() * grain_rad
     }
 
-    fn glimpse(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> Glimpse {
+    fn glimpse(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> SubExposure {
         let coordinates = |pose: Pose| Vector3::new(pose.position_m.x, pose.position_m.y, pose.heading_rad);
         let (mean, mut spread) = moments(group.map(coordinates));
         if self.is_still(spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * self.arm_m * self.arm_m) {
@@ -79,7 +79,7 @@ impl Grain {
             position_m: Vec2::new(self.rounded_m(mean.x), self.rounded_m(mean.y)),
             heading_rad: self.rounded_turn(mean.z),
         };
-        Glimpse { pose, spread, weight }
+        SubExposure { pose, spread, weight }
     }
 }
 
@@ -98,9 +98,9 @@ pub(super) fn moments(samples: impl ExactSizeIterator<Item = Vector3<f64>> + Clo
 mod tests {
     use super::*;
 
-    const GRAIN: Grain = Grain { blur_m: 2e-4, arm_m: 0.1 };
+    const GRAIN: SubExposureParams = SubExposureParams { blur_m: 2e-4, arm_m: 0.1 };
 
-    fn glimpses(step_m: f64, count: usize) -> Vec<Glimpse> {
+    fn glimpses(step_m: f64, count: usize) -> Vec<SubExposure> {
         let mut out = Vec::new();
         let pose = |k: usize| Pose { position_m: Vec2::new(0.01 + step_m * k as f64, 0.0), heading_rad: 0.0 };
         GRAIN.glimpses((0..count).map(pose), &mut out);
@@ -122,7 +122,7 @@ mod tests {
             let cut = glimpses(step_m, count);
             assert_eq!(cut.len(), parts, "{step_m}");
             let mean = cut.iter().map(|g| g.weight * g.pose.position_m.x).sum::<f64>();
-            let second = |g: &Glimpse| g.weight * (g.spread[(0, 0)] + (g.pose.position_m.x - mean).powi(2));
+            let second = |g: &SubExposure| g.weight * (g.spread[(0, 0)] + (g.pose.position_m.x - mean).powi(2));
             let variance = cut.iter().map(second).sum::<f64>();
             let n = count as f64;
             assert!((mean - 0.01 - step_m * (n - 1.0) / 2.0).abs() < 2e-7);

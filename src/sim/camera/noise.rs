@@ -57,30 +57,30 @@ impl Noise {
     }
 
     /// Adds noise to one row: `clean` is in units of 1/128 level plus [`HALF`].
-    pub(super) fn develop_row(&mut self, clean: &[i16], sd: &[u8], out: &mut [u8]) {
+    pub(super) fn apply_to_row(&mut self, clean: &[i16], sd: &[u8], out: &mut [u8]) {
         let start = self.rng.next_u64() as usize % BANK;
         let samples = self.bank.get(start..).unwrap_or_default();
-        develop(clean, (sd, self.shift), samples, out);
+        apply_sensor_noise(clean, (sd, self.shift), samples, out);
     }
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn develop(clean: &[i16], (sd, shift): (&[u8], u32), samples: &[i16], out: &mut [u8]) {
+fn apply_sensor_noise(clean: &[i16], (sd, shift): (&[u8], u32), samples: &[i16], out: &mut [u8]) {
     let (strips, rest) = out.as_chunks_mut();
     let done = strips.as_flattened().len();
     let whole = clean.as_chunks().0.iter().zip(sd.as_chunks().0).zip(samples.as_chunks().0);
     for (out, ((clean, sd), samples)) in strips.iter_mut().zip(whole) {
-        develop_strip::<STRIP>(clean, (sd, shift), samples, out);
+        apply_to_strip::<STRIP>(clean, (sd, shift), samples, out);
     }
     let after = clean.iter().zip(sd).zip(samples).skip(done);
     for (out, ((clean, sd), sample)) in rest.iter_mut().zip(after) {
-        develop_strip(&[*clean], (&[*sd], shift), &[*sample], std::array::from_mut(out));
+        apply_to_strip(&[*clean], (&[*sd], shift), &[*sample], std::array::from_mut(out));
     }
 }
 
 /// Processes a few pixels at once, step by step, so that every step fills whole vectors.
 #[inline(always)]
-fn develop_strip<const N: usize>(
+fn apply_to_strip<const N: usize>(
     clean: &[i16; N],
     (sd, shift): (&[u8; N], u32),
     samples: &[i16; N],
@@ -124,7 +124,7 @@ mod tests {
         let (sd, mut out) = (noise.deviations(&clean), [0; 1280]);
         let mut sums = [0.0; 5];
         for _ in 0..1024 {
-            noise.develop_row(&clean, &sd, &mut out);
+            noise.apply_to_row(&clean, &sd, &mut out);
             for value in out {
                 let off = f64::from(value) - level;
                 (0..5).for_each(|k| sums[k] += off.powi(k as i32));
@@ -156,7 +156,7 @@ mod tests {
             let mut noise = Noise::new(&params, Streams::new(3).stream("camera"), 4);
             let clean = [(level * UNITS).round() as i16 + HALF; 4];
             let (sd, mut out) = (noise.deviations(&clean), [0; 4]);
-            noise.develop_row(&clean, &sd, &mut out);
+            noise.apply_to_row(&clean, &sd, &mut out);
             assert_eq!((sd, out), ([0; 4], [rounded; 4]));
         }
     }
@@ -169,7 +169,7 @@ mod tests {
         for (level, end) in [(0.0, 0), (255.0, 255)] {
             let clean = [(level * UNITS) as i16 + HALF; 1280];
             let (sd, mut out) = (noise.deviations(&clean), [0; 1280]);
-            noise.develop_row(&clean, &sd, &mut out);
+            noise.apply_to_row(&clean, &sd, &mut out);
             let at_end = out.iter().filter(|&&value| value == end).count();
             assert!((540..740).contains(&at_end), "{at_end}");
             assert!(out.iter().all(|&value| value.abs_diff(end) < 120));
@@ -182,7 +182,7 @@ mod tests {
         let mut noise = Noise::new(&params, Streams::new(3).stream("camera"), 1280);
         let clean = [(200.0 * UNITS) as i16 + HALF; 1280];
         let (sd, mut rows) = (noise.deviations(&clean), vec![[0; 1280]; 256]);
-        rows.iter_mut().for_each(|out| noise.develop_row(&clean, &sd, out));
+        rows.iter_mut().for_each(|out| noise.apply_to_row(&clean, &sd, out));
         let off = |row: &[u8; 1280]| row.map(|value| f64::from(value) - 200.0);
         let correlation = |a: &[f64; 1280], b: &[f64; 1280]| {
             let dot = |a: &[f64; 1280], b: &[f64; 1280]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

@@ -2,11 +2,11 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::edge::{Blur, REACH, edge_spread};
-use super::exposure::{Glimpse, Grain};
-use super::shares::Shares;
-use super::side::{Side, SideOutline};
+use super::exposure::{SubExposure, SubExposureParams};
+use super::shares::PixelCoverage;
+use super::side::{EdgeOutline, PlateEdge};
 use super::tiles::{LANES, Pixels, Tile};
-use super::view::View;
+use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, perp};
 
 /// The plate's square outline during an exposure.
@@ -17,10 +17,10 @@ use upm_core::geometry::{Pose, Vec2, perp};
 #[derive(Clone, Debug)]
 pub(super) struct PlateOutline {
     half_side_m: f64,
-    shown: Vec<Glimpse>,
-    next: Vec<Glimpse>,
-    squares: Vec<Square>,
-    sides: [SideOutline; 4],
+    shown: Vec<SubExposure>,
+    next: Vec<SubExposure>,
+    squares: Vec<PlateSquare>,
+    sides: [EdgeOutline; 4],
     tiles: Vec<TileAtRest>,
 }
 
@@ -44,7 +44,7 @@ impl TileAtRest {
 
 /// Upper bound by which a glimpse extends the reach of a side's blur: a constant, m, and a slope by the distance from
 /// the resting plate's centre.
-fn glimpse_reach(&Glimpse { pose, spread, .. }: &Glimpse) -> [f64; 2] {
+fn max_sub_exposure_motion(&SubExposure { pose, spread, .. }: &SubExposure) -> [f64; 2] {
     // The sum of standard deviations is at least the root of the sum of their squares, which is the blur's.
     let [shift_m, turn_rad] = spread_bound(&spread);
     let turn_rad = pose.heading_rad.abs() + REACH * turn_rad;
@@ -59,15 +59,15 @@ fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
 
 /// One glimpse of the outline: its centre and the outward normal of its right-hand side.
 #[derive(Clone, Copy, Debug)]
-struct Square {
+struct PlateSquare {
     center_m: Vec2,
     right: Vec2,
     spread: Matrix3<f64>,
     weight: f64,
 }
 
-impl Square {
-    fn new(&Glimpse { pose, spread, weight }: &Glimpse) -> Self {
+impl PlateSquare {
+    fn new(&SubExposure { pose, spread, weight }: &SubExposure) -> Self {
         let right = Rotation2::new(pose.heading_rad) * Vec2::x();
         Self { center_m: pose.position_m, right, spread, weight }
     }
@@ -76,21 +76,21 @@ impl Square {
 impl PlateOutline {
     /// A plate at rest.
     pub(super) fn new(side_m: f64, tiles: &[Tile], blur: &Blur) -> Self {
-        let rest = Glimpse { pose: Pose::IDENTITY, spread: Matrix3::zeros(), weight: 1.0 };
+        let rest = SubExposure { pose: Pose::IDENTITY, spread: Matrix3::zeros(), weight: 1.0 };
         let half_side_m = side_m / 2.0;
         Self {
             half_side_m,
             shown: vec![rest],
             next: Vec::new(),
-            squares: vec![Square::new(&rest)],
+            squares: vec![PlateSquare::new(&rest)],
             sides: [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()]
-                .map(|outwards| SideOutline::new(outwards, half_side_m)),
+                .map(|outwards| EdgeOutline::new(outwards, half_side_m)),
             tiles: tiles.iter().map(|tile| TileAtRest::new(tile, blur, half_side_m)).collect(),
         }
     }
 
     /// True when the point, given with the plate's pose, is on the plate.
-    pub(super) fn carries(&self, plate_in_table: &Pose, p_m: Vec2) -> bool {
+    pub(super) fn contains(&self, plate_in_table: &Pose, p_m: Vec2) -> bool {
         let p = plate_in_table.apply_inverse(p_m);
         p.x.abs() <= self.half_side_m && p.y.abs() <= self.half_side_m
     }
@@ -100,7 +100,7 @@ impl PlateOutline {
     pub(super) fn show(
         &mut self,
         poses: impl ExactSizeIterator<Item = Pose> + Clone,
-        grain: &Grain,
+        grain: &SubExposureParams,
         mut stale: impl FnMut(usize),
     ) {
         if poses.len() == 0 {
@@ -115,8 +115,8 @@ impl PlateOutline {
             return;
         }
         let (mut shift_m, mut turn_rad) = (0.0_f64, 0.0_f64);
-        let glimpses = self.shown.iter().chain(&self.next).map(glimpse_reach);
-        for [shifted_m, turned_rad] in glimpses.chain(self.sides.iter().map(SideOutline::reach)) {
+        let glimpses = self.shown.iter().chain(&self.next).map(max_sub_exposure_motion);
+        for [shifted_m, turned_rad] in glimpses.chain(self.sides.iter().map(EdgeOutline::reach)) {
             (shift_m, turn_rad) = (shift_m.max(shifted_m), turn_rad.max(turned_rad));
         }
         for (index, tile) in self.tiles.iter().enumerate() {
@@ -124,14 +124,14 @@ impl PlateOutline {
                 stale(index);
             }
         }
-        self.sides.iter_mut().for_each(SideOutline::swap);
+        self.sides.iter_mut().for_each(EdgeOutline::swap);
         std::mem::swap(&mut self.shown, &mut self.next);
         self.squares.clear();
-        self.squares.extend(self.shown.iter().map(Square::new));
+        self.squares.extend(self.shown.iter().map(PlateSquare::new));
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&View, &Blur), shares: &mut Shares) {
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
         let reach_m = REACH * blur.bound_m(tile);
         let depths_m = self.sides.each_ref().map(|side| side.depths_m(tile.center_m));
         let inside_m = depths_m.iter().fold(f64::INFINITY, |inside_m, [least_m, _]| inside_m.min(*least_m));
@@ -148,15 +148,15 @@ impl PlateOutline {
         }
     }
 
-    fn cover_at_corner(&self, (tile, view): (&Tile, &View), blur: &Blur, shares: &mut Shares) {
+    fn cover_at_corner(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, shares: &mut PixelCoverage) {
         let (blur_m2, pixels) = (blur.covariance_m2(tile), tile.pixels(view));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
         for square in &self.squares {
             match self.near_sides(square, tile.center_m, pixels.radius_m, &blur_m2) {
-                Near::Outside => {}
-                Near::Inside => whole += square.weight,
-                Near::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, shares),
+                Proximity::Outside => {}
+                Proximity::Inside => whole += square.weight,
+                Proximity::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, shares),
             }
         }
         if whole > 0.0 {
@@ -164,9 +164,9 @@ impl PlateOutline {
         }
     }
 
-    fn near_sides(&self, square: &Square, center_m: Vec2, radius_m: f64, blur_m2: &Matrix2<f64>) -> Near {
+    fn near_sides(&self, square: &PlateSquare, center_m: Vec2, radius_m: f64, blur_m2: &Matrix2<f64>) -> Proximity {
         let from_center = center_m - square.center_m;
-        let mut sides = Sides::default();
+        let mut sides = PlateEdges::default();
         for normal in [square.right, perp(square.right)] {
             let along_m = normal.dot(&from_center);
             let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
@@ -175,50 +175,50 @@ impl PlateOutline {
             let clear_m = radius_m + REACH * sd_m;
             for (outwards, inside_m) in [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)] {
                 if inside_m < -clear_m {
-                    return Near::Outside;
+                    return Proximity::Outside;
                 }
                 if inside_m < clear_m {
                     let offset_m = self.half_side_m + outwards.dot(&square.center_m);
-                    sides.push(Side::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
+                    sides.push(PlateEdge::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
                 }
             }
         }
-        if sides.count == 0 { Near::Inside } else { Near::Sides(sides) }
+        if sides.count == 0 { Proximity::Inside } else { Proximity::Sides(sides) }
     }
 }
 
 /// Position of a tile relative to a square.
-enum Near {
+enum Proximity {
     /// Beyond a side.
     Outside,
     /// Farther inside all sides than their blur reaches.
     Inside,
     /// Crossed by these sides.
-    Sides(Sides),
+    Sides(PlateEdges),
 }
 
 /// Up to four sides.
 #[derive(Default)]
-struct Sides {
-    sides: [Side; 4],
+struct PlateEdges {
+    sides: [PlateEdge; 4],
     count: usize,
 }
 
-impl Sides {
-    fn push(&mut self, side: Side) {
+impl PlateEdges {
+    fn push(&mut self, side: PlateEdge) {
         if let Some(place) = self.sides.get_mut(self.count) {
             *place = side;
             self.count += 1;
         }
     }
 
-    fn iter(&self) -> impl Iterator<Item = &Side> {
+    fn iter(&self) -> impl Iterator<Item = &PlateEdge> {
         self.sides.iter().take(self.count)
     }
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_between(sides: &Sides, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
     let mut depths = [[f32::INFINITY; LANES]; 4];
     let mut least = [f32::INFINITY; LANES];
     for (depths, side) in depths.iter_mut().zip(sides.iter()) {

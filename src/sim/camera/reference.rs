@@ -10,7 +10,7 @@ const RAYS: usize = 16;
 const MARGIN: usize = 7;
 
 /// Gray levels without noise.
-pub(super) struct Picture {
+pub(super) struct ReferencePicture {
     width: usize,
     pub(super) levels: Vec<f64>,
 }
@@ -24,16 +24,16 @@ pub(super) fn pose(x_m: f64, y_m: f64, heading_rad: f64) -> Pose {
 }
 
 impl Camera {
-    fn clean_picture(&self) -> Picture {
+    fn clean_picture(&self) -> ReferencePicture {
         let [width, height] = self.params.size_px;
         let rows = self.clean.chunks_exact(self.grid.stride()).take(height);
         let levels = rows.flat_map(|row| &row[..width]).map(|&units| f64::from(units - noise::HALF) / 128.0).collect();
-        Picture { width, levels }
+        ReferencePicture { width, levels }
     }
 
-    pub(super) fn shown(&mut self, exposure: &[Snapshot]) -> Picture {
+    pub(super) fn shown(&mut self, exposure: &[Snapshot]) -> ReferencePicture {
         self.mark_changes(exposure);
-        self.paint_stale();
+        self.redraw_dirty();
         self.clean_picture()
     }
 }
@@ -71,7 +71,7 @@ fn footprint(blur_px: f64) -> Vec<f64> {
     (0..count).map(|k| weight(k) / sum).collect()
 }
 
-fn reference(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot) -> Picture {
+fn reference(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot) -> ReferencePicture {
     let [width, height] = camera.params.size_px;
     let (columns, rows) = (width + 2 * MARGIN, height + 2 * MARGIN);
     let weights = footprint(camera.params.blur_px);
@@ -89,10 +89,10 @@ fn reference(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot) -> Pictu
         let column = (0..weights.len()).map(|k| across[(y * RAYS + k) * width + x] * weights[k]);
         light(x, y) * column.sum::<f64>()
     };
-    Picture { width, levels: (0..width * height).map(|k| level(k % width, k / width)).collect() }
+    ReferencePicture { width, levels: (0..width * height).map(|k| level(k % width, k / width)).collect() }
 }
 
-impl Picture {
+impl ReferencePicture {
     pub(super) fn farthest_from(&self, other: &Self) -> f64 {
         self.levels.iter().zip(&other.levels).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }

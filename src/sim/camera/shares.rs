@@ -1,15 +1,15 @@
-use super::tiles::{LANES, Lanes, Patch};
+use super::tiles::{F32Lanes, LANES, Patch};
 
 /// Covered share of every pixel of a tile. Most blocks are covered evenly and need a single number.
 #[derive(Clone, Debug)]
-pub(super) struct Shares {
+pub(super) struct PixelCoverage {
     /// Share of each evenly covered block, NaN for the others.
-    even: Lanes,
+    even: F32Lanes,
     /// Shares of the pixels of the other blocks.
     each: Patch,
 }
 
-impl Shares {
+impl PixelCoverage {
     /// Nothing covered.
     pub(super) fn none() -> Self {
         Self { even: [0.0; LANES], each: [[0.0; LANES]; LANES] }
@@ -34,7 +34,7 @@ impl Shares {
     }
 
     /// The pixels of a block, to be added to individually.
-    pub(super) fn uneven(&mut self, block: usize) -> &mut Lanes {
+    pub(super) fn uneven(&mut self, block: usize) -> &mut F32Lanes {
         let even = std::mem::replace(&mut self.even[block], f32::NAN);
         if !even.is_nan() {
             self.each[block] = [even; LANES];
@@ -48,7 +48,7 @@ impl Shares {
     }
 
     /// Shares of a block's pixels.
-    pub(super) fn of_block(&self, block: usize) -> Lanes {
+    pub(super) fn of_block(&self, block: usize) -> F32Lanes {
         if self.even[block].is_nan() { self.each[block] } else { [self.even[block]; LANES] }
     }
 }
@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn even_and_uneven_shares_add_up_alike() {
-        let mut shares = Shares::none();
+        let mut shares = PixelCoverage::none();
         shares.add_everywhere(0.25);
         assert_eq!((shares.even(3), shares.of_block(3)), (0.25, [0.25; LANES]));
         shares.uneven(3)[7] += 0.5;

@@ -2,10 +2,10 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::edge::{Blur, REACH, edge_spread};
-use super::exposure::{Grain, moments};
-use super::shares::Shares;
-use super::tiles::{LANES, Lanes, Pixels, Tile};
-use super::view::View;
+use super::exposure::{SubExposureParams, moments};
+use super::shares::PixelCoverage;
+use super::tiles::{F32Lanes, LANES, Pixels, Tile};
+use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, perp};
 
 /// One side of the plate during an exposure.
@@ -14,17 +14,17 @@ use upm_core::geometry::{Pose, Vec2, perp};
 /// across itself. The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so
 /// that the depth's mean and variance follow exactly at any point.
 #[derive(Clone, Debug)]
-pub(super) struct SideOutline {
+pub(super) struct EdgeOutline {
     half_side_m: f64,
     /// Outward normal when the plate rests.
     outwards: Vec2,
-    shown: Vec<Line>,
-    next: Vec<Line>,
+    shown: Vec<EdgeLine>,
+    next: Vec<EdgeLine>,
 }
 
 /// A glimpse of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Line {
+struct EdgeLine {
     mean: Vector3<f64>,
     /// Covariance of the line's coordinates about their mean.
     spread: Matrix3<f64>,
@@ -34,16 +34,20 @@ struct Line {
     weight: f64,
 }
 
-impl SideOutline {
+impl EdgeOutline {
     /// A side of a plate at rest.
     pub(super) fn new(outwards: Vec2, half_side_m: f64) -> Self {
         let rest = Vector3::new(half_side_m, -outwards.x, -outwards.y);
-        let line = Line { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
+        let line = EdgeLine { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
         Self { half_side_m, outwards, shown: vec![line], next: Vec::new() }
     }
 
     /// Sets the plate's poses for a new exposure; true if its picture differs from the one shown.
-    pub(super) fn take(&mut self, poses: impl ExactSizeIterator<Item = Pose> + Clone, grain: &Grain) -> bool {
+    pub(super) fn take(
+        &mut self,
+        poses: impl ExactSizeIterator<Item = Pose> + Clone,
+        grain: &SubExposureParams,
+    ) -> bool {
         let outwards = self.outwards;
         let lines = poses.map(move |pose| moved(outwards, &pose));
         let ends =
@@ -75,9 +79,9 @@ impl SideOutline {
         Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
     }
 
-    fn line(&self, off: Vector3<f64>, spread: Matrix3<f64>, weight: f64, grain: &Grain) -> Line {
+    fn line(&self, off: Vector3<f64>, spread: Matrix3<f64>, weight: f64, grain: &SubExposureParams) -> EdgeLine {
         let off = Vector3::new(grain.rounded_m(off.x), grain.rounded_turn(off.y), grain.rounded_turn(off.z));
-        Line { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
+        EdgeLine { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
     }
 
     /// Upper bound by which the reach of the side's blur is extended, in the shown and in the next exposure: a
@@ -101,7 +105,7 @@ impl SideOutline {
     }
 
     /// Adds the share inside this side of a tile that no other side is near.
-    pub(super) fn cover(&self, (tile, view): (&Tile, &View), blur: &Blur, shares: &mut Shares) {
+    pub(super) fn cover(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, shares: &mut PixelCoverage) {
         let (blur_m2, center, pixels) = (blur.covariance_m2(tile), at(tile.center_m), tile.pixels(view));
         let mut whole = 0.0;
         for line in &self.shown {
@@ -110,7 +114,7 @@ impl SideOutline {
             if depth_m >= clear_m {
                 whole += line.weight;
             } else if depth_m >= -clear_m {
-                cover_inside(&Side::new(&line.mean, sd_m), line.weight as f32, pixels, blur, shares);
+                cover_inside(&PlateEdge::new(&line.mean, sd_m), line.weight as f32, pixels, blur, shares);
             }
         }
         if whole > 0.0 {
@@ -130,7 +134,7 @@ fn at(p_m: Vec2) -> Vector3<f64> {
     Vector3::new(1.0, p_m.x, p_m.y)
 }
 
-impl Line {
+impl EdgeLine {
     /// Standard deviation, across the line, of the blur and of the motion at a point, m.
     fn sd_m(&self, point: &Vector3<f64>, blur_m2: &Matrix2<f64>) -> f64 {
         let normal = self.mean.yz();
@@ -140,13 +144,13 @@ impl Line {
 
 /// A side in the blur of one tile: points are `z = zx·x + zy·y + z0` standard deviations inside it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Side {
+pub(super) struct PlateEdge {
     z0: f32,
     zx: f32,
     zy: f32,
 }
 
-impl Side {
+impl PlateEdge {
     /// From a line with depth `line · (1, x, y)` at (x, y), and its standard deviation there.
     pub(super) fn new(line: &Vector3<f64>, sd_m: f64) -> Self {
         let [z0, zx, zy] = [line.x, line.y, line.z].map(|coordinate| (coordinate / sd_m) as f32);
@@ -154,7 +158,7 @@ impl Side {
     }
 
     #[inline(always)]
-    pub(super) fn depths(&self, x_m: &Lanes, y_m: &Lanes) -> Lanes {
+    pub(super) fn depths(&self, x_m: &F32Lanes, y_m: &F32Lanes) -> F32Lanes {
         let mut depths = [0.0; LANES];
         for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
             *depth = self.zx * x + self.zy * y + self.z0;
@@ -164,7 +168,7 @@ impl Side {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_inside(side: &Side, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut Shares) {
+fn cover_inside(side: &PlateEdge, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
     let depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
     for (block, depth) in depths.into_iter().enumerate() {
         if depth >= blur.block_reach {
@@ -182,10 +186,10 @@ mod tests {
     use proptest::prelude::*;
 
     const HALF_M: f64 = 0.1;
-    const GRAIN: Grain = Grain { blur_m: 2e-4, arm_m: 0.2 };
+    const GRAIN: SubExposureParams = SubExposureParams { blur_m: 2e-4, arm_m: 0.2 };
 
-    fn taken(outwards: Vec2, poses: &[Pose]) -> SideOutline {
-        let mut side = SideOutline::new(outwards, HALF_M);
+    fn taken(outwards: Vec2, poses: &[Pose]) -> EdgeOutline {
+        let mut side = EdgeOutline::new(outwards, HALF_M);
         side.take(poses.iter().copied(), &GRAIN);
         side.swap();
         side
@@ -209,7 +213,7 @@ mod tests {
 
     #[test]
     fn what_rests_in_the_picture_rests() {
-        let mut side = SideOutline::new(-Vec2::y(), HALF_M);
+        let mut side = EdgeOutline::new(-Vec2::y(), HALF_M);
         for y_m in [0.0, 1e-9] {
             let still = Pose { position_m: Vec2::new(1e-3, y_m), heading_rad: 0.0 };
             assert!(!side.take([still].into_iter(), &GRAIN), "{y_m}");
@@ -230,8 +234,8 @@ mod tests {
             let mean = depths.clone().sum::<f64>() / 5.0;
             let square = depths.map(|depth| (depth - mean).powi(2)).sum::<f64>() / 5.0;
             let ours = side.shown.iter().map(|line| line.weight * line.mean.dot(&at(p))).sum::<f64>();
-            let spread = |line: &Line| line.sd_m(&at(p), &Matrix2::zeros()).powi(2);
-            let around = |line: &Line| spread(line) + (line.mean.dot(&at(p)) - ours).powi(2);
+            let spread = |line: &EdgeLine| line.sd_m(&at(p), &Matrix2::zeros()).powi(2);
+            let around = |line: &EdgeLine| spread(line) + (line.mean.dot(&at(p)) - ours).powi(2);
             let ours_square = side.shown.iter().map(|line| line.weight * around(line)).sum::<f64>();
             prop_assert!((ours - mean).abs() < 1.5e-3 * GRAIN.blur_m, "{ours} {mean}");
             prop_assert!((ours_square - square).abs() < 2e-3 * GRAIN.blur_m * (square.sqrt() + GRAIN.blur_m));

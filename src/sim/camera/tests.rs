@@ -136,7 +136,7 @@ fn an_exposure_is_the_mean_of_its_snapshots() {
 #[test]
 fn sides_of_a_moving_plate_are_the_mean_of_its_snapshots() {
     let params = CameraParams { shading: 0.0, ..scenes::full() };
-    let view = View::new(&params);
+    let view = CameraProjection::new(&params);
     let looks_at = |k: usize| view.table_from_image(Vec2::new((k % 1280) as f64, (k / 1280) as f64));
     let at_corner: Vec<bool> = (0..1280 * 1024).map(|k| looks_at(k).is_none_or(|p| p.abs().min() > 0.09)).collect();
     let mut camera = camera(&params, &[]);
@@ -192,7 +192,7 @@ fn light_falls_from_corner_to_corner() {
     let mut params = scenes::small();
     for direction in [0.3_f64, 2.0, -2.5, -0.4] {
         (params.shading, params.shading_direction_rad) = (0.25, direction);
-        let light = Light::new(&params);
+        let light = Illumination::new(&params);
         let corners = [(0, 0), (149, 0), (0, 109), (149, 109)].map(|(x, y)| light.at(x, y)[0]);
         assert!((corners.iter().copied().fold(f32::MIN, f32::max) - 1.0).abs() < 1e-6);
         assert!((corners.iter().copied().fold(f32::MAX, f32::min) - 0.75).abs() < 1e-6);

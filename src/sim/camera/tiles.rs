@@ -2,7 +2,7 @@ use std::sync::OnceLock;
 
 use nalgebra::Matrix2;
 
-use super::view::View;
+use super::view::CameraProjection;
 use upm_core::geometry::Vec2;
 
 /// Rows and columns of a tile, px.
@@ -15,14 +15,14 @@ pub(super) const BLOCK_SIDE: usize = 4;
 pub(super) const LANES: usize = BLOCK_SIDE * BLOCK_SIDE;
 
 /// One number for every pixel of a block, or for every block of a tile, row by row: the unit of vector code.
-pub(super) type Lanes = [f32; LANES];
+pub(super) type F32Lanes = [f32; LANES];
 /// One number for every pixel of a tile, block by block.
-pub(super) type Patch = [Lanes; LANES];
+pub(super) type Patch = [F32Lanes; LANES];
 
 /// Column of every lane.
-pub(super) const LANE_X: Lanes = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
+pub(super) const LANE_X: F32Lanes = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
 /// Row of every lane.
-pub(super) const LANE_Y: Lanes = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];
+pub(super) const LANE_Y: F32Lanes = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];
 
 /// Table coordinates of a pixel above the horizon, m: far beyond every edge.
 const NOWHERE_M: f64 = 1e3;
@@ -43,7 +43,7 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    fn new(view: &View, first_px: Vec2) -> Self {
+    fn new(view: &CameraProjection, first_px: Vec2) -> Self {
         let middle_px = first_px + Vec2::repeat((SIDE as f64 - 1.0) / 2.0);
         let center_m = looks_at(view, middle_px);
         let around_m = [Vec2::new(0.5, 0.0), Vec2::new(0.0, 0.5)]
@@ -59,7 +59,7 @@ impl Tile {
     }
 
     /// Table coordinates of its pixels; `view` must be the same every time.
-    pub(super) fn pixels(&self, view: &View) -> &Pixels {
+    pub(super) fn pixels(&self, view: &CameraProjection) -> &Pixels {
         self.pixels.get_or_init(|| Box::new(Pixels::new(view, self.first_px, self.center_m)))
     }
 
@@ -81,12 +81,12 @@ impl Tile {
     }
 
     /// The distance of the farthest pixel from the centre, m, or an upper bound of it that is also below `enough_m`.
-    pub(super) fn radius_m(&self, view: &View, enough_m: f64) -> f64 {
+    pub(super) fn radius_m(&self, view: &CameraProjection, enough_m: f64) -> f64 {
         if self.radius_bound_m < enough_m { self.radius_bound_m } else { self.pixels(view).radius_m }
     }
 }
 
-fn looks_at(view: &View, px: Vec2) -> Vec2 {
+fn looks_at(view: &CameraProjection, px: Vec2) -> Vec2 {
     view.table_from_image(px).unwrap_or(Vec2::repeat(NOWHERE_M))
 }
 
@@ -116,15 +116,15 @@ pub(super) struct Pixels {
     /// As `x_m`.
     pub(super) y_m: Patch,
     /// Table coordinates of the blocks' centres, m.
-    pub(super) block_x_m: Lanes,
+    pub(super) block_x_m: F32Lanes,
     /// As `block_x_m`.
-    pub(super) block_y_m: Lanes,
+    pub(super) block_y_m: F32Lanes,
     /// Distance of the farthest pixel from the tile's centre, m.
     pub(super) radius_m: f64,
 }
 
 impl Pixels {
-    fn new(view: &View, first_px: Vec2, center_m: Vec2) -> Self {
+    fn new(view: &CameraProjection, first_px: Vec2, center_m: Vec2) -> Self {
         let (mut x_m, mut y_m, mut radius_m) = ([[0.0; LANES]; LANES], [[0.0; LANES]; LANES], 0.0_f64);
         let mut ideal = [Vec2::zeros(); SIDE];
         for row in 0..SIDE {
@@ -137,7 +137,7 @@ impl Pixels {
                 (x_m[block][lane], y_m[block][lane]) = (p_m.x as f32, p_m.y as f32);
             }
         }
-        let mean = |block: &Lanes| block.iter().sum::<f32>() / LANES as f32;
+        let mean = |block: &F32Lanes| block.iter().sum::<f32>() / LANES as f32;
         let (block_x_m, block_y_m) = (x_m.each_ref().map(mean), y_m.each_ref().map(mean));
         Self { x_m, y_m, block_x_m, block_y_m, radius_m }
     }
@@ -145,15 +145,15 @@ impl Pixels {
 
 /// The whole image cut into tiles, which may extend beyond its right and lower sides.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub(super) struct TileGrid {
     pub(super) columns: usize,
     pub(super) rows: usize,
     /// Row by row.
     pub(super) tiles: Vec<Tile>,
 }
 
-impl Grid {
-    pub(super) fn new(view: &View, [width, height]: [usize; 2]) -> Self {
+impl TileGrid {
+    pub(super) fn new(view: &CameraProjection, [width, height]: [usize; 2]) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let tiles = (0..columns * rows)
             .map(|k| Tile::new(view, Vec2::new((k % columns * SIDE) as f64, (k / columns * SIDE) as f64)))
@@ -204,9 +204,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn tiles(params: &super::super::CameraParams) -> (View, Vec<Tile>) {
-        let view = View::new(params);
-        let grid = Grid::new(&view, params.size_px);
+    fn tiles(params: &super::super::CameraParams) -> (CameraProjection, Vec<Tile>) {
+        let view = CameraProjection::new(params);
+        let grid = TileGrid::new(&view, params.size_px);
         (view, grid.tiles)
     }
 

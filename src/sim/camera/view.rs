@@ -5,13 +5,13 @@ use upm_core::geometry::{Lens, Vec2};
 
 /// Pose and projection of the camera: table to image and, on the plate's plane, back.
 #[derive(Clone, Debug)]
-pub(super) struct View {
+pub(super) struct CameraProjection {
     lens: Lens,
     position_m: Vector3<f64>,
     table_from_camera: Matrix3<f64>,
 }
 
-impl View {
+impl CameraProjection {
     pub(super) fn new(params: &CameraParams) -> Self {
         let [about_x, about_y, about_axis] = params.tilt_rad;
         let looking_down = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
@@ -90,7 +90,7 @@ mod tests {
         params.tilt_rad = [0.0; 3];
         params.lens = Lens::ideal(1000.0, Vec2::new(60.0, 40.0));
         params.position_m = Vector3::new(0.01, -0.02, 0.5);
-        let view = View::new(&params);
+        let view = CameraProjection::new(&params);
         let seen = view.image_from_table(Vec2::new(0.03, 0.05), 0.1);
         assert!((seen - Vec2::new(60.0 + 1000.0 * 0.02 / 0.4, 40.0 - 1000.0 * 0.07 / 0.4)).norm() < 1e-9);
     }
@@ -101,7 +101,7 @@ mod tests {
             let mut params = scenes::small();
             (params.tilt_rad, params.position_m) = (tilt_rad, Vector3::new(0.0, 0.0, 0.5));
             params.lens = Lens::ideal(1000.0, Vec2::zeros());
-            View::new(&params).image_from_table(Vec2::new(0.01, 0.0), 0.0)
+            CameraProjection::new(&params).image_from_table(Vec2::new(0.01, 0.0), 0.0)
         };
         let straight = seen_at([0.0; 3]);
         assert!((straight - Vec2::new(20.0, 0.0)).norm() < 1e-9);
@@ -113,7 +113,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_way_back_is_the_way_there(x in -0.1..0.1f64, y in -0.1..0.1f64, height in 0.0..0.02f64) {
-            let view = View::new(&scenes::full());
+            let view = CameraProjection::new(&scenes::full());
             let p = Vec2::new(x, y);
             let back = view.table_from_image(view.image_from_table(p, 0.0)).unwrap();
             prop_assert!((back - p).norm() < 1e-12);
@@ -123,7 +123,7 @@ mod tests {
 
         #[test]
         fn rows_are_undistorted_as_single_pixels_are(x in -20.0..1290.0f64, y in -20.0..1040.0f64) {
-            let view = View::new(&scenes::full());
+            let view = CameraProjection::new(&scenes::full());
             let mut ideal = [Vec2::zeros(); 16];
             view.ideal_from_row(Vec2::new(x, y), &mut ideal);
             for (i, ideal) in ideal.into_iter().enumerate() {

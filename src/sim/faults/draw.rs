@@ -2,7 +2,7 @@
 
 use rand_pcg::rand_core::Rng as _;
 
-use super::{Component, FaultKind, FaultSpec};
+use super::{FaultKind, FaultSpec, FaultyComponent};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{CHANNELS, MOTORS};
 use upm_core::time::PlateTime;
@@ -24,9 +24,9 @@ pub fn drawn_faults(seed: u64, parts: usize) -> Vec<FaultSpec> {
     if draw.share() < NONE {
         return Vec::new();
     }
-    let vocabulary: Vec<(Component, FaultKind)> =
+    let vocabulary: Vec<(FaultyComponent, FaultKind)> =
         components(parts).flat_map(|c| c.kinds().map(move |kind| (c, kind))).collect();
-    let half: Vec<(Component, FaultKind)> = vocabulary.into_iter().filter(|_| draw.share() < 0.5).collect();
+    let half: Vec<(FaultyComponent, FaultKind)> = vocabulary.into_iter().filter(|_| draw.share() < 0.5).collect();
     if half.is_empty() {
         return Vec::new();
     }
@@ -43,10 +43,10 @@ pub fn drawn_faults(seed: u64, parts: usize) -> Vec<FaultSpec> {
         .collect()
 }
 
-fn components(parts: usize) -> impl Iterator<Item = Component> {
-    use Component::{Accelerometer, Coil, Part, Parts};
+fn components(parts: usize) -> impl Iterator<Item = FaultyComponent> {
+    use FaultyComponent::{Accelerometer, Coil, Part, Parts};
     let numbered = (0..MOTORS).map(Coil).chain((0..CHANNELS).map(Accelerometer)).chain((0..parts).map(Part));
-    Component::SINGLE.into_iter().chain(numbered).filter(move |component| parts > 1 || *component != Parts)
+    FaultyComponent::SINGLE.into_iter().chain(numbered).filter(move |component| parts > 1 || *component != Parts)
 }
 
 struct Draw(Rng);
@@ -73,7 +73,7 @@ impl Draw {
     }
 
     /// Plausible values, to three decimals.
-    fn values(&mut self, kind: FaultKind, component: Component, parts: usize) -> [f64; 3] {
+    fn values(&mut self, kind: FaultKind, component: FaultyComponent, parts: usize) -> [f64; 3] {
         let values = match kind {
             FaultKind::Late => [self.log_uniform([1.0, 30.0]).round(), 0.0, 0.0],
             FaultKind::Drop | FaultKind::Chatter => [self.log_uniform([0.01, 1.0]), 0.0, 0.0],
@@ -94,7 +94,7 @@ impl Draw {
             FaultKind::Ghost => [self.signed([5.0, 100.0]), self.signed([5.0, 100.0]), 0.0],
             FaultKind::Oil => [self.signed([5.0, 100.0]), self.signed([5.0, 100.0]), self.log_uniform([5.0, 50.0])],
             FaultKind::Swapped => {
-                let count = if component == Component::Coils { MOTORS } else { parts };
+                let count = if component == FaultyComponent::Coils { MOTORS } else { parts };
                 let first = self.below(count);
                 let second = (first + 1 + self.below(count.saturating_sub(1))) % count.max(1);
                 [first as f64, second as f64, 0.0]
@@ -129,6 +129,6 @@ mod tests {
     #[test]
     fn single_part_is_never_swapped() {
         let alone = (0..2000).flat_map(|seed| drawn_faults(seed, 1));
-        assert!(alone.into_iter().all(|fault| fault.component != Component::Parts));
+        assert!(alone.into_iter().all(|fault| fault.component != FaultyComponent::Parts));
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use rand_pcg::rand_core::Rng as _;
 
 use super::plant::{FaultyPlant, Oil, PlantChange, PlantFaults};
-use super::{Component, FaultKind, FaultSpec, picture, trace};
+use super::{FaultKind, FaultSpec, FaultyComponent, picture, trace};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Rig, RigFault};
@@ -49,7 +49,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     /// `rig` with `faults`; `nap` waits for the given wall time.
     pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, nap: &'a dyn Fn(Duration)) -> Self {
         let lag = |fault: &FaultSpec| {
-            let is_late = fault.component == Component::Camera && fault.kind == FaultKind::Late;
+            let is_late = fault.component == FaultyComponent::Camera && fault.kind == FaultKind::Late;
             if is_late { fault.values[0] as usize } else { 0 }
         };
         Self {
@@ -74,7 +74,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     }
 
     /// The fault of `kind` at `component` present at `now`.
-    fn find(&self, now: PlateTime, component: Component, kind: FaultKind) -> Option<FaultSpec> {
+    fn find(&self, now: PlateTime, component: FaultyComponent, kind: FaultKind) -> Option<FaultSpec> {
         self.held(now).find(|fault| fault.component == component && fault.kind == kind).copied()
     }
 
@@ -120,14 +120,14 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     }
 
     fn refuse_broken(&self) -> Result<(), RigFault> {
-        match self.find(self.rig.now(), Component::Device, FaultKind::Error) {
+        match self.find(self.rig.now(), FaultyComponent::Device, FaultKind::Error) {
             Some(_) => Err(RigFault::Device("the controller does not answer".into())),
             None => Ok(()),
         }
     }
 
     fn loses_frame(&mut self, at: PlateTime) -> bool {
-        let lost = self.find(at, Component::Camera, FaultKind::Drop).map_or(0.0, |fault| fault.values[0]);
+        let lost = self.find(at, FaultyComponent::Camera, FaultKind::Drop).map_or(0.0, |fault| fault.values[0]);
         lost > 0.0 && self.draw() < lost
     }
 
@@ -166,19 +166,21 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
             (_, FaultKind::Shift) => picture::knock(frame, Vec2::new(value, fault.values[1]), 0.0),
             (_, FaultKind::Rotate) => picture::knock(frame, Vec2::zeros(), value.to_radians()),
             (_, FaultKind::Mirror) => picture::mirror(frame),
-            (Component::Light, FaultKind::Gain) | (_, FaultKind::Exposure) => picture::light(frame, value.max(0.0)),
+            (FaultyComponent::Light, FaultKind::Gain) | (_, FaultKind::Exposure) => {
+                picture::light(frame, value.max(0.0))
+            }
             (_, FaultKind::Flicker) => {
                 picture::light(frame, 1.0 + FLICKER * (TAU * value * (at - fault.from)).sin());
             }
             (_, FaultKind::Dark) => picture::darken(frame, &mut self.noise),
-            (Component::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
+            (FaultyComponent::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
             _ => {}
         }
     }
 
     /// Applies delayed and frozen pictures.
     fn deliver(&mut self, frame: &mut Frame, held: &[FaultSpec]) {
-        let with = |kind| held.iter().find(|fault| fault.component == Component::Camera && fault.kind == kind);
+        let with = |kind| held.iter().find(|fault| fault.component == FaultyComponent::Camera && fault.kind == kind);
         if self.longest_lag > 0 {
             self.taken.push_back(frame.pixels.clone());
             if self.taken.len() > self.longest_lag + 1 {
@@ -210,15 +212,15 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
         self.settle_plant();
         self.refuse_broken()?;
-        if self.find(self.rig.now(), Component::Device, FaultKind::Busy).is_some() {
-            return Err(RigFault::Busy(self.rig.quiet_at()));
+        if self.find(self.rig.now(), FaultyComponent::Device, FaultKind::Busy).is_some() {
+            return Err(RigFault::Busy(self.rig.settled_at()));
         }
         self.started_at = self.rig.now();
         self.rig.play(drive)
     }
 
-    fn quiet_at(&self) -> PlateTime {
-        self.rig.quiet_at()
+    fn settled_at(&self) -> PlateTime {
+        self.rig.settled_at()
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
@@ -239,7 +241,7 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
         let mut read = self.rig.trace();
         let mut noise = self.streams.numbered("faults of a trace", self.started_at.nanos());
         for fault in &self.faults {
-            if let Component::Accelerometer(channel) = fault.component {
+            if let FaultyComponent::Accelerometer(channel) = fault.component {
                 trace::spoil(&mut read, fault, channel, self.started_at, &mut noise);
             }
         }
@@ -247,7 +249,7 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
     }
 
     fn stop(&mut self) {
-        if self.find(self.rig.now(), Component::Device, FaultKind::Deaf).is_none() {
+        if self.find(self.rig.now(), FaultyComponent::Device, FaultKind::Deaf).is_none() {
             self.rig.stop();
         }
     }
@@ -266,17 +268,17 @@ fn place_m(fault: &FaultSpec) -> Vec2 {
 /// The sudden change that `fault` makes; `None` for faults of another kind.
 fn change_of(fault: &FaultSpec) -> Option<PlantChange> {
     match (fault.component, fault.kind) {
-        (Component::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),
-        (Component::Parts, _) => fault.pair().map(PlantChange::Swapped),
+        (FaultyComponent::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),
+        (FaultyComponent::Parts, _) => fault.pair().map(PlantChange::Swapped),
         (_, FaultKind::Bumped) => Some(PlantChange::Bumped(place_m(fault))),
         _ => None,
     }
 }
 
-fn coils_of(component: Component) -> std::ops::Range<usize> {
+fn coils_of(component: FaultyComponent) -> std::ops::Range<usize> {
     match component {
-        Component::Coil(coil) => coil..coil + 1,
-        Component::Coils => 0..MOTORS,
+        FaultyComponent::Coil(coil) => coil..coil + 1,
+        FaultyComponent::Coils => 0..MOTORS,
         _ => 0..0,
     }
 }
@@ -287,8 +289,8 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
     for fault in held {
         let value = fault.values[0];
         match fault.component {
-            Component::Coil(_) | Component::Coils => spoil_coils(&mut plant, fault),
-            Component::Part(part) => {
+            FaultyComponent::Coil(_) | FaultyComponent::Coils => spoil_coils(&mut plant, fault),
+            FaultyComponent::Part(part) => {
                 let factor = match fault.kind {
                     FaultKind::Glued => GLUED,
                     FaultKind::Ice => ICE,
@@ -298,11 +300,11 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
                 plant.friction.get_mut(part).into_iter().for_each(|friction| *friction *= factor);
                 plant.removed.extend((fault.kind == FaultKind::Removed).then_some(part));
             }
-            Component::Parts if fault.kind == FaultKind::Friction => {
+            FaultyComponent::Parts if fault.kind == FaultKind::Friction => {
                 plant.friction.iter_mut().for_each(|friction| *friction *= value);
             }
-            Component::Camera if fault.kind == FaultKind::Exposure => plant.exposure = value,
-            Component::Plate => match fault.kind {
+            FaultyComponent::Camera if fault.kind == FaultKind::Exposure => plant.exposure = value,
+            FaultyComponent::Plate => match fault.kind {
                 FaultKind::Tilt => plant.pull_mps2.x += GRAVITY_MPS2 * value.to_radians().sin(),
                 FaultKind::Resonance => plant.resonance = value,
                 FaultKind::Oil => {

@@ -4,7 +4,7 @@ use upm_core::time::PlateTime;
 
 /// A component of the rig, with its index where there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Component {
+pub enum FaultyComponent {
     /// The camera and its cable.
     Camera,
     /// The light over the plate.
@@ -29,7 +29,7 @@ pub enum Component {
     Clock,
 }
 
-impl Component {
+impl FaultyComponent {
     /// Components without an index.
     pub(super) const SINGLE: [Self; 8] =
         [Self::Camera, Self::Light, Self::View, Self::Coils, Self::Parts, Self::Plate, Self::Device, Self::Clock];
@@ -266,7 +266,7 @@ const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultSpec {
     /// Component that fails.
-    pub component: Component,
+    pub component: FaultyComponent,
     /// Kind of the fault.
     pub kind: FaultKind,
     /// Values in the order of [`FaultKind::values`]; the rest is zero.
@@ -297,7 +297,7 @@ mod tests {
     fn every_kind_belongs_to_a_component_and_is_found_by_its_name() {
         let classes =
             ["camera", "light", "view", "coil0", "coils", "accel3", "part12", "parts", "plate", "device", "clock"];
-        let components: Vec<Component> = classes.iter().filter_map(|name| Component::named(name)).collect();
+        let components: Vec<FaultyComponent> = classes.iter().filter_map(|name| FaultyComponent::named(name)).collect();
         assert_eq!(components.len(), classes.len());
         assert_eq!(components.iter().map(|c| c.name()).collect::<Vec<_>>(), classes);
         assert!(
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn unknown_components_have_no_name() {
         for name in ["", "coil", "coil4", "accel9", "camera1", "part", "part9999", "part-1", "7", "Camera"] {
-            assert_eq!(Component::named(name), None, "{name}");
+            assert_eq!(FaultyComponent::named(name), None, "{name}");
         }
     }
 
@@ -322,7 +322,7 @@ mod tests {
     fn fault_holds_from_its_begin_to_its_end() {
         let at = PlateTime::from_secs;
         let fault = |to| FaultSpec {
-            component: Component::Camera,
+            component: FaultyComponent::Camera,
             kind: FaultKind::Freeze,
             values: [0.0; 3],
             from: at(1.0),

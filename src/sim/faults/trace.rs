@@ -37,7 +37,7 @@ pub(super) fn spoil(trace: &mut AccelTrace, fault: &FaultSpec, channel: usize, s
 
 #[cfg(test)]
 mod tests {
-    use super::super::Component;
+    use super::super::FaultyComponent;
     use super::*;
     use upm_core::random::Streams;
 
@@ -51,7 +51,8 @@ mod tests {
             counts: [ramp.clone(), ramp.clone(), ramp.clone(), ramp],
         };
         let (from, to) = (PlateTime::from_secs(5.2), Some(PlateTime::from_secs(5.5)));
-        let fault = FaultSpec { component: Component::Accelerometer(1), kind, values: [value, 0.0, 0.0], from, to };
+        let fault =
+            FaultSpec { component: FaultyComponent::Accelerometer(1), kind, values: [value, 0.0, 0.0], from, to };
         spoil(&mut trace, &fault, 1, PlateTime::from_secs(5.0), &mut Streams::new(1).stream("faults"));
         assert_eq!(trace.counts[0], trace.counts[2], "other channels stay");
         trace.counts[1].clone()

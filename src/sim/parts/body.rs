@@ -38,7 +38,7 @@ impl PartMotion {
 
 /// One part: constants and state.
 #[derive(Clone, Copy, Debug)]
-pub struct Body {
+pub struct PartBody {
     pub motion: PartMotion,
     pub radius_m: f64,
     pub inverse_mass: f64,
@@ -49,7 +49,7 @@ pub struct Body {
     pub taken_from: Option<Pose>,
 }
 
-impl Body {
+impl PartBody {
     /// A part at rest on the plate.
     pub fn new(params: &PartParams, part_in_table: Pose, step_s: f64) -> Self {
         Self {

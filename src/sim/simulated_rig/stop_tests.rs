@@ -16,7 +16,7 @@ fn long_drive() -> Drive {
 /// A rig under an interlock, shortly after the start of a long pulse.
 fn sounding() -> (SimRig, Interlock) {
     let (mut rig, interlock) = (rig(1), Interlock::default());
-    rig.fit(interlock.clone()).unwrap();
+    rig.attach(interlock.clone()).unwrap();
     rig.play(&long_drive()).unwrap();
     (rig, interlock)
 }
@@ -42,7 +42,7 @@ proptest! {
         for _ in 0..400 {
             prop_assert_eq!(one_step(&mut rig), Wrench::default());
         }
-        let answer = interlock.answer().unwrap();
+        let answer = interlock.stop_times().unwrap();
         prop_assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
         prop_assert!((tripped_at - answer.requested_at).abs() <= STEP_S + 1e-12, "{answer:?}");
         prop_assert_eq!(rig.play(&long_drive()), Err(RigFault::Stopped(Trip::ALL[why])));
@@ -59,9 +59,9 @@ proptest! {
         let left_at = rig.now();
         prop_assert_eq!(rig.pass(left_at + away_s), Err(RigFault::Stopped(Trip::Lease)));
         prop_assert!((rig.now() - left_at - away_s).abs() <= STEP_S, "time passes all the same");
-        let answer = interlock.answer().unwrap();
+        let answer = interlock.stop_times().unwrap();
         prop_assert!((answer.silent_at - left_at - Interlock::LEASE_S).abs() <= STEP_S, "{answer:?} from {left_at}");
-        prop_assert!(rig.quiet_at() - answer.silent_at <= LONG.rest_s + 1e-9);
+        prop_assert!(rig.settled_at() - answer.silent_at <= LONG.rest_s + 1e-9);
         prop_assert_eq!(rig.plant.motors().wrench(), Wrench::default());
     }
 }
@@ -73,7 +73,7 @@ fn a_lease_that_does_not_run_out_leaves_the_pulse_as_it_is() {
     other.play(&long_drive()).unwrap();
     for _ in 0..3 {
         assert_eq!(rig.pass(rig.now() + 0.09), Ok(()));
-        other.plant.advance_to(rig.now(), &mut Guard::default());
+        other.plant.advance_to(rig.now(), &mut InterlockPort::default());
         assert_eq!(rig.plant.plate(), other.plant.plate());
     }
     assert_eq!(interlock.tripped(), None);
@@ -94,7 +94,7 @@ fn an_emergency_stop_goes_before_the_lease() {
     let (mut rig, interlock) = sounding();
     interlock.trip(Trip::EStop);
     assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::EStop)));
-    assert!(interlock.answer().unwrap().silent_at - PlateTime::ZERO <= STEP_S);
+    assert!(interlock.stop_times().unwrap().silent_at - PlateTime::ZERO <= STEP_S);
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
         (fault, presser.join().unwrap())
     });
     assert_eq!(fault, RigFault::Stopped(Trip::EStop));
-    let answer = interlock.answer().unwrap();
+    let answer = interlock.stop_times().unwrap();
     assert!(answer.requested_at.secs() >= 0.03 - STEP_S, "{answer:?}");
     assert!(answer.requested_at <= answer.silent_at, "{answer:?}");
     // the step in progress when the trip was set, and one whose start the other thread had not seen yet; the scheduler
@@ -132,18 +132,18 @@ fn the_next_rig_finds_the_trip_and_plays_nothing_until_it_is_released() {
     let (first, interlock) = sounding();
     interlock.trip(Trip::Watchdog);
     assert_eq!(
-        rig(2).fit(interlock.clone()).map_err(|fault| fault.to_string()).unwrap_err(),
+        rig(2).attach(interlock.clone()).map_err(|fault| fault.to_string()).unwrap_err(),
         "the interlock is fitted to another rig"
     );
     drop(first);
     let mut second = rig(2);
-    second.fit(interlock.clone()).unwrap();
+    second.attach(interlock.clone()).unwrap();
     assert_eq!(second.play(&long_drive()), Err(RigFault::Stopped(Trip::Watchdog)));
     assert!(!interlock.release(Trip::Watchdog));
     drop(second);
     assert!(interlock.release(Trip::Watchdog));
     let mut third = rig(3);
-    third.fit(interlock).unwrap();
+    third.attach(interlock).unwrap();
     assert_eq!(third.play(&long_drive()), Ok(()));
 }
 
@@ -152,7 +152,7 @@ fn an_interlock_that_does_not_trip_changes_nothing() {
     let run = |fitted: bool| {
         let mut rig = rig(5);
         if fitted {
-            rig.fit(Interlock::default()).unwrap();
+            rig.attach(Interlock::default()).unwrap();
         }
         let mut frames = vec![Frame::new(1, 1); 40];
         for (i, frame) in frames.iter_mut().enumerate() {

@@ -21,15 +21,36 @@ use rerun::external::re_sdk_types::datatypes;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 
-use super::table::WINDOW;
+use super::table::reach_mm;
 use super::tape::{APPLICATION, PLATE_TIME};
 use crate::types::RunContext;
-use upm_core::units::mm_from_m;
-use upm_planner::Method;
+use upm_planner::PlanningMethod;
 
 /// Seconds before and after the cursor that the plots of fast signals show.
 const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];
 const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
+
+/// Titles of the first page's lower row, and the shares of the width that its views have.
+const MOTORS: &str = "Motors, counts";
+const HARMONICS: &str = "Harmonics, mm/s";
+const TO_TARGET: &str = "Distance to target, mm";
+const BELOW: [f32; 4] = [0.95, 0.8, 0.95, 1.3];
+
+/// Views of the page of errors, each with its title and its entity, in rows of [`ERROR_COLUMNS`].
+const ERRORS: [(&str, &str); 9] = [
+    (TO_TARGET, "errors/to_target_mm"),
+    ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
+    ("Measured against predicted, mm", "errors/of_prediction_mm"),
+    ("Distance from the path, mm", CROSS_TRACK),
+    ("Measured against true, mm", "errors/sensing_mm"),
+    ("Sum of |d| in a cycle, mm", TOTAL),
+    ("Tracking a frame, µs", "timing/track_us"),
+    ("Planning, µs", "timing/plan_us"),
+    ("Whole cycle, µs", "timing/cycle_us"),
+];
+const CROSS_TRACK: &str = "errors/cross_track_mm";
+const TOTAL: &str = "plan/total_mm";
+const ERROR_COLUMNS: u32 = 3;
 
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
@@ -77,38 +98,37 @@ impl Written {
 /// Everything that the layout depends on, as one text.
 pub(super) fn key(context: &RunContext) -> String {
     let RunContext { model, method, .. } = context;
-    format!("{method:?}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
+    let paths = if context.paths_m.is_empty() { "no paths" } else { "paths" };
+    format!("{method:?}, {paths}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
 }
 
 /// The pages in the order of their tabs.
 fn pages(layout: &mut Layout, context: &RunContext) -> Vec<ContainerLike> {
-    vec![
-        run(layout, context),
-        vision(layout, context.model.frame_size_px),
-        signals(layout),
-        errors(layout, context.method),
-    ]
+    vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout, context)]
 }
 
 fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
     let above = Horizontal::new([layout.camera(context), layout.table(context)]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
-        layout.plot("Motors, counts", "motors", Some(MOTOR_SPAN_S)),
-        plan(context.method),
-        layout.plot("Distance to target, mm", "errors/to_target_mm", None),
+        layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
+        plan(layout, context.method),
+        layout.plot(TO_TARGET, "errors/to_target_mm", None),
         layout.log(),
     ]);
-    let below = below.with_column_shares([1.0, 0.6, 0.9, 1.5]);
+    let below = below.with_column_shares(BELOW);
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
 }
 
 /// The view of a plan: one bar per rotation, or one per harmonic of a field.
-fn plan(method: Method) -> ContainerLike {
+fn plan(layout: &mut Layout, method: PlanningMethod) -> ContainerLike {
     let (name, origin) = match method {
-        Method::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
-        Method::CorSequence | Method::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
+        PlanningMethod::SynthesizedField => (HARMONICS, "plan/harmonics_mm_s"),
+        PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
-    BarChartView::new(name).with_origin(origin).into()
+    let view = BarChartView::new(name).with_origin(origin).into();
+    // the title names the bars
+    layout.set(&view, "PlotLegend", &PlotLegend::new().with_visible(false));
+    view
 }
 
 /// The page of the localisation of table and parts in a frame of that size.
@@ -123,30 +143,23 @@ pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> Containe
 
 fn signals(layout: &mut Layout) -> ContainerLike {
     let views = [
-        layout.plot("Motors, counts", "motors", Some(MOTOR_SPAN_S)),
+        layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
         layout.plot("Accelerometer 1, m/s²", "accelerometers/1", Some(TRACE_SPAN_S)),
         layout.plot("Accelerometer 2, m/s²", "accelerometers/2", Some(TRACE_SPAN_S)),
     ];
     Vertical::new(views).with_name("Signals").into()
 }
 
-fn errors(layout: &mut Layout, method: Method) -> ContainerLike {
-    let views = [
-        ("Distance to target, mm", "errors/to_target_mm"),
-        ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
-        ("Measured against predicted, mm", "errors/of_prediction_mm"),
-        ("Distance from the path, mm", "errors/cross_track_mm"),
-        ("Measured against true, mm", "errors/sensing_mm"),
-        ("Sum of |d| in a cycle, mm", "plan/total_mm"),
-        ("Tracking a frame, µs", "timing/track_us"),
-        ("Planning, µs", "timing/plan_us"),
-        ("Whole cycle, µs", "timing/cycle_us"),
-    ];
-    // fields have no d to sum up
-    let shown = |path: &str| method != Method::SynthesizedField || path != "plan/total_mm";
-    let views: Vec<ContainerLike> =
-        views.into_iter().filter(|(_, path)| shown(path)).map(|(name, path)| layout.plot(name, path, None)).collect();
-    Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
+fn errors(layout: &mut Layout, context: &RunContext) -> ContainerLike {
+    // fields have no d to sum up, and many tasks no path to keep to
+    let shown = |path: &str| match path {
+        TOTAL => context.method != PlanningMethod::SynthesizedField,
+        CROSS_TRACK => !context.paths_m.is_empty(),
+        _ => true,
+    };
+    let shown = ERRORS.into_iter().filter(|(_, path)| shown(path));
+    let views: Vec<ContainerLike> = shown.map(|(title, path)| layout.plot(title, path, None)).collect();
+    Grid::new(views).with_grid_columns(ERROR_COLUMNS).with_name("Errors and timing").into()
 }
 
 /// Collects properties of views while they are built.
@@ -162,9 +175,8 @@ impl Layout {
     }
 
     fn table(&mut self, context: &RunContext) -> ContainerLike {
-        let reach_mm = mm_from_m(0.5 * context.model.plate_side_m) * WINDOW * 1.12;
         let view = Spatial2DView::new("Table from above, mm").with_origin("table");
-        self.bounded(view, [-reach_mm, reach_mm], [-reach_mm, reach_mm])
+        self.bounded(view, reach_mm(context), reach_mm(context))
     }
 
     fn image(&mut self, name: &str, origin: &str, width: f64, height: f64) -> ContainerLike {
@@ -237,5 +249,22 @@ impl Layout {
         }
         messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
         Ok(Written { messages, activation })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::titles::{WINDOW, fits};
+    use super::*;
+
+    #[test]
+    fn titles_of_panels_fit_at_1280_points() {
+        let all: f32 = BELOW.iter().sum();
+        for (title, share) in [MOTORS, HARMONICS, TO_TARGET].into_iter().zip(BELOW) {
+            assert!(fits(title, WINDOW * f64::from(share / all)), "{title}");
+        }
+        for (title, _) in ERRORS {
+            assert!(fits(title, WINDOW / f64::from(ERROR_COLUMNS)), "{title}");
+        }
     }
 }

@@ -1,7 +1,11 @@
+use rerun::Color;
+
 use super::looks::Looks;
+use super::names::{self, Names};
 use super::paint::{self, in_half_frame};
 use super::picture;
 use super::tape::{Logged, Tape};
+use super::task::View;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_core::geometry::Vec2;
@@ -12,7 +16,8 @@ use upm_recording::outline_px;
 
 /// The camera's view at the start of each cycle: the frame at half its size with the detections.
 pub(super) struct CameraView {
-    ids: Vec<String>,
+    names: Names,
+    colors: Vec<Color>,
     table: Option<Table>,
     trails: Trails,
     halved: Vec<u8>,
@@ -20,14 +25,25 @@ pub(super) struct CameraView {
 
 impl CameraView {
     pub(super) fn new(context: &RunContext) -> Self {
-        let ids: Vec<String> = context.parts.iter().map(|part| part.id.clone()).collect();
-        Self { trails: Trails::new(ids.len(), 6.0), ids, table: None, halved: Vec::new() }
+        let palette = paint::palette(&context.parts);
+        let ids: Vec<&str> = context.parts.iter().map(|part| part.id.as_str()).collect();
+        let bounds = context.model.frame_size_px.map(|side| [0.0, side as f64 / 2.0]);
+        Self {
+            names: Names::new(&ids, palette.parts(), bounds, names::PANEL),
+            colors: paint::colors(palette.parts()),
+            table: None,
+            trails: Trails::new(ids.len(), 6.0),
+            halved: Vec::new(),
+        }
     }
 
-    pub(super) fn localised(&mut self, tape: &Tape, table: Table) -> Logged {
+    pub(super) fn localised(&mut self, tape: &Tape, table: Table, context: &RunContext) -> Logged {
         let outline: Vec<_> = outline_px(&table).map(in_half_frame).collect();
+        tape.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))?;
+        let label = self.names.label_height();
+        View { root: "camera", is_static: false, place: |p_m| place(&table, p_m), label }.log(tape, context)?;
         self.table = Some(table);
-        tape.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))
+        Ok(())
     }
 
     pub(super) fn looks(&mut self, looks: &Looks) {
@@ -37,20 +53,23 @@ impl CameraView {
     pub(super) fn picture(&mut self, tape: &Tape, frame: &Frame, tracks: &[Track]) -> Logged {
         let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
         tape.log("camera/image", &image.with_draw_order(-10.0))?;
-        let discs = tracks.iter().map(|track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0));
-        tape.log("camera/parts", &paint::circles(discs, paint::MEASURED, 1.0))?;
-        let below = tracks.iter().map(|track| {
-            let [x, y] = in_half_frame(track.seen.center_px);
-            [x, y + track.seen.radius_px as f32 / 2.0]
-        });
-        tape.log("camera/names", &paint::names(below, &self.ids))?;
-        tape.log("camera/trails", &paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 0.75))
+        let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
+        let circles = paint::circles(tracks.iter().map(disc), paint::MEASURED, 1.5).with_colors(self.colors.clone());
+        tape.log("camera/parts", &circles)?;
+        tape.log("camera/names", &self.names.beside(tracks.iter().map(disc)))?;
+        let trails = paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 1.0);
+        tape.log("camera/trails", &trails.with_colors(self.colors.clone()))
     }
 
     /// Logs the targets of the parts in the picture.
     pub(super) fn wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let Some(table) = &self.table else { return Ok(()) };
-        let place = |&p_m: &Vec2| in_half_frame(table.lens.image_from_ideal(table.ideal_from_table.apply(p_m)));
-        tape.log("camera/targets", &paint::dots(cycle.wanted.targets_m.iter().map(place), paint::TARGET, 4.0))
+        let targets = paint::dots(cycle.wanted.targets_m.iter().map(|&p_m| place(table, p_m)), paint::TARGET, 4.0);
+        tape.log("camera/targets", &targets.with_colors(self.colors.clone()))
     }
+}
+
+/// A point of the table in the view.
+fn place(table: &Table, p_m: Vec2) -> [f32; 2] {
+    in_half_frame(table.lens.image_from_ideal(table.ideal_from_table.apply(p_m)))
 }

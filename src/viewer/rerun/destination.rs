@@ -11,7 +11,7 @@ use super::file::RrdFile;
 use super::live::{Feed, Live};
 use super::live_server::LiveServer;
 use crate::types::RecordingError;
-use upm_recording::RecordingSwitch;
+use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
 
 /// Address on which a spawned viewer listens.
@@ -60,7 +60,7 @@ impl Destination {
     }
 
     /// Starts the file. Also returns its path for errors and the feeder of the viewer.
-    pub(super) fn start(self, switch: RecordingSwitch) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
+    pub(super) fn start(self, switch: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
         let Self { out, draft, path, viewer, feeds } = self;
         match RrdFile::new(out, draft, feeds, switch) {
             Ok(file) => Ok((file, path, viewer)),

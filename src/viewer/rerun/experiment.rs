@@ -11,12 +11,16 @@ use super::file::RrdFile;
 use super::paint::{self, above, thin};
 use super::sink::record;
 use super::tape::{Logged, Tape};
+use super::titles;
 use crate::types::Experiment;
 use crate::types::{RecordingError, RecordingStats};
 use upm_chart::{Chart, Playback, PlaybackTrack};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_recording::RerunMode;
+
+/// Columns of a page with more than three views.
+const COLUMNS: u32 = 3;
 
 /// Half the side of the view, in half sides of the plate.
 const REACH: f64 = 1.15;
@@ -58,15 +62,20 @@ fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartVi
         let view = Spatial2DView::new("Playback, mm").with_origin("motion");
         views.push(layout.bounded(view, [-reach_mm, reach_mm], [-reach_mm, reach_mm]));
     }
+    let columns = match charts.len() + views.len() {
+        shown @ 1..=3 => shown,
+        _ => COLUMNS as usize,
+    };
     for ((path, view), Chart { title, .. }) in charts.iter().zip(&experiment.charts) {
         let [x, y] = view.bounds();
-        views.push(layout.bounded(Spatial2DView::new(title.as_str()).with_origin(path.as_str()), x, y));
+        let title = titles::shortened(title, titles::WINDOW / columns as f64);
+        views.push(layout.bounded(Spatial2DView::new(title).with_origin(path.as_str()), x, y));
     }
     let figures = TextDocumentView::new("Figures").with_origin("figures").into();
     let page = match views.len() {
         0 => Vertical::new([figures]),
         1..=3 => Vertical::new([Horizontal::new(views).into(), figures]).with_row_shares([2.0, 1.0]),
-        _ => Vertical::new([Grid::new(views).with_grid_columns(3).into(), figures]).with_row_shares([3.0, 1.0]),
+        _ => Vertical::new([Grid::new(views).with_grid_columns(COLUMNS).into(), figures]).with_row_shares([3.0, 1.0]),
     };
     page.with_name("Experiment").into()
 }

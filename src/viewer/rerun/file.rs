@@ -14,13 +14,13 @@ use rerun::sink::{LogSink, SinkFlushError};
 use super::draft::Draft;
 use super::live::Feed;
 use syncing::Syncing;
-use upm_recording::RecordingSwitch;
+use upm_recording::RecordingHandle;
 
 /// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
 /// reports it at once on its switch, and returns a result when it is closed. Every message is one write, so a killed
 /// process loses nothing written so far; a power cut loses about the last second.
 #[derive(Clone)]
-pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingSwitch);
+pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 
 struct State {
     encoder: Option<Encoder<Counted>>,
@@ -39,7 +39,7 @@ impl RrdFile {
         out: Option<Box<dyn Write + Send>>,
         draft: Option<Draft>,
         feeds: Vec<Feed>,
-        switch: RecordingSwitch,
+        switch: RecordingHandle,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
         // without it the end of the file reaches the disk later
@@ -50,7 +50,7 @@ impl RrdFile {
     }
 
     /// Status of the recording.
-    pub(super) fn switch(&self) -> &RecordingSwitch {
+    pub(super) fn switch(&self) -> &RecordingHandle {
         &self.1
     }
 
@@ -123,7 +123,7 @@ impl LogSink for RrdFile {
 }
 
 /// An encoder that writes messages to `out`, the header first.
-fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encoder<Counted>, String> {
+fn encoder(out: Box<dyn Write + Send>, switch: &RecordingHandle) -> Result<Encoder<Counted>, String> {
     switch.begin();
     let out = Counted { out, switch: switch.clone() };
     let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
@@ -133,13 +133,13 @@ fn encoder(out: Box<dyn Write + Send>, switch: &RecordingSwitch) -> Result<Encod
 /// Counts the bytes that pass through.
 struct Counted {
     out: Box<dyn Write + Send>,
-    switch: RecordingSwitch,
+    switch: RecordingHandle,
 }
 
 impl Write for Counted {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes)?;
-        self.switch.wrote(written as u64);
+        self.switch.add_bytes(written as u64);
         Ok(written)
     }
 

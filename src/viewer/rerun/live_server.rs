@@ -20,7 +20,7 @@ use rerun::{MemoryLimit, PlaybackBehavior, ServerOptions};
 use super::live::{Feed, VIEWER_QUEUE};
 use super::viewer_proxy::ViewerProxy;
 use upm_core::background::{OverflowPolicy, Queue, Receiver};
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 
 /// Largest number of messages that the server has not yet taken in. Its own bound is 128 MiB.
 const MOST_AHEAD: usize = 64;
@@ -140,7 +140,7 @@ impl Stage {
         let (told, started) = sync_channel(1);
         thread::Builder::new().name("live".into()).spawn(move || {
             // the server's threads inherit this priority
-            step_back();
+            lower_thread_priority();
             let sink = sink(history_bytes);
             let address =
                 sink.as_ref().map(|(_, address)| *address).map_err(|fault| io::Error::other(fault.to_string()));

@@ -12,7 +12,7 @@ use crate::{RecordingError, RecordingStats};
 use upm_core::background::OverflowPolicy;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Keeping, RecordingState, RerunMode};
+use upm_recording::{RecordingOptions, RecordingState, RerunMode};
 
 const HISTORY_BYTES: u64 = 16 << 20;
 /// Largest window of HTTP/2, bytes.
@@ -152,14 +152,14 @@ fn a_run_without_a_file_is_seen_all_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
     let mut run = SyntheticRun::new(2);
-    let keeping = Keeping { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
+    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
     let path = folder.path().join("run.rrd");
     let mut sink = RerunSink::start(&RerunMode::Off, &path, Some(&server), context(&run), &keeping).unwrap();
     run.cycle(&mut sink);
     keeping.recording.stop("there is none that could be");
     run.cycle(&mut sink);
     assert_eq!(sink.finish().unwrap(), RecordingStats::default());
-    assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Off, None));
+    assert_eq!((keeping.recording.state(), keeping.recording.take_end()), (RecordingState::Off, None));
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     assert!(brings(&mut viewer(&server), "upm"));
 }

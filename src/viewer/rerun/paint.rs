@@ -2,6 +2,8 @@
 
 use rerun::{Arrows2D, Color, Ellipses2D, LineStrip2D, LineStrips2D, Points2D, Radius};
 
+use crate::types::PartLook;
+use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 
@@ -12,6 +14,8 @@ pub(super) type Rgb = (u8, u8, u8);
 pub(super) const MEASURED: Rgb = (80, 165, 255);
 /// Colour of the ground truth.
 pub(super) const TRUE: Rgb = (90, 225, 120);
+/// Colour of the true outlines and trails of parts, which lie on the measured ones in the colour of their part.
+pub(super) const TRUE_PART: Rgb = (250, 250, 250);
 /// Colour of targets.
 pub(super) const TARGET: Rgb = (255, 165, 40);
 /// Colour of subgoals.
@@ -37,6 +41,15 @@ const SERIES: [Rgb; 8] = [
 
 pub(super) fn color((r, g, b): Rgb) -> Color {
     Color::from_rgb(r, g, b)
+}
+
+/// Colours of the parts of a job and of their kinds.
+pub(super) fn palette(parts: &[PartLook]) -> Palette {
+    Palette::of(&parts.iter().map(|part| part.kind.as_str()).collect::<Vec<_>>(), Ground::Dark)
+}
+
+pub(super) fn colors(rgb: &[[u8; 3]]) -> Vec<Color> {
+    rgb.iter().map(|&[r, g, b]| Color::from_rgb(r, g, b)).collect()
 }
 
 /// Colours of `count` series, repeated as needed.
@@ -85,9 +98,4 @@ pub(super) fn arrows(ends: impl IntoIterator<Item = [[f32; 2]; 2]>, paint: Rgb, 
 pub(super) fn circles(circles: impl IntoIterator<Item = ([f32; 2], f32)>, paint: Rgb, points: f32) -> Ellipses2D {
     let (centers, radii): (Vec<_>, Vec<_>) = circles.into_iter().map(|(center, radius)| (center, [radius; 2])).unzip();
     Ellipses2D::from_centers_and_half_sizes(centers, radii).with_colors([color(paint)]).with_line_radii([thin(points)])
-}
-
-/// Names of parts, each just below a point.
-pub(super) fn names(points: impl IntoIterator<Item = [f32; 2]>, names: &[String]) -> Points2D {
-    dots(points, MEASURED, 0.1).with_labels(names.iter().map(String::as_str)).with_show_labels(true)
 }

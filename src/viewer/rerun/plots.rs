@@ -32,9 +32,10 @@ pub(super) struct Plots {
 impl Plots {
     /// Logs names and colours of the series.
     pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
+        let palette = paint::palette(&context.parts);
         for path in BY_PART {
             let names = context.parts.iter().map(|part| part.id.as_str());
-            let lines = SeriesLines::new().with_names(names).with_colors(paint::series(context.parts.len()));
+            let lines = SeriesLines::new().with_names(names).with_colors(paint::colors(palette.parts()));
             tape.log_static(path, &lines.with_widths([1.5]))?;
         }
         for (path, color) in SINGLE.into_iter().zip(paint::series(SINGLE.len())) {

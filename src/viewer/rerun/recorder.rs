@@ -97,7 +97,7 @@ impl Recorder {
                 let send = if desk.run_waits { Tape::flush } else { Tape::send_on };
                 recorded = recorded.and_then(|()| send(&self.tape));
             }
-            if let (Some(reason), false) = (file.switch().wanted_stop(), stopped) {
+            if let (Some(reason), false) = (file.switch().stop_request(), stopped) {
                 stopped = true;
                 recorded = recorded.and_then(|()| self.last_words(RecordingReport::stopped(reason).text));
                 file.close().ok(); // the switch reports a failure
@@ -129,7 +129,7 @@ impl Recorder {
                 let names: Vec<&str> = self.context.parts.iter().map(|part| part.id.as_str()).collect();
                 vision::log(&self.tape, &found, &names)?;
                 self.words.localised(&self.tape, &found, &self.context)?;
-                self.camera.localised(&self.tape, found.table)
+                self.camera.localised(&self.tape, found.table, &self.context)
             }
             Message::Looks(looks) => {
                 self.camera.looks(&looks);

@@ -17,7 +17,7 @@ use upm_core::background::{OverflowPolicy, Queue, Receiver, Unfinished, Unsent, 
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
-use upm_recording::{EventRecord, Keeping, RecordingState, RecordingSwitch, RerunMode};
+use upm_recording::{EventRecord, RecordingHandle, RecordingOptions, RecordingState, RerunMode};
 
 /// Capacity of the queue to the recorder, messages; it also limits the number of frames held.
 const QUEUE: usize = 32;
@@ -55,7 +55,7 @@ struct Running {
     stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
     recorder: Worker<Closed>,
-    switch: RecordingSwitch,
+    switch: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
     looks: Looks,
@@ -78,7 +78,7 @@ impl RerunSink {
         path: &Path,
         live: Option<&LiveServer>,
         context: RunContext,
-        keeping: &Keeping,
+        keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
         if *mode == RerunMode::Off && live.is_none() {
             return Ok(Self(None));
@@ -91,13 +91,13 @@ impl RerunSink {
     pub(super) fn into_destination(
         to: Destination,
         context: RunContext,
-        keeping: &Keeping,
+        keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
-        let Keeping { recording_overflow: overflow, clock, has_clock, .. } = *keeping;
+        let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *keeping;
         let run_waits = overflow != OverflowPolicy::GiveUp;
         // without a file there is no recording that could fail or be stopped
         let is_kept = to.has_file();
-        let switch = if is_kept { keeping.recording.clone() } else { RecordingSwitch::default() };
+        let switch = if is_kept { keeping.recording.clone() } else { RecordingHandle::default() };
         let (file, path, live) = to.start(switch.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
@@ -273,7 +273,7 @@ pub(super) fn record(
     if *mode == RerunMode::Off {
         return Ok(RecordingStats::default());
     }
-    let (file, path, live) = Destination::open(mode, path)?.start(RecordingSwitch::default())?;
+    let (file, path, live) = Destination::open(mode, path)?.start(RecordingHandle::default())?;
     let recorded = log(file.clone());
     stats(&path, live, close(&file, recorded))
 }

@@ -21,7 +21,7 @@ use upm_control::{EventLevel, Sink};
 use upm_core::background::OverflowPolicy;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Fanout, Keeping, MemorySink, RecordingState, RerunMode, tell_recording};
+use upm_recording::{Fanout, MemorySink, RecordingOptions, RecordingState, RerunMode, report_recording_end};
 
 /// A folder, the path of the recording in it, and its path before it is closed.
 fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
@@ -104,13 +104,18 @@ fn a_recording_has_its_name_only_once_it_is_closed() {
     let stats = sink.finish().unwrap();
     assert!(path.exists() && !part.exists());
     assert_eq!(path.metadata().unwrap().len(), stats.file_bytes);
-    assert_eq!((keeping.recording.state(), keeping.recording.news()), (RecordingState::Whole, None));
+    assert_eq!((keeping.recording.state(), keeping.recording.take_end()), (RecordingState::Whole, None));
 }
 
 /// Plays cycles until `done`, and reports the recording as a run does.
-fn cycles_until(run: &mut SyntheticRun, sink: &mut RerunSink, keeping: &Keeping, done: RecordingState) -> MemorySink {
+fn cycles_until(
+    run: &mut SyntheticRun,
+    sink: &mut RerunSink,
+    keeping: &RecordingOptions,
+    done: RecordingState,
+) -> MemorySink {
     let mut seen = MemorySink::default();
-    let mut tell = |sinks: &mut dyn Sink, at| tell_recording(&keeping.recording, sinks, at);
+    let mut tell = |sinks: &mut dyn Sink, at| report_recording_end(&keeping.recording, sinks, at);
     let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut tell);
     for _ in 0..400 {
         run.cycle(&mut sinks);
@@ -191,7 +196,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);
-    let keeping = Keeping { recording_overflow: OverflowPolicy::WaitAtMost(most), ..keeping() };
+    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::WaitAtMost(most), ..keeping() };
     let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();
@@ -218,7 +223,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
-    let keeping = Keeping { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
+    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
     let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();

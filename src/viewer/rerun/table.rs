@@ -1,9 +1,11 @@
-use rerun::{Arrows2D, Ellipses2D};
+use rerun::{Arrows2D, Color, Ellipses2D, Points2D};
 
 use super::field::{mean_direction, over_a_period};
 use super::looks::Looks;
+use super::names::{self, Names};
 use super::paint::{self, above, thin};
 use super::tape::{Logged, Tape, nanos};
+use super::task::View;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2, perp};
@@ -11,10 +13,16 @@ use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_perception::estimation::PlateFit;
 use upm_planner::{PlannedPulse, Rotation};
-use upm_recording::{CycleRecord, Motion, PulseRecord};
+use upm_recording::{CycleRecord, MotionRecord, PulseRecord};
 
 /// Centres of rotation farther out are drawn at the rim of a window larger than the plate by this factor.
-pub(super) const WINDOW: f64 = 1.25;
+const WINDOW: f64 = 1.25;
+
+/// Bounds of the view along both axes, mm.
+pub(super) fn reach_mm(context: &RunContext) -> [f64; 2] {
+    let reach_mm = mm_from_m(0.5 * context.model.plate_side_m) * WINDOW * 1.12;
+    [-reach_mm, reach_mm]
+}
 
 /// Number of arrows of the field along each side of the plate.
 const FIELD: usize = 11;
@@ -22,7 +30,9 @@ const FIELD: usize = 11;
 /// The view of the table from above, mm.
 pub(super) struct TableView {
     half_side_m: f64,
-    ids: Vec<String>,
+    names: Names,
+    radii_mm: Vec<f32>,
+    colors: Vec<Color>,
     measured: Trails,
     truth: Trails,
     /// Centres of rotation that the accelerometers read in the pulses of this cycle, m.
@@ -41,16 +51,30 @@ impl TableView {
         tape.log_static("table/library", &paint::dots(centers, paint::FAINT, 1.5))?;
         let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
         let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
-        tape.log_static("table/measured", &measured.with_colors([paint::color(paint::MEASURED)]))?;
+        let palette = paint::palette(&context.parts);
+        let colors = paint::colors(palette.parts());
+        tape.log_static("table/measured", &measured.with_colors(colors.clone()))?;
         // thinner than the line of the measured one, so that both are visible where they agree
         let truth =
             Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(0.6)]).with_draw_order(50.0);
         if context.truth.is_some() {
-            tape.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE)]))?;
+            tape.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE_PART)]))?;
         }
         let trails = Trails::new(context.parts.len(), 1.5e-3);
-        let ids = context.parts.iter().map(|part| part.id.clone()).collect();
-        Ok(Self { half_side_m, ids, measured: trails.clone(), truth: trails, read_m: (0, Vec::new()) })
+        let ids: Vec<&str> = context.parts.iter().map(|part| part.id.as_str()).collect();
+        let names = Names::new(&ids, palette.parts(), [reach_mm(context); 2], names::PANEL);
+        View { root: "table", is_static: true, place: above, label: names.label_height() }.log(tape, context)?;
+        tape.log_static("table/names", &names.without_places())?;
+        let radii_mm = context.parts.iter().map(|part| mm_from_m(part.radius_m) as f32).collect();
+        Ok(Self {
+            half_side_m,
+            names,
+            radii_mm,
+            colors,
+            measured: trails.clone(),
+            truth: trails,
+            read_m: (0, Vec::new()),
+        })
     }
 
     pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
@@ -58,6 +82,7 @@ impl TableView {
         if parts == 0 || looks.is_empty() {
             return Ok(());
         }
+        self.log_names(tape, looks)?;
         for (path, trails, points_m) in
             [("table/measured", &mut self.measured, &looks.measured_m), ("table/true", &mut self.truth, &looks.true_m)]
         {
@@ -72,24 +97,33 @@ impl TableView {
         Ok(())
     }
 
+    /// Logs the names of the parts beside them.
+    fn log_names(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+        let parts = looks.parts();
+        let mut places = Vec::with_capacity(looks.measured_m.len());
+        for look in looks.measured_m.chunks_exact(parts) {
+            places.extend(self.names.places(look.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
+        }
+        let columns = Points2D::update_fields().with_positions(places).columns(looks.at.iter().map(|_| parts));
+        let columns = columns.map_err(|e| format!("table/names: {e}"))?;
+        tape.log_columns("table/names", looks.at.iter().copied().map(nanos), columns)
+    }
+
     /// Logs the trails of the parts up to now.
     pub(super) fn trails(&self, tape: &Tape) -> Logged {
-        for (path, trails, paint) in [
-            ("table/trails/measured", &self.measured, paint::MEASURED),
-            ("table/trails/true", &self.truth, paint::TRUE),
-        ] {
-            let strips = trails.strips(above);
-            if strips.iter().any(|strip| !strip.is_empty()) {
-                tape.log(path, &paint::lines(strips, paint, 0.6))?;
-            }
+        let strips = self.measured.strips(above);
+        if strips.iter().any(|strip| !strip.is_empty()) {
+            let lines = paint::lines(strips, paint::MEASURED, 1.0).with_colors(self.colors.clone());
+            tape.log("table/trails/measured", &lines)?;
+        }
+        let strips = self.truth.strips(above);
+        if strips.iter().any(|strip| !strip.is_empty()) {
+            tape.log("table/trails/true", &paint::lines(strips, paint::TRUE_PART, 0.3).with_draw_order(35.0))?;
         }
         Ok(())
     }
 
     pub(super) fn cycle(&self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
-        let below =
-            cycle.observed_m.iter().zip(&context.parts).map(|(p_m, part)| above(p_m - Vec2::y() * part.radius_m));
-        tape.log("table/names", &paint::names(below, &self.ids))?;
         self.log_wanted(tape, cycle)?;
         self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(tape, cycle)?;
@@ -125,7 +159,8 @@ impl TableView {
     fn log_wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
         let wanted = &cycle.wanted;
         let dots = |points_m: &[Vec2], paint, points| paint::dots(points_m.iter().copied().map(above), paint, points);
-        tape.log("table/wanted/targets", &dots(&wanted.targets_m, paint::TARGET, 4.5))?;
+        let targets = dots(&wanted.targets_m, paint::TARGET, 4.5).with_colors(self.colors.clone());
+        tape.log("table/wanted/targets", &targets)?;
         tape.log("table/wanted/subgoals", &dots(&wanted.subgoals_m, paint::SUBGOAL, 3.0))?;
         let predicted_m = cycle.plan.predicted_m.last().map_or(&[][..], Vec::as_slice);
         tape.log("table/wanted/predicted", &dots(predicted_m, paint::PREDICTED, 2.0))?;
@@ -139,10 +174,12 @@ impl TableView {
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
             let PlannedPulse::Rotation(pulse) = pulse else { return None };
             let pump = library.entries.get(pulse.entry)?.pump * pulse.distance_m.signum();
-            let how = match Motion::of(&pump)? {
-                Motion::About { counter_clockwise: true, .. } => "ccw".to_owned(),
-                Motion::About { .. } => "cw".to_owned(),
-                Motion::Along { direction } => format!("towards {:.0}°", direction.y.atan2(direction.x).to_degrees()),
+            let how = match MotionRecord::of(&pump)? {
+                MotionRecord::About { counter_clockwise: true, .. } => "ccw".to_owned(),
+                MotionRecord::About { .. } => "cw".to_owned(),
+                MotionRecord::Along { direction } => {
+                    format!("towards {:.0}°", direction.y.atan2(direction.x).to_degrees())
+                }
             };
             let label = format!("{}: {:.1} mm {how}", j + 1, mm_from_m(pulse.distance_m.abs()));
             Some((above(place_of(&pump, window_m)?), label))
@@ -209,10 +246,10 @@ impl Flow {
 
 /// The centre of rotation of `pump`, clamped to the rim of a square of half side `window_m`.
 fn place_of(pump: &Twist, window_m: f64) -> Option<Vec2> {
-    let center = match Motion::of(pump)? {
-        Motion::About { center_m, .. } => center_m,
+    let center = match MotionRecord::of(pump)? {
+        MotionRecord::About { center_m, .. } => center_m,
         // v = ω (p - C)^⊥ puts the centre to the left of the flow of a counter-clockwise rotation
-        Motion::Along { direction } => perp(direction) * 1e3,
+        MotionRecord::Along { direction } => perp(direction) * 1e3,
     };
     let reach = center.amax() / window_m;
     Some(if reach > 1.0 { center / reach } else { center })

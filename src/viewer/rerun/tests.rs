@@ -13,8 +13,8 @@ use upm_fixtures::{
     rig,
     synthetic_run::{self, SyntheticRun},
 };
-use upm_planner::Method;
-use upm_recording::{Keeping, MemorySink, RerunMode};
+use upm_planner::PlanningMethod;
+use upm_recording::{MemorySink, RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {
     let part =
@@ -24,14 +24,16 @@ pub(super) fn context(run: &SyntheticRun) -> RunContext {
         seed: 7,
         library: Arc::new(rig::library()),
         model: rig::model(),
-        method: if run.plans_fields { Method::SynthesizedField } else { Method::CorSequence },
+        method: if run.plans_fields { PlanningMethod::SynthesizedField } else { PlanningMethod::CorSequence },
         parts: (0..run.parts_m.len()).map(part).collect(),
+        bins: Vec::new(),
+        paths_m: Vec::new(),
         truth: Some(run.truth.clone()),
     }
 }
 
-pub(super) fn keeping() -> Keeping {
-    Keeping::patient(MonotonicClock::new())
+pub(super) fn keeping() -> RecordingOptions {
+    RecordingOptions::lossless(MonotonicClock::new())
 }
 
 fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats, RecordingError> {

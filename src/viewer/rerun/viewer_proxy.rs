@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 use upm_core::time::{Clock, MonotonicClock};
 
 /// Largest number of viewers at a time.
@@ -81,7 +81,7 @@ impl ViewerProxy {
         let accepted = Arc::clone(&state);
         thread::Builder::new().name("live-proxy".into()).spawn(move || {
             // the relay threads inherit this
-            step_back();
+            lower_thread_priority();
             accept_loop(&listener, &accepted);
         })?;
         Ok(Self { address, state })

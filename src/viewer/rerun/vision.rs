@@ -1,11 +1,15 @@
+use super::names::{self, Names};
 use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
 use super::tape::{Logged, Tape};
-use upm_core::geometry::Vec2;
+use upm_chart::{Ground, Palette};
 use upm_core::signal::Frame;
-use upm_perception::vision::{HoughArray, Plane, Stages};
+use upm_perception::vision::{DebugImages, FloatImage, HoughArray};
 use upm_recording::LocalisedRecord;
 use upm_recording::{edge_map, outline_px, response_map, vote_map};
+
+/// Size of one of four views in a window of 1280 by 800 points, in points of the screen.
+const QUARTER: [f64; 2] = [640.0, 330.0];
 
 /// Largest size of the map of votes, px: its peaks are small, and the view is wide.
 const VOTES_PX: [usize; 2] = [720, 410];
@@ -13,7 +17,7 @@ const VOTES_PX: [usize; 2] = [720, 410];
 /// Logs the localisation of table and parts: the frame at full size, edges, Hough votes and disk response, each with
 /// its findings. `names` are those of the parts.
 pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
-    let Stages { edges, hough, disk_response } = &found.stages;
+    let DebugImages { edges, hough, disk_response } = &found.stages;
     log_frame(tape, found, names)?;
     // a stage that was not kept is empty
     if !edges.values.is_empty() {
@@ -35,15 +39,18 @@ fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
     let corners = paint::dots(found.table.corners_px.map(in_frame), paint::TRUE, 4.0);
     tape.log("vision/frame/corners", &corners.with_labels(["1", "2", "3", "4"]))?;
     // scores are in the view of the disk response: with one text per part, many parts remain legible
-    let labels: Vec<String> =
-        (0..found.detections.len()).map(|i| (*names.get(i).unwrap_or(&"part")).to_owned()).collect();
-    let below = found.detections.iter().map(|part| in_frame(part.center_px + Vec2::y() * part.radius_px));
-    tape.log("vision/frame/names", &paint::names(below, &labels))?;
-    let discs = found.detections.iter().map(|part| (in_frame(part.center_px), part.radius_px as f32));
-    tape.log("vision/frame/parts", &paint::circles(discs, paint::MEASURED, 1.0))
+    let labels: Vec<&str> = (0..found.detections.len()).map(|i| *names.get(i).unwrap_or(&"part")).collect();
+    let discs = || found.detections.iter().map(|part| (in_frame(part.center_px), part.radius_px as f32));
+    let kinds: Vec<&str> = labels.iter().map(|name| names::kind_of(name)).collect();
+    let palette = Palette::of(&kinds, Ground::Dark);
+    let bounds = [found.frame.width, found.frame.height].map(|side| [0.0, side as f64]);
+    let mut beside = Names::new(&labels, palette.parts(), bounds, QUARTER);
+    tape.log("vision/frame/names", &beside.beside(discs()))?;
+    let circles = paint::circles(discs(), paint::MEASURED, 1.0);
+    tape.log("vision/frame/parts", &circles.with_colors(paint::colors(palette.parts())))
 }
 
-fn log_edges(tape: &Tape, edges: &Plane, frame: &Frame) -> Logged {
+fn log_edges(tape: &Tape, edges: &FloatImage, frame: &Frame) -> Logged {
     let map = edge_map(edges, [frame.width, frame.height], 2);
     tape.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
 }
@@ -60,7 +67,7 @@ fn log_hough(tape: &Tape, hough: &HoughArray) -> Logged {
     tape.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
 }
 
-fn log_disk_response(tape: &Tape, response: &Plane, found: &LocalisedRecord) -> Logged {
+fn log_disk_response(tape: &Tape, response: &FloatImage, found: &LocalisedRecord) -> Logged {
     let map = response_map(response, [found.frame.width, found.frame.height], 2);
     tape.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
     let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));

@@ -7,7 +7,7 @@ use upm_control::EventLevel;
 use upm_core::units::mm_from_m;
 use upm_library::Library;
 use upm_planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
-use upm_recording::Motion;
+use upm_recording::MotionRecord;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
 
 /// The log of a run as text.
@@ -75,11 +75,11 @@ fn sequence(pulses: &[PlannedPulse], context: &RunContext) -> String {
 /// A rotation as text: `4.0 mm about (10, -35)` or `-2.1 mm along (0.00, 1.00)`.
 fn rotation(pulse: &Rotation, library: &Library) -> String {
     let distance_mm = mm_from_m(pulse.distance_m);
-    match library.entries.get(pulse.entry).and_then(|entry| Motion::of(&entry.pump)) {
-        Some(Motion::About { center_m, .. }) => {
+    match library.entries.get(pulse.entry).and_then(|entry| MotionRecord::of(&entry.pump)) {
+        Some(MotionRecord::About { center_m, .. }) => {
             format!("{distance_mm:.1} mm about ({:.0}, {:.0})", mm_from_m(center_m.x), mm_from_m(center_m.y))
         }
-        Some(Motion::Along { direction }) => {
+        Some(MotionRecord::Along { direction }) => {
             format!("{distance_mm:.1} mm along ({:.2}, {:.2})", direction.x, direction.y)
         }
         None => format!("{distance_mm:.1} mm"),

@@ -5,12 +5,12 @@ const FRAME_HZ: f64 = 60.0;
 const FRAME_S: f64 = 1.0 / FRAME_HZ;
 
 /// A pulse of a rotation or of a synthesised motion, `sustain_s` at full height.
-fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
+fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> PlateSwing {
     let harmonic = |share: f64| TwistHarmonic {
         cos: Twist::new(speed_mps, 0.0, speed_mps) * share,
         sin: Twist::new(0.0, speed_mps, 0.0) * share,
     };
-    Swing {
+    PlateSwing {
         wave: TwistWave { base_radps: std::f64::consts::TAU * base_hz, harmonics: vec![harmonic(1.0), harmonic(0.6)] },
         envelope: Envelope { attack_s, sustain_s, rest_s: 0.04 },
         half_side_m: 0.15,
@@ -19,12 +19,12 @@ fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> Swing {
 }
 
 /// Number of frames from one pulse to the next.
-fn frames(swing: &Swing) -> u32 {
+fn frames(swing: &PlateSwing) -> u32 {
     (swing.envelope.total_s() / FRAME_S).ceil() as u32 + 1
 }
 
 /// Findings in four consecutive pulses of `swing`, in frames that are `late` frames late.
-fn found(late: u32, swing: &Swing) -> [Option<Late>; 4] {
+fn found(late: u32, swing: &PlateSwing) -> [Option<Late>; 4] {
     let frames = frames(swing);
     let mut guard = DelayGuard::new(FRAME_HZ);
     let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
@@ -161,7 +161,7 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
 
 /// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is the displacement of the
 /// plate in a frame as a multiple of the planned one.
-fn found_in(begins: &[u32], pulse: &Swing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<Late>> {
+fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<Late>> {
     let mut guard = DelayGuard::new(FRAME_HZ);
     let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
     let seen_px = |at: u32| {
@@ -204,5 +204,22 @@ fn pulse_that_shows_neither_does_not_restart_the_count_of_late_ones() {
         let found = found_in(&begins, &pulse, late, height);
         assert_eq!(found, [None, None, Some(Late::By(late as usize))]);
         assert_eq!(found_in(&begins, &pulse, 0, height), [None; 3]);
+    }
+}
+
+#[test]
+fn pulses_that_swing_the_plate_less_than_planned_are_in_time_where_earlier_plans_fit_by_chance() {
+    // both strong pulses show the height that was planned for the second weak one
+    let pulse = |height: f64| swing(0.046 * height, 60.0, 1.0 / 60.0, 0.18);
+    let heights = [1.0, 1.0, 1.28, 1.28];
+    let mut guard = DelayGuard::new(FRAME_HZ);
+    let begin_s = |number: usize| (3 + 15 * number) as f64 * FRAME_S + 0.001;
+    for (number, height) in heights.into_iter().enumerate() {
+        guard.begin(begin_s(number), pulse(height));
+        for frame in 0..15 {
+            let since_s = f64::from(frame) * FRAME_S;
+            guard.frame(begin_s(number) + since_s, Some(pulse(0.98).corner_px(since_s)));
+        }
+        assert_eq!(guard.end(), None, "pulse {number}");
     }
 }

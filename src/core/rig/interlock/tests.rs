@@ -46,40 +46,40 @@ fn the_first_trip_stands_but_for_an_emergency_stop() {
 fn a_trip_is_answered_when_motors_are_at_zero() {
     let clock = Arc::new(HandClock::default());
     let interlock = Interlock::timed(clock.clone());
-    let rig = interlock.fit(PlateTime::ZERO).unwrap();
-    rig.sound().unwrap();
+    let rig = interlock.attach(PlateTime::ZERO).unwrap();
+    rig.energize().unwrap();
     assert_eq!(rig.step(at(4)), None);
     clock.pass(1_000);
     interlock.trip(Trip::EStop);
-    assert_eq!(interlock.answer(), None, "the motors do not know yet");
+    assert_eq!(interlock.stop_times(), None, "the motors do not know yet");
     clock.pass(30);
     assert_eq!(rig.step(at(5)), Some(Trip::EStop));
-    rig.silent(at(5));
+    rig.motors_off(at(5));
     let times = StopTimes { requested_at: at(4), silent_at: at(5), wall: Duration::from_nanos(30) };
-    assert_eq!(interlock.answer(), Some(times));
+    assert_eq!(interlock.stop_times(), Some(times));
     clock.pass(30);
-    rig.silent(at(9));
-    assert_eq!(interlock.answer(), Some(times), "silent once");
+    rig.motors_off(at(9));
+    assert_eq!(interlock.stop_times(), Some(times), "silent once");
 }
 
 #[test]
 fn what_is_silent_answers_at_once() {
     let clock = Arc::new(HandClock::default());
     let interlock = Interlock::timed(clock.clone());
-    assert_eq!(interlock.answer(), None);
+    assert_eq!(interlock.stop_times(), None);
     interlock.trip(Trip::EStop);
-    let without_a_rig = interlock.answer().unwrap();
+    let without_a_rig = interlock.stop_times().unwrap();
     assert_eq!((without_a_rig.requested_at, without_a_rig.silent_at), (PlateTime::ZERO, PlateTime::ZERO));
     assert!(interlock.release(Trip::EStop));
 
-    let rig = interlock.fit(at(10)).unwrap();
-    rig.sound().unwrap();
+    let rig = interlock.attach(at(10)).unwrap();
+    rig.energize().unwrap();
     rig.step(at(20));
-    rig.silent(at(21));
+    rig.motors_off(at(21));
     clock.pass(500);
     rig.step(at(70));
     interlock.trip(Trip::Watchdog);
-    let answer = interlock.answer().unwrap();
+    let answer = interlock.stop_times().unwrap();
     assert_eq!((answer.requested_at, answer.silent_at, answer.wall), (at(70), at(70), Duration::ZERO));
 }
 
@@ -87,37 +87,37 @@ fn what_is_silent_answers_at_once() {
 fn a_stop_while_another_one_is_under_way_is_answered_for_itself() {
     let clock = Arc::new(HandClock::default());
     let interlock = Interlock::timed(clock.clone());
-    let rig = interlock.fit(PlateTime::ZERO).unwrap();
-    rig.sound().unwrap();
+    let rig = interlock.attach(PlateTime::ZERO).unwrap();
+    rig.energize().unwrap();
     rig.step(at(7));
     interlock.trip(Trip::Shutdown);
     clock.pass(40);
     interlock.trip(Trip::EStop);
     clock.pass(60);
     rig.step(at(8));
-    rig.silent(at(8));
-    assert_eq!(interlock.answer().unwrap().wall, Duration::from_nanos(60));
+    rig.motors_off(at(8));
+    assert_eq!(interlock.stop_times().unwrap().wall, Duration::from_nanos(60));
     let other = Interlock::timed(clock.clone());
     other.trip(Trip::Lease);
     clock.pass(40);
     other.trip(Trip::EStop);
-    assert_eq!(other.answer().unwrap().wall, Duration::ZERO, "silent before the second");
+    assert_eq!(other.stop_times().unwrap().wall, Duration::ZERO, "silent before the second");
 }
 
 #[test]
 fn nothing_sounds_once_tripped() {
     let interlock = Interlock::default();
-    let rig = interlock.fit(PlateTime::ZERO).unwrap();
+    let rig = interlock.attach(PlateTime::ZERO).unwrap();
     interlock.trip(Trip::Shutdown);
-    assert_eq!(rig.sound(), Err(Trip::Shutdown));
-    assert!(interlock.answer().is_some());
+    assert_eq!(rig.energize(), Err(Trip::Shutdown));
+    assert!(interlock.stop_times().is_some());
 }
 
 #[test]
 fn a_trip_stays_while_a_rig_is_fitted_and_is_released_by_its_own_reason_alone() {
     let interlock = Interlock::default();
-    let first = interlock.fit(PlateTime::ZERO).unwrap();
-    assert!(interlock.fit(PlateTime::ZERO).is_none(), "one rig at a time");
+    let first = interlock.attach(PlateTime::ZERO).unwrap();
+    assert!(interlock.attach(PlateTime::ZERO).is_none(), "one rig at a time");
     interlock.trip(Trip::Lease);
     assert!(!interlock.release(Trip::Lease));
     drop(first);
@@ -125,19 +125,19 @@ fn a_trip_stays_while_a_rig_is_fitted_and_is_released_by_its_own_reason_alone() 
     assert_eq!(interlock.tripped(), Some(Trip::Lease));
     assert!(interlock.release(Trip::Lease));
     assert!(!interlock.release(Trip::Lease));
-    let second = interlock.fit(PlateTime::ZERO).unwrap();
-    assert_eq!(second.sound(), Ok(()));
+    let second = interlock.attach(PlateTime::ZERO).unwrap();
+    assert_eq!(second.energize(), Ok(()));
 }
 
 #[test]
 fn a_rig_that_is_gone_is_silent() {
     let interlock = Interlock::default();
-    let rig = interlock.fit(PlateTime::ZERO).unwrap();
-    rig.sound().unwrap();
+    let rig = interlock.attach(PlateTime::ZERO).unwrap();
+    rig.energize().unwrap();
     rig.step(at(3));
     interlock.trip(Trip::EStop);
     drop(rig);
-    assert_eq!(interlock.answer().unwrap().silent_at, at(3));
+    assert_eq!(interlock.stop_times().unwrap().silent_at, at(3));
     assert!(interlock.release(Trip::EStop));
 }
 
@@ -147,7 +147,7 @@ fn a_trip_wakes_the_thread_that_drives() {
     let driver = {
         let interlock = interlock.clone();
         thread::spawn(move || {
-            interlock.driven_from_here();
+            interlock.set_driver_thread();
             while interlock.tripped().is_none() {
                 thread::park();
             }
@@ -164,7 +164,7 @@ fn a_trip_wakes_the_thread_that_drives() {
 fn of_many_at_once_one_trips_and_an_emergency_stop_is_never_lost() {
     for _ in 0..200 {
         let interlock = Interlock::default();
-        let rig = interlock.fit(PlateTime::ZERO).unwrap();
+        let rig = interlock.attach(PlateTime::ZERO).unwrap();
         let changed = thread::scope(|scope| {
             let trip = |why| {
                 let interlock = &interlock;
@@ -172,27 +172,27 @@ fn of_many_at_once_one_trips_and_an_emergency_stop_is_never_lost() {
             };
             let threads = [Trip::Lease, Trip::Watchdog, Trip::EStop, Trip::Shutdown, Trip::EStop].map(trip);
             // pulses that start and end meanwhile
-            while rig.sound().is_ok() {
-                rig.silent(at(1));
+            while rig.energize().is_ok() {
+                rig.motors_off(at(1));
             }
             threads.map(|thread| thread.join().unwrap())
         });
         assert_eq!(interlock.tripped(), Some(Trip::EStop));
         assert!(changed[2] != changed[4], "one of the two made it: {changed:?}");
         assert!(changed.iter().filter(|&&changed| changed).count() <= 2, "{changed:?}");
-        assert!(interlock.answer().is_some());
+        assert!(interlock.stop_times().is_some());
     }
 }
 
 proptest! {
     #[test]
     fn a_word_keeps_what_is_put_into_it(state in 0u64..4, at_ns in any::<u64>(), why in 0usize..4) {
-        let state = Word(state << 62);
+        let state = StateWord(state << 62);
         let word = state.tripped(Trip::ALL[why], at_ns);
         prop_assert_eq!(word.trip(), Some(Trip::ALL[why]));
-        prop_assert_eq!(word.requested_at().nanos(), at_ns.min(Word::TIME));
-        prop_assert!(word.has(Word::FITTED) == state.has(Word::FITTED));
-        prop_assert!(word.has(Word::SOUNDING) == state.has(Word::SOUNDING));
+        prop_assert_eq!(word.requested_at().nanos(), at_ns.min(StateWord::TIME));
+        prop_assert!(word.has(StateWord::FITTED) == state.has(StateWord::FITTED));
+        prop_assert!(word.has(StateWord::SOUNDING) == state.has(StateWord::SOUNDING));
         prop_assert!(word.released() == state && state.trip().is_none());
     }
 }

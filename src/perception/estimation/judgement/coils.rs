@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{Felt, Judge, MotionVerdict, Played, felt, is_fault};
+use super::{Felt, MotionVerdict, Played, PulseJudge, felt, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
@@ -13,7 +13,7 @@ const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
 /// Plausible common gains of the coils, set by the amplifier's supply.
 const SHARED_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
-impl Judge<'_> {
+impl PulseJudge<'_> {
     /// Score and verdict for the gain of `coil` that fits the reading best.
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
         let [share, others] = self.split(coil);

@@ -10,14 +10,14 @@ use upm_core::signal::CHANNELS;
 const NOISY: f64 = 10.0;
 
 /// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
-pub(super) struct Reading {
+pub(super) struct TraceReading {
     pub accel_mps2: Felt,
     pub variance: Vec<f64>,
     /// The channel that is full of noise, if one is, with its share of the variance.
     pub noisy: Option<(usize, f64)>,
 }
 
-impl Reading {
+impl TraceReading {
     pub fn of(fit: &PlateFit) -> Self {
         match fit {
             PlateFit::Twist(fit) => {

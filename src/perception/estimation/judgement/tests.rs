@@ -54,17 +54,17 @@ fn rotation(counts: [f64; MOTORS]) -> Drive {
 
 /// A plate's faults and the disturbances added to its channels.
 #[derive(Clone, Copy)]
-struct Plate {
+struct TestPlate {
     coil_gain: [f64; MOTORS],
     swapped: Option<[usize; 2]>,
     channel_gain: [f64; CHANNELS],
     noise_mps2: f64,
 }
 
-const HEALTHY: Plate =
-    Plate { coil_gain: [1.0; MOTORS], swapped: None, channel_gain: [1.0; CHANNELS], noise_mps2: NOISE_MPS2 };
+const HEALTHY: TestPlate =
+    TestPlate { coil_gain: [1.0; MOTORS], swapped: None, channel_gain: [1.0; CHANNELS], noise_mps2: NOISE_MPS2 };
 
-impl Plate {
+impl TestPlate {
     /// The trace of `drive` at full height from its start, with a bias on every channel.
     fn trace(&self, drive: &Drive, rng: &mut Rng) -> AccelTrace {
         let mut played = drive.clone();
@@ -126,13 +126,13 @@ fn judged_trace(drive: &Drive, trace: &AccelTrace) -> MotionJudgement {
     judge(&ExpectedMotion { drive, coils: &coils(harmonics) }, fit.as_ref(), &SENSORS)
 }
 
-fn weak(coil: usize, gain: f64) -> Plate {
+fn weak(coil: usize, gain: f64) -> TestPlate {
     let mut plate = HEALTHY;
     plate.coil_gain[coil] = gain;
     plate
 }
 
-fn channel(channel: usize, gain: f64) -> Plate {
+fn channel(channel: usize, gain: f64) -> TestPlate {
     let mut plate = HEALTHY;
     plate.channel_gain[channel] = gain;
     plate
@@ -157,7 +157,7 @@ proptest! {
         error in proptest::array::uniform4(-0.012..0.012f64),
     ) {
         let drive = field(&mut Streams::new(seed).stream("field"), harmonics, periods, size);
-        let plate = Plate { noise_mps2, coil_gain: error.map(|e| 1.0 + e), ..HEALTHY };
+        let plate = TestPlate { noise_mps2, coil_gain: error.map(|e| 1.0 + e), ..HEALTHY };
         let verdict = plate.judged(&drive, seed).verdict;
         let weak_pulse = matches!(verdict, MotionVerdict::Unreadable { strong: false });
         prop_assert!(verdict == MotionVerdict::AsPlanned || weak_pulse && size < 20.0, "{verdict:?}");
@@ -221,7 +221,7 @@ proptest! {
     #[test]
     fn swapped_coils_are_named(seed: u64, a in 0..MOTORS, other in 1..MOTORS) {
         let b = (a + other) % MOTORS;
-        let plate = Plate { swapped: Some([a, b]), ..HEALTHY };
+        let plate = TestPlate { swapped: Some([a, b]), ..HEALTHY };
         let coils = [a.min(b), a.max(b)];
         for drive in [strong_field(seed, 2.0), strong_rotation()] {
             prop_assert_eq!(plate.judged(&drive, seed).verdict, MotionVerdict::Swapped { coils });
@@ -243,10 +243,10 @@ fn erratic_channel_is_told_by_the_other_three() {
 fn several_faults_are_no_single_one() {
     let drive = strong_field(5, 3.0);
     for coil_gain in [[-1.0; MOTORS], [0.5; MOTORS], [0.0, 1.0, 0.0, 1.0], [0.7, 1.0, 1.4, 1.0]] {
-        let judgement = Plate { coil_gain, ..HEALTHY }.judged(&drive, 5);
+        let judgement = TestPlate { coil_gain, ..HEALTHY }.judged(&drive, 5);
         assert_eq!(judgement.verdict, MotionVerdict::Other, "{coil_gain:?}: {judgement:?}");
     }
-    let two_channels = Plate { channel_gain: [0.0, -1.0, 1.0, 1.0], ..HEALTHY };
+    let two_channels = TestPlate { channel_gain: [0.0, -1.0, 1.0, 1.0], ..HEALTHY };
     assert_eq!(two_channels.judged(&drive, 5).verdict, MotionVerdict::Channels);
 }
 
@@ -255,7 +255,7 @@ fn mismatch_is_relative_to_the_plan() {
     let drive = strong_field(7, 3.0);
     let healthy = HEALTHY.judged(&drive, 7).mismatch.unwrap();
     assert!(healthy.relative < 0.002 && healthy.relative_sd < 0.002, "{healthy:?}");
-    let reversed = Plate { coil_gain: [-1.0; MOTORS], ..HEALTHY }.judged(&drive, 7).mismatch.unwrap();
+    let reversed = TestPlate { coil_gain: [-1.0; MOTORS], ..HEALTHY }.judged(&drive, 7).mismatch.unwrap();
     assert!((reversed.relative - 2.0).abs() < 0.01, "{reversed:?}");
     let still = ExpectedMotion { drive: &Drive::default(), coils: &coils(8) };
     let trace = HEALTHY.trace(&drive, &mut Streams::new(7).stream("noise"));
@@ -265,10 +265,10 @@ fn mismatch_is_relative_to_the_plan() {
 
 #[test]
 fn unreadable_trace_of_a_strong_pulse_is_told_from_that_of_a_short_or_weak_one() {
-    let verdict = |plate: &Plate, drive: &Drive| plate.judged(drive, 9).verdict;
+    let verdict = |plate: &TestPlate, drive: &Drive| plate.judged(drive, 9).verdict;
     let (strong, weak) = (MotionVerdict::Unreadable { strong: true }, MotionVerdict::Unreadable { strong: false });
-    let dead_coils = Plate { coil_gain: [0.0; MOTORS], noise_mps2: 0.1, ..HEALTHY };
-    let dead_channels = Plate { channel_gain: [0.0; CHANNELS], noise_mps2: 0.0, ..HEALTHY };
+    let dead_coils = TestPlate { coil_gain: [0.0; MOTORS], noise_mps2: 0.1, ..HEALTHY };
+    let dead_channels = TestPlate { channel_gain: [0.0; CHANNELS], noise_mps2: 0.0, ..HEALTHY };
     for drive in [strong_field(9, 3.0), strong_rotation()] {
         assert_eq!([verdict(&dead_coils, &drive), verdict(&dead_channels, &drive)], [strong; 2]);
     }

@@ -1,6 +1,6 @@
 use std::f64::consts::PI;
 
-use super::grid::Grid;
+use super::grid::CellGrid;
 use upm_core::geometry::Vec2;
 
 /// State of a place: bare plate.
@@ -41,7 +41,7 @@ pub(super) enum Blob {
 pub(super) struct Blobs {
     stride: usize,
     states: Vec<u8>,
-    queue: Vec<Place>,
+    queue: Vec<Pixel>,
     small: Vec<Extent>,
     /// Samples under the largest part.
     one_part: usize,
@@ -52,7 +52,7 @@ pub(super) struct Blobs {
 }
 
 /// Column and row.
-type Place = [u32; 2];
+type Pixel = [u32; 2];
 
 /// Extent of a blob.
 #[derive(Clone, Copy, Default)]
@@ -65,7 +65,7 @@ struct Extent {
 
 impl Blobs {
     /// For parts of radii between the two given, each ignored within `excused_m` of its middle.
-    pub(super) fn new(grid: &Grid, radii_m: [f64; 2], excused_m: f64) -> Self {
+    pub(super) fn new(grid: &CellGrid, radii_m: [f64; 2], excused_m: f64) -> Self {
         let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / grid.sample_m2());
         Self {
             stride: grid.stride(),

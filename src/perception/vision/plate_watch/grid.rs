@@ -13,7 +13,7 @@ const NONE: u32 = u32::MAX;
 
 /// A square grid of places on the plate, with their pixels in the frame. It is surrounded by a ring of places without a
 /// sample, so that every sample has eight neighbours.
-pub(super) struct Grid {
+pub(super) struct CellGrid {
     /// Places along a side, the ring included.
     stride: usize,
     spacing_m: f64,
@@ -21,7 +21,7 @@ pub(super) struct Grid {
     pixels: Vec<u32>,
 }
 
-impl Grid {
+impl CellGrid {
     /// A grid over the plate, samples about `spacing_m` apart.
     pub(super) fn new(table: &Table, [width, height]: [usize; 2], spacing_m: f64) -> Self {
         let reach_m = (table.side_m - 2.0 * EDGE_PX / table.mean_px_per_m()).max(table.side_m / 2.0);

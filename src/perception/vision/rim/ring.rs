@@ -25,7 +25,7 @@ pub(in super::super) struct Rays {
 
 /// `constant + slope·u` around a ring, u the direction: models light, and a circle off the rays' centre.
 #[derive(Clone, Copy)]
-pub(in super::super) struct Harmonic {
+pub(in super::super) struct RimHarmonic {
     pub(in super::super) constant: f32,
     pub(in super::super) slope: [f32; 2],
     /// Covariance of the slope, for values of unit variance.
@@ -33,7 +33,7 @@ pub(in super::super) struct Harmonic {
 }
 
 /// A circle through crossings, in estimated radii.
-pub(in super::super) struct Circle {
+pub(in super::super) struct RimCircle {
     pub(in super::super) center: Vec2,
     pub(in super::super) radius: f64,
     /// Variance of one crossing about the circle.
@@ -58,7 +58,7 @@ impl Rays {
     }
 
     /// Least squares; `None` below `least` weight or where the rays do not determine the slope.
-    pub(in super::super) fn fit(&self, values: &PerRay, weights: &PerRay, least: f64) -> Option<Harmonic> {
+    pub(in super::super) fn fit(&self, values: &PerRay, weights: &PerRay, least: f64) -> Option<RimHarmonic> {
         let wx: PerRay = std::array::from_fn(|k| weights[k] * self.cos[k]);
         let wy: PerRay = std::array::from_fn(|k| weights[k] * self.sin[k]);
         let (n, x, y) = (sum(|k| weights[k]), sum(|k| wx[k]), sum(|k| wy[k]));
@@ -76,12 +76,12 @@ impl Rays {
         let beside = Vec2::new(cofactors[1], cofactors[2]) * per;
         let slope = beside * right.x + covariance * right.yz();
         let constant = (cofactors[0] * per) * right.x + beside.dot(&right.yz());
-        Some(Harmonic { constant: constant as f32, slope: [slope.x as f32, slope.y as f32], covariance })
+        Some(RimHarmonic { constant: constant as f32, slope: [slope.x as f32, slope.y as f32], covariance })
     }
 
     /// A harmonic at every ray.
-    pub(in super::super) fn values(&self, harmonic: &Harmonic) -> PerRay {
-        let Harmonic { constant, slope: [x, y], .. } = *harmonic;
+    pub(in super::super) fn values(&self, harmonic: &RimHarmonic) -> PerRay {
+        let RimHarmonic { constant, slope: [x, y], .. } = *harmonic;
         std::array::from_fn(|k| constant + x * self.cos[k] + y * self.sin[k])
     }
 
@@ -93,7 +93,7 @@ impl Rays {
         present: &PerRay,
         start: Vec2,
         least_sd: f32,
-    ) -> Option<Circle> {
+    ) -> Option<RimCircle> {
         const ROUNDS: usize = 3;
         const CALM: f32 = 0.3;
         let count = present.iter().filter(|&&p| p > 0.0).count();
@@ -125,12 +125,17 @@ impl Rays {
 }
 
 /// The circle with its scatter. For normal residuals r and biweights w, `E w r² / E w` is 0.828 of the variance.
-fn agreed(fit: &Harmonic, residuals: &PerRay, (weights, present): (&PerRay, &PerRay), least_sd: f32) -> Option<Circle> {
+fn agreed(
+    fit: &RimHarmonic,
+    residuals: &PerRay,
+    (weights, present): (&PerRay, &PerRay),
+    least_sd: f32,
+) -> Option<RimCircle> {
     let agreeing = weights.iter().filter(|&&w| w > 0.0).count();
     let squares = sum(|k| weights[k] * residuals[k] * residuals[k]) / sum(|k| weights[k]);
     let variance = squares / 0.828 * agreeing as f64 / (agreeing as f64 - 3.0);
     let near = (NEAR * least_sd).max(3.0 * variance.sqrt() as f32);
-    let circle = Circle {
+    let circle = RimCircle {
         center: Vec2::new(f64::from(fit.slope[0]), f64::from(fit.slope[1])),
         radius: f64::from(fit.constant),
         variance,

@@ -9,7 +9,7 @@ use super::super::rim::RAYS;
 use super::super::rim::map::LocalMap;
 use super::super::rim::ring::{PerRay, Rays};
 use super::super::sampling::{Sampler, quantile};
-use super::super::{Disc, Table};
+use super::super::{DiscSpec, Table};
 use upm_core::geometry::Vec2;
 
 /// Radial range of the rays about the estimated radius, radii, and number of samples in it.
@@ -57,7 +57,7 @@ struct Crests {
 
 /// A circle among crests, in estimated radii.
 #[derive(Clone, Copy)]
-struct Fit {
+struct CircleFit {
     center: Vec2,
     radius: f64,
     covariance: Matrix2<f64>,
@@ -72,14 +72,14 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The disc near `at_m` whose radius is within `window` of `radius_m`, as a fraction of it.
-    pub(super) fn measure(&self, at_m: Vec2, radius_m: f64, window: f64) -> Option<Disc> {
+    pub(super) fn measure(&self, at_m: Vec2, radius_m: f64, window: f64) -> Option<DiscSpec> {
         let first = self.crests(at_m, radius_m)?;
         let (center, radius) = self.consensus(&first, window)?;
         let again = self.crests(at_m + center * radius_m, radius * radius_m)?;
         let best = self.fit(&again)?;
         let at_m = again.origin_m + best.center * again.radius_m;
         let measured_m = best.radius * again.radius_m;
-        self.table.holds(at_m, 0.5 * measured_m).then(|| Disc {
+        self.table.holds(at_m, 0.5 * measured_m).then(|| DiscSpec {
             center_px: again.map.middle_of_circle(best.center, best.radius),
             radius_px: again.map.radius_px() * best.radius,
             at_m,
@@ -92,10 +92,10 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The discs, their outline shares referred to the outline that the others leave visible.
-    pub(super) fn seen_past_each_other(&self, discs: Vec<Disc>) -> Vec<Disc> {
-        let open_share = |disc: &Disc| {
+    pub(super) fn seen_past_each_other(&self, discs: Vec<DiscSpec>) -> Vec<DiscSpec> {
+        let open_share = |disc: &DiscSpec| {
             let margin_m = 1.5 / self.table.px_per_m_at(disc.at_m) + 0.03 * disc.radius_m;
-            let near: Vec<&Disc> = discs
+            let near: Vec<&DiscSpec> = discs
                 .iter()
                 .filter(|other| *other != disc)
                 .filter(|other| (other.at_m - disc.at_m).norm() < disc.radius_m + other.radius_m + margin_m)
@@ -107,9 +107,9 @@ impl<'a> OutlineGauge<'a> {
             self.rays.directions.iter().filter(is_open).count() as f64 / RAYS as f64
         };
         let shares: Vec<f64> = discs.iter().map(open_share).collect();
-        let seen = |(disc, open): (Disc, f64)| {
+        let seen = |(disc, open): (DiscSpec, f64)| {
             let outline_share = (disc.outline_share / open.max(0.25)).min(1.0);
-            Disc { outline_share, ..disc }
+            DiscSpec { outline_share, ..disc }
         };
         discs.into_iter().zip(shares).map(seen).collect()
     }
@@ -194,7 +194,7 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The circle about the rays' origin through the crests.
-    fn fit(&self, crests: &Crests) -> Option<Fit> {
+    fn fit(&self, crests: &Crests) -> Option<CircleFit> {
         let (mut center, mut radius, mut covariance) = (Vec2::zeros(), 1.0, Matrix2::zeros());
         let near = self.on_circle(crests);
         for window in [3.0, 2.0, 1.5] {
@@ -214,7 +214,7 @@ impl<'a> OutlineGauge<'a> {
         };
         let mut on_circle: Vec<f64> = (0..RAYS).filter_map(crispness).collect();
         let share = on_circle.len() as f64 / open.max(RAYS / 2) as f64;
-        Some(Fit { center, radius, covariance, share, crispness: quantile(&mut on_circle, 0.5) })
+        Some(CircleFit { center, radius, covariance, share, crispness: quantile(&mut on_circle, 0.5) })
     }
 }
 

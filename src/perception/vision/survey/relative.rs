@@ -1,6 +1,6 @@
 //! The plate's averaged picture relative to the bare plate's brightness.
 
-use super::super::coarse::{Coarse, UNITS};
+use super::super::coarse::{BinnedImage, UNITS};
 use super::super::outline::PlateCells;
 use super::super::shading::Shading;
 use upm_core::geometry::Vec2;
@@ -14,7 +14,7 @@ pub(super) struct Relative {
 }
 
 impl Relative {
-    pub(super) fn of(picture: &Coarse, plate: &PlateCells) -> Self {
+    pub(super) fn of(picture: &BinnedImage, plate: &PlateCells) -> Self {
         let (width, height) = (picture.width, picture.height);
         let shading = Shading::fit(picture, plate, true);
         let mut inverse = vec![0.0f32; width];

@@ -116,7 +116,7 @@ impl Votes {
     }
 
     /// Withdraws the edges on and within a measured disc.
-    pub(super) fn withdraw(&mut self, cell: Vec2, radius_cells: f64) {
+    pub(super) fn remove_votes(&mut self, cell: Vec2, radius_cells: f64) {
         self.edges.retain(|edge| (edge.at - cell).norm() > radius_cells + OWN);
         self.pending.clear();
     }

@@ -8,10 +8,10 @@ use upm_core::random::Streams;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
-use upm_scene::{Disc, Scene, Shape, Thing};
+use upm_scene::{ClutterOutline, ClutterShape, Scene, SceneDisc};
 
 /// One film: true positions of the parts and the things that hide them, frame by frame.
-struct Film {
+struct TrackingSequence {
     scene: Scene,
     table: Table,
     tracker: Tracker,
@@ -19,7 +19,7 @@ struct Film {
     parts: Vec<usize>,
 }
 
-impl Film {
+impl TrackingSequence {
     fn start(scene: Scene, places_m: &[Vec2]) -> Self {
         let corners = scene.corners_px().map(|corner| scene.lens.ideal_from_image(corner));
         let table = Table::from_ideal_corners(corners, SIDE_M, &scene.lens).unwrap();
@@ -37,7 +37,7 @@ impl Film {
     }
 
     /// Tracks the next frame. Every detection of a part must be within `most_px` of it, and no two tracks on one part.
-    fn next(&mut self, places_m: &[Vec2], covers: Vec<Thing>, most_px: f64) {
+    fn next(&mut self, places_m: &[Vec2], covers: Vec<ClutterShape>, most_px: f64) {
         self.scene.seed += 1;
         self.scene.covers = covers;
         self.show(&self.scene.frame_with(&discs(places_m)), places_m, most_px);
@@ -69,7 +69,7 @@ impl Film {
     }
 }
 
-fn discs(places_m: &[Vec2]) -> Vec<Disc> {
+fn discs(places_m: &[Vec2]) -> Vec<SceneDisc> {
     places_m.iter().map(|at| penny(at.x, at.y)).collect()
 }
 
@@ -104,7 +104,7 @@ fn parts_that_brush_past_each_other_keep_their_names() {
                 mm(65.0 + 15.0 * cos, 65.0 + 15.0 * sin),
             ]
         };
-        let mut film = Film::start(small_scene(seed), &places(0.0));
+        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
         for k in 1..=60 {
             film.next(&places(f64::from(k)), Vec::new(), 0.5);
             assert!(film.all_seen(), "seed {seed}, frame {k}");
@@ -116,14 +116,14 @@ fn parts_that_brush_past_each_other_keep_their_names() {
 fn a_finger_hides_parts_and_is_none() {
     for (seed, level) in [(1, 30.0), (2, 90.0), (3, 250.0)] {
         let places = |k: f64| vec![mm(-40.0 + 0.3 * k, 30.0), mm(-20.0 + 0.3 * k, 30.0), mm(30.0, 20.0 - 0.3 * k)];
-        let mut film = Film::start(small_scene(seed), &places(0.0));
+        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
         let (mut hidden, mut partly) = ([0; 3], 0);
         for k in 1..=70 {
             let tip = mm(-75.0 + 2.5 * f64::from(k), 28.0);
-            let finger = Shape::capsule(tip, tip + mm(-10.0, -160.0), 0.013);
+            let finger = ClutterOutline::capsule(tip, tip + mm(-10.0, -160.0), 0.013);
             let places = places(f64::from(k));
             let depth: Vec<f64> = places.iter().map(|&at| finger.depth(at) / PENNY_M).collect();
-            film.next(&places, vec![Thing { shape: finger, level }], 1.5);
+            film.next(&places, vec![ClutterShape { shape: finger, level }], 1.5);
             for (i, depth) in depth.into_iter().enumerate() {
                 let seen = film.track(i).frames_unseen == 0;
                 hidden[i] += u32::from(!seen);
@@ -137,8 +137,8 @@ fn a_finger_hides_parts_and_is_none() {
     }
 }
 
-fn curtain() -> Vec<Thing> {
-    vec![Thing { shape: Shape::rectangle(Vec2::zeros(), [0.06, 0.06], 0.3), level: 60.0 }]
+fn curtain() -> Vec<ClutterShape> {
+    vec![ClutterShape { shape: ClutterOutline::rectangle(Vec2::zeros(), [0.06, 0.06], 0.3), level: 60.0 }]
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn equal_parts_come_back_each_on_its_own_way() {
                 mm(-80.0, 80.0),
             ]
         };
-        let mut film = Film::start(small_scene(seed), &places(0.0));
+        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
         for k in 1..=60 {
             let hidden = (9..33).contains(&k);
             film.next(&places(f64::from(k)), if hidden { curtain() } else { Vec::new() }, 0.5);
@@ -174,7 +174,7 @@ fn parts_moved_while_hidden_are_matched_overall_not_one_by_one() {
     let before = [mm(-50.0, 0.0), mm(-22.0, 0.0), mm(80.0, 80.0)];
     // The nearest pair is the second part and the first place; the least total is the other assignment.
     let after = [mm(-24.0, 0.0), mm(15.0, 3.0), mm(80.0, 80.0)];
-    let mut film = Film::start(small_scene(5), &before);
+    let mut film = TrackingSequence::start(small_scene(5), &before);
     (0..4).for_each(|_| film.next(&before, Vec::new(), 0.5));
     (0..5).for_each(|_| film.next(&before, curtain(), 0.5));
     (0..10).for_each(|_| film.next(&after, Vec::new(), 0.5));
@@ -183,7 +183,7 @@ fn parts_moved_while_hidden_are_matched_overall_not_one_by_one() {
 
 #[test]
 fn smeared_parts_are_found_in_the_middle_of_the_exposure() {
-    let mut film = Film::start(small_scene(7), &[mm(-60.0, 40.0), mm(60.0, -20.0)]);
+    let mut film = TrackingSequence::start(small_scene(7), &[mm(-60.0, 40.0), mm(60.0, -20.0)]);
     let noise_sd = std::mem::replace(&mut film.scene.noise_sd, 0.0);
     let noise = rand_distr::Normal::new(0.0, noise_sd).unwrap();
     let (mut squares, mut looks) = (0.0, 0.0);
@@ -209,13 +209,13 @@ fn smeared_parts_are_found_in_the_middle_of_the_exposure() {
 }
 
 /// Mean of squared errors over variances along both axes, and of the covariance's longer axis over its shorter one.
-fn consistency(seeds: std::ops::Range<u64>, cover: impl Fn(usize, Vec2) -> Option<Thing>) -> (f64, f64) {
+fn consistency(seeds: std::ops::Range<u64>, cover: impl Fn(usize, Vec2) -> Option<ClutterShape>) -> (f64, f64) {
     let (mut chi, mut stretch, mut n) = (0.0, 0.0, 0.0);
     for seed in seeds {
         let scene = Scene::general(seed).rough();
         let places: Vec<Vec2> =
             (0..9).map(|i| mm(-63.0 + 60.3 * f64::from(i % 3), -61.0 + 59.7 * f64::from(i / 3))).collect();
-        let mut film = Film::start(scene, &places);
+        let mut film = TrackingSequence::start(scene, &places);
         let covers = places.iter().enumerate().filter_map(|(i, &at)| cover(i, at)).collect();
         film.next(&places, covers, 1.0);
         for i in 0..places.len() {
@@ -235,12 +235,12 @@ fn covariances_are_as_large_as_the_errors() {
     let (open, round) = consistency(0..20, |_, _| None);
     let (hidden, long) = consistency(20..40, |i, at| {
         let (sin, cos) = (f64::from(i as u32) * 0.7).sin_cos();
-        let shape = Shape::rectangle(
+        let shape = ClutterOutline::rectangle(
             at + Vec2::new(cos, sin) * (1.3 * PENNY_M),
             [PENNY_M, 1.5 * PENNY_M],
             f64::from(i as u32) * 0.7,
         );
-        Some(Thing { shape, level: 60.0 })
+        Some(ClutterShape { shape, level: 60.0 })
     });
     eprintln!("squared error over variance: {open:.2}, half hidden {hidden:.2}; axes {round:.2} and {long:.2}");
     assert!((0.8..1.25).contains(&open) && (0.8..1.25).contains(&hidden), "{open} {hidden}");

@@ -1,5 +1,5 @@
-use super::super::disk::{Disk, climb};
-use super::super::judge::{APART, LEAST_SCORE, PartJudge, kernel_radius_px, reach_px};
+use super::super::disk::{DiskKernel, hill_climb};
+use super::super::judge::{APART, LEAST_SCORE, PartClassifier, kernel_radius_px, reach_px};
 use super::super::rim::{RAYS, RimFit};
 use super::super::sampling::Sampler;
 use super::super::{Detection, Table, Track};
@@ -28,7 +28,7 @@ const WIDE_PLACES: usize = 6;
 
 /// A detection of a part in one frame, and its quality.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Look {
+pub(super) struct Observation {
     pub(super) part: Detection,
     /// Rays that agree on its rim.
     pub(super) agreeing: usize,
@@ -48,24 +48,24 @@ pub(super) struct Expected {
 
 /// One frame, and the last detections of all parts.
 #[derive(Clone, Copy)]
-pub(super) struct View<'a> {
+pub(super) struct TrackingFrame<'a> {
     pub(super) frame: &'a Frame,
     pub(super) sampler: Sampler<'a>,
     pub(super) tracks: &'a [Track],
 }
 
 /// Detects one part at a time.
-pub(super) struct Looker {
+pub(super) struct PartLocalizer {
     table: Table,
-    judge: PartJudge,
-    disks: Vec<Disk>,
+    judge: PartClassifier,
+    disks: Vec<DiskKernel>,
 }
 
-impl Looker {
+impl PartLocalizer {
     pub(super) fn new(table: &Table, kinds: &[PartKind], dark_parts: bool) -> Self {
         let scale = table.mean_px_per_m();
-        let disks = kinds.iter().map(|kind| Disk::new(kernel_radius_px(table, kind, scale))).collect();
-        Self { table: table.clone(), judge: PartJudge::new(kinds, dark_parts), disks }
+        let disks = kinds.iter().map(|kind| DiskKernel::new(kernel_radius_px(table, kind, scale))).collect();
+        Self { table: table.clone(), judge: PartClassifier::new(kinds, dark_parts), disks }
     }
 
     /// Radius of the outline of a part of `kind`, px; 0 for an unknown kind.
@@ -75,11 +75,11 @@ impl Looker {
 
     /// Regular search in every frame: the disk climbs from the expected position of part `i`, the rim gives the rest. A
     /// partly hidden part pulls the disk away: then only the rim is searched, at the expected and at the last position.
-    pub(super) fn near(&self, view: &View, i: usize, expected: &Expected) -> Option<Look> {
+    pub(super) fn near(&self, view: &TrackingFrame, i: usize, expected: &Expected) -> Option<Observation> {
         let seen = &view.tracks.get(i)?.seen;
         let disk = self.disks.get(seen.kind)?;
         let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
-        let peak = climb(disk, view.frame, x, y, self.judge.dark_parts, disk.reach())?;
+        let peak = hill_climb(disk, view.frame, x, y, self.judge.dark_parts, disk.reach())?;
         let climbed = self.recognise(view, i, peak.vertex_px, expected);
         if climbed.as_ref().is_some_and(|look| look.agreeing >= PLAIN_RAYS) {
             return climbed;
@@ -91,7 +91,7 @@ impl Looker {
     }
 
     /// Detection of a part of the kind of part `i` whose rim is near `place_px`.
-    fn recognise(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
+    fn recognise(&self, view: &TrackingFrame, i: usize, place_px: Vec2, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
         let reach = reach_px(self.radius_px(kind));
         let rim = |foot_m| {
@@ -115,7 +115,13 @@ impl Looker {
     }
 
     /// The same over a longer reach.
-    fn recognise_far(&self, view: &View, i: usize, place_px: Vec2, expected: &Expected) -> Option<Look> {
+    fn recognise_far(
+        &self,
+        view: &TrackingFrame,
+        i: usize,
+        place_px: Vec2,
+        expected: &Expected,
+    ) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
         let foot_m = self.judge.foot_below(&self.table, kind, place_px);
         let reach = (0.2 * self.radius_px(kind)).max(5.0);
@@ -126,7 +132,7 @@ impl Looker {
     }
 
     /// Detection of part `i` from a rim, if it is one.
-    fn look(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> Option<Look> {
+    fn look(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
         let (part, disk) = (self.judge.kinds.get(kind)?, self.disks.get(kind)?);
         if self.judge.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
@@ -139,12 +145,12 @@ impl Looker {
         if !believed {
             return None;
         }
-        Some(Look { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
+        Some(Observation { part, agreeing: fit.agreeing, levels: [fit.plate_level, fit.part_level] })
     }
 
     /// Accepts a partly hidden rim when it is long enough for the visible part of it past the other parts and the
     /// plate's edge, and when it has the levels of the part in plain view.
-    fn is_believed(&self, view: &View, i: usize, fit: &RimFit, expected: &Expected) -> bool {
+    fn is_believed(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> bool {
         let others = || view.tracks.iter().enumerate().filter(|(k, t)| *k != i && t.frames_unseen == 0);
         let open = (0..RAYS).filter(|&k| {
             let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
@@ -164,7 +170,13 @@ impl Looker {
 
     /// Coarse to fine search over some radii around a place: the disk at every few pixels, climbs from the best. Places
     /// of `taken` parts are excluded.
-    pub(super) fn wide(&self, view: &View, i: usize, expected: &Expected, taken: &[Look]) -> Option<Look> {
+    pub(super) fn wide(
+        &self,
+        view: &TrackingFrame,
+        i: usize,
+        expected: &Expected,
+        taken: &[Observation],
+    ) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
         let disk = self.disks.get(kind)?;
         let still = Expected { speed_px: 0.0, ..*expected };
@@ -180,7 +192,7 @@ impl Looker {
                 continue;
             }
             tried.push(place);
-            let peak = climb(disk, view.frame, x as i64, y as i64, self.judge.dark_parts, 4 * disk.reach())?;
+            let peak = hill_climb(disk, view.frame, x as i64, y as i64, self.judge.dark_parts, 4 * disk.reach())?;
             let found = self.recognise(view, i, peak.vertex_px, &still);
             if let Some(look) = found.filter(|look| !self.is_taken(look.part.center_px, kind, taken)) {
                 return Some(look);
@@ -191,7 +203,7 @@ impl Looker {
 
     /// Places around `center_px` on the plate, sorted by the level under the disk, darkest first (lightest for light
     /// parts).
-    fn dark_places(&self, frame: &Frame, disk: &Disk, center_px: Vec2) -> Vec<(f64, usize, usize)> {
+    fn dark_places(&self, frame: &Frame, disk: &DiskKernel, center_px: Vec2) -> Vec<(f64, usize, usize)> {
         let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
         let half = (WIDE_RADII / WIDE_STEP).round() as i64;
         let sign = if self.judge.dark_parts { 1.0 } else { -1.0 };
@@ -212,7 +224,7 @@ impl Looker {
     }
 
     /// True where parts just seen leave no room for another of `kind`.
-    fn is_taken(&self, place_px: Vec2, kind: usize, taken: &[Look]) -> bool {
+    fn is_taken(&self, place_px: Vec2, kind: usize, taken: &[Observation]) -> bool {
         let radius_px = self.radius_px(kind);
         let too_near =
             |part: &Detection| (part.center_px - place_px).norm() < APART * 0.5 * (part.radius_px + radius_px);

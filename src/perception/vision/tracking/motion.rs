@@ -10,7 +10,7 @@ const LEAST_VARIANCE_PX2: f64 = 1.0;
 /// A part's position and velocity in the picture: a Kalman filter with equal variance along both axes (Kalman, 1960;
 /// constant velocity, white accelerations). Time is counted in frames.
 #[derive(Clone, Debug)]
-pub(super) struct Motion {
+pub(super) struct MotionModel {
     pub(super) place_px: Vec2,
     pub(super) velocity_px: Vec2,
     push_variance: f64,
@@ -20,7 +20,7 @@ pub(super) struct Motion {
     most_variance: f64,
 }
 
-impl Motion {
+impl MotionModel {
     /// A part at rest, in pictures of `frame_size` px.
     pub(super) fn at_rest(place_px: Vec2, radius_px: f64, frame_size: [usize; 2]) -> Self {
         let push_variance = (PUSH_RADII * radius_px).powi(2).max(0.01);
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_steady_motion_is_foreseen_and_dies_out_unseen() {
-        let mut motion = Motion::at_rest(Vec2::new(100.0, 100.0), 40.0, [1000, 1000]);
+        let mut motion = MotionModel::at_rest(Vec2::new(100.0, 100.0), 40.0, [1000, 1000]);
         let velocity = Vec2::new(3.0, -1.0);
         for k in 1..=10 {
             motion.step();
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_bad_look_moves_less_than_a_good_one() {
-        let mut good = Motion::at_rest(Vec2::zeros(), 40.0, [100, 100]);
+        let mut good = MotionModel::at_rest(Vec2::zeros(), 40.0, [100, 100]);
         good.step();
         let mut bad = good.clone();
         good.see(Vec2::new(4.0, 0.0), 1e-3);

@@ -1,8 +1,8 @@
 use nalgebra::DVector;
 use proptest::prelude::*;
 
-use super::super::aim::{Range, Shot, Spare};
-use super::super::guard::Guard;
+use super::super::aim::{Iterate, RolloutPool, ShootingProblem};
+use super::super::guard::SeparationPenalty;
 use super::*;
 use crate::{Limit, PartState};
 
@@ -10,35 +10,35 @@ const FRICTION: f64 = 0.3;
 
 /// A few coins, their wanted steps and a motion to start from.
 #[derive(Clone, Debug)]
-struct Scene {
-    discs: Vec<Disc>,
+struct ShootingSetup {
+    discs: Vec<RolloutDisc>,
     steps_m: DVector<f64>,
     start: Vec<f64>,
 }
 
-fn scene(most: usize) -> impl Strategy<Value = Scene> {
+fn scene(most: usize) -> impl Strategy<Value = ShootingSetup> {
     let part = (place(), -0.015..0.015f64, -0.015..0.015f64);
-    (proptest::collection::vec(part, 1..=most), motion(8)).prop_map(|(parts, start)| Scene {
+    (proptest::collection::vec(part, 1..=most), motion(8)).prop_map(|(parts, start)| ShootingSetup {
         discs: parts.iter().map(|&(p, ..)| coin(p, FRICTION)).collect(),
         steps_m: DVector::from_iterator(2 * parts.len(), parts.iter().flat_map(|&(_, x, y)| [x, y])),
         start,
     })
 }
 
-fn went(shot: &Shot, discs: &[Disc]) -> DVector<f64> {
+fn went(shot: &Iterate, discs: &[RolloutDisc]) -> DVector<f64> {
     let went = shot.course.ends_m.iter().zip(discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
     DVector::from_iterator(2 * discs.len(), went)
 }
 
 /// The cost that the search minimises, computed from the ends alone.
-fn cost(range: &Range<'_>, shot: &Shot) -> f64 {
+fn cost(range: &ShootingProblem<'_>, shot: &Iterate) -> f64 {
     let missing = range.steps_m - went(shot, range.discs);
     let went_m = went(shot, range.discs);
     missing.norm_squared() + range.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
 }
 
-fn parts(discs: &[Disc]) -> Vec<PartState> {
-    let part = |disc: &Disc| PartState {
+fn parts(discs: &[RolloutDisc]) -> Vec<PartState> {
+    let part = |disc: &RolloutDisc| PartState {
         position_m: disc.position_m,
         step_m: Vec2::zeros(),
         radius_m: disc.radius_m,
@@ -54,18 +54,18 @@ proptest! {
     fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, guarded in any::<bool>()) {
         let waves = upm_2_waves();
         let strength = upm_2_strength(&waves);
-        let guards: Vec<Guard> =
-            guarded.then(|| Guard::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
-        let Scene { discs, steps_m, start } = scene;
-        let range = Range {
+        let guards: Vec<SeparationPenalty> =
+            guarded.then(|| SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
+        let ShootingSetup { discs, steps_m, start } = scene;
+        let range = ShootingProblem {
             waves: &waves, strength: &strength, discs: &discs, steps_m: &steps_m,
-            envelope: &upm_2_envelope(sustain_s), guards: &guards, spare: &Spare::default(),
+            envelope: &upm_2_envelope(sustain_s), guards: &guards, spare: &RolloutPool::default(),
         };
         let first = range.shot(&start);
         let mut before = cost(&range, &first);
         let at_first = before;
         for rounds in 0..10 {
-            let shot = range.better(first.clone(), rounds);
+            let shot = range.improved(first.clone(), rounds);
             let now = cost(&range, &shot);
             prop_assert!(now <= before * (1.0 + 1e-12), "{rounds}: {now} {before}");
             let left = (range.steps_m - went(&shot, &discs)).norm() / steps_m.norm();
@@ -82,20 +82,20 @@ proptest! {
         let waves = upm_2_waves();
         let strength = upm_2_strength(&waves);
         let envelope = upm_2_envelope(sustain_s);
-        let Scene { discs, start: mut known, .. } = scene;
+        let ShootingSetup { discs, start: mut known, .. } = scene;
         strength.fill(&waves, &mut known);
         let mut off = off;
         let scale = 0.2 * strength.norm(&known) / strength.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);
         let blank = DVector::zeros(2 * discs.len());
-        let range = Range { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], spare: &Spare::default() };
+        let range = ShootingProblem { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], spare: &RolloutPool::default() };
         let steps_m = went(&range.shot(&known), &discs);
-        let range = Range { steps_m: &steps_m, ..range };
+        let range = ShootingProblem { steps_m: &steps_m, ..range };
         let away = |share: f64| -> Vec<f64> { known.iter().zip(&off).map(|(c, d)| c + share * d).collect() };
         let shots = (0..8).map(|halvings| range.shot(&away(0.5f64.powi(halvings))));
         let first = shots.into_iter().find(|shot| shot.left(&steps_m) < 1.0 / 3.0).unwrap();
         let before = first.left(&steps_m);
-        let shot = range.better(first, 20);
+        let shot = range.improved(first, 20);
         prop_assert!(shot.left(&steps_m) < 0.04, "{} of {before} left", shot.left(&steps_m));
     }
 }
@@ -112,29 +112,30 @@ fn guards_hold_what_they_guard() {
     let (mut sum_without, mut sum_with) = (0.0, 0.0);
     for count in [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8] {
         let mut draw = |most: f64| rng.random_range(-most..most);
-        let discs: Vec<Disc> = (0..count).map(|_| coin(Vec2::new(draw(0.14), draw(0.14)), FRICTION)).collect();
+        let discs: Vec<RolloutDisc> = (0..count).map(|_| coin(Vec2::new(draw(0.14), draw(0.14)), FRICTION)).collect();
         let steps_m = DVector::from_iterator(2 * count, (0..2 * count).map(|_| draw(0.015)));
         let start: Vec<f64> = (0..waves.len()).map(|j| draw(1.0) / waves.harmonic_of(j) as f64).collect();
         let limits = [Limit::Edge { part: 0 }, Limit::Separation { parts: [1, 2] }];
-        let guards = limits.map(|limit| Guard::of_limit(limit, &parts(&discs), steps_m.as_slice()).unwrap());
-        let free = Range {
+        let guards =
+            limits.map(|limit| SeparationPenalty::of_limit(limit, &parts(&discs), steps_m.as_slice()).unwrap());
+        let free = ShootingProblem {
             waves: &waves,
             strength: &strength,
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
             guards: &[],
-            spare: &Spare::default(),
+            spare: &RolloutPool::default(),
         };
-        let guarded = Range { guards: &guards, ..free };
-        let astray_sq = |shot: &Shot| {
+        let guarded = ShootingProblem { guards: &guards, ..free };
+        let astray_sq = |shot: &Iterate| {
             let went_m = went(shot, &discs);
             guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
         };
-        let shot = free.better(free.shot(&start), 20);
+        let shot = free.improved(free.shot(&start), 20);
         let without = astray_sq(&shot);
         let start = guarded.shot(&shot.coefficients);
-        let held = guarded.better(start.clone(), 3);
+        let held = guarded.improved(start.clone(), 3);
         assert!(cost(&guarded, &held) <= cost(&guarded, &start), "{count}");
         let with = astray_sq(&held);
         (sum_without, sum_with) = (sum_without + without, sum_with + with);
@@ -149,22 +150,22 @@ fn guards_stand_across_what_they_guard() {
     let discs = [coin(Vec2::new(0.02, -0.13), FRICTION), coin(Vec2::new(0.05, -0.09), FRICTION)];
     let parts = parts(&discs);
     let nothing = [0.0; 4];
-    let edge = Guard::of_limit(Limit::Edge { part: 0 }, &parts, &nothing).unwrap();
+    let edge = SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts, &nothing).unwrap();
     assert_eq!(edge.missing(&[1.0, 0.0, 1.0, 1.0]), 0.0);
     let inwards = edge.missing(&[0.0, 1.0, 0.0, 0.0]);
     assert!(inwards < -1.0, "inwards is more than asked, and counts more than any other direction");
-    let pair = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &nothing).unwrap();
+    let pair = SeparationPenalty::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &nothing).unwrap();
     assert!(pair.missing(&[0.3, -0.7, 0.3, -0.7]).abs() < 1e-12, "together");
     assert!(pair.missing(&[0.4, -0.3, 0.0, 0.0]).abs() < 1e-12, "past each other");
     let towards = [0.3, 0.4, -0.3, -0.4];
     assert!((pair.missing(&towards) + inwards).abs() < 1e-12, "both together nearer by 1");
-    let asked = Guard::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &towards).unwrap();
+    let asked = SeparationPenalty::of_limit(Limit::Separation { parts: [0, 1] }, &parts, &towards).unwrap();
     assert!(asked.missing(&towards).abs() < 1e-12 && asked.missing(&nothing) < 0.0, "they were to come nearer");
     let mut pushed = asked;
     pushed.push(0.5);
     assert!((pushed.missing(&nothing) + 0.5 * inwards).abs() < 1e-12, "not nearer in any case, and away by 0.5");
-    assert_eq!(Guard::of_limit(Limit::Unreachable, &parts, &nothing), None);
-    assert_eq!(Guard::of_limit(Limit::Edge { part: 2 }, &parts, &nothing), None);
+    assert_eq!(SeparationPenalty::of_limit(Limit::Unreachable, &parts, &nothing), None);
+    assert_eq!(SeparationPenalty::of_limit(Limit::Edge { part: 2 }, &parts, &nothing), None);
     let one_place = [parts[0], parts[0]];
-    assert_eq!(Guard::of_limit(Limit::Separation { parts: [0, 1] }, &one_place, &nothing), None);
+    assert_eq!(SeparationPenalty::of_limit(Limit::Separation { parts: [0, 1] }, &one_place, &nothing), None);
 }

@@ -1,6 +1,6 @@
 use proptest::prelude::*;
 
-use super::super::bank::Bank;
+use super::super::bank::SeedLibrary;
 use super::super::waves::PlateInstant;
 use super::*;
 
@@ -11,12 +11,12 @@ const ASTRAY: f64 = 0.3;
 /// Symmetries of a square.
 const SYMMETRIES: usize = 8;
 
-fn waves() -> Waves {
-    Waves::new(200.0, 4, HALF_SIDE_M)
+fn waves() -> HarmonicBasis {
+    HarmonicBasis::new(200.0, 4, HALF_SIDE_M)
 }
 
 /// Every motion the bank has for these steps, best first.
-fn all(bank: &Bank, waves: &Waves, positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<Vec<f64>> {
+fn all(bank: &SeedLibrary, waves: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<Vec<f64>> {
     bank.best(waves, positions_m, steps_m, usize::MAX)
 }
 
@@ -38,7 +38,7 @@ fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
 }
 
 /// Scores of `motions`.
-fn promises(waves: &Waves, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
+fn promises(waves: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
     let of = |motion: &Vec<f64>| {
         let samples = waves.motion(motion);
         let pushes: Vec<Vec2> = positions_m.iter().map(|&p| push(&samples, p)).collect();
@@ -74,7 +74,7 @@ proptest! {
         between in proptest::collection::vec((place(), step()), 1..5),
     ) {
         let waves = waves();
-        let bank = Bank::new(&waves, HALF_SIDE_M);
+        let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
         for (scene, most) in [(at_nodes, 0.05), (between, 0.1)] {
             let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
             let motions = all(&bank, &waves, &positions_m, &steps_m);
@@ -87,7 +87,7 @@ proptest! {
     #[test]
     fn all_pushes_are_those_of_the_laid_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
         let waves = waves();
-        let bank = Bank::new(&waves, HALF_SIDE_M);
+        let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
         let told = bank.all_pushes(&positions_m).map(|there| {
             let back: Vec<Vec2> = there.iter().map(|push| -push).collect();
@@ -108,8 +108,8 @@ proptest! {
     ) {
         let waves = waves();
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let few = Bank::new(&waves, HALF_SIDE_M).best(&waves, &positions_m, &steps_m, count);
-        let motions = all(&Bank::new(&waves, HALF_SIDE_M), &waves, &positions_m, &steps_m);
+        let few = SeedLibrary::new(&waves, HALF_SIDE_M).best(&waves, &positions_m, &steps_m, count);
+        let motions = all(&SeedLibrary::new(&waves, HALF_SIDE_M), &waves, &positions_m, &steps_m);
         prop_assert_eq!(&few[..], &motions[..count]);
     }
 }
@@ -120,7 +120,7 @@ proptest! {
 fn the_bank_is_closed_under_the_symmetries_of_the_square() {
     let waves = waves();
     let n = waves.per_axis();
-    let bank = Bank::new(&waves, HALF_SIDE_M);
+    let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
     let motions = all(&bank, &waves, &[Vec2::new(0.05, 0.02)], &[Vec2::new(0.01, -0.003)]);
     // The first coefficient of spin is made positive; its size is the same in all eight.
     let key = |motion: Vec<f64>| {
@@ -148,7 +148,7 @@ fn the_bank_is_closed_under_the_symmetries_of_the_square() {
 #[test]
 fn opposite_steps_get_opposite_motions() {
     let waves = waves();
-    let bank = Bank::new(&waves, HALF_SIDE_M);
+    let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
     let positions_m = [Vec2::new(0.05, 0.02), Vec2::new(-0.07, 0.03)];
     let steps_m = [Vec2::new(0.01, -0.003), Vec2::new(0.0, 0.008)];
     let there = bank.best(&waves, &positions_m, &steps_m, 20);

@@ -7,19 +7,19 @@ use super::*;
 const FRICTION: f64 = 0.3;
 const PULL_MPS2: f64 = FRICTION * GRAVITY_MPS2;
 
-fn point(position_m: Vec2) -> Disc {
-    Disc { position_m, radius_m: 0.0, friction: FRICTION }
+fn point(position_m: Vec2) -> RolloutDisc {
+    RolloutDisc { position_m, radius_m: 0.0, friction: FRICTION }
 }
 
 /// Coefficients scaled to the limit of upm-2's motors.
-fn full(waves: &Waves, coefficients: &[f64]) -> Vec<f64> {
+fn full(waves: &HarmonicBasis, coefficients: &[f64]) -> Vec<f64> {
     let mut filled = coefficients.to_vec();
     upm_2_strength(waves).fill(waves, &mut filled);
     filled
 }
 
 /// The pump `A (cos w(t - t0) - ½ cos 2w(t - t0))` along x, with t0 as a fraction of the period.
-fn pump(waves: &Waves, amplitude_mps: f64, late: f64) -> Vec<f64> {
+fn pump(waves: &HarmonicBasis, amplitude_mps: f64, late: f64) -> Vec<f64> {
     let mut coefficients = vec![0.0; waves.len()];
     for (k, share) in [(1, 1.0), (2, -0.5)] {
         let (sin, cos) = (k as f64 * TAU * late).sin_cos();
@@ -34,10 +34,15 @@ fn abrupt(sustain_s: f64) -> Envelope {
 
 /// Largest difference between the slopes of the ends and central differences, as a part of the largest slope, over the
 /// coefficients `chosen`.
-fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[Disc], chosen: std::ops::Range<usize>) -> f64 {
+fn slope_error(
+    coefficients: &[f64],
+    envelope: &Envelope,
+    discs: &[RolloutDisc],
+    chosen: std::ops::Range<usize>,
+) -> f64 {
     const H_MPS: f64 = 1e-6;
     let waves = upm_2_waves();
-    let mut course = Course::default();
+    let mut course = Rollout::default();
     course.run(&waves, coefficients, envelope, discs);
     let (mut largest, mut worst) = (0.0f64, 0.0f64);
     let moved = |j: usize, by_mps: f64| {
@@ -59,12 +64,12 @@ fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[Disc], chosen
     worst / largest
 }
 
-fn coins() -> impl Strategy<Value = Vec<Disc>> {
+fn coins() -> impl Strategy<Value = Vec<RolloutDisc>> {
     proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..4)
 }
 
 /// More coins than there are SIMD lanes.
-fn many_coins() -> impl Strategy<Value = Vec<Disc>> {
+fn many_coins() -> impl Strategy<Value = Vec<RolloutDisc>> {
     proptest::collection::vec((place(), 0.1..0.6f64).prop_map(|(p, friction)| coin(p, friction)), 1..20)
 }
 
@@ -110,8 +115,8 @@ proptest! {
         let waves = upm_2_waves();
         let coefficients = full(&waves, &coefficients);
         let envelope = upm_2_envelope(sustain_s);
-        let course_of = |discs: &[Disc]| {
-            let mut course = Course::default();
+        let course_of = |discs: &[RolloutDisc]| {
+            let mut course = Rollout::default();
             course.run(&waves, &coefficients, &envelope, discs);
             course
         };
@@ -132,7 +137,7 @@ proptest! {
     fn ends_turn_and_are_mirrored_with_the_motion(
         coefficients in motion(4), places in proptest::collection::vec(place(), 1..5), sustain_s in 0.0..0.2f64,
     ) {
-        let waves = Waves::new(TAU * 40.0, 4, HALF_SIDE_M);
+        let waves = HarmonicBasis::new(TAU * 40.0, 4, HALF_SIDE_M);
         let envelope = Envelope { attack_s: 0.05, sustain_s, rest_s: 0.0 };
         let laid = |onto: fn(Vec2) -> Vec2, spin: f64| {
             let mut wave = waves.wave(&coefficients);
@@ -140,7 +145,7 @@ proptest! {
                 twist.velocity_mps = onto(twist.velocity_mps);
                 twist.spin_radps *= spin;
             }
-            let discs: Vec<Disc> = places.iter().map(|&p| coin(onto(p), FRICTION)).collect();
+            let discs: Vec<RolloutDisc> = places.iter().map(|&p| coin(onto(p), FRICTION)).collect();
             ends(&waves, &waves.coefficients(&wave), &envelope, &discs)
         };
         let as_is = laid(|v| v, 1.0);
@@ -158,11 +163,11 @@ proptest! {
     fn frictions_scale(coefficients in motion(8), p in place(), sustain_s in 0.0..0.2f64, scale in 0.5..2.0f64) {
         let small = upm_2_waves();
         let coefficients = full(&small, &coefficients);
-        let large = Waves::new(TAU * 30.0, 8, HALF_SIDE_M * scale);
+        let large = HarmonicBasis::new(TAU * 30.0, 8, HALF_SIDE_M * scale);
         let faster: Vec<f64> = coefficients.iter().map(|c| c * scale).collect();
         let envelope = upm_2_envelope(sustain_s);
         let one = coin(p, FRICTION);
-        let other = Disc { position_m: p * scale, radius_m: PENNY_M * scale, friction: FRICTION * scale };
+        let other = RolloutDisc { position_m: p * scale, radius_m: PENNY_M * scale, friction: FRICTION * scale };
         let went_m = ends(&small, &coefficients, &envelope, &[one])[0] - p;
         let other_went_m = ends(&large, &faster, &envelope, &[other])[0] - p * scale;
         let off_m = (other_went_m / scale - went_m).norm();
@@ -198,7 +203,7 @@ fn points_end_where_coulombs_law_in_fine_steps_says() {
 #[test]
 fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
     const STARTS: usize = 16;
-    let waves = Waves::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let waves = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
     let sustain_s = 12.0 / 60.0;
     let went = |i: usize| {
         let coefficients = pump(&waves, 100.0, i as f64 / STARTS as f64);
@@ -212,7 +217,7 @@ fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
 #[test]
 fn the_belt_ends_up_at_half_its_amplitude() {
     const AMPLITUDE_MPS: f64 = 0.3;
-    let waves = Waves::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let waves = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
     let coefficients = pump(&waves, AMPLITUDE_MPS, 0.1);
     let went = |periods: f64| ends(&waves, &coefficients, &abrupt(periods / 60.0), &[point(Vec2::zeros())])[0].x;
     let speed_mps = went(120.0) - went(60.0);
@@ -228,7 +233,7 @@ fn parts_coast_by_the_square_of_their_speed() {
     let dt = waves.step_s();
     let disc = [point(Vec2::new(0.02, -0.03))];
     let last_place = |steps: usize| {
-        let mut course = Course::default();
+        let mut course = Rollout::default();
         course.run(&waves, &coefficients, &abrupt(steps as f64 * dt), &disc);
         let places_m: Vec<Vec2> = course.places_m(1).map(|places_m| places_m[0]).collect();
         assert_eq!(places_m.len(), steps + 1, "each step's start and the end");

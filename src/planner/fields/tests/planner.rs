@@ -35,14 +35,14 @@ fn pulse(plan: &Plan) -> Option<&FieldPulse> {
 /// Positions of all parts at every `every`-th step of the forecast course.
 fn course(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
     let friction = friction_of(&upm_2()).unwrap();
-    let disc = |part: &PartState| Disc {
+    let disc = |part: &PartState| RolloutDisc {
         position_m: part.position_m,
         radius_m: part.radius_m,
         friction: friction * part.gain,
     };
-    let discs: Vec<Disc> = parts.iter().map(disc).collect();
+    let discs: Vec<RolloutDisc> = parts.iter().map(disc).collect();
     let waves = upm_2_waves();
-    let mut course = Course::default();
+    let mut course = Rollout::default();
     course.run(&waves, &waves.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
     course.places_m(every).collect()
 }

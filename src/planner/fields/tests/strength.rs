@@ -9,7 +9,7 @@ use upm_library::Library;
 /// Fraction of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;
 
-fn drive(waves: &Waves, coefficients: &[f64], sustain_s: f64) -> Drive {
+fn drive(waves: &HarmonicBasis, coefficients: &[f64], sustain_s: f64) -> Drive {
     upm_2().field_drive(&waves.wave(coefficients), sustain_s).unwrap()
 }
 
@@ -29,7 +29,7 @@ proptest! {
         let mut library = Library::clone(&upm_2());
         let fields = library.fields.as_mut().unwrap();
         fields.attack_s = periods * TAU / fields.base_radps;
-        let strength = Strength::new(&waves, fields, HALF_SIDE_M).unwrap();
+        let strength = MotorEffort::new(&waves, fields, HALF_SIDE_M).unwrap();
         let mut filled: Vec<f64> = coefficients.iter().map(|c| c * 10f64.powf(before)).collect();
         strength.fill(&waves, &mut filled);
         let ratio = filled[0] / coefficients[0];
@@ -66,5 +66,5 @@ fn a_still_motion_stays_still() {
 fn a_plate_that_cannot_be_turned_has_no_strength() {
     let mut fields = upm_2().fields.clone().unwrap();
     fields.twist_from_counts[3].row_mut(2).fill(Default::default());
-    assert!(Strength::new(&upm_2_waves(), &fields, HALF_SIDE_M).is_none());
+    assert!(MotorEffort::new(&upm_2_waves(), &fields, HALF_SIDE_M).is_none());
 }

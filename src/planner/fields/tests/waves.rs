@@ -7,12 +7,12 @@ use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;
 
-fn waves(harmonics: usize) -> Waves {
-    Waves::new(BASE_RADPS, harmonics, HALF_SIDE_M)
+fn waves(harmonics: usize) -> HarmonicBasis {
+    HarmonicBasis::new(BASE_RADPS, harmonics, HALF_SIDE_M)
 }
 
 /// The time of sample `q` of a period, s.
-fn time_s(waves: &Waves, q: usize) -> f64 {
+fn time_s(waves: &HarmonicBasis, q: usize) -> f64 {
     TAU / BASE_RADPS * q as f64 / waves.samples as f64
 }
 

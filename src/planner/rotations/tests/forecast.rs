@@ -6,7 +6,7 @@ use super::belts;
 use crate::fixture::{library, mm, penny, scene};
 use crate::friction::friction_of;
 use crate::pump::{Discs, LANES, Pump};
-use crate::rotations::belts::{Motion, Pulse, Setting};
+use crate::rotations::belts::{DialSetting, LibraryMotion, Pulse};
 use crate::rotations::rollout::{Rollout, Slopes};
 use upm_core::geometry::{Twist, Vec2};
 
@@ -61,8 +61,8 @@ fn friction_is_found_again_from_a_table_that_it_made() {
     assert!((found - 0.24).abs() < 0.002, "{found}");
 }
 
-fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> Motion {
-    belts().motion_of(&twist, Setting { amplitude, sustain_s }, reversed)
+fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> LibraryMotion {
+    belts().motion_of(&twist, DialSetting { amplitude, sustain_s }, reversed)
 }
 
 proptest! {
@@ -105,7 +105,7 @@ proptest! {
         };
         let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
         let play = |pulses: &[Pulse]| {
-            let motions: Vec<Motion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+            let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
             let rollout = Rollout::of(&motions, &parts);
             (motions, rollout)
         };

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::belts;
 use crate::PartState;
 use crate::fixture::{params, scene};
-use crate::rotations::columns::{Columns, PulseScale};
+use crate::rotations::columns::{DisplacementMatrix, PulseScale};
 use crate::rotations::least_time::LeastTime;
 use crate::rotations::refine::Refined;
 use crate::rotations::subgoals::Room;
@@ -23,7 +23,7 @@ proptest! {
     fn counts_are_feasible_and_no_column_pays_more(count in 1usize..7, fine: bool, seed in 0u64..1000) {
         let (belts, parts) = (belts(), scene(count, 4e-3, seed));
         let scale = if fine { PulseScale::Fine } else { PulseScale::Coarse };
-        let (columns, steps_mm) = (Columns::all(&belts, &parts, 4e-3, scale), steps_mm(&parts));
+        let (columns, steps_mm) = (DisplacementMatrix::all(&belts, &parts, 4e-3, scale), steps_mm(&parts));
         let length_mm = steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt();
         let leave_mm = 0.3 * length_mm;
         let found = LeastTime::solve(&columns, &steps_mm, leave_mm, &[]).unwrap();
@@ -46,7 +46,7 @@ proptest! {
         let (belts, parts) = (belts(), scene(count, 3e-3, seed));
         let goal_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
         let room = Room::of(&parts, &goal_m, &params());
-        let columns = Columns::all(&belts, &parts, 3e-3, PulseScale::Coarse);
+        let columns = DisplacementMatrix::all(&belts, &parts, 3e-3, PulseScale::Coarse);
         let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
         let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
         let first = Refined::of(&belts, used.collect(), &parts, &goal_m, &room);
@@ -64,8 +64,8 @@ proptest! {
 fn what_the_columns_cannot_do_is_left_beyond() {
     let (belts, parts) = (belts(), scene(2, 4e-3, 1));
     // one pulse for four wanted coordinates
-    let one = [Columns::all(&belts, &parts, 4e-3, PulseScale::Coarse).pulses[0]];
-    let columns = Columns::of(&belts, &parts, one.into_iter());
+    let one = [DisplacementMatrix::all(&belts, &parts, 4e-3, PulseScale::Coarse).pulses[0]];
+    let columns = DisplacementMatrix::of(&belts, &parts, one.into_iter());
     let found = LeastTime::solve(&columns, &steps_mm(&parts), 0.01, &[]).unwrap();
     assert!(found.beyond_mm > 0.1, "{}", found.beyond_mm);
 }

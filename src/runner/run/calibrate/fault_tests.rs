@@ -2,7 +2,7 @@
 
 use super::tests::small;
 use super::*;
-use upm_control::calibration::{ChannelFault, CoilFault, Component};
+use upm_control::calibration::{CoilFault, MiswiredChannel, RigComponent};
 use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame, Motor, Shaping};
 use upm_core::time::PlateTime;
@@ -68,8 +68,8 @@ impl Rig for AlteredRig {
         self.rig.play(&drive)
     }
 
-    fn quiet_at(&self) -> PlateTime {
-        self.rig.quiet_at()
+    fn settled_at(&self) -> PlateTime {
+        self.rig.settled_at()
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
@@ -173,8 +173,7 @@ fn coils_far_off_their_nominal_force_are_refused() {
 fn dead_accelerometer_channel_is_refused_by_name() {
     for channel in 0..4 {
         let fault = refusal(Alteration::Channel(channel, 0.0), 0.0);
-        let dead =
-            matches!(fault, CalibrationFault::Channel { channel: c, fault: ChannelFault::Dead { .. } } if c == channel);
+        let dead = matches!(fault, CalibrationFault::Channel { channel: c, fault: MiswiredChannel::Dead { .. } } if c == channel);
         assert!(dead, "{fault}");
     }
 }
@@ -184,7 +183,7 @@ fn reversed_accelerometer_channel_is_refused_by_name() {
     for channel in 0..4 {
         let fault = refusal(Alteration::Channel(channel, -1.0), 0.0);
         let reversed = matches!(
-            fault, CalibrationFault::Channel { channel: c, fault: ChannelFault::Reversed { .. } } if c == channel
+            fault, CalibrationFault::Channel { channel: c, fault: MiswiredChannel::Reversed { .. } } if c == channel
         );
         assert!(reversed, "{fault}");
     }
@@ -193,7 +192,7 @@ fn reversed_accelerometer_channel_is_refused_by_name() {
 #[test]
 fn accelerometer_channel_of_another_gain_is_refused_by_name() {
     let fault = refusal(Alteration::Channel(2, 0.7), 0.0);
-    assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: ChannelFault::Gain { .. } }), "{fault}");
+    assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: MiswiredChannel::Gain { .. } }), "{fault}");
 }
 
 /// Plate time within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s to
@@ -204,7 +203,7 @@ const DURING_CENTRES_S: f64 = 121.0;
 #[test]
 fn channel_reversed_half_way_is_refused_by_the_closing_pulse() {
     let fault = refusal(Alteration::Channel(1, -1.0), DURING_STEPS_S);
-    assert!(matches!(fault, CalibrationFault::Changed { component: Component::Channel(1), .. }), "{fault}");
+    assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Channel(1), .. }), "{fault}");
 }
 
 #[test]
@@ -216,7 +215,7 @@ fn coil_weak_half_way_is_refused_by_the_steps_of_the_coins() {
 #[test]
 fn coil_weak_at_the_end_is_refused_by_the_closing_pulse() {
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_CENTRES_S);
-    assert!(matches!(fault, CalibrationFault::Changed { component: Component::Coil(Motor::Y1), .. }), "{fault}");
+    assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Coil(Motor::Y1), .. }), "{fault}");
 }
 
 #[test]

@@ -42,7 +42,7 @@ impl World {
     }
 
     /// Runs `work` on the paced rig.
-    fn paced<T>(&self, work: impl FnOnce(&mut Paced<'_>) -> T) -> T {
+    fn paced<T>(&self, work: impl FnOnce(&mut RealTimeRig<'_>) -> T) -> T {
         let mut rig = MadeUp { world: self, quiet_at: PlateTime::ZERO };
         let nap = |time: Duration| {
             self.spend(time);
@@ -51,7 +51,10 @@ impl World {
             }
         };
         let (stats, interlock, deadlines) = (&self.stats, &self.interlock, self.deadlines);
-        work(&mut Paced::new(&mut rig, Pace { clock: self, nap: &nap, stats, interlock, frame_hz: 60.0, deadlines }))
+        work(&mut RealTimeRig::new(
+            &mut rig,
+            PaceClock { clock: self, nap: &nap, stats, interlock, frame_hz: 60.0, deadlines },
+        ))
     }
 }
 
@@ -76,7 +79,7 @@ impl Rig for MadeUp<'_> {
         Ok(())
     }
 
-    fn quiet_at(&self) -> PlateTime {
+    fn settled_at(&self) -> PlateTime {
         self.quiet_at
     }
 
@@ -106,7 +109,7 @@ fn pulse() -> Drive {
     Drive { base_radps: 377.0, envelope, ..Drive::default() }
 }
 
-fn capture(rig: &mut Paced<'_>) -> Result<(), RigFault> {
+fn capture(rig: &mut RealTimeRig<'_>) -> Result<(), RigFault> {
     rig.capture(&mut Frame::new(1, 1))
 }
 
@@ -207,7 +210,7 @@ fn control_away_in_the_rest_after_a_pulse_keeps_the_lease() {
         capture(rig).unwrap();
         rig.play(&pulse()).unwrap();
         (0..19).for_each(|_| capture(rig).unwrap());
-        assert!(rig.now() < rig.quiet_at());
+        assert!(rig.now() < rig.settled_at());
         world.spend(Duration::from_secs(1));
         capture(rig).unwrap();
     });
@@ -233,8 +236,8 @@ fn a_clock_that_stands_still_keeps_nobody_waiting() {
     let (world, clock) = (World::at(0), upm_core::time::StoppedClock);
     let mut rig = MadeUp { world: &world, quiet_at: PlateTime::ZERO };
     let (stats, interlock, deadlines) = (&world.stats, &world.interlock, DeadlinePolicy::Strict);
-    let pace = Pace { clock: &clock, nap: &|_| (), stats, interlock, frame_hz: 60.0, deadlines };
-    capture(&mut Paced::new(&mut rig, pace)).unwrap();
+    let pace = PaceClock { clock: &clock, nap: &|_| (), stats, interlock, frame_hz: 60.0, deadlines };
+    capture(&mut RealTimeRig::new(&mut rig, pace)).unwrap();
 }
 
 #[test]

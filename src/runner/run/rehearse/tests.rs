@@ -8,7 +8,7 @@ use super::*;
 use crate::config::Origin;
 use crate::run::SelectionReason;
 use crate::run::coverage::fixture::library;
-use upm_control::Ending;
+use upm_control::RunEnd;
 use upm_core::geometry::Twist;
 
 #[test]
@@ -81,7 +81,7 @@ fn parts_are_named_as_control_will_name_them() {
     let parts = json!([{"kind": "penny", "count": 3}, {"kind": "penny", "position_mm": [10, 20]}, {"kind": "quarter"}]);
     let job = job(parts, json!({"type": "trajectories", "paths": paths}));
     let library = super::super::job_library(&job).unwrap();
-    let Bench { params, placed, .. } = Bench::new(&job, &library).unwrap();
+    let RunSetup { params, placed, .. } = RunSetup::new(&job, &library).unwrap();
     let starts_m = named(&placed, &params);
     assert!(starts_m[0].x < starts_m[1].x && starts_m[1].x < starts_m[2].x, "{starts_m:?}");
     assert_eq!((starts_m[3], starts_m[4]), (placed[3].position_m, placed[4].position_m));
@@ -92,9 +92,9 @@ fn parts_are_named_as_control_will_name_them() {
 
 #[test]
 fn a_forecast_sums_up_its_rehearsals() {
-    let nearest = |gap_m| Some(Nearest { gap_m, parts: [0, 1], at_s: 1.0 });
+    let nearest = |gap_m| Some(ClosestApproach { gap_m, parts: [0, 1], at_s: 1.0 });
     let met = |limit: &str, times| LimitMet { limit: limit.into(), times };
-    let one = |ending: Ending, plate_time_s, gap_m, limits_met| Rehearsal {
+    let one = |ending: RunEnd, plate_time_s, gap_m, limits_met| DryRun {
         ending,
         plate_time_s,
         cycles: 1,
@@ -108,9 +108,12 @@ fn a_forecast_sums_up_its_rehearsals() {
         progress: 1.0,
         work_ms: 1.0,
     };
-    let done = || Ending::completed("there");
-    let planner =
-        PlannerSelection { method: Method::CorSequence, reason: SelectionReason::OnePart, alternatives: vec![] };
+    let done = || RunEnd::completed("there");
+    let planner = PlannerSelection {
+        method: PlanningMethod::CorSequence,
+        reason: SelectionReason::OnePart,
+        alternatives: vec![],
+    };
     let mut forecast = Forecast {
         planner,
         half_side_m: 0.1,
@@ -125,21 +128,21 @@ fn a_forecast_sums_up_its_rehearsals() {
         ],
         friction_spread: 0.0,
     };
-    let time = |rehearsal: &Rehearsal| rehearsal.plate_time_s;
+    let time = |rehearsal: &DryRun| rehearsal.plate_time_s;
     assert_eq!(forecast.verdict(), PlanVerdict::CanBeDone);
     assert_eq!(forecast.range(time), Some([4.0, 5.0, 9.0]));
     assert_eq!(forecast.nearest(), nearest(0.001));
     assert_eq!(forecast.limits_met(), [met("b", 4), met("a", 2)]);
-    forecast.rehearsals[2].ending = Ending::failed("stalled");
+    forecast.rehearsals[2].ending = RunEnd::failed("stalled");
     assert_eq!(forecast.verdict(), PlanVerdict::Likely);
     assert_eq!(forecast.endings(), [("stalled", 1), ("there", 2)]);
     assert_eq!(forecast.range(time), Some([4.0, 6.5, 9.0]));
-    forecast.rehearsals[1].ending = Ending::failed("stalled");
+    forecast.rehearsals[1].ending = RunEnd::failed("stalled");
     assert_eq!(forecast.verdict(), PlanVerdict::Unlikely);
     forecast.rehearsals[0].left_off = true;
     assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::Unlikely, 3), "left off at its end");
     for rehearsal in &mut forecast.rehearsals {
-        rehearsal.ending = Ending::failed("left off");
+        rehearsal.ending = RunEnd::failed("left off");
     }
     assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::CannotBeDone, 2));
     assert!(forecast.verdict().is_failure());

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::store::StoreFault;
-use upm_core::rig::Fitted;
+use upm_core::rig::InterlockGuard;
 use upm_core::time::PlateTime;
 
 #[derive(Clone, Copy, Debug)]
@@ -115,7 +115,7 @@ proptest! {
     #[test]
     fn every_step_does_what_the_table_says(steps in prop::collection::vec(step(), 1..60)) {
         let mut stop = stop_of(false);
-        let mut fitted: Option<Fitted> = None;
+        let mut fitted: Option<InterlockGuard> = None;
         let mut tokens: Vec<(Held, u32)> = Vec::new();
         let mut model =
             Model { state: StopState::Released, change: 0, kept: false, on_disk: false, fitted: false, pauses: 0 };
@@ -152,7 +152,7 @@ proptest! {
                     prop_assert_eq!(paused.get(), model.pauses - pauses, "it is paused before it may move");
                 }
                 Step::Fit => {
-                    fitted = fitted.or_else(|| stop.interlock().fit(PlateTime::ZERO));
+                    fitted = fitted.or_else(|| stop.interlock().attach(PlateTime::ZERO));
                     model.fitted = true;
                 }
                 Step::Unfit => (fitted, model.fitted) = (None, false),
@@ -182,8 +182,8 @@ proptest! {
 fn waits_end_when_the_motors_are_silent_and_when_the_disk_has_the_stop() {
     let long = Duration::from_secs(60);
     let stop = stop_of(false);
-    let _fitted = stop.interlock().fit(PlateTime::ZERO);
-    stop.interlock().sound().unwrap();
+    let _fitted = stop.interlock().attach(PlateTime::ZERO);
+    stop.interlock().energize().unwrap();
     let start = Barrier::new(3);
     thread::scope(|scope| {
         let silent = scope.spawn(|| {
@@ -198,7 +198,7 @@ fn waits_end_when_the_motors_are_silent_and_when_the_disk_has_the_stop() {
         start.wait();
         assert_eq!(stop.wait_until_silent(Duration::from_millis(1)), None, "it sounds");
         assert!(!stop.wait_until_kept(Duration::from_millis(1)));
-        stop.interlock().silent(PlateTime::from_secs(0.001));
+        stop.interlock().motors_off(PlateTime::from_secs(0.001));
         stop.latch.keep();
         assert!(silent.join().unwrap().is_some() && kept.join().unwrap());
     });

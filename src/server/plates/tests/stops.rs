@@ -10,7 +10,7 @@ use crate::plates::emergency_stop::StopState;
 use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
 use upm_core::job::StopCause;
 use upm_core::time::{Clock, PlateTime};
-use upm_recording::{RecordingSwitch, ScribeWatch};
+use upm_recording::{RecordingHandle, WriterStatus};
 use upm_runner::run::ExternalStop;
 
 type Act = Box<dyn FnOnce() + Send>;
@@ -211,7 +211,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
     let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
-    let begin = |job| shared.job.begin(job, false, RecordingSwitch::default(), ScribeWatch::default());
+    let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     let frame = || shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
         shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
@@ -286,7 +286,7 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
     let job = house.submit(plate, TWO_COINS, Pace::RealTime);
-    shared.job.begin(job, false, RecordingSwitch::default(), ScribeWatch::default());
+    shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
     while shared.emergency_stop.interlock().tripped().is_none() {
         thread::yield_now();

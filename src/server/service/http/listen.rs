@@ -24,7 +24,7 @@ use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConn
 use super::head::read_head;
 use super::limits::{Limits, Spare};
 use super::socket::Socket;
-use upm_core::priority::step_back;
+use upm_core::priority::lower_thread_priority;
 
 /// Threads that serve requests on common connections.
 const WORKERS: usize = 2;
@@ -100,7 +100,7 @@ pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop
         tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
     }
     lengthen_backlog(&listener);
-    let answering = runtime(WORKERS, step_back)?;
+    let answering = runtime(WORKERS, lower_thread_priority)?;
     // threads that accept, read heads from spare connections and answer stops keep their priority
     let urgent = runtime(1, || ())?;
     let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

@@ -3,8 +3,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use upm_core::priority::step_back;
-use upm_recording::RecordingSwitch;
+use upm_core::priority::lower_thread_priority;
+use upm_recording::RecordingHandle;
 
 /// Time from the end of one sync to the next.
 const EVERY: Duration = Duration::from_secs(1);
@@ -20,11 +20,11 @@ impl Syncing {
     /// failed.
     pub(super) fn start(
         sync: impl FnMut() -> io::Result<()> + Send + 'static,
-        switch: RecordingSwitch,
+        switch: RecordingHandle,
     ) -> io::Result<Self> {
         let (alive, ended) = sync_channel(1);
         thread::Builder::new().name("recording-sync".into()).spawn(move || {
-            step_back();
+            lower_thread_priority();
             run(sync, &ended, EVERY, &switch);
         })?;
         Ok(Self { _alive: alive })
@@ -32,7 +32,7 @@ impl Syncing {
 }
 
 /// Syncs new data `every` so often, until `ended` is disconnected.
-fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, switch: &RecordingSwitch) {
+fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, switch: &RecordingHandle) {
     let mut synced_bytes = 0;
     while ended.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
         let bytes = switch.bytes();
@@ -59,13 +59,13 @@ mod tests {
 
     #[test]
     fn what_is_new_is_synced_once_until_it_is_let_go() {
-        let (switch, (alive, ended)) = (RecordingSwitch::default(), sync_channel(1));
+        let (switch, (alive, ended)) = (RecordingHandle::default(), sync_channel(1));
         let (told, syncs) = sync_channel(1);
         let growing = switch.clone();
         let thread = thread::spawn(move || run(|| told.send(()).map_err(io::Error::other), &ended, OFTEN, &switch));
         assert!(syncs.recv_timeout(20 * OFTEN).is_err(), "there is nothing yet");
         for _ in 0..3 {
-            growing.wrote(7);
+            growing.add_bytes(7);
             syncs.recv().unwrap();
         }
         assert!(syncs.recv_timeout(20 * OFTEN).is_err(), "nothing was added");
@@ -75,10 +75,10 @@ mod tests {
 
     #[test]
     fn a_disk_that_does_not_take_it_ends_the_recording() {
-        let (switch, (_alive, ended)) = (RecordingSwitch::default(), sync_channel(1));
-        switch.wrote(7);
+        let (switch, (_alive, ended)) = (RecordingHandle::default(), sync_channel(1));
+        switch.add_bytes(7);
         run(|| Err(io::Error::other("it is broken")), &ended, OFTEN, &switch);
         let reason = "it cannot be written to the disk: it is broken";
-        assert_eq!((switch.state(), switch.wanted_stop()), (RecordingState::Failed(reason.into()), Some(reason)));
+        assert_eq!((switch.state(), switch.stop_request()), (RecordingState::Failed(reason.into()), Some(reason)));
     }
 }

@@ -1,0 +1,110 @@
+//! Bins and wanted paths of a task, for the table from above and for the camera's picture.
+
+use rerun::{AsComponents, LineStrips2D, Points2D};
+
+use super::paint::{self, thin};
+use super::tape::{Logged, Tape};
+use crate::types::{BinLook, RunContext};
+use upm_chart::Palette;
+use upm_core::geometry::Vec2;
+
+/// Red, green and blue of what belongs to no part or kind alone.
+const FAINT: [u8; 3] = [paint::FAINT.0, paint::FAINT.1, paint::FAINT.2];
+
+/// Longest piece of a drawn line, m: a lens bends longer ones visibly.
+const PIECE_M: f64 = 0.01;
+
+/// A view that the task is drawn in.
+pub(super) struct View<'a, P> {
+    /// Its entity: `table`.
+    pub(super) root: &'a str,
+    /// True where the task never moves in the view.
+    pub(super) is_static: bool,
+    /// Maps a point of the table, m, into the view.
+    pub(super) place: P,
+    /// Height of a label in the view.
+    pub(super) label: f64,
+}
+
+impl<P: Fn(Vec2) -> [f32; 2]> View<'_, P> {
+    /// Logs the bins with their names and the wanted paths: bins in the colour of their kind, paths in that of their
+    /// part.
+    pub(super) fn log(&self, tape: &Tape, context: &RunContext) -> Logged {
+        let palette = paint::palette(&context.parts);
+        if !context.bins.is_empty() {
+            let (bins, names) = self.bins(&context.bins, &palette);
+            self.put(tape, "bins", &bins)?;
+            self.put(tape, "bins/names", &names)?;
+        }
+        if context.paths_m.is_empty() {
+            return Ok(());
+        }
+        let own = palette.parts().len() == context.paths_m.len();
+        let rgb = |i: usize| palette.parts().get(if own { i } else { 0 }).copied().unwrap_or(FAINT);
+        let colors: Vec<[u8; 3]> = (0..context.paths_m.len()).map(rgb).collect();
+        let lines = context.paths_m.iter().map(|path_m| self.strip(path_m));
+        let paths = LineStrips2D::new(lines).with_colors(paint::colors(&colors)).with_radii([thin(0.5)]);
+        self.put(tape, "paths", &paths.with_draw_order(-3.0))
+    }
+
+    /// Rims of the bins, and their names above them.
+    fn bins(&self, bins: &[BinLook], palette: &Palette) -> (LineStrips2D, Points2D) {
+        // a bin for several kinds has the colour of none
+        let rgb = |bin: &BinLook| match &bin.kinds[..] {
+            [kind] => palette.kind(kind).unwrap_or(FAINT),
+            _ => FAINT,
+        };
+        let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
+        let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&rim_m(bin)))).with_radii([thin(1.25)]);
+        let above = |bin: &BinLook| {
+            let [x, y] = (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.max_m.y));
+            [x, y - (1.2 * self.label) as f32]
+        };
+        let names = Points2D::new(bins.iter().map(above))
+            .with_labels(bins.iter().map(|bin| format!("bin: {}", bin.kinds.join(", "))))
+            .with_show_labels(true)
+            .with_radii([thin(0.1)]);
+        (rims.with_colors(colors.clone()).with_draw_order(-4.0), names.with_colors(colors))
+    }
+
+    fn strip(&self, line_m: &[Vec2]) -> Vec<[f32; 2]> {
+        pieces(line_m).into_iter().map(&self.place).collect()
+    }
+
+    fn put(&self, tape: &Tape, name: &str, what: &impl AsComponents) -> Logged {
+        let path = format!("{}/{name}", self.root);
+        if self.is_static { tape.log_static(&path, what) } else { tape.log(&path, what) }
+    }
+}
+
+/// The corners of a bin, the first one again at the end.
+fn rim_m(bin: &BinLook) -> [Vec2; 5] {
+    let BinLook { min_m, max_m, .. } = bin;
+    let corner = Vec2::new;
+    [*min_m, corner(max_m.x, min_m.y), *max_m, corner(min_m.x, max_m.y), *min_m]
+}
+
+/// The line with points no farther than [`PIECE_M`] from each other.
+fn pieces(line_m: &[Vec2]) -> Vec<Vec2> {
+    let between = |pair: &[Vec2]| {
+        let (from, to) = (pair[0], pair[1]);
+        let count = ((to - from).norm() / PIECE_M).ceil().clamp(1.0, 1000.0) as usize;
+        (1..=count).map(move |k| from + (to - from) * (k as f64 / count as f64))
+    };
+    line_m.first().copied().into_iter().chain(line_m.windows(2).flat_map(between)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_keep_their_corners_and_get_short_pieces() {
+        let corners = [Vec2::zeros(), Vec2::new(0.025, 0.0), Vec2::new(0.025, 0.004)];
+        let line = pieces(&corners);
+        assert_eq!(line.len(), 5);
+        assert!(corners.iter().all(|corner| line.iter().any(|point| (point - corner).norm() < 1e-12)));
+        assert!(line.windows(2).all(|pair| (pair[1] - pair[0]).norm() <= PIECE_M + 1e-12));
+        assert!(pieces(&[]).is_empty());
+    }
+}
