@@ -1,0 +1,239 @@
+//! A reader of the pages: a folder as `upm init .` makes it, and a shell that types commands there one after another.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::net::TcpListener;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::path::PathBuf;
+use std::process::Command;
+
+use tempfile::TempDir;
+
+/// Longest time for the commands of a page, s.
+const PATIENCE_S: u32 = 900;
+
+/// Pause between two commands beside a daemon, s: people do not type faster, and a queued job begins meanwhile.
+const PAUSE_S: f64 = 0.5;
+
+/// Lines of output in the report of a command that fails.
+const SHOWN_LINES: usize = 15;
+
+/// `cargo` for a reader: the program under test takes the place of a build.
+const CARGO: &str = r#"#!/usr/bin/env bash
+if [ "$1" = run ] && [[ " $* " == *" -- "* ]] && [[ " $* " != *" --example "* ]]; then
+  while [ "$1" != -- ]; do shift; done
+  shift
+  exec upm "$@"
+fi
+echo "this test builds nothing: cargo $*" >&2
+exit 101
+"#;
+
+/// Limits of a watchdog that bears with a computer that does other work as well.
+const WATCHDOG: &str = r#"
+"watchdog": {
+  "no_frame_s": 60, "planning_s": 600, "no_part_s": 60, "blocked_s": 60, "late_frames": 1000, "misses_per_s": 1000
+},"#;
+
+/// Functions of the script: the note of an ended command, and the wait for a daemon.
+const FUNCTIONS: &str = r#"
+exec 3>"$NOTES/ended"
+_servers=()
+_ended() {
+  printf '%s %s %s\n' "$1" "$2" "$EPOCHREALTIME" >&3
+  [ "$2" -eq "$3" ] || exit 1
+}
+_until_served() {
+  until upm plates >/dev/null 2>&1; do
+    kill -0 "$1" 2>/dev/null || exit 1
+    sleep 0.1
+  done
+}
+trap 'kill "${_servers[@]}" 2>/dev/null' EXIT
+"#;
+
+/// The end of the script: daemons are asked to end. `tests/daemon.rs` holds the status with which they do.
+const END: &str = r#"
+for _server in "${_servers[@]}"; do
+  kill "$_server" && wait "$_server"
+done
+_servers=()
+exit 0
+"#;
+
+/// A command to type.
+pub struct Step {
+    /// Page and line, for messages.
+    pub place: String,
+    pub text: String,
+    pub expected: i32,
+    pub is_background: bool,
+}
+
+/// An ended command.
+pub struct Ran {
+    pub seconds: f64,
+    /// All that it printed.
+    pub output: String,
+}
+
+/// A reader's folder, with programs, notes of the shell and a port for a daemon.
+pub struct Reader {
+    folder: TempDir,
+    port: u16,
+}
+
+impl Reader {
+    pub fn new() -> Self {
+        let reader = Self { folder: TempDir::new().unwrap(), port: free_port() };
+        for folder in ["bin", "notes", "typed"] {
+            fs::create_dir(reader.path(folder)).unwrap();
+        }
+        symlink(env!("CARGO_BIN_EXE_upm"), reader.path("bin/upm")).unwrap();
+        let cargo = reader.path("bin/cargo");
+        fs::write(&cargo, CARGO).unwrap();
+        fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();
+        let init =
+            Command::new(env!("CARGO_BIN_EXE_upm")).args(["init", "."]).current_dir(reader.path("typed")).output();
+        assert!(init.as_ref().is_ok_and(|output| output.status.success()), "{init:?}");
+        reader.own_daemon();
+        reader
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Gives the shipped daemon's file this reader's port and a patient watchdog: tests run side by side.
+    fn own_daemon(&self) {
+        let file = self.path("typed/configs/daemon.json");
+        let shipped = fs::read_to_string(&file).unwrap();
+        let own = shipped.lines().map(|line| match line.trim_start() {
+            bare if bare.starts_with("\"listen\"") => format!("\"listen\": \"127.0.0.1:{}\",", self.port),
+            bare if bare.starts_with("\"watchdog\"") => WATCHDOG.to_owned(),
+            _ => line.to_owned(),
+        });
+        let own = own.collect::<Vec<_>>().join("\n");
+        assert!(own.contains(&self.port.to_string()) && own.contains(WATCHDOG), "{own}");
+        fs::write(file, own).unwrap();
+    }
+
+    /// Types the commands; `Err` has the first that ends otherwise than expected.
+    pub fn types(&self, steps: &[Step]) -> Result<Vec<Ran>, String> {
+        let script = self.path("script");
+        fs::write(&script, script_of(steps)).unwrap();
+        let path = std::env::var("PATH").unwrap_or_default();
+        let mut shell = Command::new("timeout");
+        shell.args(["--kill-after=10", &PATIENCE_S.to_string(), "bash"]).arg(&script).current_dir(self.path("typed"));
+        shell.env("PATH", format!("{}:{path}", self.path("bin").display())).env("NOTES", self.path("notes"));
+        shell.env("UPM_URL", format!("http://127.0.0.1:{}", self.port));
+        shell.env_remove("UPM_TOKEN_FILE").env_remove("UPM_DATA");
+        let output = shell.output().unwrap();
+        let ended = self.ended();
+        if output.status.success() {
+            return Ok((0..steps.len()).map(|i| Ran { seconds: ended[i].seconds, output: self.printed(i) }).collect());
+        }
+        let expected = |number: usize| steps.get(number).map_or(0, |step| step.expected);
+        let (number, status) = match ended.last() {
+            Some(last) if last.status != expected(last.number) => (last.number, last.status.to_string()),
+            last => (last.map_or(0, |last| last.number + 1), format!("none within {PATIENCE_S} s, or no daemon")),
+        };
+        let place = steps.get(number).map_or("the end of the page", |step| &step.place);
+        let printed = tail(&(self.printed(number) + &String::from_utf8_lossy(&output.stderr)));
+        Err(format!("{place}: exit status {status}, expected {}\n{printed}", expected(number)))
+    }
+
+    /// The shell's notes of ended commands, in order.
+    fn ended(&self) -> Vec<Ended> {
+        let notes = fs::read_to_string(self.path("notes/ended")).unwrap_or_default();
+        let mut before_s = None;
+        let note = |line: &str| {
+            let mut words = line.split(' ');
+            let number = words.next()?.parse().ok()?;
+            let (status, at_s) = (words.next()?.parse().ok()?, words.next()?.replace(',', ".").parse::<f64>().ok()?);
+            let seconds = at_s - before_s.replace(at_s).unwrap_or(at_s);
+            Some(Ended { number, status, seconds })
+        };
+        // the first note is that of the start
+        notes.lines().filter_map(note).skip(1).collect()
+    }
+
+    fn printed(&self, number: usize) -> String {
+        let bytes = fs::read(self.path("notes").join(number.to_string())).unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+}
+
+/// The shell's note of an ended command.
+struct Ended {
+    number: usize,
+    status: i32,
+    seconds: f64,
+}
+
+/// The script that types the commands and notes each with its status.
+fn script_of(steps: &[Step]) -> String {
+    let mut script = format!("{FUNCTIONS}\n_ended 0 0 0\n");
+    let pause_s = if steps.iter().any(|step| step.is_background) { PAUSE_S } else { 0.0 };
+    for (i, step) in steps.iter().enumerate() {
+        let (text, expected) = (&step.text, step.expected);
+        writeln!(script, "sleep {pause_s}\nexec >\"$NOTES/{i}\" 2>&1").unwrap();
+        if step.is_background {
+            let bare = text.split(" #").next().unwrap_or_default().trim_end().trim_end_matches('&');
+            writeln!(script, "{bare} &\n_servers+=($!)\n_until_served $!\n_ended {i} 0 0").unwrap();
+        } else {
+            writeln!(script, "{text}\n_ended {i} $? {expected}").unwrap();
+        }
+    }
+    script + END
+}
+
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// The last lines of a text.
+fn tail(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().collect();
+    lines[lines.len().saturating_sub(SHOWN_LINES)..].iter().map(|line| format!("  {line}\n")).collect()
+}
+
+/// Lines of `shown` that `printed` lacks. A line of the page holds up to an ellipsis, or to figures of the wall clock.
+pub fn lacking<'a>(shown: &'a str, printed: &str) -> Vec<&'a str> {
+    let lasting =
+        |line: &'a str| line.split('…').next().unwrap_or_default().split(", run in ").next().unwrap_or_default();
+    let lines = shown.lines().map(lasting).filter(|line| !line.trim().is_empty());
+    lines.filter(|line| !printed.lines().any(|other| other.starts_with(line))).collect()
+}
+
+/// Words of `command` are words of `line`, in that order.
+pub fn has_words(line: &str, command: &str) -> bool {
+    let mut words = line.split_whitespace();
+    command.split_whitespace().all(|word| words.any(|other| other == word))
+}
+
+#[test]
+fn commands_that_end_otherwise_than_expected_are_named() {
+    let step = |text: &str, expected| Step {
+        place: format!("page: {text}"),
+        text: text.to_owned(),
+        expected,
+        is_background: false,
+    };
+    let reader = Reader::new();
+    let fine = reader.types(&[step("cd configs", 0), step("ls # all", 0), step("upm check nothing.json", 2)]).unwrap();
+    assert!(fine[1].output.contains("arrange-2.json") && fine[2].output.contains("nothing.json"), "{}", fine[1].output);
+    let wrong = reader.types(&[step("true", 0), step("echo so; false", 0), step("true", 0)]).err().unwrap();
+    assert_eq!(wrong, "page: echo so; false: exit status 1, expected 0\n  so\n");
+    let built = reader.types(&[step("cargo test", 0)]).err().unwrap();
+    assert!(built.contains("exit status 101") && built.contains("builds nothing"), "{built}");
+}
+
+#[test]
+fn output_of_a_page_holds_up_to_an_ellipsis() {
+    let printed = "job: done\n  plate time   5.2 s, run in 0.3 s\n  work  3\n";
+    assert_eq!(lacking("job: …\n  plate time   5.2 s, run in 9 s\n…\n", printed), Vec::<&str>::new());
+    assert_eq!(lacking("job: done\n  work  4\n", printed), ["  work  4"]);
+    assert!(has_words("step cargo run --locked -- run a.json --out b", "cargo run -- run a.json"));
+    assert!(!has_words("step cargo test", "cargo test --workspace"));
+}
