@@ -1,11 +1,13 @@
 //! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
 //! draws one as a picture.
 
+mod decades;
 mod labels;
 mod palette;
 #[cfg(feature = "svg")]
 mod svg;
 
+pub use decades::{LogTicks, log_tick_text, log_ticks};
 pub use labels::{LabelPlace, Labelled, place_labels};
 pub use palette::{Ground, Palette};
 
@@ -32,7 +34,12 @@ pub struct Chart {
 impl Chart {
     /// A plot of one quantity over another, each with its unit; the axes fit the layers.
     pub fn plot(name: impl Into<String>, title: impl Into<String>, [x, y]: [&str; 2], layers: Vec<Layer>) -> Self {
-        Self { name: name.into(), title: title.into(), x: Axis::new(x), y: Axis::new(y), map: false, layers }
+        Self::over(name, title, [Axis::new(x), Axis::new(y)], layers)
+    }
+
+    /// A plot over these axes.
+    pub fn over(name: impl Into<String>, title: impl Into<String>, [x, y]: [Axis; 2], layers: Vec<Layer>) -> Self {
+        Self { name: name.into(), title: title.into(), x, y, map: false, layers }
     }
 
     /// A map of a plate from above, in millimetres: `reach` from its middle to each side, or the range of the layers.
@@ -42,7 +49,7 @@ impl Chart {
         reach: Option<f64>,
         layers: Vec<Layer>,
     ) -> Self {
-        let axis = |label: &str| Axis { label: label.to_owned(), range: reach.map(|reach| [-reach, reach]) };
+        let axis = |label: &str| Axis { range: reach.map(|reach| [-reach, reach]), ..Axis::new(label) };
         Self { name: name.into(), title: title.into(), x: axis("x (mm)"), y: axis("y (mm)"), map: true, layers }
     }
 }
@@ -54,12 +61,24 @@ pub struct Axis {
     pub label: String,
     /// Range, from and to; `None` to fit the layers.
     pub range: Option<[f64; 2]>,
+    /// Whether equal distances are equal differences or equal ratios.
+    pub scale: AxisScale,
+}
+
+/// Scale of an axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AxisScale {
+    /// Equal distances are equal differences.
+    #[default]
+    Linear,
+    /// Equal distances are equal ratios. Values that are not positive are left out.
+    Log,
 }
 
 impl Axis {
     /// An axis that fits the layers.
     pub fn new(label: &str) -> Self {
-        Self { label: label.to_owned(), range: None }
+        Self { label: label.to_owned(), range: None, scale: AxisScale::Linear }
     }
 }
 

@@ -11,7 +11,7 @@ mod tests;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::Chart;
+use super::{AxisScale, Chart};
 use legend::Legend;
 use marks::Frame;
 use scale::Scale;
@@ -29,6 +29,8 @@ const BELOW_PX: f64 = 48.0;
 const GAP_PX: f64 = 8.0;
 /// Height over width of a plot that is not a map.
 const USUAL: f64 = 0.55;
+/// Lines between two ticks that the backend may draw: as many as a scale asks for.
+const LIGHT_LINES: usize = 10;
 /// Largest number of ticks along an axis.
 const MOST_TICKS: usize = 9;
 
@@ -36,6 +38,8 @@ const MOST_TICKS: usize = 9;
 ///
 /// Points that are not finite are left out; lines end at the rim of the plot. The legend is below it.
 pub fn svg(chart: &Chart) -> String {
+    let chart = chart.in_decades();
+    let chart = chart.as_ref();
     let layout = Layout::of(chart);
     let (width, height) = (fine(WIDTH_PX) as u32, fine(layout.height_px()) as u32);
     let mut document = String::new();
@@ -52,17 +56,17 @@ pub fn svg_page(charts: &[Chart]) -> String {
     let (mut page, mut height_px) = (String::new(), 0.0);
     for chart in charts {
         page += &svg(chart).replacen("<svg ", &format!("<svg y=\"{height_px}\" "), 1);
-        height_px += Layout::of(chart).height_px();
+        height_px += Layout::of(&chart.in_decades()).height_px();
     }
     let open = format!("<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" xmlns=\"http://www.w3.org/2000/svg\">\n");
     open + &page + "</svg>\n"
 }
 
 /// The scale over `range` with as many ticks as fit in `width_px` side by side.
-fn scale_across(range: [f64; 2], width_px: f64) -> Scale {
-    let scales = (3..=MOST_TICKS).rev().map(|most| (most, Scale::over(range, most)));
+fn scale_across(axis: AxisScale, range: [f64; 2], width_px: f64) -> Scale {
+    let scales = (3..=MOST_TICKS).rev().map(|most| (most, Scale::of(axis, range, most)));
     let mut fitting = scales.filter(|(most, scale)| *most as f64 * (scale.width_px(TICK_PX) + TICK_PX) <= width_px);
-    fitting.next().map_or_else(|| Scale::over(range, 2), |(_, scale)| scale)
+    fitting.next().map_or_else(|| Scale::of(axis, range, 2), |(_, scale)| scale)
 }
 
 /// Layout of the picture.
@@ -84,10 +88,10 @@ impl Layout {
             range::make_fit(&mut x, &mut y);
         }
         let aspect = if chart.map { (y[1] - y[0]) / (x[1] - x[0]) } else { USUAL };
-        let y = Scale::over(y, MOST_TICKS);
+        let y = Scale::of(chart.y.scale, y, MOST_TICKS);
         let left_px = y.width_px(TICK_PX) + 2.5 * LABEL_PX;
         let plot_width_px = WIDTH_PX - 2.0 * MARGIN_PX - left_px;
-        let x = scale_across(x, plot_width_px);
+        let x = scale_across(chart.x.scale, x, plot_width_px);
         Self {
             title: text_lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
             x,
@@ -138,8 +142,10 @@ impl Layout {
             .axis_desc_style(font(LABEL_PX, HPos::Center))
             .x_desc(plain_text(&chart.x.label))
             .y_desc(plain_text(&chart.y.label))
+            .light_line_style(RGBColor(240, 240, 240).stroke_width(fine(0.6) as u32))
             .bold_line_style(RGBColor(225, 225, 225).stroke_width(fine(1.0) as u32))
             .axis_style(RGBColor(90, 90, 90).stroke_width(fine(1.0) as u32))
+            .max_light_lines(LIGHT_LINES)
             .set_all_tick_mark_size(fine(5.0))
             .draw()?;
         let (across, down) = plot.plotting_area().get_pixel_range();

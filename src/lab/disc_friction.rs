@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use ellip::{ellipe, ellipk};
 
 use super::{Figure, Outcome, Series};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
@@ -86,17 +86,17 @@ fn closed_form(e: f64) -> [f64; 2] {
 
 fn chart(rows: &[Row]) -> Chart {
     let line = |label: &str, i: usize| {
-        let points = rows.iter().map(|row| [row.ratio.log10(), row.exact[i]]);
+        let points = rows.iter().map(|row| [row.ratio, row.exact[i]]);
         Layer::new(label, Mark::Line, Color::Gray, points)
     };
     let dots = |label: &str, i: usize, color| {
-        let points = rows.iter().step_by(DOTS).map(|row| [row.ratio.log10(), row.table[i]]);
+        let points = rows.iter().step_by(DOTS).map(|row| [row.ratio, row.table[i]]);
         Layer::new(label, Mark::Dots, color, points)
     };
-    Chart::plot(
+    Chart::over(
         "force-curve-disc",
         "Friction of a disc that slides at v and spins at w",
-        ["log10 of slip ratio v/(R w)", "force over μ N, torque over μ N R"],
+        [Axis::log("slip ratio v/(R w)"), Axis::new("force over μ N, torque over μ N R")],
         vec![
             line("closed form", 0),
             line("", 1),

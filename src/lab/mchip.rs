@@ -25,7 +25,7 @@ use self::run::{Run, Setup};
 use super::settings::Setting;
 use super::sweep::Progress;
 use super::{Figure, LabFault, Outcome, Series};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -254,10 +254,10 @@ fn spectrum_chart(run: &Run) -> Chart {
     let samples = samples_from(run, batch::SETTLED_S);
     let heights_um: Vec<f64> = samples.iter().map(|sample| 1e6 * run.height_m(&sample.state)).collect();
     let lines = spectrum(&heights_um, run.setup().sample_s);
-    Chart::plot(
+    Chart::over(
         "mchip-spectrum",
         "Spectrum of the part's height",
-        ["frequency (Hz)", "amplitude (µm)"],
+        [Axis::new("frequency (Hz)"), Axis::log("amplitude (µm)")],
         vec![Layer::new(
             "height",
             Mark::Line,

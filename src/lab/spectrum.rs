@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{Figure, Outcome, Series};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum};
 
@@ -11,8 +11,8 @@ use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations
 const UNEVEN_SAMPLES: f64 = 1e-3;
 /// Highest harmonic excluded, with those below it, from the noise floor.
 const LAST_HARMONIC: usize = 4;
-/// Lowest amplitude drawn, dB re 1 m/s².
-const FLOOR_DB: f64 = -80.0;
+/// Lowest amplitude drawn, m/s².
+const LEAST_DRAWN_MPS2: f64 = 1e-4;
 /// Time after the attack that is skipped, s.
 const SETTLING_S: f64 = 3e-3;
 
@@ -77,24 +77,24 @@ impl TraceSpectrum {
     }
 
     fn chart(&self) -> Chart {
-        let db = |amplitude_mps2: f64| (20.0 * amplitude_mps2.log10()).max(FLOOR_DB);
+        let drawn = |amplitude_mps2: f64| amplitude_mps2.max(LEAST_DRAWN_MPS2);
         let mut layers = Vec::new();
         for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
-            let bins = self.hz.iter().zip(amplitudes).skip(1).map(|(&hz, &amplitude)| [hz, db(amplitude)]);
+            let bins = self.hz.iter().zip(amplitudes).skip(1).map(|(&hz, &amplitude)| [hz, drawn(amplitude)]);
             layers.push(Layer::new(name, Mark::Line, Color::nth(channel), bins));
             let harmonics = [1, 2].iter().filter_map(|k| {
                 let bin = k * self.periods;
-                Some([*self.hz.get(bin)?, db(*amplitudes.get(bin)?)])
+                Some([*self.hz.get(bin)?, drawn(*amplitudes.get(bin)?)])
             });
             layers.push(Layer::new("", Mark::Dots, Color::nth(channel), harmonics));
         }
-        let floor_db = db(self.noise_mps2() * 2.0 / (self.samples as f64).sqrt());
-        let ends = [1, self.hz.len() - 1].map(|k| [self.hz[k], floor_db]);
+        let floor_mps2 = drawn(self.noise_mps2() * 2.0 / (self.samples as f64).sqrt());
+        let ends = [1, self.hz.len() - 1].map(|k| [self.hz[k], floor_mps2]);
         layers.push(Layer::new("noise floor", Mark::Dashes, Color::Gray, ends));
-        Chart::plot(
+        Chart::over(
             "waveform-fit-spectrum",
             "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w",
-            ["frequency (Hz)", "amplitude (dB re 1 m/s²)"],
+            [Axis::log("frequency (Hz)"), Axis::log("amplitude (m/s²)")],
             layers,
         )
     }

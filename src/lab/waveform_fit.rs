@@ -6,7 +6,7 @@ use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
@@ -144,15 +144,15 @@ fn resonance_chart(found: &[AxisResonance; 3]) -> Chart {
         let relative = |radps: f64, response: Complex<f64>| [radps / TAU, response.norm() / fit.accel_per_force];
         let shown = lines.iter().map(|&(radps, response)| relative(radps, response));
         layers.push(Layer::new(name, Mark::Dots, Color::nth(axis), shown));
-        let last = lines.last().map_or(0.0, |(radps, _)| *radps);
-        let curve = (1..=STEPS).map(|i| last * f64::from(i) / f64::from(STEPS));
+        let [first, last] = [lines.first(), lines.last()].map(|line| line.map_or(1.0, |(radps, _)| *radps));
+        let curve = (0..=STEPS).map(|i| first * (last / first).powf(f64::from(i) / f64::from(STEPS)));
         let fitted = curve.map(|radps| relative(radps, fit.accel_response(radps)));
         layers.push(Layer::new("", Mark::Line, Color::nth(axis), fitted));
     }
-    Chart::plot(
+    Chart::over(
         "waveform-fit-resonance",
         "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them",
-        ["frequency (Hz)", "acceleration over a free mass's (1)"],
+        [Axis::log("frequency (Hz)"), Axis::log("acceleration over a free mass's (1)")],
         layers,
     )
 }

@@ -3,6 +3,7 @@ use std::ops::Range;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
 use super::sheet::text_width_px;
+use crate::{AxisScale, LogTicks, log_tick_text, log_ticks};
 
 /// The scale of an axis: its range, ticks and number format.
 #[derive(Clone, Debug)]
@@ -15,12 +16,35 @@ pub(super) struct Scale {
     digits: usize,
     /// True where numbers have a power of ten.
     power: bool,
+    /// True where range and ticks are powers of ten.
+    decades: bool,
+    /// Values of the lines between ticks.
+    minor: Vec<f64>,
 }
 
 /// Magnitudes of numbers that are written without a power of ten.
 const PLAIN: Range<f64> = 1e-4..1e6;
 
 impl Scale {
+    /// The scale of an axis over `range`, which is in decades on a logarithmic axis, with at most `most` ticks.
+    pub fn of(axis: AxisScale, range: [f64; 2], most: usize) -> Self {
+        match axis {
+            AxisScale::Linear => Self::over(range, most),
+            AxisScale::Log => Self::over_decades(range, most),
+        }
+    }
+
+    fn over_decades(range: [f64; 2], most: usize) -> Self {
+        let LogTicks { major, minor } = log_ticks(range, most);
+        let plain = Self::over(range.map(|end| 10f64.powf(end.clamp(-99.0, 99.0))), most);
+        if major.is_empty() {
+            // so short an axis has the ticks of a linear one in their places
+            let ticks = plain.ticks.iter().map(|tick| tick.log10()).collect();
+            return Self { range, ticks, minor: Vec::new(), decades: true, ..plain };
+        }
+        Self { range, ticks: major, digits: usize::MAX, power: false, decades: true, minor }
+    }
+
     /// A scale over `range`, which is not empty, with at most `most` ticks at multiples of 1, 2 or 5 times a power of
     /// ten.
     pub fn over([low, high]: [f64; 2], most: usize) -> Self {
@@ -35,12 +59,17 @@ impl Scale {
         let (largest_power, step_power) = (largest.log10().floor(), (1.000_001 * step).log10().floor());
         let power = !PLAIN.contains(&largest);
         let digits = if power { largest_power - step_power } else { -step_power };
-        Self { range: [low, high], ticks, digits: digits.max(0.0) as usize, power }
+        let digits = digits.max(0.0) as usize;
+        Self { range: [low, high], ticks, digits, power, decades: false, minor: Vec::new() }
     }
 
     /// A number as it is written on the axis.
     pub fn text(&self, value: f64) -> String {
         let digits = self.digits;
+        if self.decades && digits == usize::MAX {
+            return log_tick_text(value);
+        }
+        let value = if self.decades { 10f64.powf(value) } else { value };
         let written = match self.power {
             true if value != 0.0 => format!("{value:.digits$e}"),
             true => "0".to_owned(),
@@ -66,7 +95,7 @@ impl Ranged for Scale {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+        if hint.weight().allow_light_points() { self.minor.clone() } else { self.ticks.clone() }
     }
 
     fn range(&self) -> Range<f64> {

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::svg;
-use crate::{Axis, Chart, Color, Layer, Mark};
+use crate::{Axis, AxisScale, Chart, Color, Layer, Mark};
 
 fn chart(map: bool, layers: Vec<Layer>) -> Chart {
     let (x, y) = (Axis::new("x (mm)"), Axis::new("y (mm)"));
@@ -183,6 +183,27 @@ fn words_stand_beside_their_points_off_the_line_and_within_the_plot() {
     assert!(!document.contains("outside"));
 }
 
+#[test]
+fn a_logarithmic_axis_has_equal_ratios_at_equal_distances_and_gaps_at_zero() {
+    let points = [[1.0, 0.01], [10.0, 0.1], [100.0, 0.0], [1000.0, 10.0], [1e4, 100.0]];
+    let mut chart = chart(false, vec![Layer::new("", Mark::Line, Color::Red, points)]);
+    (chart.x, chart.y) = (Axis::log("x"), Axis::log("y"));
+    let document = svg(&chart);
+    let lines = polylines(&document, Color::Red);
+    assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [2, 2], "broken at zero");
+    let [[a, b], [c, d]] = [[lines[0][0], lines[0][1]], [lines[1][0], lines[1][1]]];
+    for axis in [0, 1] {
+        let decade = b[axis] - a[axis];
+        assert!((d[axis] - c[axis] - decade).abs() < 2.0 && decade.abs() > 100.0, "{lines:?}");
+    }
+    assert!((c[0] - b[0] - 2.0 * (b[0] - a[0])).abs() < 3.0, "{lines:?}");
+    for number in ["0.01", "0.1", "10", "100", "1000", "10000"] {
+        assert!(document.contains(&format!("\n{number}\n")), "{number} in {document}");
+    }
+    chart.layers[0].points = vec![[0.0, -1.0], [f64::NAN, 3.0]];
+    tags(&svg(&chart));
+}
+
 fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![-100.0..100.0f64, any::<f64>(), Just(f64::NAN), Just(f64::INFINITY), Just(f64::NEG_INFINITY), Just(0.0)]
 }
@@ -196,6 +217,7 @@ proptest! {
         [size, low, high] in proptest::array::uniform3(any_number()),
         map: bool,
         ranged: bool,
+        log: bool,
     ) {
         let mut layers = every_mark(&points);
         for layer in &mut layers {
@@ -207,6 +229,9 @@ proptest! {
         }
         let mut chart = chart(map, layers);
         chart.x.range = ranged.then_some([low, high]);
+        if log {
+            (chart.x.scale, chart.y.scale) = (AxisScale::Log, AxisScale::Log);
+        }
         tags(&svg(&chart));
     }
 }

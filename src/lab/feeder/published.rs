@@ -197,7 +197,7 @@ fn force_chart(duty: f64, points: &[[f64; 2]], [intercept, slope]: [f64; 2]) -> 
     let ends = [points.first(), points.last()].into_iter().flatten().map(|at| [at[0], intercept + slope * at[0]]);
     Chart::plot(
         format!("feeder-force-{}", (1000.0 * duty).round()),
-        format!("External force against the rate it leads to (Fig. 19), d = {duty}"),
+        format!("d = {duty}: external force against the rate it leads to (Fig. 19)"),
         ["feed rate (cm/s)", "force (dyn)"],
         vec![
             Layer::new(&format!("{intercept:.2} + {slope:.2} x"), Mark::Line, Color::Gray, ends),

@@ -5,7 +5,7 @@ use super::super::{Figure, LabRig, Outcome, Series};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::plate_model::STRONG_SPIN_RADPS;
 use super::task::{LOOKS, PartPath, StepSeries, Task};
-use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
+use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
@@ -137,7 +137,7 @@ fn map(name: &str, task: &Task, run: &StepSeries) -> Option<Chart> {
     }
     Some(Chart::plate_map(
         name,
-        format!("Two parts, four centres of rotation, a large step in {}: {}", counted(*looks), run.name),
+        format!("{}: two parts, four centres of rotation, a large step in {}", run.name, counted(*looks)),
         None,
         layers,
     ))
@@ -146,8 +146,7 @@ fn map(name: &str, task: &Task, run: &StepSeries) -> Option<Chart> {
 fn misses(runs: &[StepSeries; 3]) -> Chart {
     let mut layers = Vec::new();
     for (i, run) in runs.iter().enumerate() {
-        let points: Vec<[f64; 2]> =
-            run.ways.iter().map(|(looks, way)| [*looks as f64, (1e3 * way.miss_m).log10()]).collect();
+        let points: Vec<[f64; 2]> = run.ways.iter().map(|(looks, way)| [*looks as f64, 1e3 * way.miss_m]).collect();
         let failed: Vec<String> = run.failed.iter().map(|(looks, _)| looks.to_string()).collect();
         let label = match failed.as_slice() {
             [] => run.name.to_owned(),
@@ -156,5 +155,6 @@ fn misses(runs: &[StepSeries; 3]) -> Chart {
         layers.push(Layer::new(&label, Mark::Line, Color::nth(i), points.iter().copied()));
         layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
     }
-    Chart::plot("two-parts-looks", "The same step in more looks", ["looks", "log10 of E / mm"], layers)
+    let axes = [Axis::log("looks"), Axis::log("E (mm)")];
+    Chart::over("two-parts-looks", "The same step in more looks", axes, layers)
 }

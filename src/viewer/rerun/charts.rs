@@ -1,12 +1,14 @@
 //! Charts in 2D views. A map keeps the units of its axes. A curve is drawn in a box with its ticks, because a 2D view
 //! has no axes and Rerun's plots allow only time along x. Views have y down, so y is negated.
 
+use std::borrow::Cow;
+
 use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
 
 use super::cells::Raster;
 use super::paint::{self, thin};
 use super::tape::{Logged, Tape};
-use upm_chart::{self as chart, Chart, Layer, Mark};
+use upm_chart::{self as chart, AxisScale, Chart, Layer, Mark, log_tick_text, log_ticks};
 
 /// Width and height of the box that a curve is drawn in.
 const BOX: [f64; 2] = [160.0, 100.0];
@@ -22,7 +24,8 @@ const WORDS: f32 = 1e3;
 
 /// A chart and its placement in its view.
 pub(super) struct ChartView<'a> {
-    chart: &'a Chart,
+    /// The chart, logarithmic axes in decades.
+    chart: Cow<'a, Chart>,
     /// Ranges of x and y, in the axes' units.
     range: [[f64; 2]; 2],
     /// Length in the view of one unit of x and of y.
@@ -33,7 +36,8 @@ pub(super) struct ChartView<'a> {
 
 impl<'a> ChartView<'a> {
     pub(super) fn new(chart: &'a Chart) -> Self {
-        let range = [(0, &chart.x), (1, &chart.y)].map(|(axis, of)| of.range.unwrap_or_else(|| extent(chart, axis)));
+        let chart = chart.in_decades();
+        let range = [(0, &chart.x), (1, &chart.y)].map(|(axis, of)| of.range.unwrap_or_else(|| extent(&chart, axis)));
         let scale = [0, 1].map(|axis| if chart.map { 1.0 } else { BOX[axis] / (range[axis][1] - range[axis][0]) });
         let unit = (range[1][1] - range[1][0]) * scale[1] / 100.0;
         Self { chart, range, scale, unit }
@@ -140,11 +144,11 @@ impl<'a> ChartView<'a> {
             (self.beside([0.5 * (left + right), below], 0.0, 12.0), self.chart.x.label.clone()),
             (self.beside([left, above], 0.0, -16.0), self.chart.y.label.clone()),
         ];
-        for (tick, text) in ticks(self.range[0]) {
+        for (tick, text) in ticks(self.chart.x.scale, self.range[0]) {
             strips.push(vec![self.place([tick, below]), self.beside([tick, below], 0.0, 1.5)]);
             words.push((self.beside([tick, below], 0.0, 1.5), text));
         }
-        for (tick, text) in ticks(self.range[1]) {
+        for (tick, text) in ticks(self.chart.y.scale, self.range[1]) {
             strips.push(vec![self.place([left, tick]), self.beside([left, tick], -1.5, 0.0)]);
             // labels are below their point
             words.push((self.beside([left, tick], -7.0, -3.0), text));
@@ -209,8 +213,21 @@ fn extent(chart: &Chart, axis: usize) -> [f64; 2] {
     }
 }
 
+/// Places of the ticks of an axis with their numbers.
+fn ticks(scale: AxisScale, range: [f64; 2]) -> Vec<(f64, String)> {
+    if scale == AxisScale::Linear {
+        return round_ticks(range);
+    }
+    let places = log_ticks(range, TICKS as usize + 1).major;
+    if places.is_empty() {
+        let plain = round_ticks(range.map(|end| 10_f64.powf(end.clamp(-99.0, 99.0))));
+        return plain.into_iter().map(|(tick, text)| (tick.log10(), text)).collect();
+    }
+    places.into_iter().map(|place| (place, log_tick_text(place))).collect()
+}
+
 /// Round values within the range, 1, 2 or 5 apart times a power of ten.
-fn ticks([low, high]: [f64; 2]) -> Vec<(f64, String)> {
+fn round_ticks([low, high]: [f64; 2]) -> Vec<(f64, String)> {
     let rough = (high - low) / TICKS;
     let power = rough.log10().floor();
     let ten = 10_f64.powf(power);
@@ -298,11 +315,15 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_inside() {
-        let words = |range| ticks(range).into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(" ");
+        let words =
+            |range| ticks(AxisScale::Linear, range).into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(" ");
         assert_eq!(words([-0.1, 1.05]), "0.0 0.2 0.4 0.6 0.8 1.0");
         assert_eq!(words([-110.0, 110.0]), "-100 -50 0 50 100");
         assert_eq!(words([3.0, 3.004]), "3.000 3.001 3.002 3.003 3.004");
         assert_eq!(words([-4.7e4, 4.8e4]), "-40000 -20000 0 20000 40000");
+        let decades = |range| ticks(AxisScale::Log, range).into_iter().map(|(_, text)| text).collect::<Vec<_>>();
+        assert_eq!(decades([-2.1, 2.1]), ["0.01", "0.1", "1", "10", "100"]);
+        assert_eq!(decades([0.04, 0.12]), ["1.10", "1.15", "1.20", "1.25", "1.30"]);
     }
 
     #[test]

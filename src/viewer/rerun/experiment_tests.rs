@@ -32,7 +32,7 @@ fn experiment() -> Experiment {
         name: "force".to_owned(),
         title: "Mean force against speed".to_owned(),
         x: Axis::new("speed (m/s)"),
-        y: Axis { label: "force (mN)".to_owned(), range: Some([-1.0, 2.0]) },
+        y: Axis { range: Some([-1.0, 2.0]), ..Axis::new("force (mN)") },
         map: false,
         layers: vec![
             Layer::new("measured", Mark::Dots, Color::Blue, over(|x| x.sin() + 0.02 * (30.0 * x).sin())),
