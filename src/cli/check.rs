@@ -1,6 +1,8 @@
 mod covered;
 mod picture;
 mod plan;
+mod plan_picture;
+mod plan_table;
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -42,7 +44,7 @@ impl Found {
     fn chart(&self) -> Option<Chart> {
         let covered =
             self.covered.as_ref().map(|covered| picture::coverage_chart(&covered.coverage, &covered.rig_name));
-        covered.or_else(|| self.planned.as_ref().map(picture::plan_chart))
+        covered.or_else(|| self.planned.as_ref().map(plan_picture::plan_chart))
     }
 }
 

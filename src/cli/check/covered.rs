@@ -25,8 +25,18 @@ impl Covered {
         let coverage = &self.coverage;
         let mut lines: Vec<String> =
             figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
-        lines.push("longest step in the weakest direction, 9 for the best places, ! where out of reach:".into());
-        lines.extend(map(coverage));
+        let unreached = coverage.unreached_share();
+        match coverage.steps_m() {
+            // one number says as much as a map of equal ones
+            Some([least_m, most_m]) if step_text(least_m) == step_text(most_m) && unreached == 0.0 => {
+                lines.push(format!("longest step in the weakest direction: {} mm everywhere", step_text(most_m)));
+            }
+            _ => {
+                let out = if unreached > 0.0 { ", ! out of reach" } else { "" };
+                lines.push(format!("longest step in the weakest direction, {}{out}:", digits(coverage)));
+                lines.extend(map(coverage));
+            }
+        }
         lines
     }
 
@@ -105,12 +115,34 @@ pub(super) fn steps(place: &Place) -> String {
     }
 }
 
+/// A step of one pulse as text, mm.
+fn step_text(step_m: f64) -> String {
+    format!("{:.2}", mm(step_m))
+}
+
+/// Range of the longest steps in the weakest direction: `26.15 to 26.88 mm`.
+pub(super) fn scale(coverage: &Coverage) -> String {
+    match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
+        Some([least, most]) if least == most => format!("{most} mm everywhere"),
+        Some([least, most]) => format!("{least} to {most} mm"),
+        None => "none".into(),
+    }
+}
+
+/// Meaning of the digits of the map.
+fn digits(coverage: &Coverage) -> String {
+    match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
+        Some([least, most]) if least == most => format!("5 for {most} mm"),
+        Some([least, most]) => format!("from 0 for {least} mm to 9 for {most} mm"),
+        None => "nowhere every direction".into(),
+    }
+}
+
 /// Map of the plate from above, one character per place.
 fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
-    let strongest_m = coverage.strongest_step_m();
     let character = move |place: &Place| {
-        let tenths = (10.0 * place.longest_step_m / strongest_m) as u32;
-        if place.is_reached() { char::from_digit(tenths.min(9), 10).unwrap_or('?') } else { '!' }
+        let digit = ((10.0 * coverage.shade(place)) as u32).min(9);
+        if place.is_reached() { char::from_digit(digit, 10).unwrap_or('?') } else { '!' }
     };
     coverage.places.chunks(coverage.columns).map(move |row| {
         let row: Vec<String> = row.iter().map(|place| character(place).to_string()).collect();

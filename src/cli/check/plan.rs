@@ -4,19 +4,22 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::covered::{degrees, mm, place_json, rounded, shown, steps};
+use super::covered::{degrees, mm, place_json, rounded};
+use super::plan_table::{self, spots};
 use crate::cli::progress::{LateProgress, ProgressMode};
 use crate::cli::summary::planner_line;
 use upm_control::{ClosestApproach, DryRun, LimitMet};
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
 use upm_library::Library;
-use upm_runner::config::{Fault, JobSpec};
-use upm_runner::run::{Forecast, PartForecast, PlanVerdict, StartForecast, rehearse};
+use upm_runner::config::{Fault, JobLayout, JobSpec};
+use upm_runner::run::{Forecast, PlanVerdict, rehearse};
 
 pub(super) struct Planned {
     pub job: String,
     pub rig: String,
+    /// What the job's file asks for.
+    pub layout: JobLayout,
     pub forecast: Forecast,
 }
 
@@ -28,7 +31,12 @@ impl Planned {
             progress.show(at.done, || format!("rehearsal {} of {}, plate {:6.1} s", at.rehearsal, at.of, at.at.secs()));
         });
         progress.finish();
-        Ok(Self { job: job.name.clone(), rig: job.rig.model.name.clone(), forecast: forecast? })
+        Ok(Self {
+            job: job.name.clone(),
+            rig: job.rig.model.name.clone(),
+            layout: JobLayout::of(job),
+            forecast: forecast?,
+        })
     }
 
     /// Text output.
@@ -39,7 +47,7 @@ impl Planned {
         if forecast.fields {
             lines.push("each part alone, by single rotations of the library:".into());
         }
-        lines.extend(table(&forecast.parts));
+        lines.extend(plan_table::lines(&forecast.parts));
         lines.push(format!(
             "all of it predicted by the planner's own forecasts; friction drawn with {:.0} % spread",
             100.0 * forecast.friction_spread
@@ -152,28 +160,4 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("all together", text));
     }
     figures
-}
-
-/// Start and, where there is one, target of a part.
-fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &StartForecast)> {
-    [("start", Some(&part.start)), ("target", part.target.as_ref())]
-        .into_iter()
-        .filter_map(|(name, spot)| Some((name, spot?)))
-}
-
-/// Table with a header line and one line per part and place.
-fn table(parts: &[PartForecast]) -> Vec<String> {
-    let wide = parts.iter().map(|part| part.id.len()).max().unwrap_or(0).max(4);
-    let line = |[part, place, at, weakest, pulse, values]: [&str; 6]| {
-        format!("{part:wide$}  {place:6}  {at:16}  {weakest:13}  {pulse:42}  {values}")
-    };
-    let heads = ["part", "place", "at (mm)", "weakest", "one pulse there, in that direction", "singular values"];
-    let row =
-        |part: &PartForecast, name: &str, StartForecast { place, singular_values: [first, second] }: &StartForecast| {
-            let weakest = format!("{:3.0} deg, {:.2}", degrees(place.weakest_direction), place.share);
-            let values = format!("{first:.2}, {second:.2}");
-            line([&part.id, name, &shown(place.position_m), &weakest, &steps(place), &values])
-        };
-    let rows = parts.iter().flat_map(|part| spots(part).map(move |(name, spot)| row(part, name, spot)));
-    std::iter::once(line(heads)).chain(rows).collect()
 }

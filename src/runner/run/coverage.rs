@@ -127,9 +127,22 @@ impl Coverage {
         self.places.iter().min_by(|a, b| a.longest_step_m.total_cmp(&b.longest_step_m))
     }
 
-    /// Longest step along the weakest direction over all places, m.
-    pub fn strongest_step_m(&self) -> f64 {
-        self.places.iter().map(|place| place.longest_step_m).fold(0.0, f64::max)
+    /// Least and largest of the longest steps along the weakest direction, m, over all places that are reached; `None`
+    /// if none is.
+    pub fn steps_m(&self) -> Option<[f64; 2]> {
+        let steps = || self.places.iter().filter(|place| place.is_reached()).map(|place| place.longest_step_m);
+        let least_m = steps().min_by(f64::total_cmp)?;
+        Some([least_m, steps().fold(least_m, f64::max)])
+    }
+
+    /// Longest step at `place` on the scale of [`Coverage::steps_m`], 0 to 1; the middle where all are equal, and 0
+    /// where a direction is out of reach.
+    pub fn shade(&self, place: &Place) -> f64 {
+        match self.steps_m() {
+            _ if !place.is_reached() => 0.0,
+            Some([least_m, most_m]) if most_m > least_m => (place.longest_step_m - least_m) / (most_m - least_m),
+            _ => 0.5,
+        }
     }
 
     /// Share of the places at which some direction is unreachable, 0 to 1.

@@ -65,6 +65,23 @@ fn centres_are_counted_where_they_are() {
     assert!(coverage.places[coverage.places.len() / 2].position_m.norm() < 1e-15);
 }
 
+#[test]
+fn shades_go_from_the_least_step_to_the_longest_and_leave_out_what_is_not_reached() {
+    let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
+    let [least_m, most_m] = coverage.steps_m().unwrap();
+    assert!(most_m - least_m < 1e-12);
+    coverage.places.iter_mut().for_each(|place| place.longest_step_m = 0.026);
+    assert_eq!((coverage.steps_m(), coverage.shade(&coverage.places[7])), (Some([0.026; 2]), 0.5));
+    coverage.places[0].longest_step_m = 0.027;
+    coverage.places[1].longest_step_m = 0.0265;
+    (coverage.places[2].share, coverage.places[2].longest_step_m) = (0.01, 0.001);
+    let shades: Vec<f64> = coverage.places.iter().take(4).map(|place| coverage.shade(place)).collect();
+    assert!([1.0, 0.5, 0.0, 0.0].iter().zip(&shades).all(|(a, b)| (a - b).abs() < 1e-9), "{shades:?}");
+    assert_eq!(coverage.steps_m(), Some([0.026, 0.027]));
+    coverage.places.iter_mut().for_each(|place| place.share = 0.0);
+    assert_eq!((coverage.steps_m(), coverage.shade(&coverage.places[0])), (None, 0.0));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 

@@ -1,0 +1,178 @@
+//! Picture of the plan of a job: what its file asks for and the predicted ways of its parts.
+
+use std::collections::BTreeMap;
+
+use super::picture::{at_mm, weakest_directions};
+use super::plan::Planned;
+use super::plan_table::SAME;
+use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette};
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+use upm_runner::config::{JobLayout, LayoutBin};
+use upm_runner::run::{PartForecast, PlanVerdict};
+
+/// Extent of the picture, in half sides of the plate from its middle.
+const PLAN_REACH: f64 = 1.08;
+
+/// Half the length of the line in a part's weakest direction, in radii of the part.
+const REACH: f64 = 1.7;
+
+/// Chart of the plate from above: bins, wanted paths, starts, targets, and the ways in the first rehearsal. A part has
+/// one colour, parts of one kind similar ones.
+pub(super) fn plan_chart(planned: &Planned) -> Chart {
+    let Planned { forecast, layout, .. } = planned;
+    let half_side_mm = mm_from_m(forecast.half_side_m);
+    let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
+    let palette = Palette::of(&kinds, Ground::Light);
+    let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
+    let mut layers = vec![Layer::plate(half_side_mm)];
+    layers.extend(bins(layout, &palette));
+    let trails = forecast.rehearsals.first().map_or(&[][..], |rehearsal| &rehearsal.trails_m);
+    let ways = trails.iter().enumerate();
+    layers.extend(ways.map(|(i, way_m)| Layer::new("", Mark::Line, color(i), way_m.iter().copied().map(at_mm))));
+    layers.extend(paths(layout));
+    layers.extend(forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(part, color(i))));
+    if weakness_changes(&forecast.parts) {
+        layers.push(weakest_directions(forecast.parts.iter().map(|PartForecast { start, radius_m, .. }| {
+            (at_mm(start.place.position_m), at_mm(start.place.weakest_direction * (REACH * radius_m)))
+        })));
+    }
+    layers.push(names(&forecast.parts, &color));
+    layers.extend(legend(planned, &palette));
+    Chart::plate_map(format!("plan-{}", planned.job), plan_title(planned), Some(PLAN_REACH * half_side_mm), layers)
+}
+
+fn plan_title(planned: &Planned) -> String {
+    let Planned { job, rig, forecast, .. } = planned;
+    match forecast.range(|rehearsal| rehearsal.plate_time_s) {
+        Some([_, median_s, _]) if forecast.verdict() == PlanVerdict::CanBeDone => {
+            format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
+        }
+        Some(_) => format!("{job} on {rig}: not every rehearsal reaches the goal"),
+        None if forecast.verdict() == PlanVerdict::Undecided => {
+            format!("{job} on {rig}: too long to be rehearsed to its end")
+        }
+        None => format!("{job} on {rig}: predicted that it cannot be done"),
+    }
+}
+
+/// True if some part can be moved less well in its weakest direction than another: directions that are all alike tell
+/// nothing.
+fn weakness_changes(parts: &[PartForecast]) -> bool {
+    let shares = || parts.iter().map(|part| part.start.place.share);
+    let most = shares().fold(0.0, f64::max);
+    shares().any(|share| most - share > SAME * most)
+}
+
+/// Rims of the bins, each in the colour of its kind.
+fn bins(layout: &JobLayout, palette: &Palette) -> impl Iterator<Item = Layer> {
+    layout.bins.iter().map(|bin| {
+        let LayoutBin { kinds, min_m, max_m } = bin;
+        // a bin for several kinds has the colour of none
+        let color = match &kinds[..] {
+            [kind] => palette.kind(kind).map_or(Color::Gray, Color::Rgb),
+            _ => Color::Gray,
+        };
+        let corners = [*min_m, Vec2::new(max_m.x, min_m.y), *max_m, Vec2::new(min_m.x, max_m.y), *min_m];
+        Layer::new(&format!("bin: {}", kinds.join(", ")), Mark::Line, color, corners.map(at_mm))
+    })
+}
+
+/// The wanted paths, above the ways that follow them.
+fn paths(layout: &JobLayout) -> impl Iterator<Item = Layer> {
+    let lines = layout.paths.iter().map(|path| path.line_m().into_iter().map(at_mm));
+    lines.map(|line| Layer::new("", Mark::Dashes, Color::Gray, line))
+}
+
+/// Outline at the start and target of a part.
+fn marks(part: &PartForecast, color: Color) -> [Layer; 2] {
+    let rim = Mark::Circles { radius: mm_from_m(part.radius_m) };
+    let target = part.target.iter().map(|spot| at_mm(spot.place.position_m));
+    [Layer::new("", rim, color, [at_mm(part.start.place.position_m)]), Layer::new("", Mark::Crosses, color, target)]
+}
+
+/// The names of the parts beside their starts.
+fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
+    let names = Mark::Names {
+        texts: parts.iter().map(|part| part.id.clone()).collect(),
+        radii: parts.iter().map(|part| mm_from_m(part.radius_m)).collect(),
+        colors: (0..parts.len()).map(color).collect(),
+    };
+    Layer::new("", names, Color::Gray, parts.iter().map(|part| at_mm(part.start.place.position_m)))
+}
+
+/// Entries of the legend that stand for several layers: each kind with number and size, then what is drawn of all parts.
+fn legend(planned: &Planned, palette: &Palette) -> Vec<Layer> {
+    let Planned { forecast, layout, .. } = planned;
+    let mut kinds: BTreeMap<&str, (usize, f64)> = BTreeMap::new();
+    for part in &layout.parts {
+        let (count, radius_m) = kinds.entry(&part.kind).or_default();
+        (*count, *radius_m) = (*count + 1, part.radius_m);
+    }
+    // the colours of a single kind are many
+    let single = kinds.len() == 1;
+    let entry = |(kind, (count, radius_m)): (&str, (usize, f64))| {
+        let color = palette.kind(kind).filter(|_| !single).map_or(Color::Gray, Color::Rgb);
+        let radius = mm_from_m(radius_m);
+        Layer::new(
+            &format!("{count} × {kind}, {:.1} mm, at the start", 2.0 * radius),
+            Mark::Circles { radius },
+            color,
+            [],
+        )
+    };
+    let mut entries: Vec<Layer> = kinds.into_iter().map(entry).collect();
+    let mut of_all = |label: &str, mark: Mark| entries.push(Layer::new(label, mark, Color::Gray, []));
+    of_all("predicted way", Mark::Line);
+    if forecast.parts.iter().any(|part| part.target.is_some()) {
+        of_all("target", Mark::Crosses);
+    }
+    if !layout.paths.is_empty() {
+        of_all("wanted path", Mark::Dashes);
+    }
+    entries
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::progress::ProgressMode;
+    use std::path::Path;
+    use upm_runner::config::JobSpec;
+    use upm_runner::run::job_library;
+
+    fn chart(job: &str) -> Chart {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job);
+        let job = JobSpec::load(&path).unwrap();
+        let library = job_library(&job).unwrap();
+        plan_chart(&Planned::of(&job, &library, ProgressMode::Hidden).unwrap())
+    }
+
+    fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {
+        chart.layers.iter().find(|layer| layer.label == label).unwrap_or_else(|| panic!("{label} in {chart:#?}"))
+    }
+
+    #[test]
+    fn a_plan_to_sort_shows_bins_and_kinds_in_one_colour() {
+        let chart = chart("sort-8.json");
+        for (kind, size) in [("penny", "19.1"), ("quarter", "24.3")] {
+            let bin = named(&chart, &format!("bin: {kind}"));
+            assert_eq!((bin.points.len(), &bin.mark), (5, &Mark::Line));
+            assert_eq!(named(&chart, &format!("4 × {kind}, {size} mm, at the start")).color, bin.color);
+        }
+        let circles = chart.layers.iter().filter(|layer| matches!(layer.mark, Mark::Circles { .. }));
+        let mut colors: Vec<String> = circles.map(|layer| format!("{:?}", layer.color)).collect();
+        colors.sort();
+        colors.dedup();
+        assert_eq!(colors.len(), 8 + 2, "each part has its own, each kind one for the legend");
+        assert!(chart.layers.iter().all(|layer| layer.label != "weakest direction"), "alike everywhere");
+    }
+
+    #[test]
+    fn a_plan_of_paths_shows_them_with_the_ways_that_follow_them() {
+        let chart = chart("trajectories.json");
+        let dashed = chart.layers.iter().filter(|layer| layer.mark == Mark::Dashes && !layer.points.is_empty());
+        assert_eq!(dashed.count(), 2);
+        named(&chart, "wanted path");
+    }
+}
