@@ -55,7 +55,7 @@ pub use raw_job::{
     RawTask,
 };
 pub use raw_rig::{
-    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawLevels, RawMotors,
+    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawKnocks, RawLevels, RawMotors,
     RawPlate, RawResonance, RawRig, RawSimulation, RigSource,
 };
 pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};

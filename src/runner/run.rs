@@ -12,6 +12,7 @@ mod error;
 mod fault_tests;
 mod folder;
 mod in_memory;
+mod knocks;
 mod library;
 mod library_output;
 mod links;

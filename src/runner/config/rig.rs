@@ -103,11 +103,16 @@ impl RigSpec {
         (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, library_key, fingerprint })
     }
 
-    /// True if `raw`, with defaults written out, equals this rig except for the library it names.
+    /// True if `raw`, with defaults written out, equals this rig except for the library it names and the knocks that
+    /// its plate gets.
     pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
-        let mut other = RawRig { library: None, ..raw.clone() };
-        fill_in(&mut other);
-        other == RawRig { library: None, ..self.raw.clone() }
+        let compared = |raw: &RawRig| {
+            let mut rig = RawRig { library: None, ..raw.clone() };
+            rig.simulation.knocks = None;
+            fill_in(&mut rig);
+            rig
+        };
+        compared(raw) == compared(&self.raw)
     }
 
     /// Index in [`RigSpec::kinds`] of the kind called `name`.

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use super::knocks;
 use super::planner_selection::PlannerSelection;
 use crate::config::{Assignment, Fault, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
 use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
@@ -46,7 +47,7 @@ pub struct RunSetup<R = SimRig> {
     pub params: ControlParams,
     /// Parts at their start.
     pub placed: Vec<PlacedPart>,
-    /// Simulated faults of the rig.
+    /// Simulated faults of the rig, and knocks against its plate.
     pub faults: Vec<FaultSpec>,
     /// Random streams of the run.
     pub streams: Streams,
@@ -74,7 +75,10 @@ impl RunSetup {
             kinds,
         };
         let goal = goal(job, library, &placed);
-        let (faults, streams) = (job.faults.clone(), Streams::new(job.seed()));
+        let streams = Streams::new(job.seed());
+        let knocks = job.rig.raw.simulation.knocks.iter();
+        let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
+        let faults = job.faults.iter().copied().chain(knocks).collect();
         Ok(Self { truth: rig.probe(), rig, model, goal, params, placed, faults, streams })
     }
 
