@@ -9,7 +9,7 @@
 use std::error::Error;
 
 use upm::geometry::{Lens, Vec2};
-use upm::scene::{Family, PartTruth, Scene, kinds};
+use upm::scene::{Difficulty, Scene, ScenePartTruth, kinds};
 use upm::signal::Frame;
 use upm::units::{INCH_M, mm_from_m};
 use upm::vision::{CoinFinder, Detection, locate_table};
@@ -18,7 +18,7 @@ use upm::vision::{CoinFinder, Detection, locate_table};
 const PLATE_SIDE_M: f64 = 8.0 * INCH_M;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let scene = Scene::drawn(Family::Rough, 7);
+    let scene = Scene::generate(Difficulty::Rough, 7);
     let picture = std::env::args().nth(1);
     let (frame, lens, side_m) = match &picture {
         Some(path) => {
@@ -53,7 +53,7 @@ fn frame_of(path: &str) -> Result<Frame, Box<dyn Error>> {
 }
 
 /// Compares the coins found with those rendered.
-fn compare(coins: &[Detection], truth: &[PartTruth]) {
+fn compare(coins: &[Detection], truth: &[ScenePartTruth]) {
     let nearest_m = |at_m: Vec2| coins.iter().map(|coin| (coin.position_m - at_m).norm()).fold(f64::INFINITY, f64::min);
     let errors_mm: Vec<f64> = truth.iter().map(|part| mm_from_m(nearest_m(part.at_m))).collect();
     let found = errors_mm.iter().filter(|&&error_mm| error_mm < 1.0).count();

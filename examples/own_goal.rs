@@ -11,8 +11,8 @@ use std::path::Path;
 
 use upm::config::JobSpec;
 use upm::geometry::Vec2;
-use upm::goal::{Goal, Wanted};
 use upm::run::{InMemoryRun, RunError};
+use upm::task::{Setpoints, Task};
 use upm::time::PlateTime;
 
 /// The task: every part on a circle about the plate's centre.
@@ -23,7 +23,7 @@ struct Circle {
     places_m: Vec<Vec2>,
 }
 
-impl Goal for Circle {
+impl Task for Circle {
     fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
         let angle = |&part: &usize| parts_in_table_m[part].y.atan2(parts_in_table_m[part].x);
         let mut round: Vec<usize> = (0..parts_in_table_m.len()).collect();
@@ -35,17 +35,17 @@ impl Goal for Circle {
         }
     }
 
-    fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Wanted {
+    fn next(&mut self, _: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let left_m = parts_in_table_m.iter().zip(&self.places_m).map(|(part, place)| (part - place).norm());
         let arrived = left_m.filter(|&left_m| left_m <= self.arrive_m).count();
         let parts = self.places_m.len();
-        Wanted {
+        Setpoints {
             subgoals_m: self.places_m.clone(),
             targets_m: self.places_m.clone(),
             phase: format!("{arrived} of {parts} parts on the circle"),
             progress: arrived as f64 / parts as f64,
             done: arrived == parts,
-            ..Wanted::default()
+            ..Setpoints::default()
         }
     }
 }
@@ -54,7 +54,7 @@ fn main() -> Result<(), RunError> {
     // rig, coins and limits come from a job file, and only the task is replaced
     let job = JobSpec::load(Path::new("configs/arrange-4.json"))?;
     let circle = Circle { radius_m: 0.06, arrive_m: 0.9 * job.tolerance_m, places_m: Vec::new() };
-    let report = InMemoryRun::new(&job)?.with_goal(circle).run();
+    let report = InMemoryRun::new(&job)?.with_task(circle).run();
 
     println!("{}: {}", report.outcome.code(), report.reason);
     println!("{:.1} s of plate time, {} pulses", report.plate_time_s, report.pulses);

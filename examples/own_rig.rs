@@ -43,8 +43,8 @@ impl<R: Rig> Rig for Logged<R> {
         self.rig.now()
     }
 
-    fn quiet_at(&self) -> PlateTime {
-        self.rig.quiet_at()
+    fn settled_at(&self) -> PlateTime {
+        self.rig.settled_at()
     }
 
     fn trace(&self) -> AccelTrace {

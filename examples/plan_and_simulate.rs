@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut frame = Frame::new(0, 0);
     for pulse in &plan.pulses {
         rig.play(&pulse.drive(&library).ok_or("the library cannot drive this pulse")?)?;
-        while rig.now() <= rig.quiet_at() {
+        while rig.now() <= rig.settled_at() {
             rig.capture(&mut frame)?;
         }
     }

@@ -34,8 +34,6 @@ mod lab;
 #[path = "cli/without_lab.rs"]
 mod lab;
 mod locate;
-#[cfg(test)]
-mod log_page;
 mod log_writer;
 mod logs;
 mod man;
@@ -54,6 +52,8 @@ mod schema;
 mod shipped;
 mod simulate;
 mod summary;
+#[cfg(test)]
+mod test_buffer;
 mod token;
 mod usage;
 mod verify;

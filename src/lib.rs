@@ -3,7 +3,7 @@
 //!
 //! The crate finds table and coins in pictures, measures what a plate can do, plans motions that move every coin along
 //! its own path, and runs whole jobs closed loop on a simulated rig. Add your own task or rig as a type that implements
-//! [`goal::Goal`] or [`rig::Rig`]. Time and random numbers are passed in: equal jobs, seeds and builds give
+//! [`task::Task`] or [`rig::Rig`]. Time and random numbers are passed in: equal jobs, seeds and builds give
 //! bit-identical results.
 //!
 //! | purpose | module and first item |
@@ -14,10 +14,10 @@
 //! | read the plate's motion from its accelerometers | [`estimation`]: `fit_twist`, `fit_wave` |
 //! | plan motions for many parts | [`planner`]: `FieldPlanner`, `RotationPlanner` |
 //! | look up what a plate was measured to do | [`library`]: `Library` |
-//! | say where parts should go | [`goal`]: the trait `Goal`, and the tasks of job files |
+//! | say where parts should go | [`task`]: the trait `Task`, and the tasks of job files |
 //! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
-//! | keep a run | [`recording`]: `Journal`, `Tally`, `Report`; [`viewer`]: recordings for Rerun |
+//! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
 //! | render pictures whose truth is known | `scene`: `Scene`, with the feature `lab` |
 //! | repeat the papers' experiments, draw charts | `lab`, with the feature `lab`; [`chart`] |
 //! | serve plates over HTTP | `daemon`, `plates`, `service`, with the feature `daemon` |
@@ -55,11 +55,10 @@ pub mod cli;
 
 pub use upm_chart as chart;
 pub use upm_control as control;
-pub use upm_core::{geometry, ground_truth, job, priority, random, rig, signal, time, units};
-pub use upm_goal as goal;
+pub use upm_cor_library as library;
+pub use upm_core::{geometry, ground_truth, job, random, rig, signal, thread_priority, time, units};
 #[cfg(feature = "lab")]
 pub use upm_lab as lab;
-pub use upm_library as library;
 pub use upm_perception::{estimation, vision};
 pub use upm_planner as planner;
 pub use upm_recording as recording;
@@ -69,4 +68,5 @@ pub use upm_scene as scene;
 #[cfg(feature = "daemon")]
 pub use upm_server::{daemon, plates, service, states, store};
 pub use upm_sim as sim;
+pub use upm_task as task;
 pub use upm_viewer as viewer;

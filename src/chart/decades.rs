@@ -53,8 +53,8 @@ pub struct LogTicks {
     pub minor: Vec<f64>,
 }
 
-/// At most `most` ticks for an axis over `range`, in decades: at 1 to 9, 1-2-5 or 1-3 times a power of ten, at powers of
-/// ten, or at every few of them. An axis too short for two of these has none; a linear scale suits it.
+/// At most `most` ticks for an axis over `range`, in decades: at 1 to 9, 1-2-5 or 1-3 times a power of ten, at powers
+/// of ten, or at every few of them. An axis too short for two of these has none; a linear scale suits it.
 pub fn log_ticks(range: [f64; 2], most: usize) -> LogTicks {
     let [low, high] = range;
     let span = high - low;

@@ -18,13 +18,13 @@ use super::recording;
 use super::run::{USUAL_OUT, load_job, utc_now};
 use histogram::Histogram;
 use seeds::Seeds;
-use summary::Summary;
+use summary::BatchSummary;
 use upm_control::EventLevel;
 use upm_core::job::Pace;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RerunMode;
 use upm_runner::run::job_library;
-use workers::{Batch, News};
+use workers::{BatchProgress, SeedBatch};
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names.
 pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) -> Result<u8, Failure> {
@@ -40,13 +40,14 @@ pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) ->
     let interrupted = stop_on_interrupt();
     let seeds = seeds.as_slice();
     let runs = {
-        let batch = Batch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted };
-        let mut progress = Progress::new(common, clock, seeds.len());
+        let batch =
+            SeedBatch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted };
+        let mut progress = BatchMeter::new(common, clock, seeds.len());
         let runs = batch.run(|news| progress.show(news));
         progress.shown.finish();
         runs
     };
-    let summary = Summary::new(&job.name, &job.rig.model.name, seeds.len(), clock.elapsed().as_secs_f64(), runs);
+    let summary = BatchSummary::new(&job.name, &job.rig.model.name, seeds.len(), clock.elapsed().as_secs_f64(), runs);
     let files = write(&summary, &out)?;
     if common.json {
         print_json(&summary)?;
@@ -76,23 +77,23 @@ fn check_pace(pace: Pace) -> Result<(), Failure> {
 }
 
 /// Progress bar of a batch on stderr, with the messages of its runs.
-struct Progress {
+struct BatchMeter {
     shown: LateProgress<MonotonicClock>,
     seeds: usize,
 }
 
-impl Progress {
+impl BatchMeter {
     fn new(common: Common, clock: MonotonicClock, seeds: usize) -> Self {
         Self { shown: LateProgress::new(ProgressMode::on_stderr(common), clock), seeds }
     }
 
-    fn show(&mut self, news: News) {
+    fn show(&mut self, news: BatchProgress) {
         match news {
-            News::Progress { share, ended } => {
+            BatchProgress::Progress { share, ended } => {
                 let seeds = self.seeds;
                 self.shown.show(share, || format!("{ended} of {seeds} runs have ended"));
             }
-            News::Note { seed, level, text } => self.shown.suspend(|| match level {
+            BatchProgress::Note { seed, level, text } => self.shown.suspend(|| match level {
                 EventLevel::Info => tracing::debug!(seed, "{text}"),
                 EventLevel::Warning => tracing::info!(seed, "{text}"),
                 EventLevel::Error => tracing::warn!(seed, "{text}"),
@@ -102,7 +103,7 @@ impl Progress {
 }
 
 /// Writes `summary.json` and, where this build can draw, the chart of plate times; returns the paths in this order.
-fn write(summary: &Summary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
+fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
     let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
     let mut files = vec![(out.join("summary.json"), text)];
@@ -123,7 +124,7 @@ fn write(summary: &Summary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// Prints the table, on a terminal a histogram below it, and the paths of the files.
-fn print(summary: &Summary, out: &Path, files: &[PathBuf]) -> Result<(), Failure> {
+fn print(summary: &BatchSummary, out: &Path, files: &[PathBuf]) -> Result<(), Failure> {
     table::lines(summary).iter().try_for_each(|line| say!("{line}"))?;
     let histogram = Histogram::of(&summary.plate_times_s()).filter(|_| std::io::stdout().is_terminal());
     if let Some(histogram) = histogram {

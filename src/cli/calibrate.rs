@@ -4,9 +4,9 @@ use super::args::{CalibrateArgs, Common};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
 use super::progress::LateProgress;
 use upm_control::calibration::{CalibrationFault, CalibrationProgress};
+use upm_cor_library::Library;
 use upm_core::time::MonotonicClock;
 use upm_core::units::mm_from_m;
-use upm_library::Library;
 use upm_runner::config::RigSpec;
 use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_rig, calibration_params};
 

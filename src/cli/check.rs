@@ -16,7 +16,7 @@ use super::progress::ProgressMode;
 use covered::Covered;
 use plan::Planned;
 use upm_chart::Chart;
-use upm_library::Library;
+use upm_cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
 

@@ -16,9 +16,9 @@ use super::args::Common;
 use super::output::{Failure, print};
 use super::run_args::ExportArgs;
 use super::run_folder::run_folder;
-use journal::{JournalFault, Line, Lines};
-use table::{Cell, CsvFile, Table, TableFile};
-use tables::{POSITIONS, PULSES, Parts, TABLES, TARGETS, TIMINGS};
+use journal::{ExportLine, JournalFault, Lines};
+use table::{CsvFile, ExportTable, TableCell, TableFile};
+use tables::{POSITIONS, PULSES, PartNames, TABLES, TARGETS, TIMINGS};
 use upm_recording::Report;
 
 /// Largest report that is read, bytes; one of a thousand parts is far smaller.
@@ -36,9 +36,10 @@ pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
     let forms = [(args.csv, CSV), (args.parquet, PARQUET)];
     let journal = run.join("journal.jsonl");
     let lines = open_journal(&journal)?;
-    let mut written = Written::create(&folder, forms.iter().filter(|(asked, _)| *asked).map(|(_, ending)| *ending))?;
+    let mut written =
+        WrittenTable::create(&folder, forms.iter().filter(|(asked, _)| *asked).map(|(_, ending)| *ending))?;
     let parts = report.as_ref().map_or(&[][..], |report| &report.parts);
-    write_journal(&journal, lines, &Parts(parts), &mut written)?;
+    write_journal(&journal, lines, &PartNames(parts), &mut written)?;
     match &report {
         Some(report) => tables::timings(&report.timing_us).try_for_each(|row| written.row(&TIMINGS, &row))?,
         None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
@@ -89,20 +90,20 @@ fn unread(path: &Path, fault: JournalFault) -> Failure {
 fn write_journal(
     path: &Path,
     mut lines: Lines<BufReader<File>>,
-    parts: &Parts<'_>,
-    written: &mut Written,
+    parts: &PartNames<'_>,
+    written: &mut WrittenTable,
 ) -> Result<(), Failure> {
     while let Some(line) = lines.next().map_err(|fault| unread(path, fault))? {
         match line {
-            Line::Cycle(cycle) => {
+            ExportLine::Cycle(cycle) => {
                 tables::positions(&cycle, parts).try_for_each(|row| written.row(&POSITIONS, &row))?;
                 tables::targets(&cycle, parts).try_for_each(|row| written.row(&TARGETS, &row))?;
                 tables::pulses(cycle.cycle, &cycle.sent).try_for_each(|row| written.row(&PULSES, &row))?;
             }
-            Line::UnfinishedCycle(unfinished) => {
+            ExportLine::UnfinishedCycle(unfinished) => {
                 tables::pulses(unfinished.cycle, &unfinished.sent).try_for_each(|row| written.row(&PULSES, &row))?;
             }
-            Line::Other => {}
+            ExportLine::Other => {}
         }
     }
     if lines.cut_short {
@@ -112,7 +113,7 @@ fn write_journal(
 }
 
 /// Table files being written.
-struct Written(Vec<Open>);
+struct WrittenTable(Vec<Open>);
 
 struct Open {
     table: &'static str,
@@ -121,14 +122,14 @@ struct Open {
     rows: u64,
 }
 
-impl Written {
+impl WrittenTable {
     /// Creates a file for every table in each format of `endings`.
     fn create(folder: &Path, endings: impl Iterator<Item = &'static str> + Clone) -> Result<Self, Failure> {
         if endings.clone().any(|ending| ending == PARQUET) {
             check_parquet()?;
         }
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        let open = |table: &Table, ending| {
+        let open = |table: &ExportTable, ending| {
             let path = folder.join(format!("{}.{ending}", table.name));
             let file = if ending == CSV { create_csv(&path, table) } else { create_parquet(&path, table) };
             let file = file.map_err(|error| Failure::write(&path, error))?;
@@ -138,7 +139,7 @@ impl Written {
         files.collect::<Result<_, _>>().map(Self)
     }
 
-    fn row(&mut self, table: &Table, row: &[Cell<'_>]) -> Result<(), Failure> {
+    fn row(&mut self, table: &ExportTable, row: &[TableCell<'_>]) -> Result<(), Failure> {
         for open in self.0.iter_mut().filter(|open| open.table == table.name) {
             open.file.row(row).map_err(|error| Failure::write(&open.path, error))?;
             open.rows += 1;
@@ -156,12 +157,12 @@ impl Written {
     }
 }
 
-fn create_csv(path: &Path, table: &Table) -> io::Result<Box<dyn TableFile>> {
+fn create_csv(path: &Path, table: &ExportTable) -> io::Result<Box<dyn TableFile>> {
     Ok(Box::new(CsvFile::create(path, table)?))
 }
 
 #[cfg(feature = "parquet")]
-fn create_parquet(path: &Path, table: &Table) -> io::Result<Box<dyn TableFile>> {
+fn create_parquet(path: &Path, table: &ExportTable) -> io::Result<Box<dyn TableFile>> {
     Ok(Box::new(parquet_file::ParquetFile::create(path, table)?))
 }
 
@@ -171,7 +172,7 @@ fn check_parquet() -> Result<(), Failure> {
 }
 
 #[cfg(not(feature = "parquet"))]
-fn create_parquet(_: &Path, _: &Table) -> io::Result<Box<dyn TableFile>> {
+fn create_parquet(_: &Path, _: &ExportTable) -> io::Result<Box<dyn TableFile>> {
     Err(io::ErrorKind::Unsupported.into())
 }
 

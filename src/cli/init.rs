@@ -24,9 +24,9 @@ pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
     let mut laid = Laid::default();
     for &(name, text) in FILES {
         let list = match lay(&args.folder.join(name), text, args.force)? {
-            Outcome::Written => &mut laid.written,
-            Outcome::Unchanged => &mut laid.unchanged,
-            Outcome::Kept => &mut laid.kept,
+            FileOutcome::Written => &mut laid.written,
+            FileOutcome::Unchanged => &mut laid.unchanged,
+            FileOutcome::Kept => &mut laid.kept,
         };
         list.push(name);
     }
@@ -35,27 +35,27 @@ pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &value, || say_laid(&args.folder, &laid))
 }
 
-enum Outcome {
+enum FileOutcome {
     Written,
     Unchanged,
     Kept,
 }
 
 /// Writes one file. Without `force`, an existing file is left as it is.
-fn lay(path: &Path, text: &str, force: bool) -> Result<Outcome, Failure> {
+fn lay(path: &Path, text: &str, force: bool) -> Result<FileOutcome, Failure> {
     let failed = |error| Failure::write(path, error);
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
     }
     match File::create_new(path) {
-        Ok(mut file) => file.write_all(text.as_bytes()).map(|()| Outcome::Written).map_err(failed),
+        Ok(mut file) => file.write_all(text.as_bytes()).map(|()| FileOutcome::Written).map_err(failed),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {
             if fs::read(path).is_ok_and(|there| there == text.as_bytes()) {
-                Ok(Outcome::Unchanged)
+                Ok(FileOutcome::Unchanged)
             } else if force {
-                fs::write(path, text).map(|()| Outcome::Written).map_err(failed)
+                fs::write(path, text).map(|()| FileOutcome::Written).map_err(failed)
             } else {
-                Ok(Outcome::Kept)
+                Ok(FileOutcome::Kept)
             }
         }
         Err(error) => Err(failed(error)),

@@ -10,7 +10,7 @@ mod reference;
 mod report;
 mod scale;
 mod search;
-mod setting;
+mod setup;
 mod tone;
 
 use std::collections::BTreeSet;
@@ -22,12 +22,12 @@ use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
 use super::recording;
 use search::look;
-use setting::Setting;
+use setup::LocateSetup;
 use upm_recording::{LocalisedRecord, RerunMode};
 
 /// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
-    let setting = Setting::of(args)?;
+    let setting = LocateSetup::of(args)?;
     let rerun = recording::checked_mode(&args.rerun)?;
     if args.reference && rerun != RerunMode::Off {
         return Err(Failure::bad_input("--reference: expected no recording, found --rerun"));
@@ -70,7 +70,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
 use reference::look_by_reference;
 
 #[cfg(not(feature = "lab"))]
-fn look_by_reference(_: &Path, _: &Setting) -> Result<report::Located, Failure> {
+fn look_by_reference(_: &Path, _: &LocateSetup) -> Result<report::LocatedPicture, Failure> {
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 
@@ -102,7 +102,7 @@ fn record(
     name: &str,
     args: &LocateArgs,
     rerun: &RerunMode,
-    setting: &Setting,
+    setting: &LocateSetup,
 ) -> Result<Option<PathBuf>, Failure> {
     if *rerun == RerunMode::Off {
         return Ok(None);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
-use upm_core::background::{OverflowPolicy, Queue, Receiver, Unsent, Worker};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, Receiver, Unsent};
 
 /// Capacity of the queue, lines.
 const WAITING: usize = 1024;
@@ -18,13 +18,13 @@ const FAREWELL: Duration = Duration::from_millis(100);
 /// is written before the next line.
 #[derive(Debug)]
 pub(super) struct LogWriter {
-    entries: Queue<Entry>,
+    entries: Queue<LogEntry>,
     /// Number of dropped lines that no entry reports.
     lost: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
-enum Entry {
+enum LogEntry {
     /// A line, and the number of lines dropped just before it.
     Line { text: Vec<u8>, lost: u64 },
     /// Request for a reply once all earlier entries are written.
@@ -36,52 +36,52 @@ impl LogWriter {
     pub(super) fn start(
         out: impl Write + Send + 'static,
         tell_lost: impl Fn(u64) + Send + 'static,
-    ) -> io::Result<(Self, LastWords)> {
+    ) -> io::Result<(Self, FlushGuard)> {
         let (entries, waiting) = Queue::bounded(WAITING, OverflowPolicy::GiveUp);
-        Worker::start("log", true, move || write_down(&waiting, out, tell_lost))?;
-        Ok((Self { entries: entries.clone(), lost: Arc::default() }, LastWords(entries)))
+        BackgroundThread::start("log", true, move || write_down(&waiting, out, tell_lost))?;
+        Ok((Self { entries: entries.clone(), lost: Arc::default() }, FlushGuard(entries)))
     }
 
     fn offer(&self, text: Vec<u8>) {
         let lost = self.lost.swap(0, Ordering::SeqCst);
-        let sent = self.entries.send(Entry::Line { text, lost });
+        let sent = self.entries.send(LogEntry::Line { text, lost });
         if let Err(Unsent::Full(_) | Unsent::Closed(_)) = sent {
             self.lost.fetch_add(lost + 1, Ordering::SeqCst);
         }
     }
 }
 
-fn write_down(entries: &Receiver<Entry>, mut out: impl Write, tell_lost: impl Fn(u64)) {
+fn write_down(entries: &Receiver<LogEntry>, mut out: impl Write, tell_lost: impl Fn(u64)) {
     for entry in entries {
         match entry {
-            Entry::Line { text, lost } => {
+            LogEntry::Line { text, lost } => {
                 if lost > 0 {
                     tell_lost(lost);
                 }
                 // an error of the log cannot be reported anywhere else
                 out.write_all(&text).ok();
             }
-            Entry::Written(reply) => drop(reply.try_send(())),
+            LogEntry::Written(reply) => drop(reply.try_send(())),
         }
     }
 }
 
 impl<'a> MakeWriter<'a> for LogWriter {
-    type Writer = Line<'a>;
+    type Writer = LogLine<'a>;
 
-    fn make_writer(&'a self) -> Line<'a> {
-        Line { log: self, text: Vec::new() }
+    fn make_writer(&'a self) -> LogLine<'a> {
+        LogLine { log: self, text: Vec::new() }
     }
 }
 
 /// A line under construction; sent when dropped.
 #[derive(Debug)]
-pub(super) struct Line<'a> {
+pub(super) struct LogLine<'a> {
     log: &'a LogWriter,
     text: Vec<u8>,
 }
 
-impl Write for Line<'_> {
+impl Write for LogLine<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.text.write(bytes)
     }
@@ -91,7 +91,7 @@ impl Write for Line<'_> {
     }
 }
 
-impl Drop for Line<'_> {
+impl Drop for LogLine<'_> {
     fn drop(&mut self) {
         self.log.offer(std::mem::take(&mut self.text));
     }
@@ -99,18 +99,18 @@ impl Drop for Line<'_> {
 
 /// On drop, flushes the queue for at most 100 ms.
 #[derive(Debug)]
-pub(super) struct LastWords(Queue<Entry>);
+pub(super) struct FlushGuard(Queue<LogEntry>);
 
-impl LastWords {
+impl FlushGuard {
     fn wait_within(&self, longest: Duration) {
         let (reply, written) = sync_channel(1);
-        if self.0.send_within(Entry::Written(reply), longest).is_ok() {
+        if self.0.send_within(LogEntry::Written(reply), longest).is_ok() {
             written.recv_timeout(longest).ok();
         }
     }
 }
 
-impl Drop for LastWords {
+impl Drop for FlushGuard {
     fn drop(&mut self) {
         self.wait_within(FAREWELL);
     }
@@ -120,12 +120,12 @@ impl Drop for LastWords {
 mod tests {
     use std::sync::mpsc;
 
-    use super::super::log_page::Page;
+    use super::super::test_buffer::TestBuffer;
     use super::*;
 
     /// Writer that signals the first write and then blocks until released.
     struct Stuck {
-        page: Page,
+        page: TestBuffer,
         asked: SyncSender<()>,
         go: mpsc::Receiver<()>,
     }
@@ -145,15 +145,15 @@ mod tests {
 
     struct Log {
         log: LogWriter,
-        last_words: LastWords,
-        page: Page,
+        last_words: FlushGuard,
+        page: TestBuffer,
         asked: mpsc::Receiver<()>,
         let_go: SyncSender<()>,
     }
 
     fn stuck() -> Log {
         let ((asking, asked), (let_go, go)) = (sync_channel(1), sync_channel(0));
-        let page = Page::default();
+        let page = TestBuffer::default();
         let (out, told) = (Stuck { page: page.clone(), asked: asking, go }, page.clone());
         let (log, last_words) =
             LogWriter::start(out, move |lost| writeln!(told.clone(), "{lost} lost").unwrap()).unwrap();

@@ -14,12 +14,12 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
 
 use super::args::{Common, LogFormat};
-use super::log_writer::{LastWords, LogWriter};
+use super::log_writer::{FlushGuard, LogWriter};
 use super::panics;
 
 /// Destination and level of the log.
 #[derive(Clone, Copy, Debug)]
-struct Setting {
+struct LogSettings {
     level: LevelFilter,
     /// True if stderr goes to the systemd journal, which adds the time and expects levels as numbers.
     is_journal: bool,
@@ -29,9 +29,9 @@ struct Setting {
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
 /// returned value at the end of the process flushes its queue.
-pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWords> {
+pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGuard> {
     let stream = std::env::var("JOURNAL_STREAM").ok();
-    let setting = Setting {
+    let setting = LogSettings {
         level: level(common, daemon.is_some()),
         is_journal: is_journal(stream.as_deref(), file_of_stderr()),
         is_terminal: std::io::stderr().is_terminal(),
@@ -50,7 +50,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<LastWor
 }
 
 /// Non-blocking writer of a daemon's log. The number of dropped lines is written directly, in the same format.
-fn patient(format: LogFormat, setting: Setting) -> Option<(LogWriter, LastWords)> {
+fn patient(format: LogFormat, setting: LogSettings) -> Option<(LogWriter, FlushGuard)> {
     let direct = Dispatch::new(subscriber(Some(format), setting, std::io::stderr));
     let tell_lost =
         move |lost| dispatcher::with_default(&direct, || tracing::warn!("{lost} lines of the log were lost"));
@@ -82,11 +82,11 @@ fn level(common: Common, is_daemon: bool) -> LevelFilter {
     }
 }
 
-fn subscriber<W>(daemon: Option<LogFormat>, setting: Setting, writer: W) -> Box<dyn Subscriber + Send + Sync>
+fn subscriber<W>(daemon: Option<LogFormat>, setting: LogSettings, writer: W) -> Box<dyn Subscriber + Send + Sync>
 where
     W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
 {
-    let Setting { level, is_journal, is_terminal } = setting;
+    let LogSettings { level, is_journal, is_terminal } = setting;
     let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_terminal);
     let wanted = wanted(level);
     match daemon {
@@ -129,14 +129,14 @@ where
 
 #[cfg(test)]
 mod tests {
-    use super::super::log_page::Page;
+    use super::super::test_buffer::TestBuffer;
     use super::*;
 
     /// Log text with messages at two levels.
     fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
-        let page = Page::default();
+        let page = TestBuffer::default();
         let writer = page.clone();
-        let setting = Setting { level, is_journal, is_terminal: false };
+        let setting = LogSettings { level, is_journal, is_terminal: false };
         let subscriber = subscriber(daemon, setting, move || writer.clone());
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);

@@ -30,12 +30,12 @@ fn message(panic: &PanicHookInfo<'_>) -> String {
 mod tests {
     use std::panic::{catch_unwind, panic_any};
 
-    use super::super::log_page::Page;
+    use super::super::test_buffer::TestBuffer;
     use super::*;
 
     #[test]
     fn a_panic_is_one_line_of_the_log() {
-        let page = Page::default();
+        let page = TestBuffer::default();
         let writer = page.clone();
         let subscriber = tracing_subscriber::fmt().json().flatten_event(true).with_writer(move || writer.clone());
         let before = panic::take_hook();

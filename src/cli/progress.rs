@@ -187,7 +187,7 @@ mod tests {
 
     use tracing::level_filters::LevelFilter;
 
-    use super::super::log_page::Page;
+    use super::super::test_buffer::TestBuffer;
     use super::*;
 
     struct Hand<'a>(&'a Cell<u64>);
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn condition_is_warned_of_once_and_its_end_is_information() {
-        let page = Page::default();
+        let page = TestBuffer::default();
         let writer = page.clone();
         let log = tracing_subscriber::fmt().with_max_level(LevelFilter::INFO).with_ansi(false).without_time();
         tracing::subscriber::with_default(log.with_writer(move || writer.clone()).finish(), || {

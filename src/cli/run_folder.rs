@@ -41,14 +41,14 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
     }
 }
 
-struct Run {
+struct OpenRun {
     name: String,
     path: PathBuf,
     began_at: SystemTime,
 }
 
 /// Run folders in `out` and in its folders of batches.
-fn runs_in(out: &Path) -> Vec<Run> {
+fn runs_in(out: &Path) -> Vec<OpenRun> {
     let mut runs = Vec::new();
     for folder in folders_in(out) {
         match run_at(&folder) {
@@ -65,10 +65,10 @@ fn folders_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The run in `folder`, if it is a run folder.
-fn run_at(folder: &Path) -> Option<Run> {
+fn run_at(folder: &Path) -> Option<OpenRun> {
     let began_at = fs::metadata(folder.join(FIRST_FILE)).ok()?.modified().ok()?;
     let name = folder.file_name()?.to_string_lossy().into_owned();
-    Some(Run { name, path: folder.to_owned(), began_at })
+    Some(OpenRun { name, path: folder.to_owned(), began_at })
 }
 
 #[cfg(test)]

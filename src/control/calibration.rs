@@ -26,15 +26,15 @@ mod fault;
 mod fields;
 mod params;
 mod resonance;
+mod session;
 mod steering;
-mod workbench;
 
 use std::sync::atomic::AtomicBool;
 
+use session::CalibrationSession;
 use steering::SteeringMotion;
+use upm_cor_library::{Entry, FieldResponse, Library};
 use upm_core::rig::{Rig, RigModel};
-use upm_library::{Entry, FieldResponse, Library};
-use workbench::CalibrationSession;
 
 pub use axes::Axes;
 pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};

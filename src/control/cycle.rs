@@ -8,20 +8,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::condition::{Condition, why_not};
 use super::conditions::Conditions;
-use super::ending::{OrEnd, RunEnd, check_stop};
-use super::eyes::{FramePurpose, Perception};
 use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
+use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
 use super::plans::FreshPlanner;
+use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
-use upm_goal::{Setpoints, Task};
-use upm_library::Library;
 use upm_planner::Plan;
+use upm_task::{Setpoints, Task};
 
 /// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
 /// shortened.

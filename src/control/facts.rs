@@ -3,10 +3,10 @@ use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
-use upm_goal::Setpoints;
 use upm_perception::estimation::{FitFault, PlateFit};
 use upm_perception::vision::{DebugImages, Detection, Table, Track};
 use upm_planner::{Plan, PlannedPulse};
+use upm_task::Setpoints;
 
 /// The first look: table and parts located without prior knowledge.
 #[derive(Clone, Copy, Debug)]

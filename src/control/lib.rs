@@ -6,26 +6,26 @@ pub mod calibration;
 mod condition;
 mod conditions;
 mod cycle;
-mod ending;
-mod eyes;
+mod dry_run;
 mod facts;
 mod guards;
 mod learning;
 mod params;
+mod perception;
 mod planning;
 mod plans;
 mod progress;
-mod rehearsal;
+mod run_end;
 
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, RunIo, run};
-pub use ending::RunEnd;
-pub use eyes::{ExpectedPart, FramePurpose, Perception};
+pub use dry_run::{ClosestApproach, DryRun, LimitMet, RehearsalParams, rehearse};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
     PulseDisplacements, PulseFacts, Sink,
 };
 pub use guards::Guards;
 pub use params::ControlParams;
+pub use perception::{ExpectedPart, FramePurpose, Perception};
 pub use plans::FreshPlanner;
-pub use rehearsal::{ClosestApproach, DryRun, LimitMet, RehearsalParams, rehearse};
+pub use run_end::RunEnd;

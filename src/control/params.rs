@@ -1,5 +1,5 @@
-use super::eyes::ExpectedPart;
 use super::guards::Guards;
+use super::perception::ExpectedPart;
 use upm_core::rig::PartKind;
 use upm_planner::{PlannerParams, PlanningMethod};
 

@@ -3,16 +3,16 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::condition::why_not;
-use super::ending::{OrEnd, RunEnd};
 use super::learning::GainEstimator;
 use super::params::ControlParams;
 use super::plans::PulsePlanner;
 use super::progress::ProgressWatch;
+use super::run_end::{OrEnd, RunEnd};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_goal::Setpoints;
-use upm_library::Library;
 use upm_planner::{Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
+use upm_task::Setpoints;
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 pub(super) const STALLED_S: f64 = 10.0;

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use super::ending::RunEnd;
+use super::run_end::RunEnd;
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_library::Library;
 use upm_planner::{
     FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse, RotationPlanner,
 };

@@ -1,11 +1,11 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
 use super::condition::why_not;
-use super::ending::RunEnd;
+use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_goal::Setpoints;
 use upm_planner::{Limit, PlanStatus, PlanningMethod};
+use upm_task::Setpoints;
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;

@@ -12,7 +12,7 @@ use std::time::Duration;
 pub use crossbeam_channel::{Receiver, RecvTimeoutError};
 use crossbeam_channel::{SendTimeoutError, Sender, TrySendError, bounded};
 
-use crate::priority::lower_thread_priority;
+use crate::thread_priority::lower_thread_priority;
 
 /// Behaviour of a sender whose queue is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,18 +102,18 @@ impl<T> Queue<T> {
 
 /// A thread that computes one result.
 #[derive(Debug)]
-pub struct Worker<T>(Receiver<T>);
+pub struct BackgroundThread<T>(Receiver<T>);
 
 /// Reason for which a thread has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unfinished {
+pub enum NoResult {
     /// The thread did not end in time and is abandoned.
     Hangs,
     /// The thread panicked.
     Died,
 }
 
-impl<T: Send + 'static> Worker<T> {
+impl<T: Send + 'static> BackgroundThread<T> {
     /// Starts the thread `name`, at lower priority if `steps_back`.
     pub fn start(name: &str, steps_back: bool, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
         let (report, done) = bounded(1);
@@ -127,15 +127,15 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     /// Waits for its result.
-    pub fn wait(&self) -> Result<T, Unfinished> {
-        self.0.recv().map_err(|_| Unfinished::Died)
+    pub fn wait(&self) -> Result<T, NoResult> {
+        self.0.recv().map_err(|_| NoResult::Died)
     }
 
     /// Waits for its result for at most `longest`.
-    pub fn wait_within(&self, longest: Duration) -> Result<T, Unfinished> {
+    pub fn wait_within(&self, longest: Duration) -> Result<T, NoResult> {
         self.0.recv_timeout(longest).map_err(|fault| match fault {
-            RecvTimeoutError::Timeout => Unfinished::Hangs,
-            RecvTimeoutError::Disconnected => Unfinished::Died,
+            RecvTimeoutError::Timeout => NoResult::Hangs,
+            RecvTimeoutError::Disconnected => NoResult::Died,
         })
     }
 }
@@ -200,12 +200,12 @@ mod tests {
     #[test]
     fn result_of_a_thread_is_waited_for_but_not_for_good() {
         let (go, held) = sync_channel::<()>(0);
-        let worker = Worker::start("slow", false, move || held.recv().is_ok()).unwrap();
-        assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(Unfinished::Hangs));
+        let worker = BackgroundThread::start("slow", false, move || held.recv().is_ok()).unwrap();
+        assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(NoResult::Hangs));
         go.send(()).unwrap();
         assert_eq!(worker.wait(), Ok(true));
-        let dies = Worker::<()>::start("dies", true, || panic!("as asked")).unwrap();
-        assert_eq!(dies.wait_within(LONG), Err(Unfinished::Died));
+        let dies = BackgroundThread::<()>::start("dies", true, || panic!("as asked")).unwrap();
+        assert_eq!(dies.wait_within(LONG), Err(NoResult::Died));
     }
 
     #[test]

@@ -3,10 +3,10 @@ use nalgebra::Vector2;
 use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
+use upm_cor_library::{Entry, drive_for};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
-use upm_library::{Entry, drive_for};
 use upm_perception::estimation::nearest_pump;
 
 /// Centres farther than this many half sides count as translations, as in `upm check`.

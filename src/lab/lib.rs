@@ -46,8 +46,8 @@ pub use two_parts::two_parts;
 pub use vision::{vision, vision_of};
 pub use waveform_fit::waveform_fit;
 
+use upm_cor_library::PlateResponse;
 use upm_core::rig::RigModel;
-use upm_library::PlateResponse;
 use upm_sim::{PartParams, SimParams};
 
 /// The rig on which an experiment runs.

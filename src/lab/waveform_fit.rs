@@ -8,9 +8,9 @@ use super::shaken::{ShakenPlate, steady_motion};
 use super::{Figure, LabFault, LabRig, Outcome, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
+use upm_cor_library::{AxisShape, drive_for};
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
-use upm_library::{AxisShape, drive_for};
 use upm_perception::estimation::{AxisPhasors, TwistFit, nearest_pump};
 
 /// The amplitudes played: row f of the paper's Table 1, in units. Its centre of rotation is off both axes and no two

@@ -1,8 +1,8 @@
 //! Camera vision: locates the table once, finds every coin, then tracks the coins from frame to frame. Input: frames;
 //! output: measurements.
 
-mod chords;
-mod coarse;
+mod binned;
+mod classifier;
 mod coins;
 #[cfg(test)]
 mod coins_tests;
@@ -10,7 +10,6 @@ mod convolution;
 mod disk;
 mod edges;
 mod hough;
-mod judge;
 mod lines;
 mod locate;
 mod outline;
@@ -20,6 +19,7 @@ mod plate_watch_tests;
 mod quad;
 mod response;
 mod rim;
+mod run_length_sums;
 mod sampling;
 mod shading;
 mod survey;

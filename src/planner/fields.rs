@@ -1,14 +1,14 @@
 //! Synthesised fields: one periodic motion of many harmonics gives every part its own step at once (equation sheet,
 //! section 5).
 
-mod aim;
-mod bank;
-mod course;
-mod guard;
+mod harmonic_basis;
 mod limits;
+mod motor_effort;
+mod optimizer;
 mod planner;
-mod strength;
-mod waves;
+mod rollout;
+mod seeds;
+mod separation;
 
 #[cfg(test)]
 mod tests;

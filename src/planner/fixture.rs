@@ -6,9 +6,9 @@ use std::sync::{Arc, LazyLock};
 use rand::RngExt as _;
 
 use crate::{PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use upm_cor_library::{DisplacementModel, Library, testing};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::random::Streams;
-use upm_library::{DisplacementModel, Library, testing};
 
 pub(super) const PENNY_M: f64 = 0.009525;
 pub(super) const HALF_SIDE_M: f64 = 0.1016;

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use upm_cor_library::Library;
 use upm_core::geometry::{Twist, Vec2, perp};
-use upm_library::Library;
 
 /// Distance carried by the counted pulses on a typical belt, m: the usual length in sequences.
 const PULSE_M: f64 = 2e-3;

@@ -1,7 +1,7 @@
 //! Friction of the calibration's coins, derived from the measured distances.
 
 use super::pump::{Discs, LANES, Pump};
-use upm_library::Library;
+use upm_cor_library::Library;
 
 /// Range in which friction is searched.
 const RANGE: (f64, f64) = (0.02, 2.0);

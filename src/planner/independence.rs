@@ -1,8 +1,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::FieldPlanner;
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_library::Library;
 
 /// Flows that move no part by at least this fraction of the largest step there is are left out: they leave parts at
 /// rest, in whatever direction they point.

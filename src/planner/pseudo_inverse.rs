@@ -5,8 +5,8 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use upm_cor_library::{Entry, Library};
 use upm_core::geometry::Vec2;
-use upm_library::{Entry, Library};
 
 /// Longest step of a part and longest single rotation in one cycle, m: the field is straight only over a short
 /// distance.

@@ -17,10 +17,10 @@ use std::f64::consts::TAU;
 
 use wide::f64x8 as Lanes;
 
+use upm_cor_library::Library;
 use upm_core::disc_friction::DiscFriction;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_library::Library;
 
 /// SIMD lanes: discs integrated side by side.
 pub(crate) const LANES: usize = 8;

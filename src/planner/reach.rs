@@ -1,5 +1,5 @@
+use upm_cor_library::{DisplacementModel, Entry, Library};
 use upm_core::geometry::Vec2;
-use upm_library::{DisplacementModel, Entry, Library};
 
 /// Reach of a library at one position.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,9 +8,9 @@
 //! ```
 
 mod belt_table;
-mod belts;
-mod columns;
+mod displacement_matrix;
 mod least_time;
+mod motion_set;
 mod order;
 mod planner;
 mod refine;

@@ -1,6 +1,6 @@
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, TwistWave};
-use upm_library::Library;
 
 /// State of one part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]

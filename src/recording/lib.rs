@@ -1,43 +1,43 @@
 //! Records of a run. Every recorder is a [`Sink`](upm_control::Sink): the control loop reports facts to it and gets
 //! nothing back, so a run is the same with and without it.
 //!
-//! [`Journal`] writes one line per fact without wall time, so equal seeds give equal bytes. [`Tally`] counts, compares
-//! measurements with the simulated truth and yields a [`Report`]. [`Fanout`] combines several sinks. [`Scribe`] writes
-//! lines on a background thread.
+//! [`Journal`] writes one line per fact without wall time, so equal seeds give equal bytes. [`RunStats`] counts,
+//! compares measurements with the simulated truth and yields a [`Report`]. [`Fanout`] combines several sinks.
+//! [`BackgroundWriter`] writes lines on a background thread.
 
+mod background_writer;
 mod fanout;
+mod handle;
 mod journal;
-mod keeping;
 mod lengths;
 mod maps;
 #[cfg(any(test, feature = "testing"))]
 mod memory;
 mod motion;
+mod options;
+mod preallocated_file;
 mod records;
 mod report;
 mod rerun_mode;
-mod roomy_file;
-mod scribe;
-mod switch;
-mod tally;
+mod run_stats;
 mod timings;
 mod wave;
 
+pub use background_writer::{BackgroundWriter, SyncWrite};
 pub use fanout::Fanout;
+pub use handle::{RecordingHandle, RecordingState, report_recording_end};
 pub use journal::{Journal, journal_schema};
-pub use keeping::{RecordingOptions, WriterStatus};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 #[cfg(any(test, feature = "testing"))]
 pub use memory::MemorySink;
 pub use motion::MotionRecord;
+pub use options::{RecordingOptions, WriterStatus};
+pub use preallocated_file::PreallocatedFile;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
     CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, RecordingReport, Report,
     SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
-pub use roomy_file::PreallocatedFile;
-pub use scribe::{BackgroundWriter, SyncWrite};
-pub use switch::{RecordingHandle, RecordingState, report_recording_end};
-pub use tally::{Deadlines, EndFacts, PartEnd, RunStats};
+pub use run_stats::{Deadlines, EndFacts, PartEnd, RunStats};
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -2,10 +2,10 @@ use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Milestone, MilestoneFa
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
-use upm_goal::Setpoints;
 use upm_perception::estimation::{FitFault, PlateFit};
 use upm_perception::vision::{DebugImages, Detection, Table};
 use upm_planner::{Plan, PlannedPulse};
+use upm_task::Setpoints;
 
 /// An owned copy of [`LocalisedFacts`].
 #[derive(Clone, Debug)]

@@ -13,6 +13,7 @@
 //! ```
 
 mod bins;
+mod clearance;
 mod daemon;
 mod drawings;
 mod faults;
@@ -23,17 +24,17 @@ mod kinds;
 mod layout;
 mod part_path;
 mod paths;
-mod place;
+mod placement;
 mod raw_daemon;
 mod raw_job;
 mod raw_rig;
 mod raw_shapes;
 mod raw_simulate;
+mod raw_simulation;
 mod raw_trace;
 mod read;
 mod rig;
 mod rig_checks;
-mod room;
 mod schema;
 mod simulate;
 mod targets;
@@ -43,27 +44,28 @@ mod tests;
 mod trace;
 mod view;
 
+pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
 pub use faults::{DrawnFaults, RawFault, RawFaults, RawValue};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
 pub use layout::{JobLayout, LayoutBin, LayoutPart, LayoutPath};
-pub use place::{PlacedPart, place_parts};
+pub use placement::{PlacedPart, place_parts};
 pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 pub use raw_job::{
     Assignment, DeadlinePolicy, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion,
     RawTask,
 };
 pub use raw_rig::{
-    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawKnocks, RawLevels, RawMotors,
-    RawPlate, RawResonance, RawRig, RawSimulation, RigSource,
+    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawLevels, RawMotors,
+    RawPlate, RawResonance, RawRig, RigSource,
 };
 pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};
 pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
+pub use raw_simulation::{RawKnocks, RawSimulation};
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};
 pub use rig::{RigSpec, fingerprint};
-pub use room::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::TaskSpec;

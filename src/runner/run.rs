@@ -1,9 +1,10 @@
 //! Composition of a run: from a validated job it builds rig, goal, control loop and sinks, and leaves a run folder and
 //! a report. The command line, the daemon and the tests all run jobs through this module.
 
-mod bench;
 mod calibrate;
+mod controls;
 mod coverage;
+mod dry_run;
 mod ending;
 #[cfg(test)]
 mod endless_tests;
@@ -15,7 +16,6 @@ mod in_memory;
 mod knocks;
 mod library;
 mod library_output;
-mod links;
 #[cfg(test)]
 mod lost_tests;
 mod pace_check;
@@ -23,7 +23,7 @@ mod paced;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;
-mod rehearse;
+mod setup;
 mod simulate;
 #[cfg(test)]
 mod stop_tests;
@@ -39,9 +39,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::config::{JobLayout, JobSpec, LayoutBin, LayoutPath, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
+use upm_cor_library::Library;
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
-use upm_library::Library;
 use upm_recording::{
     BackgroundWriter, Deadlines, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
     report_recording_end,
@@ -54,19 +54,19 @@ use folder::TruthLog;
 use paced::{PaceClock, RealTimeRig};
 use time_figure::FirstLook;
 
-pub use bench::{RunSetup, TruthInJobOrder, planner_params};
 pub use calibrate::{calibrate, calibration_params};
+pub use controls::{ExternalStop, RunControls};
 pub use coverage::{Coverage, Gap, Place};
+pub use dry_run::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, StartForecast, rehearse};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
 pub use library::{check_job, check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
-pub use links::{ExternalStop, RunControls};
 pub use pace_check::{PaceCheck, check_pace};
 pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
-pub use rehearse::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, StartForecast, rehearse};
+pub use setup::{RunSetup, TruthInJobOrder, planner_params};
 pub use simulate::{FirstFrame, FirstFrameError, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_sim::OpenLoopTrajectories;

@@ -1,6 +1,6 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::drawn::SceneSampler;
+use super::generate::SceneSampler;
 use super::parts::kinds;
 use super::{ClutterOutline, ClutterShape, Glint, Scene, SurfaceTexture};
 use upm_core::geometry::{Vec2, perp};

@@ -36,7 +36,7 @@ pub(super) struct Paint<'a> {
     pub(super) level: f64,
     /// Origin of relief and glints, m, and the length of their unit, m.
     pub(super) frame: (Vec2, f64),
-    /// Relief, and the step in level of which its amplitude is a fraction.
+    /// Texture, and the step in level of which its amplitude is a fraction.
     pub(super) relief: Option<(SurfaceTexture, f64)>,
     pub(super) glints: &'a [Glint],
 }

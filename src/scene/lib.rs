@@ -12,8 +12,8 @@
 //! ```
 //!
 //! ```
-//! use upm_scene::{Family, Scene};
-//! let scene = Scene::drawn(Family::Rough, 7);
+//! use upm_scene::{Difficulty, Scene};
+//! let scene = Scene::generate(Difficulty::Rough, 7);
 //! let (frame, corners_px, parts) = (scene.frame(), scene.corners_px(), scene.truth());
 //! assert_eq!(frame.width, 1280);
 //! assert_eq!(parts.len(), scene.parts.len());
@@ -21,8 +21,8 @@
 //! ```
 
 mod clutter;
-mod drawn;
 mod expose;
+mod generate;
 mod layers;
 mod parts;
 mod raster;
@@ -33,7 +33,7 @@ pub mod testing;
 mod types;
 mod view;
 
-pub use drawn::Difficulty;
+pub use generate::Difficulty;
 pub use parts::kinds;
 pub use shape::ClutterOutline;
 pub use types::{ClutterShape, Glint, Scene, SceneDisc, ScenePartTruth, SurfaceTexture};

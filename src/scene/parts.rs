@@ -1,4 +1,4 @@
-use super::drawn::SceneSampler;
+use super::generate::SceneSampler;
 use super::{Scene, SceneDisc};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;

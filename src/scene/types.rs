@@ -51,7 +51,7 @@ pub struct SceneDisc {
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
-    /// Relief stamped on it.
+    /// Texture stamped on it.
     pub relief: Option<SurfaceTexture>,
     /// Reflections of lamps in it, in radii from its middle.
     pub glints: Vec<Glint>,

@@ -7,14 +7,15 @@ mod api;
 mod http;
 
 pub use api::{
-    AppParts, Asset, Checked, Desk, EStopped, Event, Feed, JOB_OVER, Job, JobsPage, JobsQuery, Layout, LayoutPart,
-    LayoutPath, Opening, Order, PauseCause, Picture, Plate, PlateCondition, Plates, Promise, Recording, Refusal,
-    Replayed, Reply, Requests, ResetRequest, StandingJob, Submitted, Traffic, app, kept, promise,
+    AppParts, Asset, Backend, CameraPicture, Checked, EStopped, EventSender, HttpMetrics, JOB_OVER, Job, JobCreated,
+    JobsPage, JobsQuery, Layout, LayoutPart, LayoutPath, PauseCause, Pending, Plate, PlateCondition, Plates, Recording,
+    Refusal, ReplayPage, Requests, ResetRequest, Responder, StandingJob, StreamEvent, StreamStart, Submission, app,
+    kept, pending,
 };
 
 pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
 pub use http::{
-    BodyRoom, Caller, Hosts, Limits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, Scope, Served,
-    SharedTokens, StopFlag, StopSender, Tokens, joined, serve,
+    AllowedHosts, BodyRoom, Caller, HttpLimits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, Scope,
+    SharedTokens, ShutdownReport, StopFlag, StopSender, Tokens, joined, serve,
 };
 pub use upm_core::job::Pace;

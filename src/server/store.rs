@@ -7,19 +7,19 @@
 mod ages;
 mod columns;
 mod connection;
+mod deferred_writes;
 mod handle;
 mod held;
 mod history;
 mod ids;
 mod inspect;
+mod job_store;
 mod jobs;
 mod layout;
-mod ledger;
 #[cfg(test)]
 mod memory;
 mod open;
 mod options;
-mod pending;
 mod private;
 mod quarantine;
 mod reader;
@@ -38,18 +38,18 @@ mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
-pub use held::{Displaced, Found, HeldPath};
+pub use held::{Displaced, HeldPath, PathObject};
 pub use ids::JobId;
-pub use inspect::{PeekMost, Peeked, peek};
-pub use ledger::{Ledger, MakeFolder, Publish};
+pub use inspect::{InspectLimits, StoreSnapshot, peek};
+pub use job_store::{JobStore, MakeFolder, Publish};
 #[cfg(test)]
-pub use memory::MemoryLedger;
-pub use open::Opened;
-pub use options::{Limits, RepairRecording};
+pub use memory::InMemoryJobStore;
+pub use open::OpenOutcome;
+pub use options::{RepairRecording, StoreLimits};
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    Accepted, AuditEntry, AuditRow, Cancelled, Claimed, Deleted, FINISHED, JobEnd, JobPage, JobRow, Mended, NewEvent,
-    NewJob, Page, Recovery, Replay, StoreFault, StoreHealth, StoredEvent,
+    AuditEntry, AuditRow, CancelOutcome, Claimed, Deleted, FINISHED, JobEnd, JobPage, JobRow, JobSelection, NewEvent,
+    NewJob, RecordingRepair, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
 };
 
 pub use crate::states::{JobState, RecordingStatus};

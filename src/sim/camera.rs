@@ -39,8 +39,10 @@
 //! Code that runs over pixels is compiled for AVX2 as well and chosen at run time: wider vectors of the same operations
 //! in the same order, no fused ones, so that pictures are bit-identical with and without.
 
+mod coverage;
 mod disc;
 mod edge;
+mod edge_outline;
 mod exposure;
 mod noise;
 mod plate;
@@ -48,20 +50,18 @@ mod plate;
 mod reference;
 #[cfg(test)]
 mod scenes;
-mod shares;
-mod side;
 #[cfg(test)]
 mod tests;
 mod tiles;
 mod view;
 
 use super::CameraParams;
+use coverage::PixelCoverage;
 use disc::DiscOutline;
 use edge::Blur;
 use exposure::SubExposureParams;
 use noise::Noise;
 use plate::PlateOutline;
-use shares::PixelCoverage;
 use tiles::{AREA, BLOCK_SIDE, F32Lanes, LANE_X, LANE_Y, LANES, SIDE, TileGrid};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Rng;

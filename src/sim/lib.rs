@@ -4,7 +4,7 @@ mod accelerometers;
 mod camera;
 mod collision;
 pub mod faults;
-mod guard;
+mod interlock_port;
 mod motors;
 mod open_loop;
 mod oscillator;

@@ -2,7 +2,7 @@
 
 use super::accelerometers::Accelerometers;
 use super::faults::{PlantChange, PlantFaults};
-use super::guard::InterlockPort;
+use super::interlock_port::InterlockPort;
 use super::motors::Motors;
 use super::parts::{PartMotion, Parts};
 use super::plate::{PlateMotion, ShakenPlate, Wrench};

@@ -4,7 +4,7 @@ mod exposure;
 mod faults;
 
 use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
-use super::guard::InterlockPort;
+use super::interlock_port::InterlockPort;
 use super::{Camera, DiscShape, PartParams, Plant, SimParams, Snapshot};
 use upm_core::geometry::Pose;
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};

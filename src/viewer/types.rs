@@ -2,10 +2,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use upm_chart::{Chart, Playback};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::rig::RigModel;
-use upm_library::Library;
 use upm_planner::PlanningMethod;
 use upm_recording::RerunMode;
 

@@ -22,8 +22,8 @@ fn dependencies(of: &str, wanted: fn(&str) -> bool) -> BTreeSet<&'static str> {
     let sections = manifest.split("\n[").filter_map(|section| section.split_once(']'));
     let lines = sections.filter(|(name, _)| wanted(name)).flat_map(|(_, section)| section.lines());
     let of_workspace = lines.filter_map(|line| line.split(['.', ' ', '=']).next()?.strip_prefix("upm-"));
-    let known = |name: &str| names().find(|known| *known == name);
-    of_workspace.map(|name| known(name).unwrap_or_else(|| panic!("`{name}` is not on the map"))).collect()
+    let known = |name: String| names().find(|known| *known == name).unwrap_or_else(|| panic!("no `{name}` on the map"));
+    of_workspace.map(|name| known(name.replace('-', "_"))).collect()
 }
 
 impl Crates {

@@ -10,8 +10,8 @@ use super::map::MAP;
 const COLUMNS: [&[&str]; 9] = [
     &["reference"],
     &["perception"],
-    &["fixtures", "goal", "core"],
-    &["recording", "control", "planner", "library", "document"],
+    &["fixtures", "task", "core"],
+    &["recording", "control", "planner", "cor_library", "document"],
     &["upm", "server", "runner", "viewer", "qp"],
     &["shapes"],
     &["sim"],

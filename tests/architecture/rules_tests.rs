@@ -20,9 +20,9 @@ fn forbidden_imports_are_found_however_they_are_written() {
         "const C: char = '\"'; use upm_sim as s;",
         "#[cfg(not(test))] use upm_sim;",
     ] {
-        let found = faults_of(&[("src/goal/plus_sign.rs", source)]);
+        let found = faults_of(&[("src/task/plus_sign.rs", source)]);
         assert_eq!(found.len(), 1, "{source}: {found:?}");
-        assert!(found[0].starts_with("src/goal/plus_sign.rs:1: `goal` may not import `sim"), "{found:?}");
+        assert!(found[0].starts_with("src/task/plus_sign.rs:1: `task` may not import `sim"), "{found:?}");
     }
     assert_eq!(
         faults_of(&[("src/perception/vision/a.rs", "\n\nuse super::super::estimation;")]),
@@ -48,15 +48,15 @@ fn allowed_imports_and_mere_words_are_not() {
     for source in [
         "use upm_core::{geometry::{Twist, Vec2}, time::PlateTime};",
         "// use upm_sim\n/* upm_sim::SimRig */ const A: &str = \"upm_sim::SimRig\"; const B: &str = r#\"\"upm_sim::SimRig\"#;",
-        "use super::goal::Wanted; fn f<'a>(x: &'a str) -> impl Sized + use<'a> { x }",
+        "use super::task::Setpoints; fn f<'a>(x: &'a str) -> impl Sized + use<'a> { x }",
         "#[cfg(test)]\nmod tests { use super::*; use upm_core::signal::Frame; fn f() { serde_json::to_string(&1); } }",
         "struct S { rerun: bool, sim: u8 }",
     ] {
-        assert_eq!(faults_of(&[("src/goal/plus_sign.rs", source)]), [""; 0], "{source}");
+        assert_eq!(faults_of(&[("src/task/plus_sign.rs", source)]), [""; 0], "{source}");
     }
     let test_file = [
-        ("src/goal/lib.rs", "#[cfg(test)]\nmod long_tests;"),
-        ("src/goal/long_tests.rs", "use upm_core::signal::Frame;"),
+        ("src/task/lib.rs", "#[cfg(test)]\nmod long_tests;"),
+        ("src/task/long_tests.rs", "use upm_core::signal::Frame;"),
     ];
     assert_eq!(faults_of(&test_file), [""; 0]);
     assert_eq!(faults_of(&test_file[1..]).len(), 1);
@@ -73,10 +73,13 @@ fn single_items_are_told_apart() {
 fn control_reaches_sim_neither_through_others_nor_in_tests() {
     let files = [
         ("src/control/lib.rs", "use upm_planner::Plan;"),
-        ("src/planner/plan.rs", "use upm_library::Library;"),
-        ("src/library/look.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
+        ("src/planner/plan.rs", "use upm_cor_library::Library;"),
+        ("src/cor_library/look.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
     ];
-    assert_eq!(faults_of(&files), ["src/library/look.rs:3: control reaches sim: control -> planner -> library -> sim"]);
+    assert_eq!(
+        faults_of(&files),
+        ["src/cor_library/look.rs:3: control reaches sim: control -> planner -> cor_library -> sim"]
+    );
     assert_eq!(faults_of(&files[1..]), [""; 0]);
     let truth = [("src/control/eyes.rs", "use upm_core::ground_truth::GroundTruth;")];
     assert_eq!(faults_of(&truth).len(), 2, "not allowed, and within reach of control");
@@ -88,38 +91,38 @@ fn outside_crates_have_their_places_and_files_their_length() {
         faults_of(&[("src/control/plans.rs", "use clarabel::solver;")]),
         ["src/control/plans.rs:1: `clarabel` is named in qp only"]
     );
-    assert_eq!(faults_of(&[("src/goal/plus_sign.rs", "#[derive(serde::Serialize)] struct S;")]).len(), 1);
+    assert_eq!(faults_of(&[("src/task/plus_sign.rs", "#[derive(serde::Serialize)] struct S;")]).len(), 1);
     assert_eq!(faults_of(&[("src/control/plans.rs", "use std::{env, fmt};")]).len(), 1);
     assert_eq!(
-        faults_of(&[("src/qp/lib.rs", "use clarabel::solver;"), ("src/library/file.rs", "use serde::Serialize;")]),
+        faults_of(&[("src/qp/lib.rs", "use clarabel::solver;"), ("src/cor_library/file.rs", "use serde::Serialize;")]),
         [""; 0]
     );
     let long = "\n".repeat(401);
     assert_eq!(
-        faults_of(&[("src/goal/plus_sign.rs", &long)]),
-        ["src/goal/plus_sign.rs:401: files have at most 400 lines"]
+        faults_of(&[("src/task/plus_sign.rs", &long)]),
+        ["src/task/plus_sign.rs:401: files have at most 400 lines"]
     );
 }
 
 #[test]
 fn circles_are_found_through_names_that_are_handed_on_and_only_outside_tests() {
     let found = |files: &[(&str, &str)]| rules::circles_in(&sources(files));
-    let room = ("src/goal/lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
+    let room = ("src/task/lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
     let both =
-        [room, ("src/goal/a.rs", "use super::B; pub struct A;"), ("src/goal/b.rs", "use crate::A; pub struct B;")];
-    let circle = "circle of 2 files:\n  src/goal/a.rs -> src/goal/b.rs: B\n  src/goal/b.rs -> src/goal/a.rs: A";
+        [room, ("src/task/a.rs", "use super::B; pub struct A;"), ("src/task/b.rs", "use crate::A; pub struct B;")];
+    let circle = "circle of 2 files:\n  src/task/a.rs -> src/task/b.rs: B\n  src/task/b.rs -> src/task/a.rs: A";
     assert_eq!(found(&both), [circle]);
-    let one_way = [room, both[1], ("src/goal/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
+    let one_way = [room, both[1], ("src/task/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
     assert_eq!(found(&one_way), [""; 0], "tests may");
     let parent = [
-        ("src/goal/lib.rs", "mod a; pub struct P; fn f() { a::g() }"),
-        ("src/goal/a.rs", "use super::P; pub fn g() {}"),
+        ("src/task/lib.rs", "mod a; pub struct P; fn f() { a::g() }"),
+        ("src/task/a.rs", "use super::P; pub fn g() {}"),
     ];
     assert_eq!(found(&parent).len(), 1, "a parent that uses its child");
     let renamed = [
-        ("src/goal/lib.rs", "mod a; mod b;"),
-        ("src/goal/a.rs", "use super::b as other; pub const A: u8 = other::B;"),
-        ("src/goal/b.rs", "use super::a::*; pub const B: u8 = 1; const C: u8 = A;"),
+        ("src/task/lib.rs", "mod a; mod b;"),
+        ("src/task/a.rs", "use super::b as other; pub const A: u8 = other::B;"),
+        ("src/task/b.rs", "use super::a::*; pub const B: u8 = 1; const C: u8 = A;"),
     ];
     assert_eq!(found(&renamed).len(), 1);
 }

@@ -77,7 +77,7 @@ impl SeedRun {
 }
 
 /// A figure that is summarised over the completed runs.
-pub(super) struct Figure {
+pub(super) struct BatchFigure {
     /// Key in `report.json`.
     pub key: &'static str,
     /// Label in the table, with the unit.
@@ -88,17 +88,22 @@ pub(super) struct Figure {
 }
 
 /// All figures; smaller is better for each.
-pub(super) const FIGURES: [Figure; 5] = [
-    Figure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
-    Figure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
-    Figure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
-    Figure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
-    Figure { key: "cross_track_rms_mm", name: "path error (mm rms)", decimals: 2, of: |run| run.cross_track_rms_mm },
+pub(super) const FIGURES: [BatchFigure; 5] = [
+    BatchFigure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
+    BatchFigure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
+    BatchFigure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
+    BatchFigure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
+    BatchFigure {
+        key: "cross_track_rms_mm",
+        name: "path error (mm rms)",
+        decimals: 2,
+        of: |run| run.cross_track_rms_mm,
+    },
 ];
 
 /// Median, best and worst value of a figure over the completed runs that have it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Spread {
+pub(super) struct FigureSpread {
     pub median: f64,
     pub best: f64,
     pub best_seed: u64,
@@ -106,7 +111,7 @@ pub(super) struct Spread {
     pub worst_seed: u64,
 }
 
-impl Spread {
+impl FigureSpread {
     /// Spread of pairs of value and seed; among equal values the first counts. `None` without values.
     fn of(mut values: Vec<(f64, u64)>) -> Option<Self> {
         // stable, so that the order of the seeds settles ties
@@ -124,7 +129,7 @@ impl Spread {
 
 /// Contents of `summary.json`.
 #[derive(Debug, Serialize)]
-pub(super) struct Summary {
+pub(super) struct BatchSummary {
     pub name: String,
     pub rig: String,
     pub version: &'static str,
@@ -139,16 +144,16 @@ pub(super) struct Summary {
     pub not_started: usize,
     pub wall_time_s: f64,
     /// Spread over the completed runs, by figure name.
-    pub figures: BTreeMap<&'static str, Spread>,
+    pub figures: BTreeMap<&'static str, FigureSpread>,
     /// Runs in the order of the seeds.
     pub runs: Vec<SeedRun>,
 }
 
-impl Summary {
+impl BatchSummary {
     /// Summary of a batch of `seeds` seeds, of which `runs` were started.
     pub fn new(name: &str, rig: &str, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
         let count = |is: fn(&SeedRun) -> bool| runs.iter().filter(|&run| is(run)).count();
-        let spread = |figure: &Figure| Some((figure.key, Spread::of(values(&runs, figure))?));
+        let spread = |figure: &BatchFigure| Some((figure.key, FigureSpread::of(values(&runs, figure))?));
         Self {
             name: name.to_owned(),
             rig: rig.to_owned(),
@@ -177,7 +182,7 @@ impl Summary {
 }
 
 /// Value and seed of each completed run that has the figure.
-fn values(runs: &[SeedRun], figure: &Figure) -> Vec<(f64, u64)> {
+fn values(runs: &[SeedRun], figure: &BatchFigure) -> Vec<(f64, u64)> {
     let done = runs.iter().filter(|run| run.is_done());
     done.filter_map(|run| Some(((figure.of)(run.figures.as_ref()?)?, run.seed))).collect()
 }
@@ -202,18 +207,18 @@ pub(super) mod tests {
         SeedRun { seed, outcome, verdict: None, code: None, reason, figures, folder: None, status }
     }
 
-    pub fn summary(runs: Vec<SeedRun>) -> Summary {
-        Summary::new("ring", "upm-2", runs.len() + 1, 2.0, runs)
+    pub fn summary(runs: Vec<SeedRun>) -> BatchSummary {
+        BatchSummary::new("ring", "upm-2", runs.len() + 1, 2.0, runs)
     }
 
     #[test]
     fn spread_names_the_first_seed_of_equal_values() {
-        assert_eq!(Spread::of(Vec::new()), None);
-        let odd = Spread::of(vec![(3.0, 1), (1.0, 2), (3.0, 3), (2.0, 4), (1.0, 5)]).unwrap();
-        assert_eq!(odd, Spread { median: 2.0, best: 1.0, best_seed: 2, worst: 3.0, worst_seed: 1 });
-        let even = Spread::of(vec![(4.0, 1), (1.0, 2)]).unwrap();
+        assert_eq!(FigureSpread::of(Vec::new()), None);
+        let odd = FigureSpread::of(vec![(3.0, 1), (1.0, 2), (3.0, 3), (2.0, 4), (1.0, 5)]).unwrap();
+        assert_eq!(odd, FigureSpread { median: 2.0, best: 1.0, best_seed: 2, worst: 3.0, worst_seed: 1 });
+        let even = FigureSpread::of(vec![(4.0, 1), (1.0, 2)]).unwrap();
         assert_eq!((even.median, even.best_seed, even.worst_seed), (2.5, 2, 1));
-        let one = Spread::of(vec![(4.0, 9)]).unwrap();
+        let one = FigureSpread::of(vec![(4.0, 9)]).unwrap();
         assert_eq!((one.median, one.best_seed, one.worst_seed), (4.0, 9, 9));
     }
 

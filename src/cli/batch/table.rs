@@ -1,16 +1,16 @@
-use super::summary::{FIGURES, SeedRun, Summary};
+use super::summary::{BatchSummary, FIGURES, SeedRun};
 use upm_core::job::Outcome;
 
 /// Lines of the batch's table: counts, figures, and one line for each run that did not complete.
-pub(super) fn lines(summary: &Summary) -> Vec<String> {
+pub(super) fn lines(summary: &BatchSummary) -> Vec<String> {
     let mut lines = vec![headline(summary)];
     lines.extend(figures(summary));
     lines.extend(summary.runs.iter().filter(|run| !run.is_done()).map(failure));
     lines
 }
 
-fn headline(summary: &Summary) -> String {
-    let Summary { name, rig, seeds, completed, .. } = summary;
+fn headline(summary: &BatchSummary) -> String {
+    let BatchSummary { name, rig, seeds, completed, .. } = summary;
     let others = [
         (summary.failed, "failed"),
         (summary.false_success, "completed only as measured"),
@@ -22,12 +22,12 @@ fn headline(summary: &Summary) -> String {
     format!("{name} on {rig}, {seeds} {noun}: {completed} completed{}", others.collect::<String>())
 }
 
-fn figures(summary: &Summary) -> Vec<String> {
+fn figures(summary: &BatchSummary) -> Vec<String> {
     if summary.figures.is_empty() {
         return Vec::new();
     }
     let heads = format!("  {:20} {:>9} {:>9}  {:12} {:>9}  {}", "of the completed", "median", "best", "", "worst", "");
-    let row = |figure: &super::summary::Figure| {
+    let row = |figure: &super::summary::BatchFigure| {
         let spread = summary.figures.get(figure.key)?;
         let shown = |value: f64| format!("{value:.*}", figure.decimals);
         let [best, worst] = [spread.best, spread.worst].map(shown);

@@ -21,7 +21,7 @@ const WAITING: usize = 64;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Runs of one job with several seeds.
-pub(super) struct Batch<'a> {
+pub(super) struct SeedBatch<'a> {
     pub job: &'a JobSpec,
     pub seeds: &'a [u64],
     pub out: PathBuf,
@@ -34,7 +34,7 @@ pub(super) struct Batch<'a> {
 }
 
 /// Progress report of a batch.
-pub(super) enum News {
+pub(super) enum BatchProgress {
     /// Share of the total work that is done, and number of runs that have ended.
     Progress { share: f64, ended: usize },
     /// A line about the run with this seed.
@@ -42,15 +42,15 @@ pub(super) enum News {
 }
 
 /// Message from a worker thread.
-enum Message {
+enum WorkerMessage {
     Note { seed: u64, level: EventLevel, text: String },
     Ended { index: usize, run: Box<SeedRun> },
 }
 
-impl Batch<'_> {
+impl SeedBatch<'_> {
     /// Runs the seeds in turn on all cores and calls `show` on this thread. Returns the runs that were started, in the
     /// order of the seeds.
-    pub fn run(&self, mut show: impl FnMut(News)) -> Vec<SeedRun> {
+    pub fn run(&self, mut show: impl FnMut(BatchProgress)) -> Vec<SeedRun> {
         let turns = Turns { next: AtomicUsize::new(0), shares: self.seeds.iter().map(|_| AtomicU64::new(0)).collect() };
         let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(self.seeds.len());
         let (sender, receiver) = sync_channel(WAITING);
@@ -66,20 +66,20 @@ impl Batch<'_> {
         runs.into_iter().map(|(_, run)| run).collect()
     }
 
-    fn take_turns(&self, turns: &Turns, sender: &SyncSender<Message>) {
+    fn take_turns(&self, turns: &Turns, sender: &SyncSender<WorkerMessage>) {
         while !self.interrupted.load(Ordering::Relaxed) {
             let index = turns.next.fetch_add(1, Ordering::Relaxed);
             let (Some(&seed), Some(share)) = (self.seeds.get(index), turns.shares.get(index)) else { break };
             let run = Box::new(self.run_one(seed, share, sender));
             share.store(FULL, Ordering::Relaxed);
-            if sender.send(Message::Ended { index, run }).is_err() {
+            if sender.send(WorkerMessage::Ended { index, run }).is_err() {
                 break;
             }
         }
     }
 
     /// Runs one seed as `upm run --seed SEED` does.
-    fn run_one(&self, seed: u64, share: &AtomicU64, sender: &SyncSender<Message>) -> SeedRun {
+    fn run_one(&self, seed: u64, share: &AtomicU64, sender: &SyncSender<WorkerMessage>) -> SeedRun {
         let options = RunOptions {
             out: self.out.clone(),
             started_utc: self.started_utc.clone(),
@@ -89,7 +89,7 @@ impl Batch<'_> {
             live: None,
         };
         let stop = AtomicBool::new(false);
-        let mut watcher = Watcher { seed, interrupted: self.interrupted, stop: &stop, share, sender };
+        let mut watcher = BatchWatcher { seed, interrupted: self.interrupted, stop: &stop, share, sender };
         let job = self.job.clone().with_seed(seed);
         match run_job(&job, &options, &self.clock, &stop, &PacingStats::default(), &mut watcher) {
             Ok(result) => {
@@ -118,35 +118,39 @@ impl Turns {
 }
 
 /// Shows the workers' messages until all of them have ended.
-fn collect(receiver: &Receiver<Message>, turns: &Turns, show: &mut impl FnMut(News)) -> Vec<(usize, SeedRun)> {
+fn collect(
+    receiver: &Receiver<WorkerMessage>,
+    turns: &Turns,
+    show: &mut impl FnMut(BatchProgress),
+) -> Vec<(usize, SeedRun)> {
     let mut runs = Vec::new();
     loop {
         match receiver.recv_timeout(LOOK) {
-            Ok(Message::Note { seed, level, text }) => show(News::Note { seed, level, text }),
-            Ok(Message::Ended { index, run }) => runs.push((index, *run)),
+            Ok(WorkerMessage::Note { seed, level, text }) => show(BatchProgress::Note { seed, level, text }),
+            Ok(WorkerMessage::Ended { index, run }) => runs.push((index, *run)),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return runs,
         }
-        show(News::Progress { share: turns.share(), ended: runs.len() });
+        show(BatchProgress::Progress { share: turns.share(), ended: runs.len() });
     }
 }
 
 /// Forwards a run's events to the batch, and Ctrl-C to the run.
-struct Watcher<'a> {
+struct BatchWatcher<'a> {
     seed: u64,
     interrupted: &'a AtomicBool,
     stop: &'a AtomicBool,
     share: &'a AtomicU64,
-    sender: &'a SyncSender<Message>,
+    sender: &'a SyncSender<WorkerMessage>,
 }
 
-impl Watcher<'_> {
+impl BatchWatcher<'_> {
     fn note(&self, level: EventLevel, text: &str) {
-        self.sender.send(Message::Note { seed: self.seed, level, text: text.to_owned() }).ok();
+        self.sender.send(WorkerMessage::Note { seed: self.seed, level, text: text.to_owned() }).ok();
     }
 }
 
-impl Sink for Watcher<'_> {
+impl Sink for BatchWatcher<'_> {
     fn frame(&mut self, _: &FrameFacts<'_>) {
         if self.interrupted.load(Ordering::Relaxed) {
             self.stop.store(true, Ordering::SeqCst);

@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_library::Library;
 use upm_runner::run::{Coverage, Place};
 
 /// Coverage of a library and the plate it was measured on.

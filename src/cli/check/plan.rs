@@ -9,16 +9,16 @@ use super::plan_table::{self, spots};
 use crate::cli::progress::{LateProgress, ProgressMode};
 use crate::cli::summary::planner_line;
 use upm_control::{ClosestApproach, DryRun, LimitMet};
+use upm_cor_library::Library;
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
-use upm_library::Library;
 use upm_runner::config::{Fault, JobLayout, JobSpec};
 use upm_runner::run::{Forecast, PlanVerdict, rehearse};
 
 pub(super) struct Planned {
     pub job: String,
     pub rig: String,
-    /// What the job's file asks for.
+    /// Bins, paths and kinds in the job's file.
     pub layout: JobLayout,
     pub forecast: Forecast,
 }

@@ -101,7 +101,7 @@ fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
     Layer::new("", names, Color::Gray, parts.iter().map(|part| at_mm(part.start.place.position_m)))
 }
 
-/// Entries of the legend that stand for several layers: each kind with number and size, then what is drawn of all parts.
+/// Entries of the legend for several layers together: each kind with number and size, then the marks of all parts.
 fn legend(planned: &Planned, palette: &Palette) -> Vec<Layer> {
     let Planned { forecast, layout, .. } = planned;
     let mut kinds: BTreeMap<&str, (usize, f64)> = BTreeMap::new();

@@ -17,7 +17,7 @@ use crate::cli::client_args::DaemonArgs;
 use crate::cli::output::Failure;
 use upm_runner::config::is_plain_name;
 
-pub(super) use refusal::{Refusal, on_one_line};
+pub(super) use refusal::{ClientRefusal, on_one_line};
 
 pub(super) const USUAL_URL: &str = "http://127.0.0.1:8750";
 const JSON: &str = "application/json";
@@ -30,7 +30,7 @@ const MOST_TOKEN_BYTES: u64 = 4096;
 
 /// Timeouts of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Patience {
+pub(super) enum Timeouts {
     /// For usual requests: the daemon checks a job before it answers, and may have other jobs to check first.
     Usual,
     /// For an emergency stop: a short wait, then another attempt.
@@ -39,7 +39,7 @@ pub(super) enum Patience {
     Stream,
 }
 
-impl Patience {
+impl Timeouts {
     /// An agent that opens a new connection for every request, straight to the daemon: an emergency stop waits for no
     /// other request and for no proxy.
     fn agent(self) -> Agent {
@@ -109,30 +109,35 @@ impl Client {
     }
 
     /// GET of the value at `path`.
-    pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
-        self.read(self.send(Method::GET, path, &[], "", Patience::Usual)?)
+    pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
+        self.read(self.send(Method::GET, path, &[], "", Timeouts::Usual)?)
     }
 
     /// POST to `path`; an empty `json` sends no body.
-    pub fn post<T: DeserializeOwned>(&self, path: &str, json: &str, headers: &[(&str, &str)]) -> Result<T, Refusal> {
-        self.read(self.send(Method::POST, path, headers, json, Patience::Usual)?)
+    pub fn post<T: DeserializeOwned>(
+        &self,
+        path: &str,
+        json: &str,
+        headers: &[(&str, &str)],
+    ) -> Result<T, ClientRefusal> {
+        self.read(self.send(Method::POST, path, headers, json, Timeouts::Usual)?)
     }
 
     /// GET of the value at `path` with the short timeouts of a stop.
-    pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
-        self.read(self.send(Method::GET, path, &[], "", Patience::Stop)?)
+    pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
+        self.read(self.send(Method::GET, path, &[], "", Timeouts::Stop)?)
     }
 
     /// POST to `path` without a body, with the short timeouts of a stop.
-    pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, Refusal> {
-        self.read(self.send(Method::POST, path, &[], "", Patience::Stop)?)
+    pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
+        self.read(self.send(Method::POST, path, &[], "", Timeouts::Stop)?)
     }
 
     /// Stream of the events at `path`, from the one after `after` on.
-    pub fn stream(&self, path: &str, after: Option<u64>) -> Result<Box<dyn Read + Send>, Refusal> {
+    pub fn stream(&self, path: &str, after: Option<u64>) -> Result<Box<dyn Read + Send>, ClientRefusal> {
         let after = after.map(|after| after.to_string());
         let headers: Vec<_> = after.iter().map(|after| ("Last-Event-ID", after.as_str())).collect();
-        let response = self.send(Method::GET, path, &headers, "", Patience::Stream)?;
+        let response = self.send(Method::GET, path, &headers, "", Timeouts::Stream)?;
         Ok(Box::new(response.into_body().into_reader()))
     }
 
@@ -143,8 +148,8 @@ impl Client {
         path: &str,
         headers: &[(&str, &str)],
         body: &str,
-        patience: Patience,
-    ) -> Result<Response<Body>, Refusal> {
+        patience: Timeouts,
+    ) -> Result<Response<Body>, ClientRefusal> {
         let mut request = Request::builder().method(method.clone()).uri(format!("{}{path}", self.base));
         for (name, value) in headers {
             request = request.header(*name, *value);
@@ -156,7 +161,7 @@ impl Client {
             request = request.header(header::CONTENT_TYPE, JSON);
         }
         let agent = patience.agent();
-        let lost = |error| Refusal::lost(&self.base, error);
+        let lost = |error| ClientRefusal::lost(&self.base, error);
         let response = if method == Method::GET {
             let request = request.body(()).map_err(|error| lost(error.into()))?;
             agent.run(request)
@@ -169,17 +174,17 @@ impl Client {
             return Ok(response);
         }
         let bytes = self.bytes(&mut response).unwrap_or_default();
-        Err(Refusal::problem(&self.base, response.status().as_u16(), response.headers(), &bytes))
+        Err(ClientRefusal::problem(&self.base, response.status().as_u16(), response.headers(), &bytes))
     }
 
-    fn read<T: DeserializeOwned>(&self, mut response: Response<Body>) -> Result<T, Refusal> {
+    fn read<T: DeserializeOwned>(&self, mut response: Response<Body>) -> Result<T, ClientRefusal> {
         let bytes = self.bytes(&mut response)?;
-        serde_json::from_slice(&bytes).map_err(|error| Refusal::not_understood(&self.base, &error))
+        serde_json::from_slice(&bytes).map_err(|error| ClientRefusal::not_understood(&self.base, &error))
     }
 
-    fn bytes(&self, response: &mut Response<Body>) -> Result<Vec<u8>, Refusal> {
+    fn bytes(&self, response: &mut Response<Body>) -> Result<Vec<u8>, ClientRefusal> {
         let body = response.body_mut().with_config().limit(MOST_ANSWER_BYTES);
-        body.read_to_vec().map_err(|error| Refusal::lost(&self.base, error))
+        body.read_to_vec().map_err(|error| ClientRefusal::lost(&self.base, error))
     }
 }
 

@@ -17,8 +17,8 @@ use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_runner::run::PaceCheck;
 use upm_server::daemon::{
-    Daemon, EmergencyStops, Ended, Notice, Prepared, ServiceManager, StartFault, TokenReload, keep_files_private,
-    prepare,
+    Daemon, EmergencyStops, ExitReport, NotifyEnv, Prepared, ServiceManager, StartFault, TokenReload,
+    keep_files_private, prepare,
 };
 
 /// Longest time allowed for repairs after a crash.
@@ -129,7 +129,7 @@ fn pace_row(plate: &str, pace: &Result<PaceCheck, String>) -> Value {
 fn service_manager() -> Result<ServiceManager, Failure> {
     let text = |name: &str| std::env::var(name).ok();
     let (socket, usec, pid) = (std::env::var_os("NOTIFY_SOCKET"), text("WATCHDOG_USEC"), text("WATCHDOG_PID"));
-    let notice = Notice { socket: socket.as_deref(), watchdog_usec: usec.as_deref(), watchdog_pid: pid.as_deref() };
+    let notice = NotifyEnv { socket: socket.as_deref(), watchdog_usec: usec.as_deref(), watchdog_pid: pid.as_deref() };
     ServiceManager::new(notice, std::process::id()).map_err(Failure::bad_input)
 }
 
@@ -209,8 +209,8 @@ fn start_failure(fault: StartFault) -> Failure {
     }
 }
 
-fn status(ended: &Ended) -> u8 {
-    let Ended { plates_left, dropped, in_order } = ended;
+fn status(ended: &ExitReport) -> u8 {
+    let ExitReport { plates_left, dropped, in_order } = ended;
     if *dropped > 0 {
         tracing::info!(connections = dropped, "dropped at the end");
     }

@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::client::{Client, Refusal, on_one_line, plate_path};
+use super::client::{Client, ClientRefusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
@@ -83,7 +83,7 @@ fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {
 
 /// Names of all plates. If they cannot be read, the failure names other methods to stop.
 fn all_plates(client: &Client) -> Result<Vec<String>, Failure> {
-    let (listed, _) = insistently(|| client.get_urgently::<Plates>("/v1/plates"));
+    let (listed, _) = with_retries(|| client.get_urgently::<Plates>("/v1/plates"));
     let plates = listed.map_err(|refusal| {
         let mut failure = Failure::from(refusal);
         failure.lines.push("the plates could not be listed, so NOTHING WAS STOPPED: upm estop PLATE...".to_owned());
@@ -122,7 +122,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
             };
         }
     };
-    let (answer, attempts) = insistently(|| client.post_urgently::<EStopped>(&path));
+    let (answer, attempts) = with_retries(|| client.post_urgently::<EStopped>(&path));
     let wall_s = clock.elapsed().as_secs_f64();
     let (answer, error, status) = match answer {
         Ok(answer) => {
@@ -135,7 +135,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.
-fn insistently<T>(ask: impl Fn() -> Result<T, Refusal>) -> (Result<T, Refusal>, u32) {
+fn with_retries<T>(ask: impl Fn() -> Result<T, ClientRefusal>) -> (Result<T, ClientRefusal>, u32) {
     let mut attempts = 1;
     loop {
         match ask() {

@@ -2,13 +2,13 @@ use std::path::Path;
 
 use serde_json::Map;
 
-use super::client::{Client, Refusal};
+use super::client::{Client, ClientRefusal};
 use super::watch;
 use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
+use upm_cor_library::Library;
 use upm_core::job::Pace;
-use upm_library::Library;
 use upm_runner::config::{FaultClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
 use upm_server::service::Job;
 
@@ -33,11 +33,11 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
 }
 
 /// Queues the job exactly once: if the answer is lost, the request is repeated under the same idempotency key.
-pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, Refusal> {
+pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, ClientRefusal> {
     let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.code()));
     let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
     send().or_else(|refusal| match refusal {
-        Refusal::Lost(line) => {
+        ClientRefusal::Lost(line) => {
             tracing::info!("{line}; asking again");
             send()
         }

@@ -1,6 +1,6 @@
 mod events;
 mod follow;
-mod screen;
+mod job_display;
 #[cfg(test)]
 mod tests;
 
@@ -14,8 +14,8 @@ use super::job_id::job_id;
 use crate::cli::args::Common;
 use crate::cli::client_args::JobArgs;
 use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, stop_on_interrupt};
-use follow::{Follower, Heard};
-use screen::Screen;
+use follow::{StreamFollower, StreamItem};
+use job_display::JobDisplay;
 use upm_server::service::{Job, JobState};
 
 /// Capacity of the queue of events to be shown.
@@ -33,8 +33,8 @@ pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
 pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Common) -> Result<u8, Failure> {
     let path = job_path(id)?;
     let stop = stop_on_interrupt();
-    let mut screen = Screen::new(id, common);
-    let heard = listen(Follower::new(client.clone(), format!("{path}/events"), after))?;
+    let mut screen = JobDisplay::new(id, common);
+    let heard = listen(StreamFollower::new(client.clone(), format!("{path}/events"), after))?;
     let ended = show(&heard, &mut screen, &stop);
     screen.finish();
     let Some(()) = ended? else {
@@ -47,7 +47,7 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
 }
 
 /// Starts a thread that runs the follower and returns the channel of its messages, so that this thread can poll Ctrl-C.
-fn listen(mut follower: Follower) -> Result<Receiver<Heard>, Failure> {
+fn listen(mut follower: StreamFollower) -> Result<Receiver<StreamItem>, Failure> {
     let (sender, receiver) = sync_channel(WAITING);
     let listen = move || while follower.next().is_some_and(|heard| sender.send(heard).is_ok()) {};
     let thread = thread::Builder::new().name("events".to_owned()).spawn(listen);
@@ -55,12 +55,12 @@ fn listen(mut follower: Follower) -> Result<Receiver<Heard>, Failure> {
 }
 
 /// Shows all messages; `None` if Ctrl-C came first.
-fn show(heard: &Receiver<Heard>, screen: &mut Screen, stop: &AtomicBool) -> Result<Option<()>, Failure> {
+fn show(heard: &Receiver<StreamItem>, screen: &mut JobDisplay, stop: &AtomicBool) -> Result<Option<()>, Failure> {
     while !stop.load(Ordering::Relaxed) {
         match heard.recv_timeout(LOOK) {
-            Ok(Heard::Event(event)) => screen.show(&event)?,
-            Ok(Heard::Lost(why)) => screen.note(&format!("{why}; trying again")),
-            Ok(Heard::Refused(refusal)) => return Err(refusal.into()),
+            Ok(StreamItem::Event(event)) => screen.show(&event)?,
+            Ok(StreamItem::Lost(why)) => screen.note(&format!("{why}; trying again")),
+            Ok(StreamItem::Refused(refusal)) => return Err(refusal.into()),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Ok(Some(())),
         }

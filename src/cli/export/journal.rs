@@ -12,19 +12,19 @@ pub(super) type PointMm = [Option<f64>; 2];
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-pub(super) enum Line {
-    Cycle(Box<Cycle>),
-    UnfinishedCycle(Unfinished),
+pub(super) enum ExportLine {
+    Cycle(Box<ExportCycle>),
+    UnfinishedCycle(OpenCycle),
     #[serde(other)]
     Other,
 }
 
 #[derive(Debug, Deserialize)]
-pub(super) struct Cycle {
+pub(super) struct ExportCycle {
     pub cycle: u64,
     pub observed_at_s: f64,
     pub observed_mm: Vec<PointMm>,
-    pub wanted: Wanted,
+    pub wanted: ExportSetpoints,
     pub sent: Vec<Sent>,
     pub predicted_mm: Option<Vec<PointMm>>,
     pub ended_at_s: f64,
@@ -32,7 +32,7 @@ pub(super) struct Cycle {
 }
 
 #[derive(Debug, Deserialize)]
-pub(super) struct Wanted {
+pub(super) struct ExportSetpoints {
     pub phase: String,
     pub subgoals_mm: Vec<PointMm>,
     pub targets_mm: Vec<PointMm>,
@@ -40,7 +40,7 @@ pub(super) struct Wanted {
 }
 
 #[derive(Debug, Deserialize)]
-pub(super) struct Unfinished {
+pub(super) struct OpenCycle {
     pub cycle: u64,
     pub sent: Vec<Sent>,
 }
@@ -55,12 +55,12 @@ pub(super) struct Sent {
     pub attack_s: f64,
     pub sustain_s: f64,
     pub rest_s: f64,
-    pub read: Read,
+    pub read: JournalContents,
 }
 
 /// Measurements of a pulse by the accelerometers.
 #[derive(Debug, Deserialize)]
-pub(super) struct Read {
+pub(super) struct JournalContents {
     pub pump_mm_s: Option<[Option<f64>; 2]>,
     pub pump_rad_s: Option<f64>,
     pub cor_mm: Option<PointMm>,
@@ -94,7 +94,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// The next complete line.
-    pub fn next(&mut self) -> Result<Option<Line>, JournalFault> {
+    pub fn next(&mut self) -> Result<Option<ExportLine>, JournalFault> {
         self.bytes.clear();
         self.number += 1;
         let read = io::Read::take(&mut self.journal, LONGEST_LINE).read_until(b'\n', &mut self.bytes);
@@ -121,8 +121,8 @@ mod tests {
         let text =
             "{\"type\":\"event\",\"text\":\"x\"}\n{\"type\":\"unfinished_cycle\",\"cycle\":3,\"sent\":[]}\n{\"type";
         let mut lines = Lines::of(text.as_bytes());
-        assert!(matches!(lines.next().unwrap(), Some(Line::Other)));
-        assert!(matches!(lines.next().unwrap(), Some(Line::UnfinishedCycle(Unfinished { cycle: 3, .. }))));
+        assert!(matches!(lines.next().unwrap(), Some(ExportLine::Other)));
+        assert!(matches!(lines.next().unwrap(), Some(ExportLine::UnfinishedCycle(OpenCycle { cycle: 3, .. }))));
         assert!(lines.next().unwrap().is_none() && lines.cut_short);
     }
 
@@ -149,7 +149,7 @@ mod tests {
             "subgoals_mm":[],"targets_mm":[],"cross_track_mm":[]},"sent":[],"predicted_mm":null,"ended_at_s":1,
             "result_mm":[]}"#;
         let one_line = text.replace('\n', "") + "\n";
-        let Some(Line::Cycle(cycle)) = Lines::of(one_line.as_bytes()).next().unwrap() else { panic!("no cycle") };
+        let Some(ExportLine::Cycle(cycle)) = Lines::of(one_line.as_bytes()).next().unwrap() else { panic!("no cycle") };
         assert_eq!(cycle.observed_mm, [[Some(1.5), None]]);
     }
 }

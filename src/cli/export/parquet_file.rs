@@ -10,7 +10,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type, TypePtr};
 
-use super::table::{Cell, Column, Kind, Table, TableFile};
+use super::table::{Column, ExportTable, Kind, TableCell, TableFile};
 
 /// Rows of a row group, which is buffered in memory until it is written.
 const GROUP_ROWS: usize = 1 << 16;
@@ -31,7 +31,7 @@ enum Values {
 }
 
 impl ParquetFile {
-    pub fn create(path: &Path, table: &Table) -> io::Result<Self> {
+    pub fn create(path: &Path, table: &ExportTable) -> io::Result<Self> {
         let schema = schema(table).map_err(io::Error::other)?;
         let file = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(WriterProperties::default()));
         let columns = table.columns.iter().map(|Column(_, kind)| Values::of(*kind)).collect();
@@ -53,7 +53,7 @@ impl ParquetFile {
 }
 
 impl TableFile for ParquetFile {
-    fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
+    fn row(&mut self, cells: &[TableCell<'_>]) -> io::Result<()> {
         self.columns.iter_mut().zip(cells).for_each(|(values, cell)| values.push(cell));
         self.rows += 1;
         if self.rows < GROUP_ROWS { Ok(()) } else { self.write_group().map_err(io::Error::other) }
@@ -78,12 +78,12 @@ impl Values {
     }
 
     /// Appends a cell; one of another kind is stored as empty.
-    fn push(&mut self, cell: &Cell<'_>) {
+    fn push(&mut self, cell: &TableCell<'_>) {
         match (self, cell) {
-            (Self::Whole(values), Cell::Whole(value)) => values.push(Some(*value)),
-            (Self::Real(values), Cell::Real(value)) => values.push(Some(*value)),
-            (Self::Flag(values), Cell::Flag(value)) => values.push(Some(*value)),
-            (Self::Text(values), Cell::Text(value)) => values.push(Some(ByteArray::from(*value))),
+            (Self::Whole(values), TableCell::Whole(value)) => values.push(Some(*value)),
+            (Self::Real(values), TableCell::Real(value)) => values.push(Some(*value)),
+            (Self::Flag(values), TableCell::Flag(value)) => values.push(Some(*value)),
+            (Self::Text(values), TableCell::Text(value)) => values.push(Some(ByteArray::from(*value))),
             (Self::Whole(values), _) => values.push(None),
             (Self::Real(values), _) => values.push(None),
             (Self::Flag(values), _) => values.push(None),
@@ -121,7 +121,7 @@ fn split<T>(values: &mut Vec<Option<T>>) -> (Vec<i16>, Vec<T>) {
     (levels, values.drain(..).flatten().collect())
 }
 
-fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
+fn schema(table: &ExportTable) -> Result<TypePtr, ParquetError> {
     let field = |Column(name, kind): &Column| {
         let (physical, logical) = match kind {
             Kind::Whole => (Physical::INT64, None),

@@ -17,7 +17,7 @@ pub(super) struct Column(pub &'static str, pub Kind);
 
 /// Schema of a table of a run.
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct ExportTable {
     /// Stem of the file name.
     pub name: &'static str,
     pub columns: &'static [Column],
@@ -25,7 +25,7 @@ pub(super) struct Table {
 
 /// A value of its column's type, or empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Cell<'a> {
+pub(super) enum TableCell<'a> {
     Empty,
     Whole(i64),
     Real(f64),
@@ -36,7 +36,7 @@ pub(super) enum Cell<'a> {
 /// File of a table in one format.
 pub(super) trait TableFile {
     /// Appends a row with one cell per column.
-    fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()>;
+    fn row(&mut self, cells: &[TableCell<'_>]) -> io::Result<()>;
     /// Writes buffered rows and closes the file.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
@@ -45,7 +45,7 @@ pub(super) trait TableFile {
 pub(super) struct CsvFile(csv::Writer<File>);
 
 impl CsvFile {
-    pub fn create(path: &Path, table: &Table) -> io::Result<Self> {
+    pub fn create(path: &Path, table: &ExportTable) -> io::Result<Self> {
         let mut file = csv::Writer::from_writer(File::create(path)?);
         file.write_record(table.columns.iter().map(|Column(name, _)| name))?;
         Ok(Self(file))
@@ -53,15 +53,15 @@ impl CsvFile {
 }
 
 impl TableFile for CsvFile {
-    fn row(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
+    fn row(&mut self, cells: &[TableCell<'_>]) -> io::Result<()> {
         for cell in cells {
             match cell {
-                Cell::Empty => self.0.write_field("")?,
+                TableCell::Empty => self.0.write_field("")?,
                 // shortest text that reads back to the same number
-                Cell::Real(number) => self.0.write_field(number.to_string())?,
-                Cell::Whole(number) => self.0.write_field(number.to_string())?,
-                Cell::Flag(flag) => self.0.write_field(flag.to_string())?,
-                Cell::Text(text) => self.0.write_field(text)?,
+                TableCell::Real(number) => self.0.write_field(number.to_string())?,
+                TableCell::Whole(number) => self.0.write_field(number.to_string())?,
+                TableCell::Flag(flag) => self.0.write_field(flag.to_string())?,
+                TableCell::Text(text) => self.0.write_field(text)?,
             }
         }
         self.0.write_record(None::<&[u8]>)?;

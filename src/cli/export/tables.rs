@@ -1,13 +1,13 @@
 //! The tables of a run: their columns, and the rows made from journal lines or a report.
 
-use super::journal::{Cycle, PointMm, Sent};
-use super::table::{Cell, Column, Kind, Table};
+use super::journal::{ExportCycle, PointMm, Sent};
+use super::table::{Column, ExportTable, Kind, TableCell};
 use upm_recording::{PartReport, Quantiles, TimingsReport};
 
 use Kind::{Flag, Real, Text, Whole};
 
 /// Position of each part before and after each cycle, and the position that the plan predicted.
-pub(super) const POSITIONS: Table = Table {
+pub(super) const POSITIONS: ExportTable = ExportTable {
     name: "positions",
     columns: &[
         Column("cycle", Whole),
@@ -26,7 +26,7 @@ pub(super) const POSITIONS: Table = Table {
 };
 
 /// Target of each part in each cycle.
-pub(super) const TARGETS: Table = Table {
+pub(super) const TARGETS: ExportTable = ExportTable {
     name: "targets",
     columns: &[
         Column("cycle", Whole),
@@ -44,7 +44,7 @@ pub(super) const TARGETS: Table = Table {
 };
 
 /// Each pulse as sent, and its measurements by the accelerometers.
-pub(super) const PULSES: Table = Table {
+pub(super) const PULSES: ExportTable = ExportTable {
     name: "pulses",
     columns: &[
         Column("cycle", Whole),
@@ -70,47 +70,53 @@ pub(super) const PULSES: Table = Table {
 };
 
 /// Wall times of the run's steps, from its report.
-pub(super) const TIMINGS: Table = Table {
+pub(super) const TIMINGS: ExportTable = ExportTable {
     name: "timings",
     columns: &[Column("step", Text), Column("p50_us", Real), Column("p99_us", Real), Column("max_us", Real)],
 };
 
 /// All tables, in the order in which they are written.
-pub(super) const TABLES: [&Table; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
+pub(super) const TABLES: [&ExportTable; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
 
 /// Parts by their number in the journal; empty for a run without a report.
-pub(super) struct Parts<'a>(pub &'a [PartReport]);
+pub(super) struct PartNames<'a>(pub &'a [PartReport]);
 
-impl Parts<'_> {
+impl PartNames<'_> {
     /// Number from 1, id and kind.
-    fn cells(&self, index: usize) -> [Cell<'_>; 3] {
+    fn cells(&self, index: usize) -> [TableCell<'_>; 3] {
         let part = self.0.get(index);
-        let text = |of: fn(&PartReport) -> &String| part.map_or(Cell::Empty, |part| Cell::Text(of(part)));
+        let text = |of: fn(&PartReport) -> &String| part.map_or(TableCell::Empty, |part| TableCell::Text(of(part)));
         [whole(index as u64 + 1), text(|part| &part.id), text(|part| &part.kind)]
     }
 }
 
 /// Rows of [`POSITIONS`].
-pub(super) fn positions<'a>(cycle: &'a Cycle, parts: &'a Parts<'a>) -> impl Iterator<Item = Vec<Cell<'a>>> {
+pub(super) fn positions<'a>(
+    cycle: &'a ExportCycle,
+    parts: &'a PartNames<'a>,
+) -> impl Iterator<Item = Vec<TableCell<'a>>> {
     (0..cycle.observed_mm.len()).map(move |index| {
         let predicted_mm = cycle.predicted_mm.as_deref().unwrap_or_default();
         let mut row = vec![whole(cycle.cycle)];
         row.extend(parts.cells(index));
-        row.push(Cell::Real(cycle.observed_at_s));
+        row.push(TableCell::Real(cycle.observed_at_s));
         row.extend(point(cycle.observed_mm.get(index)));
         row.extend(point(predicted_mm.get(index)));
-        row.push(Cell::Real(cycle.ended_at_s));
+        row.push(TableCell::Real(cycle.ended_at_s));
         row.extend(point(cycle.result_mm.get(index)));
         row
     })
 }
 
 /// Rows of [`TARGETS`].
-pub(super) fn targets<'a>(cycle: &'a Cycle, parts: &'a Parts<'a>) -> impl Iterator<Item = Vec<Cell<'a>>> {
+pub(super) fn targets<'a>(
+    cycle: &'a ExportCycle,
+    parts: &'a PartNames<'a>,
+) -> impl Iterator<Item = Vec<TableCell<'a>>> {
     let wanted = &cycle.wanted;
     let count = wanted.subgoals_mm.len().max(wanted.targets_mm.len());
     (0..count).map(move |index| {
-        let mut row = vec![whole(cycle.cycle), Cell::Real(cycle.observed_at_s), Cell::Text(&wanted.phase)];
+        let mut row = vec![whole(cycle.cycle), TableCell::Real(cycle.observed_at_s), TableCell::Text(&wanted.phase)];
         row.extend(parts.cells(index));
         row.extend(point(wanted.subgoals_mm.get(index)));
         row.extend(point(wanted.targets_mm.get(index)));
@@ -120,32 +126,32 @@ pub(super) fn targets<'a>(cycle: &'a Cycle, parts: &'a Parts<'a>) -> impl Iterat
 }
 
 /// Rows of [`PULSES`], the pulses of one cycle.
-pub(super) fn pulses(cycle: u64, sent: &[Sent]) -> impl Iterator<Item = Vec<Cell<'_>>> {
+pub(super) fn pulses(cycle: u64, sent: &[Sent]) -> impl Iterator<Item = Vec<TableCell<'_>>> {
     sent.iter().zip(1..).map(move |(pulse, number)| {
         let read = &pulse.read;
         let mut row = vec![
             whole(cycle),
             whole(number),
-            Cell::Real(pulse.started_at_s),
-            Cell::Flag(pulse.probe),
-            Cell::Real(pulse.base_hz),
-            Cell::Real(pulse.attack_s),
-            Cell::Real(pulse.sustain_s),
-            Cell::Real(pulse.rest_s),
+            TableCell::Real(pulse.started_at_s),
+            TableCell::Flag(pulse.probe),
+            TableCell::Real(pulse.base_hz),
+            TableCell::Real(pulse.attack_s),
+            TableCell::Real(pulse.sustain_s),
+            TableCell::Real(pulse.rest_s),
         ];
         row.extend(point(read.pump_mm_s.as_ref()));
         row.push(real(read.pump_rad_s));
         row.extend(point(read.cor_mm.as_ref()));
-        row.push(read.rotation.map_or(Cell::Empty, Cell::Whole));
+        row.push(read.rotation.map_or(TableCell::Empty, TableCell::Whole));
         row.extend(point(read.direction.as_ref()));
         row.extend([real(read.residual_m_s2), real(read.off_asked)]);
-        row.push(read.fault.as_deref().map_or(Cell::Empty, Cell::Text));
+        row.push(read.fault.as_deref().map_or(TableCell::Empty, TableCell::Text));
         row
     })
 }
 
 /// Rows of [`TIMINGS`].
-pub(super) fn timings(report: &TimingsReport) -> impl Iterator<Item = Vec<Cell<'static>>> + use<> {
+pub(super) fn timings(report: &TimingsReport) -> impl Iterator<Item = Vec<TableCell<'static>>> + use<> {
     let TimingsReport { localise, track, plan, plan_new, plan_correction, cycle } = *report;
     let steps = [
         ("localise", localise),
@@ -156,18 +162,18 @@ pub(super) fn timings(report: &TimingsReport) -> impl Iterator<Item = Vec<Cell<'
         ("cycle", cycle),
     ];
     steps.into_iter().map(|(step, Quantiles { p50, p99, max })| {
-        vec![Cell::Text(step), Cell::Real(p50), Cell::Real(p99), Cell::Real(max)]
+        vec![TableCell::Text(step), TableCell::Real(p50), TableCell::Real(p99), TableCell::Real(max)]
     })
 }
 
-fn whole(number: u64) -> Cell<'static> {
-    i64::try_from(number).map_or(Cell::Empty, Cell::Whole)
+fn whole(number: u64) -> TableCell<'static> {
+    i64::try_from(number).map_or(TableCell::Empty, TableCell::Whole)
 }
 
-fn real(number: Option<f64>) -> Cell<'static> {
-    number.map_or(Cell::Empty, Cell::Real)
+fn real(number: Option<f64>) -> TableCell<'static> {
+    number.map_or(TableCell::Empty, TableCell::Real)
 }
 
-fn point(point: Option<&PointMm>) -> [Cell<'static>; 2] {
+fn point(point: Option<&PointMm>) -> [TableCell<'static>; 2] {
     point.copied().unwrap_or([None; 2]).map(real)
 }

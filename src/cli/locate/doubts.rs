@@ -2,7 +2,7 @@
 
 use super::naming::{OtherDisc, Unnamed};
 use super::scale::{PlateSide, SideSource};
-use super::setting::Setting;
+use super::setup::LocateSetup;
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::{Survey, TableFault};
@@ -11,14 +11,14 @@ use upm_perception::vision::{Survey, TableFault};
 const ONE_SIZE: f64 = 0.03;
 
 /// One line for each group of similar discs that are not parts.
-pub(super) fn about_others(others: &[OtherDisc], setting: &Setting) -> Vec<String> {
+pub(super) fn about_others(others: &[OtherDisc], setting: &LocateSetup) -> Vec<String> {
     let mut sorted: Vec<&OtherDisc> = others.iter().collect();
     sorted.sort_by(|a, b| a.disc.radius_m.total_cmp(&b.disc.radius_m));
     let alike = |a: &&OtherDisc, b: &&OtherDisc| a.why == b.why && b.disc.radius_m / a.disc.radius_m - 1.0 < ONE_SIZE;
     sorted.chunk_by(alike).filter_map(|group| about(group, setting)).collect()
 }
 
-fn about(group: &[&OtherDisc], setting: &Setting) -> Option<String> {
+fn about(group: &[&OtherDisc], setting: &LocateSetup) -> Option<String> {
     let middle = group.get(group.len() / 2)?;
     let discs = if group.len() == 1 { "1 disc".to_owned() } else { format!("{} discs", group.len()) };
     let size = format!("{discs} of {:.1} mm", 2.0 * mm_from_m(middle.disc.radius_m));
@@ -36,7 +36,7 @@ fn about(group: &[&OtherDisc], setting: &Setting) -> Option<String> {
 }
 
 /// Command line option with which such a disc would be named.
-pub(super) fn suggestion(why: &Unnamed, setting: &Setting) -> Option<String> {
+pub(super) fn suggestion(why: &Unnamed, setting: &LocateSetup) -> Option<String> {
     match why {
         Unnamed::NotLookedFor { kind } => {
             let names: Vec<&str> = setting.kinds.iter().map(|kind| kind.name.as_str()).chain([kind.as_str()]).collect();
@@ -49,13 +49,13 @@ pub(super) fn suggestion(why: &Unnamed, setting: &Setting) -> Option<String> {
     }
 }
 
-fn known_sizes(setting: &Setting) -> String {
+fn known_sizes(setting: &LocateSetup) -> String {
     let size = |kind: &upm_core::rig::PartKind| format!("{} {:.2}", kind.name, 2.0 * mm_from_m(kind.radius_m));
     setting.known.iter().map(size).collect::<Vec<_>>().join(", ")
 }
 
 /// Basis of the plate's side where neither the command line nor a rig gives it.
-pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> {
+pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<String> {
     let side_mm = mm_from_m(side.side_m);
     match side.source {
         SideSource::Given | SideSource::Rig => None,
@@ -82,7 +82,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &Setting) -> Option<String> 
 }
 
 /// Message if no part was found, with the discs that were.
-pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &Setting) -> String {
+pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &LocateSetup) -> String {
     let seen = match others {
         [] => "nothing round stands out".to_owned(),
         [_] => "1 disc stands out".to_owned(),

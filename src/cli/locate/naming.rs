@@ -3,7 +3,7 @@
 use image::RgbImage;
 
 use super::scale::SideSource;
-use super::setting::Setting;
+use super::setup::LocateSetup;
 use super::tone::{contradicted, metal_of};
 use upm_core::rig::PartKind;
 use upm_perception::vision::{Detection, DiscSpec, Survey, Table, seen_radius_m};
@@ -68,11 +68,11 @@ pub(super) fn named(
     found: Vec<Detection>,
     survey: &Survey,
     table: &Table,
-    setting: &Setting,
+    setting: &LocateSetup,
     side: SideSource,
     colors: Option<&RgbImage>,
 ) -> (Vec<NamedPart>, Vec<OtherDisc>) {
-    let judge = Judge { table, setting, side };
+    let judge = KindJudge { table, setting, side };
     let mut taken = vec![false; survey.discs.len()];
     let mut parts: Vec<(NamedPart, Option<&DiscSpec>)> = Vec::new();
     let mut others = Vec::new();
@@ -110,7 +110,7 @@ pub(super) fn named(
 }
 
 /// Lowers the scores of coins whose tone is that of another metal.
-fn judge_tones(parts: &mut [(NamedPart, Option<&DiscSpec>)], setting: &Setting, colors: Option<&RgbImage>) {
+fn judge_tones(parts: &mut [(NamedPart, Option<&DiscSpec>)], setting: &LocateSetup, colors: Option<&RgbImage>) {
     if !setting.has_metals() {
         return;
     }
@@ -126,13 +126,13 @@ fn judge_tones(parts: &mut [(NamedPart, Option<&DiscSpec>)], setting: &Setting, 
     }
 }
 
-struct Judge<'a> {
+struct KindJudge<'a> {
     table: &'a Table,
-    setting: &'a Setting,
+    setting: &'a LocateSetup,
     side: SideSource,
 }
 
-impl Judge<'_> {
+impl KindJudge<'_> {
     /// Kind with the diameter nearest to a disc's, and the relative deviation from it.
     fn nearest<'k>(&self, disc: &DiscSpec, kinds: &'k [PartKind]) -> Option<(usize, &'k PartKind, f64)> {
         let off = |kind: &PartKind| disc.radius_m / seen_radius_m(self.table, disc.at_m, kind) - 1.0;

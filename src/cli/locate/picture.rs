@@ -22,7 +22,7 @@ const START_OF_SCAN: u8 = 0xDA;
 
 /// A decoded picture, as it is searched.
 #[derive(Debug)]
-pub(super) struct Picture {
+pub(super) struct InputPicture {
     pub frame: Frame,
     /// For a 16-bit picture, the number of significant bits assumed.
     pub bits: Option<u32>,
@@ -30,7 +30,7 @@ pub(super) struct Picture {
     pub colors: Option<RgbImage>,
 }
 
-pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
+pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
     let refuse = |found: String| {
         Failure::bad_input(format!("{}: expected a picture (PNG, JPEG, PNM or TIFF), found {found}", path.display()))
     };
@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path) -> Result<Picture, Failure> {
 
 /// Decodes `bytes` in the orientation in which the picture is to be viewed; the error says what the bytes hold instead.
 /// A picture that is too large is refused before it is decoded.
-pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
     let format = reader.format().filter(ImageFormat::reading_enabled);
     let format = format.ok_or(if bytes.is_empty() { "an empty file" } else { "none of these" })?;
@@ -75,7 +75,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut frame = Frame::new(0, 0);
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
-    Ok(Picture { frame, bits, colors })
+    Ok(InputPicture { frame, bits, colors })
 }
 
 /// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and

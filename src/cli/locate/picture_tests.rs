@@ -61,7 +61,7 @@ fn files() -> Vec<Vec<u8>> {
 #[test]
 fn every_kind_of_file_shows_the_same_levels() {
     for file in files() {
-        let Picture { frame, .. } = decode(&file).unwrap();
+        let InputPicture { frame, .. } = decode(&file).unwrap();
         assert_eq!([frame.width, frame.height], SIZE.map(|side| side as usize));
         let worst = frame.pixels.iter().zip(levels()).map(|(&a, b)| a.abs_diff(b)).max().unwrap();
         let lossy = file.starts_with(&[0xFF, 0xD8]);
@@ -178,7 +178,7 @@ proptest! {
             bytes.truncate(cut.index(bytes.len()));
         }
         match decode(&bytes) {
-            Ok(Picture { frame, .. }) => prop_assert_eq!(frame.pixels.len(), frame.width * frame.height),
+            Ok(InputPicture { frame, .. }) => prop_assert_eq!(frame.pixels.len(), frame.width * frame.height),
             Err(reason) => prop_assert!(!reason.is_empty()),
         }
     }

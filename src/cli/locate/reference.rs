@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::naming::NamedPart;
 use super::picture;
-use super::report::{Located, Method, TimeUs};
+use super::report::{LocateMethod, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
-use super::setting::Setting;
+use super::setup::LocateSetup;
 use crate::cli::output::Failure;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{DebugImages, Detection, Survey};
@@ -14,7 +14,7 @@ use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
 /// Reads the picture at `image` and finds table and parts by [`upm_reference`], without drawing stages.
-pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Located, Failure> {
+pub(super) fn look_by_reference(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
     let frame = picture::read(image)?.frame;
     let decode = clock.elapsed();
@@ -37,5 +37,5 @@ pub(super) fn look_by_reference(image: &Path, setting: &Setting) -> Result<Locat
     let (side_m, source) = setting.plate_side.unwrap_or((side_m, SideSource::Assumed));
     let (side, survey) = (PlateSide::known(side_m, source), Survey::default());
     let found = LocalisedRecord { frame, table, detections, stages, localise_us };
-    Ok(Located { found, method: Method::Reference, time_us, parts, others: Vec::new(), survey, side })
+    Ok(LocatedPicture { found, method: LocateMethod::Reference, time_us, parts, others: Vec::new(), survey, side })
 }

@@ -8,16 +8,16 @@ use serde_json::{Value, json};
 use super::doubts::{about_nothing, about_others, about_side, suggestion};
 use super::naming::{NamedPart, OtherDisc, Unnamed};
 use super::scale::PlateSide;
-use super::setting::Setting;
+use super::setup::LocateSetup;
 use crate::cli::output::Failure;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::{ResponseMethod, Survey};
 use upm_recording::LocalisedRecord;
 
 /// Result of the search of one picture.
-pub(super) struct Located {
+pub(super) struct LocatedPicture {
     pub found: LocalisedRecord,
-    pub method: Method,
+    pub method: LocateMethod,
     pub time_us: TimeUs,
     /// The parts of `found`, with the doubts about each.
     pub parts: Vec<NamedPart>,
@@ -29,7 +29,7 @@ pub(super) struct Located {
 
 /// Search method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Method {
+pub(super) enum LocateMethod {
     /// The program's vision, with the method of the disks' response.
     Fast(ResponseMethod),
     /// Standard algorithms of `imageproc`.
@@ -60,8 +60,8 @@ impl TimeUs {
     }
 }
 
-pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
-    let Located { found: LocalisedRecord { table, .. }, method, time_us, side, survey, .. } = located;
+pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
+    let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, side, survey, .. } = located;
     let (method, response) = named(*method);
     let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
     let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
@@ -93,7 +93,7 @@ pub(super) fn as_json(located: &Located, setting: &Setting) -> Value {
     })
 }
 
-fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &Setting) -> Value {
+fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &LocateSetup) -> Value {
     let [[xx, xy], [_, yy]] = part.covariance_px2.into();
     json!({
         "kind": setting.kind_name(part.kind),
@@ -107,7 +107,7 @@ fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &Setti
     })
 }
 
-fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &Setting) -> Value {
+fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &LocateSetup) -> Value {
     let (why_code, kind) = match why {
         Unnamed::NotLookedFor { kind } => ("not_looked_for", Some(kind)),
         Unnamed::OtherPolarity { kind } => ("other_polarity", kind.as_ref()),
@@ -128,12 +128,12 @@ fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &Setting) -> Value {
 }
 
 /// Names of the search method and of the method of the disks' response.
-fn named(method: Method) -> (&'static str, &'static str) {
+fn named(method: LocateMethod) -> (&'static str, &'static str) {
     match method {
-        Method::Fast(ResponseMethod::Fft) => ("fast", "fft"),
-        Method::Fast(_) => ("fast", "chords"),
+        LocateMethod::Fast(ResponseMethod::Fft) => ("fast", "fft"),
+        LocateMethod::Fast(_) => ("fast", "chords"),
         #[cfg(feature = "lab")]
-        Method::Reference => ("reference", "template"),
+        LocateMethod::Reference => ("reference", "template"),
     }
 }
 
@@ -146,8 +146,8 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
     say!("{}", Value::Object(line))
 }
 
-pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Failure> {
-    let Located { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
+pub(super) fn say_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
+    let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
     let is_reference = matches!(named(*method), ("reference", _));
     if is_reference {
         say!("method: reference (Canny, Hough and template matching of imageproc)")?;
@@ -173,7 +173,7 @@ pub(super) fn say_located(located: &Located, setting: &Setting) -> Result<(), Fa
     say_times(located, setting, *time_us)
 }
 
-fn say_times(located: &Located, setting: &Setting, time_us: TimeUs) -> Result<(), Failure> {
+fn say_times(located: &LocatedPicture, setting: &LocateSetup, time_us: TimeUs) -> Result<(), Failure> {
     let TimeUs { decode, table, parts, survey, .. } = time_us;
     let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
     let survey_ms = survey.unwrap_or(0.0) / 1e3;
@@ -186,7 +186,7 @@ fn say_times(located: &Located, setting: &Setting, time_us: TimeUs) -> Result<()
 }
 
 /// Summary with every kind that was looked for: `a table, 3 penny, 1 dime`.
-fn counted(located: &Located, setting: &Setting) -> String {
+fn counted(located: &LocatedPicture, setting: &LocateSetup) -> String {
     let count = |i| located.found.detections.iter().filter(|part| part.kind == i).count();
     let counts = setting.kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));
     format!("a table{}", counts.collect::<String>())

@@ -70,11 +70,11 @@ impl PlateSide {
     /// Estimates the side from discs measured on a plate assumed to have the side `assumed_m`.
     pub fn from_discs(discs: &[DiscSpec], assumed_m: f64, kinds: &[PartKind]) -> Self {
         let sizes = sizes(discs);
-        let mut scales: Vec<Scale> = Vec::new();
+        let mut scales: Vec<ImageScale> = Vec::new();
         for (size, _) in &sizes {
             for kind in kinds {
-                let scale = Scale::fitted(2.0 * kind.radius_m / size, &sizes, kinds);
-                let same = |other: &Scale| (other.factor / scale.factor - 1.0).abs() < FITS;
+                let scale = ImageScale::fitted(2.0 * kind.radius_m / size, &sizes, kinds);
+                let same = |other: &ImageScale| (other.factor / scale.factor - 1.0).abs() < FITS;
                 match scales.iter_mut().find(|other| same(other)) {
                     Some(other) if scale.rank() > other.rank() => *other = scale,
                     Some(_) => {}
@@ -83,10 +83,11 @@ impl PlateSide {
             }
         }
         scales.sort_by(|a, b| b.rank().cmp(&a.rank()).then(a.factor.ln().abs().total_cmp(&b.factor.ln().abs())));
-        let candidate = |scale: &Scale| SideCandidate { side_m: scale.factor * assumed_m, kinds: scale.kinds.clone() };
+        let candidate =
+            |scale: &ImageScale| SideCandidate { side_m: scale.factor * assumed_m, kinds: scale.kinds.clone() };
         let most = scales.first().map_or(0, |scale| scale.weight);
-        let as_good = |scale: &&Scale| scale.weight as f64 * CLEARLY_MORE > most as f64;
-        let best: Vec<&Scale> = scales.iter().filter(as_good).collect();
+        let as_good = |scale: &&ImageScale| scale.weight as f64 * CLEARLY_MORE > most as f64;
+        let best: Vec<&ImageScale> = scales.iter().filter(as_good).collect();
         match best.as_slice() {
             [only] if only.kinds.len() >= 2 => {
                 let is_assumed = (only.factor - 1.0).abs() < FITS;
@@ -104,7 +105,7 @@ impl PlateSide {
 }
 
 /// A scale factor under which sizes of discs agree with kinds.
-struct Scale {
+struct ImageScale {
     factor: f64,
     /// Indices of the kinds that some size fits.
     kinds: Vec<usize>,
@@ -112,7 +113,7 @@ struct Scale {
     weight: usize,
 }
 
-impl Scale {
+impl ImageScale {
     /// Best-fitting scale near `factor`.
     fn fitted(factor: f64, sizes: &[(f64, usize)], kinds: &[PartKind]) -> Self {
         let near = Self::matching(factor, FITS, sizes, kinds);

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::doubts::about_table;
 use super::naming::named;
-use super::report::{Located, Method, TimeUs};
+use super::report::{LocateMethod, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
-use super::setting::Setting;
+use super::setup::LocateSetup;
 use super::{panels, picture};
 use crate::cli::args::{LocateArgs, ResponseArg};
 use crate::cli::output::Failure;
@@ -24,9 +24,9 @@ pub(super) fn look(
     image: &Path,
     name: &str,
     args: &LocateArgs,
-    setting: &Setting,
+    setting: &LocateSetup,
     shown: bool,
-) -> Result<Located, Failure> {
+) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
     let decode = clock.elapsed();
@@ -62,14 +62,14 @@ pub(super) fn look(
     let time_us = TimeUs { survey: Some(1e6 * survey_time.as_secs_f64()), ..TimeUs::of(decode, times) };
     let detections = parts.iter().map(|named| named.part.clone()).collect();
     let record = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
-    let method = Method::Fast(finder.response_method());
-    Ok(Located { found: record, method, time_us, parts, others, survey, side })
+    let method = LocateMethod::Fast(finder.response_method());
+    Ok(LocatedPicture { found: record, method, time_us, parts, others, survey, side })
 }
 
 /// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.
 fn find_table(
     frame: &Frame,
-    setting: &Setting,
+    setting: &LocateSetup,
     mut stages: Option<&mut DebugImages>,
 ) -> Result<Result<Table, TableFault>, String> {
     let mut first = None;
@@ -87,7 +87,7 @@ fn find_table(
 }
 
 /// The table with the given side or the one estimated from its discs, the source of that side, and the discs.
-fn scaled(table: Table, frame: &Frame, setting: &Setting) -> (Table, PlateSide, Survey) {
+fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSide, Survey) {
     let mut survey = survey(frame, &table, &[]);
     if let Some((side_m, source)) = setting.plate_side {
         return (table, PlateSide::known(side_m, source), survey);
@@ -104,7 +104,7 @@ fn scaled(table: Table, frame: &Frame, setting: &Setting) -> (Table, PlateSide, 
     (table, side, survey)
 }
 
-fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &Setting) -> Result<CoinFinder, Failure> {
+fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &LocateSetup) -> Result<CoinFinder, Failure> {
     let wanted = match args.response {
         ResponseArg::Auto => ResponseMethod::Auto,
         ResponseArg::Chords => ResponseMethod::Chords,

@@ -5,12 +5,12 @@ use nalgebra::{Complex, Matrix3};
 use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
-use super::workbench::CalibrationSession;
+use super::session::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams, MiswiredChannel};
+use upm_cor_library::AxisShape;
 use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic};
-use upm_library::AxisShape;
 use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
 
 /// Number of passes that measure and correct the pre-compensation; the last one only confirms.

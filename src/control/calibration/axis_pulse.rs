@@ -1,5 +1,5 @@
 use super::CalibrationFault;
-use super::workbench::CalibrationSession;
+use super::session::CalibrationSession;
 use upm_core::signal::{CHANNELS, Drive};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 

@@ -2,17 +2,17 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::super::ending::into_result;
-use super::super::eyes::{FramePurpose, Perception};
 use super::super::facts::Sink;
 use super::super::guards::Guards;
+use super::super::perception::{FramePurpose, Perception};
+use super::super::run_end::into_result;
+use super::session::CalibrationSession;
 use super::steering::SteeringMotion;
-use super::workbench::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
+use upm_cor_library::{DisplacementModel, Entry, Library};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::time::StoppedClock;
 use upm_core::units::mm_from_m;
-use upm_library::{DisplacementModel, Entry, Library};
 
 /// Number of speed nodes of the model.
 const SPEEDS: usize = 14;

@@ -1,6 +1,6 @@
 use std::fmt;
 
-use super::super::ending::RunEnd;
+use super::super::run_end::RunEnd;
 use upm_core::job::Outcome;
 use upm_core::rig::RigFault;
 use upm_core::signal::{CHANNEL_NAMES, Motor};

@@ -1,10 +1,10 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::CalibrationFault;
-use super::workbench::CalibrationSession;
+use super::session::CalibrationSession;
+use upm_cor_library::{FieldResponse, motor_harmonics};
 use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, Envelope, Harmonic};
-use upm_library::{FieldResponse, motor_harmonics};
 use upm_perception::estimation::{MAX_PERIODS, TwistFit};
 
 /// Share of the count limit at which a harmonic is played: less than that of the axis pulses, whose signals the

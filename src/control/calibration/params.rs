@@ -1,4 +1,4 @@
-use crate::eyes::ExpectedPart;
+use crate::perception::ExpectedPart;
 use upm_core::rig::PartKind;
 
 /// Settings of a calibration.

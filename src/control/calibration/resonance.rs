@@ -6,10 +6,10 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector3};
 
 use super::CalibrationFault;
-use super::workbench::CalibrationSession;
+use super::session::CalibrationSession;
+use upm_cor_library::{PlateResponse, motor_harmonics};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope};
-use upm_library::{PlateResponse, motor_harmonics};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.

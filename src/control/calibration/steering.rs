@@ -3,10 +3,10 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Vector3;
 
 use super::axes::Axes;
-use super::workbench::CalibrationSession;
+use super::session::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
+use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
-use upm_library::Entry;
 
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::condition::Condition;
-use crate::ending::{OrEnd, RunEnd};
+use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 

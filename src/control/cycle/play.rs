@@ -4,15 +4,15 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::condition::Condition;
-use crate::ending::{OrEnd, RunEnd, flow, is_stopped};
-use crate::eyes::FramePurpose;
 use crate::guards::{Late, MotionFinding, PlateSwing, PulseReading, SwingSeen, Unlike, Went, went};
 use crate::learning::{ForecastDeviation, MORE, PulseObservation};
+use crate::perception::FramePurpose;
+use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventLevel, PulseDisplacements, PulseFacts};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
-use upm_library::Library;
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use upm_planner::PlannedPulse;
 
@@ -232,9 +232,9 @@ mod tests {
     use nalgebra::{Complex, Matrix3};
 
     use super::*;
+    use upm_cor_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
     use upm_core::geometry::Twist;
     use upm_core::signal::{TwistHarmonic, TwistWave};
-    use upm_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
     use upm_planner::{FieldPulse, Rotation};
 
     const BASE_RADPS: f64 = std::f64::consts::TAU * 30.0;

@@ -6,9 +6,9 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::PulseFacts;
 use crate::condition::Condition;
-use crate::ending::{OrEnd, RunEnd, flow, is_stopped};
-use crate::eyes::FramePurpose;
 use crate::guards::MotionFinding;
+use crate::perception::FramePurpose;
+use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 

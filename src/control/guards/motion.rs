@@ -1,8 +1,8 @@
 use super::delay::SwingSeen;
 use super::steps::Went;
 use crate::condition::Condition;
+use upm_cor_library::{CoilResponse, Library};
 use upm_core::signal::{CHANNEL_NAMES, Drive};
-use upm_library::{CoilResponse, Library};
 use upm_perception::estimation::{
     AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
 };
@@ -14,6 +14,9 @@ const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
 const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
 /// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
+/// Relative deviation of a motion that has the wrong sign, and how near to it a deviation counts as one.
+const REVERSED: f64 = 2.0;
+const NEARLY_REVERSED: f64 = 0.1;
 /// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
 
@@ -93,8 +96,11 @@ impl MotionGuard {
     ) -> Option<MotionFinding> {
         let saw_it_go = matches!(went, Some(Went::There | Went::About));
         let shows_drive = swing == SwingSeen::AsDriven;
-        // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go
-        let saw_it_all = saw_it_go && shows_drive || went == Some(Went::There) && self.doubts_sensors;
+        let went_there = went == Some(Went::There);
+        // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go;
+        // a plate driven the wrong way round swings as far as planned, and a part on ice may glide about there
+        let shows_motion = shows_drive && (went_there || (off - REVERSED).abs() > NEARLY_REVERSED);
+        let saw_it_all = saw_it_go && shows_motion || went_there && self.doubts_sensors;
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
             // the parts alone are weak evidence for a single pulse: one that fails half way carries them about there
@@ -102,7 +108,7 @@ impl MotionGuard {
             self.doubts_sensors = true;
         }
         // a pulse too small for its parts to show it is judged by the plate's swing, or as the last one with evidence
-        let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_drive);
+        let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_motion);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
         // a channel known to be at fault hides a small motion: there is no evidence of another one
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingSeen::Otherwise;
@@ -190,6 +196,13 @@ mod tests {
         let seen_to_swing =
             MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::AsDriven);
         assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
+        let reversed = |off: f64, went: Went| {
+            MotionGuard::default().finding(MotionVerdict::Other, off, Some(went), SwingSeen::AsDriven)
+        };
+        let ends_reversed = |off, went| reversed(off, went).map(|finding| finding.ends);
+        assert_eq!(ends_reversed(1.999, Went::About), Some(true), "all coils reversed, and a part that glides");
+        assert_eq!(ends_reversed(1.999, Went::There), Some(false));
+        assert_eq!(ends_reversed(1.4, Went::About), Some(false));
         let mut doubting = MotionGuard::default();
         doubting.finding(MotionVerdict::Channels, 0.9, None, SwingSeen::Unclear);
         let known = doubting.finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::Unclear);

@@ -69,8 +69,8 @@ pub struct StopTimes {
 /// a trip.
 ///
 /// An interlock belongs to a plate, not to a run. The owner of the plate creates it, keeps it for life and fits it to
-/// the rig of each run in turn; a run without a plate creates one for itself. A rig holds it ([`Fitted`]) from
-/// [`Interlock::fit`] until the rig is dropped. A trip stays while a rig is fitted: a run that was stopped can only
+/// the rig of each run in turn; a run without a plate creates one for itself. A rig holds it ([`InterlockGuard`]) from
+/// [`Interlock::attach`] until the rig is dropped. A trip stays while a rig is fitted: a run that was stopped can only
 /// end. After that [`Interlock::release`] clears the trip; otherwise the next rig finds it tripped and plays nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Interlock(Arc<InterlockState>);
@@ -88,7 +88,7 @@ struct InterlockState {
     clock: Option<Arc<dyn Clock + Send + Sync>>,
 }
 
-/// The fields of [`Shared::word`].
+/// The fields of [`InterlockState::word`].
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct StateWord(u64);
 
@@ -234,7 +234,7 @@ impl Interlock {
         }
     }
 
-    /// Waits for at most `within` until the motors have answered the trip; returns [`Self::answer`].
+    /// Waits for at most `within` until the motors have answered the trip; returns [`Self::stop_times`].
     pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
         let (lock, condition) = &self.0.silence;
         let is_sounding = |_: &mut ()| {

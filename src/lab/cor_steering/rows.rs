@@ -4,10 +4,10 @@ use super::vectors::Vectors;
 use crate::shaken::ShakenPlate;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
+use upm_cor_library::{AxisShape, drive_for};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::INCH_M;
-use upm_library::{AxisShape, drive_for};
 use upm_perception::estimation::{AccelerometerPair, fit_twist};
 
 /// One row of the paper's Table 1.

@@ -1,6 +1,6 @@
-use super::coarse::{BinnedImage, UNITS};
+use super::binned::{BinnedImage, UNITS};
+use super::classifier::{LEAST_SCORE, PartClassifier, kernel_radius_px, overlap, reach_px};
 use super::disk::DiskKernel;
-use super::judge::{LEAST_SCORE, PartClassifier, kernel_radius_px, overlap, reach_px};
 use super::outline::PlateCells;
 use super::response::{DiskResponder, ResponseMethod};
 use super::rim::RimFit;

@@ -2,7 +2,7 @@
 //! follow the picture's own strongest edges and its noise, so light and contrast do not matter.
 
 use super::FloatImage;
-use super::coarse::{BinnedImage, UNITS};
+use super::binned::{BinnedImage, UNITS};
 use upm_core::geometry::Vec2;
 
 /// Weakest gradient that counts as an edge at all, levels a cell.

@@ -1,6 +1,6 @@
 use nalgebra::Matrix2;
 
-use super::coarse::BinnedImage;
+use super::binned::BinnedImage;
 use super::edges::{EdgePoint, edges};
 use super::hough::{HoughAccumulator, HoughLine, IdealEdge};
 use super::lines::{SideMeasurement, through_edges};

@@ -3,7 +3,7 @@ mod grid;
 
 use self::blobs::{BARE, BORDER, Blob, Blobs, DIFFERS, SEEN, UNSEEN};
 use self::grid::CellGrid;
-use super::coarse::BinnedImage;
+use super::binned::BinnedImage;
 use super::outline::PlateCells;
 use super::sampling::quantile;
 use super::shading::Shading;

@@ -1,6 +1,6 @@
-use super::chords::{LARGEST_AREA, RunLengthSums};
 use super::convolution::DiskConvolver;
 use super::disk::DiskKernel;
+use super::run_length_sums::{LARGEST_AREA, RunLengthSums};
 
 /// Method that computes the means under the disks. Both give the same response to within rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::coarse::{BinnedImage, UNITS};
+use super::binned::{BinnedImage, UNITS};
 use super::outline::PlateCells;
 use super::sampling::{biweight, quantile};
 use upm_core::geometry::Vec2;

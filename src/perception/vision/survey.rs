@@ -13,7 +13,7 @@ mod seeds;
 use self::circle::OutlineGauge;
 use self::relative::Relative;
 use self::seeds::{Seed, Votes};
-use super::coarse::BinnedImage;
+use super::binned::BinnedImage;
 use super::outline::PlateCells;
 use super::rim::map::outline;
 use super::sampling::Sampler;

@@ -1,14 +1,14 @@
 mod assignment;
-#[cfg(test)]
-mod films;
-mod look;
+mod localizer;
 mod motion;
+#[cfg(test)]
+mod sequences;
 
 use self::assignment::assign;
-use self::look::{Expected, Observation, PLAIN_RAYS, PartLocalizer, TrackingFrame};
+use self::localizer::{Expected, Observation, PLAIN_RAYS, PartLocalizer, TrackingFrame};
 use self::motion::MotionModel;
+use super::classifier::overlap;
 use super::coins::CoinFinder;
-use super::judge::overlap;
 use super::sampling::Sampler;
 use super::{Detection, Table, Track};
 use upm_core::geometry::Vec2;

@@ -2,18 +2,18 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::aim::{Iterate, RolloutPool, ShootingProblem};
-use super::bank::SeedLibrary;
-use super::course::{Rollout, RolloutDisc};
-use super::guard::SeparationPenalty;
+use super::harmonic_basis::HarmonicBasis;
 use super::limits::{Clearances, half_spaces, most_violated};
-use super::strength::MotorEffort;
-use super::waves::HarmonicBasis;
+use super::motor_effort::MotorEffort;
+use super::optimizer::{Iterate, RolloutPool, ShootingProblem};
+use super::rollout::{Rollout, RolloutDisc};
+use super::seeds::SeedLibrary;
+use super::separation::SeparationPenalty;
 use crate::friction::friction_of;
 use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
-use upm_library::Library;
 
 /// Motions of the bank that are tried beside the last one; rounds of improvement of each, and of the best of them.
 const STARTS: usize = 1;

@@ -13,14 +13,14 @@ use std::sync::{Arc, LazyLock};
 
 use proptest::prelude::*;
 
-use super::course::{Rollout, RolloutDisc};
-use super::strength::MotorEffort;
-use super::waves::HarmonicBasis;
+use super::harmonic_basis::HarmonicBasis;
+use super::motor_effort::MotorEffort;
+use super::rollout::{Rollout, RolloutDisc};
 use crate::fixture::PENNY_M;
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
-use upm_library::Library;
 
 /// Half the side of upm-2's plate, m.
 const HALF_SIDE_M: f64 = 0.1524;

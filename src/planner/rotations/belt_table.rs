@@ -1,6 +1,6 @@
 //! Distance carried on a belt: computed from friction, corrected by the calibration's measurements.
 
-use upm_library::Library;
+use upm_cor_library::Library;
 
 use crate::friction::friction_of;
 use crate::pump::{Discs, LANES, Pump, Travel};
@@ -46,7 +46,7 @@ impl BeltTable {
         let pump = Pump::of(library);
         let friction = friction_of(library).unwrap_or(USUAL_FRICTION);
         let half_side_m = 0.5 * library.plate_side_m;
-        let fastest = |entry: &upm_library::Entry| {
+        let fastest = |entry: &upm_cor_library::Entry| {
             entry.pump.velocity_mps.norm() + entry.pump.spin_radps.abs() * half_side_m * std::f64::consts::SQRT_2
         };
         let slowest_mps = SLOWEST * friction * upm_core::units::GRAVITY_MPS2 / library.base_radps;

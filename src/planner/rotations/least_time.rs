@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use super::columns::DisplacementMatrix;
+use super::displacement_matrix::DisplacementMatrix;
 use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
 
 /// Columns of the first program and of each addition, per coordinate.

@@ -1,6 +1,6 @@
 //! Order in which pulses are played.
 
-use super::belts::LibraryMotion;
+use super::motion_set::LibraryMotion;
 use super::subgoals::Room;
 use crate::PartState;
 use upm_core::geometry::Vec2;

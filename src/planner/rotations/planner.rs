@@ -1,15 +1,15 @@
 use std::sync::Arc;
 
-use super::belts::{MotionSet, Pulse};
-use super::columns::{DisplacementMatrix, PulseScale};
+use super::displacement_matrix::{DisplacementMatrix, PulseScale};
 use super::least_time::{LeastTime, best_paying};
+use super::motion_set::{MotionSet, Pulse};
 use super::order::order;
 use super::refine::Refined;
 use super::rollout::Rollout;
 use super::subgoals::Room;
 use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_library::Library;
 
 /// Pulses played before the parts are observed and the rest is corrected.
 const CHUNK: usize = 4;
@@ -88,7 +88,7 @@ struct PlayedSequence {
 }
 
 /// A sequence that could be played.
-struct SequenceCandidate {
+struct Sequence {
     refined: Refined,
     /// Number of pulses from the first that keep the limits.
     safe: usize,
@@ -140,7 +140,7 @@ impl RotationPlanner {
         let Some(entry) = self.library.entries.get(pulse.entry) else {
             return parts.iter().map(|part| part.position_m).collect();
         };
-        let setting = super::belts::DialSetting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
+        let setting = super::motion_set::DialSetting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
         let motion = self.belts.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
         parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
     }
@@ -159,7 +159,7 @@ impl RotationPlanner {
     }
 
     /// The rest of the running sequence, corrected; `None` where it no longer does what was forecast.
-    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<SequenceCandidate> {
+    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<Sequence> {
         let mut running = self.running.take()?;
         if running.pulses.is_empty() || running.targets_m.len() != parts.len() {
             return None;
@@ -181,21 +181,16 @@ impl RotationPlanner {
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
         let safe = safe(&refined, room);
-        (kept && safe > 0).then_some(SequenceCandidate { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
+        (kept && safe > 0).then_some(Sequence { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
     }
 
     /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
-    fn new_sequence(
-        &mut self,
-        parts: &[PartState],
-        targets_m: &[Vec2],
-        room: &Room,
-    ) -> Result<SequenceCandidate, Limit> {
+    fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Sequence, Limit> {
         let usual_m = Self::longest_way_m(parts.len());
         let mut way_m = self.way_m.unwrap_or(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);
-        let (mut best, mut limit): (Option<SequenceCandidate>, _) = (None, Limit::Unreachable);
+        let (mut best, mut limit): (Option<Sequence>, _) = (None, Limit::Unreachable);
         let (mut tightened, mut scale) = (1.0, PulseScale::Coarse);
         for _ in 0..ATTEMPTS {
             let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
@@ -241,7 +236,7 @@ impl RotationPlanner {
         targets_m: &[Vec2],
         (subgoals_m, tightened, scale): (Vec<Vec2>, f64, PulseScale),
         room: &Room,
-    ) -> Option<SequenceCandidate> {
+    ) -> Option<Sequence> {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
         let rms_m = rms_m(steps_m.iter().copied());
         let alone = parts.len() == 1;
@@ -262,7 +257,7 @@ impl RotationPlanner {
         let safe = safe(&refined, room);
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let gain_mps = self.gain_mps(&refined, safe, parts, targets_m);
-        Some(SequenceCandidate { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
+        Some(Sequence { refined, safe, subgoals_m, want_m: want_m.max(left_m), gain_mps })
     }
 
     /// Pulses that make `steps_m` in the least time: the relaxed program rounded to whole pulses, then both again over
@@ -360,8 +355,8 @@ impl RotationPlanner {
     }
 
     /// Plan of the first pulses of `candidate`; keeps the rest.
-    fn play(&mut self, candidate: SequenceCandidate, targets_m: Vec<Vec2>, continues: bool) -> Plan {
-        let SequenceCandidate { refined, safe, subgoals_m, want_m, .. } = candidate;
+    fn play(&mut self, candidate: Sequence, targets_m: Vec<Vec2>, continues: bool) -> Plan {
+        let Sequence { refined, safe, subgoals_m, want_m, .. } = candidate;
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);

@@ -7,7 +7,7 @@
 //!               effect of all δ on a gap or on the distance to the edge, at each stage <= its room + s,   s >= 0
 //! ```
 
-use super::belts::{LibraryMotion, MotionSet, Pulse};
+use super::motion_set::{LibraryMotion, MotionSet, Pulse};
 use super::rollout::{Rollout, Slopes};
 use super::subgoals::{Room, Shortfall};
 use crate::PartState;

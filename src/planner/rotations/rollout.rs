@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix2;
 
-use super::belts::{LibraryMotion, MotionSet, Pulse};
+use super::motion_set::{LibraryMotion, MotionSet, Pulse};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 

@@ -7,7 +7,7 @@ mod program;
 use std::sync::{Arc, LazyLock};
 
 use super::RotationPlanner;
-use super::belts::MotionSet;
+use super::motion_set::MotionSet;
 use crate::fixture::{library, params};
 
 /// A planner for the fixture's library; the belt table is computed once.

@@ -8,10 +8,10 @@ use super::located::{ConfirmedLine, LocalisedLine};
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
+use upm_cor_library::Library;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_core::time::PlateTime;
-use upm_library::Library;
 use upm_perception::estimation::PlateFit;
 use upm_planner::{Limit, PlanStatus, PlannedPulse};
 

@@ -1,11 +1,11 @@
+use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
 use super::raw_job::RawBin;
 use super::read::point_m;
-use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
 use super::task::{TaskContext, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 use upm_document::{Faults, Path};
-use upm_goal::BinParams;
+use upm_task::BinParams;
 
 impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
@@ -111,7 +111,7 @@ fn in_rows(size_m: Vec2, radius_m: f64, gap_m: f64) -> usize {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::room::fits;
+    use super::super::clearance::fits;
     use super::*;
 
     fn number(width: f64, height: f64, gap: f64) -> usize {

@@ -1,6 +1,6 @@
 //! Checks whether the places of a shape, or a part on its path, fit on the plate, and computes the size that would fit.
 
-use super::room::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
+use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
 use super::task::TaskContext;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;

@@ -1,12 +1,12 @@
 //! Checks whether parts can follow their paths in phase.
 
+use super::clearance::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use super::fit::TIGHTER;
 use super::part_path::PartPath;
-use super::room::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::mm_from_m;
 use upm_document::Faults;
-use upm_goal::PathParams;
+use upm_task::PathParams;
 
 /// Relative difference in length up to which laps count as equal.
 const SAME_LENGTH: f64 = 0.01;

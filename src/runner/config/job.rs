@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value};
 
+use super::clearance;
 use super::drawings;
 use super::faults::{self, RawFault, RawFaults};
 use super::kinds::{KindSpec, PartGroup, each_kind};
@@ -9,7 +10,6 @@ use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawPa
 use super::raw_rig::{RawRig, RigSource};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
-use super::room;
 use super::task::{self, TaskSpec};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -89,7 +89,7 @@ impl JobSpec {
             refuse_fields(faults);
         }
         let task = task::build(&raw.task, &parts, &rig, faults);
-        room::check(&parts, &rig, faults);
+        clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
         let of_rig = raw.faults.as_ref().map(|raw| faults::build(raw, each_kind(&parts).len(), &at, faults));
         // faults drawn by a seed are written out, so that the run folder documents them
@@ -246,7 +246,7 @@ fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup>
         let at = Path::root().key("parts").index(i).key("kind");
         let kind = rig.known_kind(&group.kind, &at, faults);
         let at_random = group.position_mm.is_none();
-        let kind = kind.filter(|&kind| room::check_size(kind, rig, at_random, &at, faults));
+        let kind = kind.filter(|&kind| clearance::check_size(kind, rig, at_random, &at, faults));
         PartGroup {
             kind: kind.unwrap_or(usize::MAX),
             count: group.count as usize,

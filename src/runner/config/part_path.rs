@@ -8,8 +8,8 @@ use super::targets::drawing_of;
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
 use upm_document::{Faults, Path};
-use upm_goal::PathParams;
 use upm_shapes::{Lissajous, circle_path, closed_from};
+use upm_task::PathParams;
 
 /// Most corners of a path made from a drawing.
 const MOST_CORNERS: usize = 2000;

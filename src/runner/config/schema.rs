@@ -1,8 +1,8 @@
 use serde_json::Value;
 
 use super::{RawDaemon, RawJob, RawRig, RawSimulate, RawTrace};
+use upm_cor_library::RawLibrary;
 use upm_document::schema_of;
-use upm_library::RawLibrary;
 
 /// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {

@@ -1,8 +1,8 @@
-use super::place::PlacedPart;
+use super::clearance::check_apart;
+use super::placement::PlacedPart;
 use super::raw_simulate::{PlateMode, RawHarmonic, RawPulse, RawSimulate};
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
-use super::room::check_apart;
 use upm_core::geometry::Twist;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;

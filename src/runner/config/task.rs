@@ -4,7 +4,7 @@ use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Faults, Path, counted};
-use upm_goal::{BinParams, PathParams};
+use upm_task::{BinParams, PathParams};
 
 /// A task in SI.
 #[derive(Clone, Debug, PartialEq)]

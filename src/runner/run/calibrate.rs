@@ -3,9 +3,9 @@ use std::sync::atomic::AtomicBool;
 use crate::config::RigSpec;
 use upm_control::ExpectedPart;
 use upm_control::calibration::{self, CalibrationFault, CalibrationParams, CalibrationProgress};
+use upm_cor_library::Library;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Streams;
-use upm_library::Library;
 use upm_sim::SimRig;
 
 /// Positions of the calibration coins, in half sides of the plate: spread over radii and directions, and far enough

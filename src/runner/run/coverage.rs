@@ -1,7 +1,7 @@
 //! Coverage of a COR library: how well it moves a part at each place of the plate, and the positions of its centres.
 
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_library::Library;
 use upm_planner::Reach;
 
 #[cfg(test)]

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::bench::RunSetup;
 use super::error::RunError;
+use super::setup::RunSetup;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
+use upm_cor_library::Library;
 use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
-use upm_library::Library;
 use upm_recording::{BackgroundWriter, PreallocatedFile, RecordingOptions, Report};
 
 /// Most folders of one name; another one is refused.

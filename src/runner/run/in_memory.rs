@@ -1,21 +1,21 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::bench::{RunSetup, TruthInJobOrder};
 use super::ending::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
 use super::play;
+use super::setup::{RunSetup, TruthInJobOrder};
 use super::time_figure::FirstLook;
 use crate::config::{Fault, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
+use upm_cor_library::Library;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
 use upm_document::counted;
-use upm_goal::Task;
-use upm_library::Library;
 use upm_recording::{EndFacts, Fanout, Report, RunStats};
 use upm_sim::SimRig;
+use upm_task::Task;
 
 /// A run without files: a job with its simulated rig, its goal and its library, built in memory.
 ///
@@ -46,8 +46,8 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Replaces the task of the job by `goal`, which receives the parts in the order of the job and ends the run by
-    /// [`done`](upm_goal::Wanted::done). The report then has no verdict, which would be about the task.
-    pub fn with_goal(mut self, goal: impl Task + 'static) -> Self {
+    /// [`done`](upm_task::Wanted::done). The report then has no verdict, which would be about the task.
+    pub fn with_task(mut self, goal: impl Task + 'static) -> Self {
         self.bench.goal = Box::new(goal);
         self.bench.params.endless = false;
         self.has_own_goal = true;
@@ -147,8 +147,8 @@ mod tests {
     use upm_core::geometry::Vec2;
     use upm_core::job::Outcome;
     use upm_core::time::{MonotonicClock, PlateTime};
-    use upm_goal::Setpoints;
     use upm_recording::{MemorySink, RecordingOptions, RerunMode};
+    use upm_task::Setpoints;
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn own_goal_replaces_the_task_and_has_no_verdict() {
         let job = job(json!([]));
-        let report = InMemoryRun::new(&job).unwrap().with_goal(HoldForFrames(3)).run();
+        let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
         assert_eq!((report.verdict, report.bound_s), (None, None));

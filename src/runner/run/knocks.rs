@@ -39,7 +39,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
 
-    use super::super::bench::RunSetup;
+    use super::super::setup::RunSetup;
     use super::super::job_library;
     use super::*;
     use crate::config::JobSpec;

@@ -9,9 +9,9 @@ use super::paced::PaceClock;
 use super::{PacingStats, RunSetup, play};
 use crate::config::{DeadlinePolicy, Fault, JobSpec, Origin, RigSpec};
 use upm_control::{FrameFacts, Sink};
+use upm_cor_library::Library;
 use upm_core::rig::Interlock;
 use upm_core::time::Clock;
-use upm_library::Library;
 
 /// Largest delay that counts as keeping up, s a minute: one short stall in a check of two seconds.
 const TOLERATED_S_PER_MINUTE: f64 = 1.0;

@@ -1,6 +1,6 @@
 //! The simulated rig without control: pulses played open loop, and the first frame of a job.
 
-use super::bench::simulated_rig;
+use super::setup::simulated_rig;
 use crate::config::{self, Fault, JobSpec, PulseSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::rig::{Rig, RigFault};

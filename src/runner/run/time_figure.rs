@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::config::{JobSpec, TaskSpec};
 use upm_control::{ControlParams, CycleFacts, Sink};
+use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_library::Library;
 use upm_planner::{PartState, RotationPlanner};
 
 /// Most parts of a job with a time figure: the program takes 50 to 200 ms for 16 parts and grows with their third

@@ -14,14 +14,14 @@ use jiff::Timestamp;
 use serde_json::{Value, json};
 use tar::{Builder, Header};
 
-use self::folder::{Run, latches, listed, runs, tail};
-use crate::store::{JobId, PeekMost, peek};
+use self::folder::{BundledRun, latches, listed, runs, tail};
+use crate::store::{InspectLimits, JobId, peek};
 use upm_runner::config::{DaemonSpec, Fault};
 
 /// Folder within the archive.
 const ROOT: &str = "upm-support";
 
-const MOST: PeekMost = PeekMost { jobs: 200, events: 1000, audit: 200 };
+const MOST: InspectLimits = InspectLimits { jobs: 200, events: 1000, audit: 200 };
 
 /// Newest run folders that are listed, and those of them whose journals are included.
 const LISTED_RUNS: usize = 200;
@@ -76,7 +76,8 @@ pub struct Bundle {
 
 /// Makes a bundle. Sources that cannot be read are listed in it. Writes nothing and takes none of the daemon's locks.
 pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
-    let mut made = Making { tar: Builder::new(Vec::new()), at: sources.now, files: Vec::new(), missing: Vec::new() };
+    let mut made =
+        BundleBuilder { tar: Builder::new(Vec::new()), at: sources.now, files: Vec::new(), missing: Vec::new() };
     made.add("README.txt", README.as_bytes())?;
     made.add_config(sources.config)?;
     match sources.data {
@@ -91,14 +92,14 @@ pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
     Ok(Bundle { tar: made.tar.into_inner()?, files: made.files, missing: made.missing })
 }
 
-struct Making {
+struct BundleBuilder {
     tar: Builder<Vec<u8>>,
     at: Timestamp,
     files: Vec<String>,
     missing: Vec<String>,
 }
 
-impl Making {
+impl BundleBuilder {
     fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
         let name = format!("{ROOT}/{name}");
         let mut header = Header::new_ustar();
@@ -165,7 +166,7 @@ impl Making {
     }
 
     fn add_runs(&mut self, folder: &Path, known: &[JobId]) -> io::Result<()> {
-        let mut runs: Vec<Run> = self.read("the run folders", runs(folder));
+        let mut runs: Vec<BundledRun> = self.read("the run folders", runs(folder));
         let (count, bytes) = (runs.len(), runs.iter().map(|run| run.bytes).sum::<u64>());
         runs.truncate(LISTED_RUNS);
         for (number, run) in (1..).zip(runs.iter_mut().take(SHOWN_RUNS)) {

@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 
 use crate::service::{Reason, ReasonCode};
 use crate::store::Displaced;
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 
 /// Time between two comparisons.
 const EVERY: Duration = Duration::from_secs(1);

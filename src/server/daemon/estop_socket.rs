@@ -15,8 +15,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::estop;
 use super::state::DaemonState;
-use super::stops;
 use crate::service::{Caller, EStopped};
 use upm_core::time::{Clock, MonotonicClock};
 
@@ -104,7 +104,7 @@ impl EmergencyStops {
 
     fn see_through(&self, name: &str, by: &str) -> LocalStop {
         let caller = Caller { name: by.to_owned(), remote: None };
-        let (answer, error) = match stops::see_through(&self.0, name, &caller) {
+        let (answer, error) = match estop::confirm_stop(&self.0, name, &caller) {
             Ok(answer) => (Some(answer), None),
             Err(_) => (None, Some(format!("expected one of {}", self.0.spec.plate_names().join(", ")))),
         };

@@ -2,18 +2,18 @@ use std::path::Path;
 
 use bytes::Bytes;
 
-use super::answers;
+use super::convert;
 use crate::plates::Plates;
-use crate::service::{Layout, Picture, Recording, Refusal};
+use crate::service::{CameraPicture, Layout, Recording, Refusal};
 use crate::store::{JobRow, JobState, RecordingStatus, RunFileFault, open_run_file};
 
 /// The newest picture of a job that is on a plate.
-pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<Picture, Refusal> {
+pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<CameraPicture, Refusal> {
     let plate = plates.get(&row.plate).filter(|plate| plate.snapshot().job == Some(row.id));
     let plate = plate.ok_or_else(|| Refusal::Unknown("there are pictures of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "there is no picture yet".to_owned(), retry_after_s: 1 };
     let (picture, age) = plate.picture().ok_or_else(none_yet)?;
-    Ok(Picture { png: Bytes::copy_from_slice(&picture.png), age })
+    Ok(CameraPicture { png: Bytes::copy_from_slice(&picture.png), age })
 }
 
 /// The layout of a job that is on a plate.
@@ -21,7 +21,7 @@ pub(super) fn layout(plates: &Plates, row: &JobRow) -> Result<Layout, Refusal> {
     let plate = plates.get(&row.plate).filter(|plate| plate.snapshot().job == Some(row.id));
     let plate = plate.ok_or_else(|| Refusal::Unknown("there is a layout of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "the job is being read".to_owned(), retry_after_s: 1 };
-    plate.layout(&row.id).map(|layout| answers::layout(&layout)).ok_or_else(none_yet)
+    plate.layout(&row.id).map(|layout| convert::layout(&layout)).ok_or_else(none_yet)
 }
 
 /// The recording of a job that has ended, opened. Waits for the disk.

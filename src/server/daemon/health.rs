@@ -12,7 +12,7 @@ use crate::service::{Reason, ReasonCode};
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// Reasons why the daemon does not work at all; empty when it is healthy.
-pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
+pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
     let mut ailments = Vec::new();
     if observed.store.heartbeat > LONGEST_SILENCE {
         let silent_s = observed.store.heartbeat.as_secs_f64();
@@ -30,8 +30,8 @@ pub(super) fn ailments(observed: &Observed) -> Vec<Reason> {
 }
 
 /// Reasons why it takes no jobs; empty when it is ready.
-pub(super) fn obstacles(observed: &Observed) -> Vec<Reason> {
-    let mut obstacles = ailments(observed);
+pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
+    let mut obstacles = liveness_failures(observed);
     if observed.is_stopping {
         obstacles.push(Reason::new(ReasonCode::Ending, "the daemon is ending"));
     }
@@ -56,13 +56,13 @@ fn low_disk(observed: &Observed) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Displaced, Found, StoreFault};
+    use crate::store::{Displaced, PathObject, StoreFault};
 
     fn told(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
         let mut observed = Observed::well();
         change(&mut observed);
         let told = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.detail).collect();
-        (told(ailments(&observed)), told(obstacles(&observed)))
+        (told(liveness_failures(&observed)), told(readiness_failures(&observed)))
     }
 
     fn both(change: impl FnOnce(&mut Observed), told_of: &str) {
@@ -91,10 +91,13 @@ mod tests {
     #[test]
     fn displaced_data_are_an_ailment_that_no_restart_ends() {
         let mut observed = Observed::well();
-        observed.displaced = Some(Displaced { path: "/data/lock".into(), found: Found::Nothing });
+        observed.displaced = Some(Displaced { path: "/data/lock".into(), found: PathObject::Nothing });
         let detail = "/data/lock: expected the file that the daemon holds open, found none";
         let expected = [Reason::new(ReasonCode::DataDisplaced, detail)];
-        assert_eq!((ailments(&observed), obstacles(&observed)), (expected.to_vec(), expected.to_vec()));
+        assert_eq!(
+            (liveness_failures(&observed), readiness_failures(&observed)),
+            (expected.to_vec(), expected.to_vec())
+        );
         assert!(!ReasonCode::DataDisplaced.may_end_by_restart() && ReasonCode::StoreHangs.may_end_by_restart());
     }
 

@@ -7,8 +7,8 @@ mod tests;
 
 use prometheus_client::registry::Unit;
 
-use self::family::{Family, Sample, written};
-use super::health::{ailments, obstacles};
+use self::family::{MetricFamily, MetricSample, written};
+use super::health::{liveness_failures, readiness_failures};
 use super::observed::{Observed, PlateObserved};
 use crate::plates::PlateState;
 use crate::service::Reason;
@@ -25,22 +25,24 @@ pub(super) fn text(observed: &Observed) -> String {
     written(families.into_iter().flatten().collect())
 }
 
-fn own(observed: &Observed) -> Vec<Family> {
+fn own(observed: &Observed) -> Vec<MetricFamily> {
     let build = vec![("version", observed.version.to_owned()), ("rerun", upm_viewer::BUILT_IN.to_string())];
     let is_well = |reasons: Vec<Reason>| f64::from(u8::from(reasons.is_empty()));
     vec![
-        Family::info("build", "The program that runs", build),
-        Family::gauge("uptime", "Time since the daemon started")
+        MetricFamily::info("build", "The program that runs", build),
+        MetricFamily::gauge("uptime", "Time since the daemon started")
             .in_unit(Unit::Seconds)
             .with(observed.uptime.as_secs_f64()),
-        Family::gauge("healthy", "1 when the daemon works, as /healthz says").with(is_well(ailments(observed))),
-        Family::gauge("ready", "1 when the daemon takes jobs, as /readyz says").with(is_well(obstacles(observed))),
+        MetricFamily::gauge("healthy", "1 when the daemon works, as /healthz says")
+            .with(is_well(liveness_failures(observed))),
+        MetricFamily::gauge("ready", "1 when the daemon takes jobs, as /readyz says")
+            .with(is_well(readiness_failures(observed))),
     ]
 }
 
-fn of_plates(plates: &[PlateObserved]) -> Vec<Family> {
-    let each = |family: Family, value: fn(&PlateObserved) -> Option<f64>| {
-        family.with_all(plates.iter().filter_map(|plate| Some(Sample::of_plate(&plate.name, value(plate)?))))
+fn of_plates(plates: &[PlateObserved]) -> Vec<MetricFamily> {
+    let each = |family: MetricFamily, value: fn(&PlateObserved) -> Option<f64>| {
+        family.with_all(plates.iter().filter_map(|plate| Some(MetricSample::of_plate(&plate.name, value(plate)?))))
     };
     let state = plates.iter().flat_map(|plate| {
         let is = |state: PlateState| (state.code(), state == plate.state);
@@ -51,84 +53,87 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<Family> {
         one_of(&plate.name, RECORDING_STATES.map(|state| (state, state == now)))
     });
     vec![
-        Family::gauge("plate_state", "1 for what the plate is doing, 0 for what it is not").with_all(state),
-        each(Family::gauge("queue_jobs", "Jobs that wait for the plate"), |plate| Some(plate.queued as f64)),
-        each(Family::counter("deadline_misses", "Frames that control came too late for"), |plate| {
+        MetricFamily::gauge("plate_state", "1 for what the plate is doing, 0 for what it is not").with_all(state),
+        each(MetricFamily::gauge("queue_jobs", "Jobs that wait for the plate"), |plate| Some(plate.queued as f64)),
+        each(MetricFamily::counter("deadline_misses", "Frames that control came too late for"), |plate| {
             Some(plate.deadline_misses as f64)
         }),
         each(
-            Family::gauge("behind", "How far plate time fell behind the clock in the present or last run")
+            MetricFamily::gauge("behind", "How far plate time fell behind the clock in the present or last run")
                 .in_unit(Unit::Seconds),
             |plate| Some(plate.behind.as_secs_f64()),
         ),
-        each(Family::counter("estops", "Emergency stops"), |plate| Some(plate.estops as f64)),
-        each(Family::gauge("frame_age", "Time since the newest camera frame").in_unit(Unit::Seconds), |plate| {
+        each(MetricFamily::counter("estops", "Emergency stops"), |plate| Some(plate.estops as f64)),
+        each(MetricFamily::gauge("frame_age", "Time since the newest camera frame").in_unit(Unit::Seconds), |plate| {
             plate.frame_age.map(|age| age.as_secs_f64())
         }),
-        each(Family::gauge("job_progress", "Share of the running job that is done").in_unit(ratio()), |plate| {
+        each(MetricFamily::gauge("job_progress", "Share of the running job that is done").in_unit(ratio()), |plate| {
             plate.progress
         }),
-        Family::gauge("recording_state", "1 for how the recording of the job is, 0 for how it is not")
+        MetricFamily::gauge("recording_state", "1 for how the recording of the job is, 0 for how it is not")
             .with_all(recording),
-        each(
-            Family::gauge("recording", "Size of the recording being written").in_unit(Unit::Bytes),
-            |plate| match plate.recording {
+        each(MetricFamily::gauge("recording", "Size of the recording being written").in_unit(Unit::Bytes), |plate| {
+            match plate.recording {
                 RecordingState::Writing { bytes } => Some(bytes as f64),
                 _ => None,
-            },
-        ),
+            }
+        }),
     ]
 }
 
-fn of_jobs(observed: &Observed) -> Vec<Family> {
+fn of_jobs(observed: &Observed) -> Vec<MetricFamily> {
     let sample = |(plate, state, count): &(String, crate::store::JobState, u64)| {
-        Sample::new(vec![("plate", plate.clone()), ("state", state.code().into())], *count as f64)
+        MetricSample::new(vec![("plate", plate.clone()), ("state", state.code().into())], *count as f64)
     };
-    vec![Family::gauge("jobs", "Jobs the store knows").with_all(observed.jobs.iter().map(sample))]
+    vec![MetricFamily::gauge("jobs", "Jobs the store knows").with_all(observed.jobs.iter().map(sample))]
 }
 
-fn of_store(observed: &Observed) -> Vec<Family> {
+fn of_store(observed: &Observed) -> Vec<MetricFamily> {
     let (store, disk) = (&observed.store, &observed.disk);
     let flag = |is: bool| f64::from(u8::from(is));
     vec![
-        Family::gauge("store_heartbeat", "Time since the job store last showed that it lives")
+        MetricFamily::gauge("store_heartbeat", "Time since the job store last showed that it lives")
             .in_unit(Unit::Seconds)
             .with(store.heartbeat.as_secs_f64()),
-        Family::gauge("store_writable", "1 while the job store can be written").with(flag(store.fault.is_none())),
-        Family::gauge("store_waiting", "Changes that wait to be written").with(store.waiting as f64),
-        Family::gauge("store_audit_waiting", "Lines of the audit log that wait to be written")
+        MetricFamily::gauge("store_writable", "1 while the job store can be written").with(flag(store.fault.is_none())),
+        MetricFamily::gauge("store_waiting", "Changes that wait to be written").with(store.waiting as f64),
+        MetricFamily::gauge("store_audit_waiting", "Lines of the audit log that wait to be written")
             .with(store.audit_waiting as f64),
-        Family::gauge("store_reserve", "0 while room set aside for a full disk is in use").with(flag(store.reserve)),
-        Family::gauge("store_deletion_suspended", "1 while nothing is deleted by age, since the wall clock jumped")
-            .with(flag(store.deletion_suspended)),
-        Family::gauge("disk_free", "Room left on the disk of the data folder")
+        MetricFamily::gauge("store_reserve", "0 while room set aside for a full disk is in use")
+            .with(flag(store.reserve)),
+        MetricFamily::gauge(
+            "store_deletion_suspended",
+            "1 while nothing is deleted by age, since the wall clock jumped",
+        )
+        .with(flag(store.deletion_suspended)),
+        MetricFamily::gauge("disk_free", "Room left on the disk of the data folder")
             .in_unit(Unit::Bytes)
-            .with_all(disk.free_bytes.map(|bytes| Sample::new(Vec::new(), bytes as f64))),
-        Family::gauge("runs", "Room that run folders take up")
+            .with_all(disk.free_bytes.map(|bytes| MetricSample::new(Vec::new(), bytes as f64))),
+        MetricFamily::gauge("runs", "Room that run folders take up")
             .in_unit(Unit::Bytes)
-            .with_all(disk.runs_bytes.map(|bytes| Sample::new(Vec::new(), bytes as f64))),
+            .with_all(disk.runs_bytes.map(|bytes| MetricSample::new(Vec::new(), bytes as f64))),
     ]
 }
 
-fn of_http(observed: &Observed) -> Vec<Family> {
+fn of_http(observed: &Observed) -> Vec<MetricFamily> {
     let sample = |requests: &crate::service::Requests| {
         let labels = vec![("operation", requests.operation.into()), ("status", requests.status.to_string())];
-        Sample::new(labels, requests.count as f64)
+        MetricSample::new(labels, requests.count as f64)
     };
     vec![
-        Family::counter(
+        MetricFamily::counter(
             "http_requests",
             "Requests answered; operation none where they asked for none, status 0 for others",
         )
         .with_all(observed.requests.iter().map(sample)),
-        Family::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64),
+        MetricFamily::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64),
     ]
 }
 
 /// One sample for each state: 1 for the current state, 0 for the others.
-fn one_of<const N: usize>(plate: &str, states: [(&'static str, bool); N]) -> [Sample; N] {
+fn one_of<const N: usize>(plate: &str, states: [(&'static str, bool); N]) -> [MetricSample; N] {
     states.map(|(state, is)| {
-        Sample::new(vec![("plate", plate.to_owned()), ("state", state.to_owned())], f64::from(u8::from(is)))
+        MetricSample::new(vec![("plate", plate.to_owned()), ("state", state.to_owned())], f64::from(u8::from(is)))
     })
 }
 

@@ -10,9 +10,9 @@ use rustix::process::umask;
 
 use crate::plates::fitting_library;
 use crate::service::{Scope, Tokens};
-use upm_core::priority::raise_thread_priority;
+use upm_cor_library::Library;
+use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::Clock;
-use upm_library::Library;
 use upm_runner::config::{DaemonSpec, Fault, PlateSpec, reason};
 use upm_runner::run::{PaceCheck, check_pace, load_library};
 

@@ -9,15 +9,17 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::desk::FrontDesk;
+use super::backend::DaemonBackend;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
 use super::prepare::{Prepared, tokens_of};
 use super::state::DaemonState;
-use super::systemd::{ServiceManager, SignsOfLife};
-use super::{health, recovered};
-use crate::plates::{PlateSetup, Plates, StandingSetup, Surroundings};
-use crate::service::{AppParts, Hosts, Limits, Served, SharedTokens, StopFlag, StopSender, app, joined, serve};
-use crate::store::{self, Clocks, Mended, Opened, Store, StoreFault};
+use super::systemd::{ServiceManager, WatchdogPing};
+use super::{health, recovery_log};
+use crate::plates::{PlateSetup, Plates, SharedServices, StandingSetup};
+use crate::service::{
+    AllowedHosts, AppParts, HttpLimits, SharedTokens, ShutdownReport, StopFlag, StopSender, app, joined, serve,
+};
+use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
@@ -54,7 +56,7 @@ pub enum StartFault {
 
 /// Result of a daemon's shutdown.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Ended {
+pub struct ExitReport {
     /// Plates that had not ended in time.
     pub plates_left: Vec<String>,
     /// Connections dropped because they had not ended in time.
@@ -66,7 +68,7 @@ pub struct Ended {
 /// A daemon whose plates are ready and that listens, but does not answer requests yet.
 #[derive(Debug)]
 pub struct Daemon {
-    pub(super) desk: Arc<FrontDesk>,
+    pub(super) desk: Arc<DaemonBackend>,
     listener: TcpListener,
     tokens: SharedTokens,
     /// `None` when the socket could not be created.
@@ -101,7 +103,7 @@ impl Daemon {
         let clocks = Clocks::new(now, clock);
         let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks, &repair);
         let opened = opened.map_err(at_store)?;
-        let Opened { store, recovery } = opened;
+        let OpenOutcome { store, recovery } = opened;
         let store = Arc::new(store);
         let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {
             name: plate.name.clone(),
@@ -115,9 +117,9 @@ impl Daemon {
                 pace: spec.pace,
                 paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
             }),
-            paused: recovery.paused.contains(&plate.name).then(|| recovered::why_paused(&recovery, &plate.name)),
+            paused: recovery.paused.contains(&plate.name).then(|| recovery_log::why_paused(&recovery, &plate.name)),
         });
-        let around = Surroundings {
+        let around = SharedServices {
             ledger: store.clone(),
             runs: store.runs().to_owned(),
             latches: spec.data.join("latch"),
@@ -129,10 +131,10 @@ impl Daemon {
             allow_inline_libraries: spec.allow_inline_libraries,
         };
         let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
-        recovered::tell(&recovery);
-        recovered::tell_unserved(&store, spec.plate_names());
+        recovery_log::log(&recovery);
+        recovery_log::log_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
-        let desk = FrontDesk::open(DaemonState::new(spec, store, plates, clock, damage, version));
+        let desk = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
         let desk = Arc::new(desk.map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&desk.state, &listener);
         let tokens = SharedTokens::new(prepared.tokens);
@@ -156,7 +158,7 @@ impl Daemon {
 
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
-    pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> Ended {
+    pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.desk.state), self.estop_socket.take());
         let alive = show_life(&state, manager);
         let (stopper, flag) = StopFlag::new();
@@ -170,11 +172,11 @@ impl Daemon {
     }
 
     /// Serves HTTP on another thread until `flag` is set.
-    fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<Served>> {
+    fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<ShutdownReport>> {
         let Self { desk, listener, tokens, .. } = self;
         let (spec, traffic, version) = (&desk.state.spec, desk.state.traffic.clone(), desk.state.version);
-        let hosts = Hosts::new(spec.listen, &spec.hosts);
-        let limits = Arc::new(Limits { ending_time: REQUESTS_WITHIN, ..Limits::default() });
+        let hosts = AllowedHosts::new(spec.listen, &spec.hosts);
+        let limits = Arc::new(HttpLimits { ending_time: REQUESTS_WITHIN, ..HttpLimits::default() });
         let app =
             app(AppParts { desk, tokens, hosts, limits: Arc::clone(&limits), stop: flag.clone(), traffic, version });
         thread::spawn(move || serve(listener, app, &limits, &flag))
@@ -205,10 +207,10 @@ impl TokenReload {
 }
 
 /// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
-fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<SignsOfLife> {
+fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
     let state = Arc::clone(state);
     let well = move || {
-        let mut ailments = health::ailments(&state.observed());
+        let mut ailments = health::liveness_failures(&state.observed());
         ailments.retain(|reason| reason.code.may_end_by_restart());
         if ailments.is_empty() { Ok(()) } else { Err(joined(&ailments)) }
     };
@@ -222,7 +224,7 @@ fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<Signs
 fn count_until(
     stop: &Receiver<()>,
     state: &Arc<DaemonState>,
-    answering: &JoinHandle<io::Result<Served>>,
+    answering: &JoinHandle<io::Result<ShutdownReport>>,
     tokens: &SharedTokens,
 ) {
     let mut ticks = 0u32;
@@ -242,10 +244,10 @@ fn count_until(
 fn end(
     state: &DaemonState,
     stopper: &StopSender,
-    answering: JoinHandle<io::Result<Served>>,
+    answering: JoinHandle<io::Result<ShutdownReport>>,
     estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,
-) -> Ended {
+) -> ExitReport {
     state.ending.store(true, Ordering::SeqCst);
     stopper.stop();
     // motors to zero before anything is reported: logging may take a while
@@ -263,7 +265,7 @@ fn end(
     drop(estop_socket);
     let in_order = state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
-    Ended { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+    ExitReport { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
 }
 
 /// Opens the socket for emergency stops. A failure is only logged: HTTP and SIGUSR1 stop the plates, too.
@@ -285,8 +287,8 @@ fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
 }
 
-fn limits_of(spec: &DaemonSpec) -> store::Limits {
-    store::Limits {
+fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
+    store::StoreLimits {
         queued: spec.queue,
         jobs: spec.keep.jobs,
         events_per_job: spec.keep.events_per_job,
@@ -295,21 +297,21 @@ fn limits_of(spec: &DaemonSpec) -> store::Limits {
         runs_age: spec.keep.runs_age,
         standing_runs: spec.keep.standing_runs,
         reserve_bytes: spec.reserve_bytes,
-        ..store::Limits::default()
+        ..store::StoreLimits::default()
     }
 }
 
 /// Repairs a recording, unless the daemon is to end: a shutdown does not wait for the remaining repairs.
-fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<Mended, String> {
+fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
     if told_to_end.load(Ordering::SeqCst) {
         return Err("the daemon is ending; the next one tries again".to_owned());
     }
     repair(part, whole)
 }
 
-fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
+fn repair(part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
     let repaired = upm_viewer::repair_recording(part, whole).map_err(|error| error.to_string())?;
-    Ok(Mended { messages: repaired.messages, cut_bytes: repaired.cut_bytes, was_whole: repaired.was_whole })
+    Ok(RecordingRepair { messages: repaired.messages, cut_bytes: repaired.cut_bytes, was_whole: repaired.was_whole })
 }
 
 #[cfg(test)]

@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use parking_lot::{Mutex, MutexGuard};
 use serde_json::json;
 
-use super::answers;
+use super::convert;
 use super::data_watch::{DataWatch, reason};
 use super::observed::{DiskObserved, Observed, PlateObserved};
 use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, Plates};
-use crate::service::{Event, Feed, Opening, Plate, Refusal, Reply, Traffic};
+use crate::service::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
@@ -26,13 +26,13 @@ pub(super) struct DaemonState {
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
     /// Event distribution of each plate, to the clients that watch its jobs.
-    pub wires: BTreeMap<String, Arc<Wire>>,
+    pub wires: BTreeMap<String, Arc<EventRelay>>,
     /// Numbers of jobs at the last count.
-    counted: Mutex<Counted>,
+    counted: Mutex<JobCounts>,
     /// Counts of requests and streams.
-    pub traffic: Traffic,
+    pub traffic: HttpMetrics,
     /// Damage found in the store when it was opened.
-    pub damage: Damage,
+    pub damage: StoreDamage,
     /// Whether the paths of the data folder still name the files that are held open.
     pub data: DataWatch,
     pub version: &'static str,
@@ -40,7 +40,7 @@ pub(super) struct DaemonState {
 
 /// Numbers of jobs.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Counted {
+pub(super) struct JobCounts {
     /// Jobs queued for each plate.
     pub queued: BTreeMap<String, u64>,
     /// Jobs of each plate in each state.
@@ -58,7 +58,7 @@ impl DaemonState {
         version: &'static str,
     ) -> Self {
         let wires = plates.iter().map(|plate| {
-            let wire = Arc::<Wire>::default();
+            let wire = Arc::<EventRelay>::default();
             plate.subscribe(wire.clone());
             (plate.name().to_owned(), wire)
         });
@@ -70,14 +70,14 @@ impl DaemonState {
             clock,
             ending: AtomicBool::new(false),
             counted: Mutex::default(),
-            traffic: Traffic::default(),
-            damage: Damage::found(damage),
+            traffic: HttpMetrics::default(),
+            damage: StoreDamage::found(damage),
             data: DataWatch::default(),
             version,
         }
     }
 
-    pub fn plate(&self, name: &str) -> Result<&plates::Plate, Refusal> {
+    pub fn plate(&self, name: &str) -> Result<&plates::PlateHandle, Refusal> {
         self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
     }
 
@@ -87,8 +87,8 @@ impl DaemonState {
     }
 
     /// A plate now, with its queue as last counted.
-    fn shown(&self, plate: &plates::Plate) -> Plate {
-        answers::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
+    fn shown(&self, plate: &plates::PlateHandle) -> Plate {
+        convert::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
     }
 
     /// Counts queued jobs, then calls `then`; when the store fails, with the previous numbers.
@@ -112,21 +112,21 @@ impl DaemonState {
         });
     }
 
-    pub fn counted(&self) -> MutexGuard<'_, Counted> {
+    pub fn counted(&self) -> MutexGuard<'_, JobCounts> {
         self.counted.lock()
     }
 
     /// Replies with the plate's state after an operation on it.
-    pub fn answer_with(self: &Arc<Self>, name: &str, reply: Reply<Plate>) {
+    pub fn answer_with(self: &Arc<Self>, name: &str, reply: Responder<Plate>) {
         let name = name.to_owned();
         self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.shown(plate))));
     }
 
     /// The state of a job for a client that begins to watch it.
-    pub fn opening(&self, row: &JobRow) -> Opening {
+    pub fn opening(&self, row: &JobRow) -> StreamStart {
         let plate = self.plate(&row.plate).ok().map(|plate| self.shown(plate));
-        let snapshot = json!({"job": answers::job(row), "plate": plate}).to_string();
-        Opening { snapshot, newest: row.last_event, is_over: row.state.is_final() }
+        let snapshot = json!({"job": convert::job(row), "plate": plate}).to_string();
+        StreamStart { snapshot, newest: row.last_event, is_over: row.state.is_final() }
     }
 
     /// The daemon now. Never blocks: data from the store is as of the last count.
@@ -160,7 +160,7 @@ impl DaemonState {
     /// Damage found at start and not acknowledged yet, as a sentence.
     pub fn unseen_damage(&self) -> Option<String> {
         let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
-        self.damage.unseen(&states)
+        self.damage.unacknowledged(&states)
     }
 
     /// Compares the paths once, and pauses all plates while one is displaced. Waits for the disk.
@@ -184,16 +184,16 @@ pub(super) fn no_job() -> Refusal {
 
 /// Damage found in the store when it was opened, as a sentence, until an operator acknowledges it.
 #[derive(Debug)]
-pub(super) struct Damage(Mutex<Option<String>>);
+pub(super) struct StoreDamage(Mutex<Option<String>>);
 
-impl Damage {
+impl StoreDamage {
     pub fn found(sentence: Option<String>) -> Self {
         Self(Mutex::new(sentence))
     }
 
     /// The damage, until acknowledged. After damage every plate is paused or stopped; resuming the last of them counts
     /// as acknowledgement. A later pause has another cause.
-    fn unseen(&self, states: &[PlateState]) -> Option<String> {
+    fn unacknowledged(&self, states: &[PlateState]) -> Option<String> {
         let mut damage = self.0.lock();
         let may_any_move = states.iter().any(|state| *state != PlateState::Stopped);
         if may_any_move && !states.contains(&PlateState::Paused) {
@@ -205,34 +205,34 @@ impl Damage {
 
 /// Distributes the events of one plate to the clients that watch its jobs. An event is serialized once for all of them.
 #[derive(Default)]
-pub(super) struct Wire(Mutex<Vec<(JobId, Feed)>>);
+pub(super) struct EventRelay(Mutex<Vec<(JobId, EventSender)>>);
 
-impl fmt::Debug for Wire {
+impl fmt::Debug for EventRelay {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Wire").field(&self.feeds().len()).finish()
     }
 }
 
-impl Wire {
+impl EventRelay {
     /// Offers all further events of `job` to `feed` until its client is gone.
-    pub fn lead(&self, job: JobId, feed: Feed) {
+    pub fn forward(&self, job: JobId, feed: EventSender) {
         let mut feeds = self.feeds();
         feeds.retain(|(_, feed)| !feed.is_closed());
         feeds.push((job, feed));
     }
 
-    fn feeds(&self) -> MutexGuard<'_, Vec<(JobId, Feed)>> {
+    fn feeds(&self) -> MutexGuard<'_, Vec<(JobId, EventSender)>> {
         self.0.lock()
     }
 }
 
-impl EventSubscriber for Wire {
+impl EventSubscriber for EventRelay {
     fn offer(&self, told: &JobEvent) {
         let mut feeds = self.feeds();
         if !feeds.iter().any(|(job, _)| *job == told.job) {
             return;
         }
-        let event = Event::new(told.seq, told.kind, &told.body);
+        let event = StreamEvent::new(told.seq, told.kind, &told.body);
         feeds.retain(|(job, feed)| *job != told.job || feed.offer(&event));
     }
 }
@@ -259,10 +259,10 @@ mod tests {
     #[test]
     fn damage_that_was_seen_is_not_told_again() {
         use PlateState::{Idle, Paused, Stopped};
-        let damage = Damage::found(Some("the job store was damaged".to_owned()));
+        let damage = StoreDamage::found(Some("the job store was damaged".to_owned()));
         let states = [[Stopped, Stopped], [Paused, Stopped], [Idle, Paused], [Idle, Stopped], [Paused, Paused]];
-        let told = states.map(|states| damage.unseen(&states).is_some());
+        let told = states.map(|states| damage.unacknowledged(&states).is_some());
         assert_eq!(told, [true, true, true, false, false]);
-        assert_eq!(Damage::found(None).unseen(&[Paused]), None);
+        assert_eq!(StoreDamage::found(None).unacknowledged(&[Paused]), None);
     }
 }

@@ -9,11 +9,11 @@ use serde::de::IgnoredAny;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::answers;
+use super::convert;
 use super::state::DaemonState;
-use crate::plates::Plate;
-use crate::service::{Checked, Order, Refusal, Reply, Submitted};
-use crate::store::{Accepted, Cancelled, JobRow, NewJob, Pace, StoreFault};
+use crate::plates::PlateHandle;
+use crate::service::{Checked, JobCreated, Refusal, Responder, Submission};
+use crate::store::{CancelOutcome, JobRow, NewJob, Pace, StoreFault, SubmitOutcome};
 use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{Fault, PlateSpec};
@@ -28,14 +28,14 @@ const FULL_RETRY_S: u32 = 5;
 const CROWDED_RETRY_S: u32 = 1;
 
 /// A submission and when it arrived.
-pub(super) struct Asked {
-    order: Order,
+pub(super) struct SubmitRequest {
+    order: Submission,
     at: Duration,
     clock: MonotonicClock,
 }
 
-impl Asked {
-    pub fn now(order: Order, clock: MonotonicClock) -> Self {
+impl SubmitRequest {
+    pub fn now(order: Submission, clock: MonotonicClock) -> Self {
         Self { order, at: clock.elapsed(), clock }
     }
 
@@ -65,20 +65,20 @@ impl Asked {
 
 /// The pending reply to a submission. Dropped unsent, it answers [`Refusal::Crowded`]; when a panic drops it, the lost
 /// reply becomes [`Refusal::Busy`].
-struct Answer(Arc<Mutex<Option<Reply<Submitted>>>>);
+struct SubmitResponder(Arc<Mutex<Option<Responder<JobCreated>>>>);
 
-impl Answer {
-    fn new(reply: Reply<Submitted>) -> Self {
+impl SubmitResponder {
+    fn new(reply: Responder<JobCreated>) -> Self {
         Self(Arc::new(Mutex::new(Some(reply))))
     }
 
-    fn send(self, outcome: Result<Submitted, Refusal>) {
+    fn send(self, outcome: Result<JobCreated, Refusal>) {
         if let Some(reply) = self.take() {
             reply.send(outcome);
         }
     }
 
-    fn take(&self) -> Option<Reply<Submitted>> {
+    fn take(&self) -> Option<Responder<JobCreated>> {
         self.0.lock().take()
     }
 
@@ -86,13 +86,14 @@ impl Answer {
     fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
         let reply = Arc::downgrade(&self.0);
         move || {
-            let is_awaited = |reply: &Mutex<Option<Reply<_>>>| reply.lock().as_ref().is_some_and(Reply::is_awaited);
+            let is_awaited =
+                |reply: &Mutex<Option<Responder<_>>>| reply.lock().as_ref().is_some_and(Responder::is_listening);
             reply.upgrade().is_some_and(|reply| is_awaited(&reply))
         }
     }
 }
 
-impl Drop for Answer {
+impl Drop for SubmitResponder {
     fn drop(&mut self) {
         if let Some(reply) = self.take().filter(|_| !thread::panicking()) {
             reply.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
@@ -102,8 +103,13 @@ impl Drop for Answer {
 
 /// Queues a job and replies once it is on the disk. A repeated key gets the earlier reply, whatever now prevents a new
 /// job; all others are checked by `checkers`. Never blocks.
-pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<WorkerPool>, asked: Asked, reply: Reply<Submitted>) {
-    let answer = Answer::new(reply);
+pub(super) fn submit(
+    state: &Arc<DaemonState>,
+    checkers: &Arc<WorkerPool>,
+    asked: SubmitRequest,
+    reply: Responder<JobCreated>,
+) {
+    let answer = SubmitResponder::new(reply);
     let Some(by_key) = asked.by_key() else { return check(state, checkers, asked, answer) };
     let (then, checkers) = (Arc::clone(state), Arc::clone(checkers));
     state.store.repeated(by_key, move |known| match known {
@@ -113,13 +119,13 @@ pub(super) fn submit(state: &Arc<DaemonState>, checkers: &Arc<WorkerPool>, asked
     });
 }
 
-fn check(state: &Arc<DaemonState>, checkers: &WorkerPool, asked: Asked, answer: Answer) {
+fn check(state: &Arc<DaemonState>, checkers: &WorkerPool, asked: SubmitRequest, answer: SubmitResponder) {
     let state = Arc::clone(state);
     checkers.submit(move || queue(&state, &asked, answer));
 }
 
 /// Checks a job and queues it. Takes milliseconds, too long for the threads that answer requests.
-fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
+fn queue(state: &Arc<DaemonState>, asked: &SubmitRequest, answer: SubmitResponder) {
     let waited = asked.clock.elapsed().saturating_sub(asked.at);
     // a client that was already answered with an error may send the job again
     if !answer.awaited()() {
@@ -133,7 +139,7 @@ fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
     }
     let checked = state.plate_of(&asked.order.text).and_then(|plate| {
         let job = state.checked(plate, asked)?;
-        state.hindrance(plate).map_or(Ok(job), Err)
+        state.rejection(plate).map_or(Ok(job), Err)
     });
     let job = match checked {
         Ok(job) => job,
@@ -141,9 +147,9 @@ fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
     };
     let (then, awaited, has_key) = (Arc::clone(state), answer.awaited(), job.key.is_some());
     state.store.accept_if(job, answer.awaited(), move |accepted| match accepted {
-        Ok(Some(Accepted::New(row))) if !has_key && !awaited() => withdraw(&then, row),
+        Ok(Some(SubmitOutcome::New(row))) if !has_key && !awaited() => take_back(&then, row),
         Ok(Some(accepted)) => {
-            if let Accepted::New(row) = &accepted
+            if let SubmitOutcome::New(row) = &accepted
                 && let Some(plate) = then.plates.get(&row.plate)
             {
                 plate.job_queued();
@@ -158,20 +164,20 @@ fn queue(state: &Arc<DaemonState>, asked: &Asked, answer: Answer) {
 
 /// Takes a job out of the queue whose client was answered with an error while the job was being stored: it may send the
 /// job again. A job with an idempotency key stays, since sending it again yields the same job. Does not wake the plate.
-fn withdraw(state: &Arc<DaemonState>, row: JobRow) {
+fn take_back(state: &Arc<DaemonState>, row: JobRow) {
     tracing::warn!(job = %row.id, plate = row.plate, "its client had given up when it was stored: withdrawn");
     let then = Arc::clone(state);
     state.store.cancel_queued(&row.id, move |cancelled| match cancelled {
-        Ok(Cancelled::Now(row, finished)) => {
+        Ok(CancelOutcome::Now(row, finished)) => {
             if let Some(plate) = then.plates.get(&row.plate) {
                 plate.announce_end(row.id, finished);
             }
         }
-        Ok(Cancelled::Not(row)) => {
+        Ok(CancelOutcome::Not(row)) => {
             let told = then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&row.id));
             tracing::warn!(job = %row.id, told, "the withdrawn job was on its plate already");
         }
-        Ok(Cancelled::Unknown) => {}
+        Ok(CancelOutcome::Unknown) => {}
         Err(fault) => tracing::error!(job = %row.id, "not withdrawn: {fault}"),
     });
 }
@@ -180,16 +186,16 @@ fn withdraw(state: &Arc<DaemonState>, row: JobRow) {
 fn unstored(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Busy => Refusal::Crowded { retry_after_s: CROWDED_RETRY_S },
-        fault => answers::refusal(fault),
+        fault => convert::refusal(fault),
     }
 }
 
-fn submitted(accepted: Accepted) -> Result<Submitted, Refusal> {
+fn submitted(accepted: SubmitOutcome) -> Result<JobCreated, Refusal> {
     match accepted {
-        Accepted::New(row) => Ok(Submitted { job: answers::job(&row), replayed: false }),
-        Accepted::Replayed(row) => Ok(Submitted { job: answers::job(&row), replayed: true }),
-        Accepted::KeyReused => Err(Refusal::KeyReused),
-        Accepted::QueueFull { queued } => Err(Refusal::QueueFull { queued, retry_after_s: FULL_RETRY_S }),
+        SubmitOutcome::New(row) => Ok(JobCreated { job: convert::job(&row), replayed: false }),
+        SubmitOutcome::Replayed(row) => Ok(JobCreated { job: convert::job(&row), replayed: true }),
+        SubmitOutcome::KeyReused => Err(Refusal::KeyReused),
+        SubmitOutcome::QueueFull { queued } => Err(Refusal::QueueFull { queued, retry_after_s: FULL_RETRY_S }),
     }
 }
 
@@ -202,7 +208,7 @@ fn faulty(text: &str, faults: Vec<Fault>) -> Refusal {
 impl DaemonState {
     /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one
     /// with a rig of that name. Text that is not JSON goes to any plate, whose check then reports the faults.
-    fn plate_of(&self, text: &str) -> Result<&Plate, Refusal> {
+    fn plate_of(&self, text: &str) -> Result<&PlateHandle, Refusal> {
         let Ok(job) = serde_json::from_str::<Value>(text) else {
             return self.plates.iter().next().ok_or_else(|| self.unaddressed("nothing"));
         };
@@ -224,7 +230,7 @@ impl DaemonState {
         Refusal::Invalid(vec![Fault::new(&file, path, found, allowed)])
     }
 
-    fn checked(&self, plate: &Plate, asked: &Asked) -> Result<NewJob, Refusal> {
+    fn checked(&self, plate: &PlateHandle, asked: &SubmitRequest) -> Result<NewJob, Refusal> {
         let order = &asked.order;
         let pace = order.pace.unwrap_or(self.spec.pace);
         let job = plate.validate(&order.text, pace, order.key.clone());
@@ -236,11 +242,11 @@ impl DaemonState {
     pub(super) fn examined(&self, text: &str) -> Result<Checked, Refusal> {
         let plate = self.plate_of(text)?;
         let (name, layout) = plate.check(text).map_err(|faults| faulty(text, faults))?;
-        Ok(Checked { name, plate: plate.name().to_owned(), layout: answers::layout(&layout) })
+        Ok(Checked { name, plate: plate.name().to_owned(), layout: convert::layout(&layout) })
     }
 
     /// The reason why `plate` takes no jobs; `None` when it does.
-    fn hindrance(&self, plate: &Plate) -> Option<Refusal> {
+    fn rejection(&self, plate: &PlateHandle) -> Option<Refusal> {
         if plate.is_stopped() {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
             return Some(Refusal::Conflict(why));
@@ -262,18 +268,18 @@ mod tests {
     use std::task::{Context, Poll, Waker};
 
     use super::*;
-    use crate::service::{Caller, promise};
+    use crate::service::{Caller, pending};
 
     #[test]
     fn an_order_that_is_dropped_is_told_to_come_again() {
-        let told = |start: fn(Reply<Submitted>)| {
-            let mut promise = promise(start);
+        let told = |start: fn(Responder<JobCreated>)| {
+            let mut promise = pending(start);
             promise.as_mut().poll(&mut Context::from_waker(Waker::noop()))
         };
         let crowded = Poll::Ready(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
-        assert_eq!(told(|reply| drop(Answer::new(reply))), crowded);
-        assert_eq!(told(|reply| Answer::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
-        let once = told(|reply| Answer::new(reply).send(Err(Refusal::KeyReused)));
+        assert_eq!(told(|reply| drop(SubmitResponder::new(reply))), crowded);
+        assert_eq!(told(|reply| SubmitResponder::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
+        let once = told(|reply| SubmitResponder::new(reply).send(Err(Refusal::KeyReused)));
         assert_eq!(once, Poll::Ready(Err(Refusal::KeyReused)));
     }
 
@@ -281,8 +287,8 @@ mod tests {
     fn a_key_goes_with_what_was_asked_for() {
         let sha256 = |text: &str, pace| {
             let caller = Caller { name: "test".to_owned(), remote: None };
-            let order = Order { text: text.to_owned(), pace, key: Some("k".to_owned()), caller };
-            Asked::now(order, MonotonicClock::new()).by_key().map(|job| job.body_sha256)
+            let order = Submission { text: text.to_owned(), pace, key: Some("k".to_owned()), caller };
+            SubmitRequest::now(order, MonotonicClock::new()).by_key().map(|job| job.body_sha256)
         };
         let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
         let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256(text, pace)).into();

@@ -15,7 +15,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
 /// The service manager's variables in the environment; read by the command line.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Notice<'a> {
+pub struct NotifyEnv<'a> {
     /// `NOTIFY_SOCKET`: address it listens on.
     pub socket: Option<&'a OsStr>,
     /// `WATCHDOG_USEC`: longest time between two signs of life, µs.
@@ -33,7 +33,7 @@ pub struct ServiceManager {
 
 impl ServiceManager {
     /// The service manager that `notice` describes, for the process `pid`.
-    pub fn new(notice: Notice<'_>, pid: u32) -> Result<Self, String> {
+    pub fn new(notice: NotifyEnv<'_>, pid: u32) -> Result<Self, String> {
         let address = notice.socket.map(address_of).transpose()?;
         let is_meant = notice.watchdog_pid.is_none_or(|meant| meant == pid.to_string());
         let patience = notice.watchdog_usec.filter(|_| is_meant && address.is_some()).map(patience_of).transpose()?;
@@ -42,17 +42,17 @@ impl ServiceManager {
 
     /// Reports that the daemon answers requests. `status` is shown as the service's status.
     pub fn ready(&self, status: &str) {
-        self.tell(&format!("READY=1\nSTATUS={}", one_line(status)));
+        self.notify(&format!("READY=1\nSTATUS={}", one_line(status)));
     }
 
     /// Reports that the daemon is shutting down.
     pub fn stopping(&self) {
-        self.tell("STOPPING=1\nSTATUS=ending");
+        self.notify("STOPPING=1\nSTATUS=ending");
     }
 
     /// Extends the timeout of a start or stop by `time` from now.
     pub fn extend(&self, time: Duration) {
-        self.tell(&format!("EXTEND_TIMEOUT_USEC={}", time.as_micros()));
+        self.notify(&format!("EXTEND_TIMEOUT_USEC={}", time.as_micros()));
     }
 
     /// Starts a thread that sends signs of life, twice in the manager's watchdog interval and only while `well` returns
@@ -60,24 +60,27 @@ impl ServiceManager {
     pub fn keep_alive(
         &self,
         well: impl Fn() -> Result<(), String> + Send + 'static,
-    ) -> io::Result<Option<SignsOfLife>> {
+    ) -> io::Result<Option<WatchdogPing>> {
         let Some(patience) = self.patience else { return Ok(None) };
         let (ending, manager) = (Arc::new(AtomicBool::new(false)), self.clone());
         let told = Arc::clone(&ending);
-        let show = move || manager.show_life(patience / 2, &told, &well);
+        let show = move || manager.start_watchdog_ping(patience / 2, &told, &well);
         let thread = thread::Builder::new().name("alive".into()).spawn(show)?;
-        Ok(Some(SignsOfLife { ending, thread: Some(thread) }))
+        Ok(Some(WatchdogPing { ending, thread: Some(thread) }))
     }
 
-    fn show_life(&self, period: Duration, ending: &AtomicBool, well: &dyn Fn() -> Result<(), String>) {
+    fn start_watchdog_ping(&self, period: Duration, ending: &AtomicBool, well: &dyn Fn() -> Result<(), String>) {
         let mut before = Ok(());
         while !ending.load(Ordering::SeqCst) {
             let now = well();
             if now.is_ok() {
-                self.tell("WATCHDOG=1");
+                self.notify("WATCHDOG=1");
             }
             if now != before {
-                self.tell(&format!("STATUS={}", one_line(now.as_ref().err().map_or("healthy again", String::as_str))));
+                self.notify(&format!(
+                    "STATUS={}",
+                    one_line(now.as_ref().err().map_or("healthy again", String::as_str))
+                ));
                 match &now {
                     Ok(()) => tracing::info!("healthy again"),
                     Err(why) => tracing::error!("no sign of life for the service manager: {why}"),
@@ -89,7 +92,7 @@ impl ServiceManager {
     }
 
     /// Sends a message. A failure is only logged: a service manager that does not listen must not stop the daemon.
-    fn tell(&self, message: &str) {
+    fn notify(&self, message: &str) {
         let Some(address) = &self.address else { return };
         if let Err(error) = send(address, message) {
             tracing::warn!(%error, "the service manager was not told");
@@ -99,12 +102,12 @@ impl ServiceManager {
 
 /// The thread that sends signs of life; dropping it ends them.
 #[derive(Debug)]
-pub struct SignsOfLife {
+pub struct WatchdogPing {
     ending: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Drop for SignsOfLife {
+impl Drop for WatchdogPing {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
@@ -173,7 +176,7 @@ mod tests {
         }
 
         fn manager(&self, watchdog_usec: Option<&str>) -> ServiceManager {
-            ServiceManager::new(Notice { socket: Some(&self.name), watchdog_usec, watchdog_pid: None }, 7).unwrap()
+            ServiceManager::new(NotifyEnv { socket: Some(&self.name), watchdog_usec, watchdog_pid: None }, 7).unwrap()
         }
 
         fn heard(&self) -> String {
@@ -208,7 +211,7 @@ mod tests {
         let socket = UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(&name).unwrap()).unwrap();
         socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let named = OsString::from(format!("@{name}"));
-        ServiceManager::new(Notice { socket: Some(&named), ..Notice::default() }, 7).unwrap().stopping();
+        ServiceManager::new(NotifyEnv { socket: Some(&named), ..NotifyEnv::default() }, 7).unwrap().stopping();
         assert!(heard(&socket).starts_with("STOPPING=1"));
     }
 
@@ -234,23 +237,25 @@ mod tests {
 
     #[test]
     fn without_a_service_manager_nothing_happens() {
-        let manager = ServiceManager::new(Notice { watchdog_usec: Some("1000000"), ..Notice::default() }, 7).unwrap();
+        let manager =
+            ServiceManager::new(NotifyEnv { watchdog_usec: Some("1000000"), ..NotifyEnv::default() }, 7).unwrap();
         manager.ready("");
         assert!(manager.keep_alive(|| Ok(())).unwrap().is_none());
         let gone = OsStr::new("/nonexistent/notify");
-        ServiceManager::new(Notice { socket: Some(gone), ..Notice::default() }, 7).unwrap().stopping();
+        ServiceManager::new(NotifyEnv { socket: Some(gone), ..NotifyEnv::default() }, 7).unwrap().stopping();
     }
 
     #[test]
     fn only_the_process_that_is_meant_shows_life_and_bad_notices_are_told() {
         let socket = Some(OsStr::new("/run/notify"));
-        let made = |watchdog_usec, watchdog_pid| ServiceManager::new(Notice { socket, watchdog_usec, watchdog_pid }, 7);
+        let made =
+            |watchdog_usec, watchdog_pid| ServiceManager::new(NotifyEnv { socket, watchdog_usec, watchdog_pid }, 7);
         assert_eq!(made(Some("3000000"), Some("7")).unwrap().patience, Some(Duration::from_secs(3)));
         assert_eq!(made(Some("3000000"), Some("8")).unwrap().patience, None);
         for bad in ["", "0", "-1", "x"] {
             assert!(made(Some(bad), None).unwrap_err().starts_with("WATCHDOG_USEC: expected "), "{bad}");
         }
-        let odd = Notice { socket: Some(OsStr::new("notify")), ..Notice::default() };
+        let odd = NotifyEnv { socket: Some(OsStr::new("notify")), ..NotifyEnv::default() };
         assert!(ServiceManager::new(odd, 7).unwrap_err().ends_with(", found notify"));
     }
 }

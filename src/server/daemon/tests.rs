@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::desk::FrontDesk;
+use super::backend::DaemonBackend;
 use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::service::{
-    Caller, Desk, EStopped, Job, JobState, JobsQuery, Order, Pace, Plate, PlateState, Promise, Reason, ReasonCode,
-    Refusal, ResetRequest, Submitted,
+    Backend, Caller, EStopped, Job, JobCreated, JobState, JobsQuery, Pace, Pending, Plate, PlateState, Reason,
+    ReasonCode, Refusal, ResetRequest, Submission,
 };
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{DaemonSpec, WatchdogSpec};
@@ -75,20 +75,20 @@ fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
 }
 
 /// A running daemon without network, reached only through its desk.
-struct Running {
-    desk: Arc<FrontDesk>,
+struct RunningDaemon {
+    desk: Arc<DaemonBackend>,
     _data: tempfile::TempDir,
 }
 
-impl Running {
+impl RunningDaemon {
     fn new() -> Self {
         let data = tempfile::tempdir().unwrap();
         Self { desk: start(spec(data.path())).unwrap().desk, _data: data }
     }
 
-    fn order(&self, text: &str, pace: Pace, key: Option<&str>) -> Result<Submitted, Refusal> {
+    fn order(&self, text: &str, pace: Pace, key: Option<&str>) -> Result<JobCreated, Refusal> {
         let key = key.map(str::to_owned);
-        kept(self.desk.submit(Order { text: text.to_owned(), pace: Some(pace), key, caller: caller() }))
+        kept(self.desk.submit(Submission { text: text.to_owned(), pace: Some(pace), key, caller: caller() }))
     }
 
     fn submit(&self, text: &str) -> Result<Job, Refusal> {
@@ -102,7 +102,7 @@ impl Running {
     }
 
     /// Requests a reset of plate upm-1.
-    fn reset(&self) -> Promise<Plate> {
+    fn reset(&self) -> Pending<Plate> {
         let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
         self.desk.reset("upm-1", request, caller())
     }
@@ -123,7 +123,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningDaemon {
     fn drop(&mut self) {
         assert_eq!(self.desk.state.plates.shutdown(PATIENCE), [""; 0]);
         self.desk.state.store.close(Duration::from_secs(5));
@@ -152,7 +152,7 @@ fn on(plate: &str) -> String {
 
 #[test]
 fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     assert_eq!(running.submit(&on("upm-1")).unwrap().plate, "upm-1");
     assert_eq!(running.submit(&format!("{{{REST}}}")).unwrap().plate, "upm-2", "the default");
     let rig = std::fs::read_to_string(
@@ -172,7 +172,7 @@ fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
 
 #[test]
 fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     running.pause();
     let text = on("upm-1");
     let first = running.order(&text, Pace::Max, Some("k")).unwrap();
@@ -188,7 +188,7 @@ fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
 
 #[test]
 fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     running.pause();
     let jobs: Vec<Job> = (0..3).map(|_| running.submit(&on("upm-1")).unwrap()).collect();
     let full = running.submit(&on("upm-1")).unwrap_err();
@@ -210,7 +210,7 @@ fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
 
 #[test]
 fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     let long = on("upm-1").replace("0.2", "60");
     let id = running.order(&long, Pace::RealTime, None).unwrap().job.id;
     soon("no frame comes", || kept(running.desk.plates()).unwrap().plates[0].age_s);
@@ -220,13 +220,13 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
     assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "emergency stop"));
     assert!(matches!(kept(running.desk.resume("upm-1", caller())), Err(Refusal::Conflict(_))));
     assert!(matches!(kept(running.desk.estop("upm-9", caller())), Err(Refusal::Unknown(_))));
-    assert!(running.desk.ailments().is_empty() && running.desk.obstacles().is_empty());
+    assert!(running.desk.liveness_failures().is_empty() && running.desk.readiness_failures().is_empty());
     assert!(running.desk.metrics().contains("upm_estops_total{plate=\"upm-1\"} 1"), "{}", running.desk.metrics());
 }
 
 #[test]
 fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     running.stopped();
     let held = running.desk.state.store.hold();
     let earlier = [running.reset(), running.reset()];
@@ -242,24 +242,24 @@ fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it
 }
 
 /// Submits a job for plate upm-1 without waiting for the reply.
-fn sent(running: &Running) -> Promise<Submitted> {
+fn sent(running: &RunningDaemon) -> Pending<JobCreated> {
     let (text, pace, key) = (on("upm-1"), Some(Pace::Max), None);
-    running.desk.submit(Order { text, pace, key, caller: caller() })
+    running.desk.submit(Submission { text, pace, key, caller: caller() })
 }
 
 /// Waits until at least `tasks` tasks are queued for the store.
-fn until_waiting(running: &Running, tasks: usize) {
+fn until_waiting(running: &RunningDaemon, tasks: usize) {
     let waiting = || running.desk.state.store.health().waiting;
     soon("the store is not asked", || (waiting() >= tasks).then_some(()));
 }
 
-fn all_jobs(running: &Running) -> Vec<Job> {
+fn all_jobs(running: &RunningDaemon) -> Vec<Job> {
     kept(running.desk.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
 }
 
 /// Keeps all plates from claiming jobs.
-fn quiet() -> Running {
-    let running = Running::new();
+fn quiet() -> RunningDaemon {
+    let running = RunningDaemon::new();
     for plate in running.desk.state.plates.iter() {
         kept(running.desk.estop(plate.name(), caller())).unwrap();
     }
@@ -333,18 +333,18 @@ fn one_daemon_has_the_data() {
 fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back() {
     let parent = tempfile::tempdir().unwrap();
     let (data, aside) = (parent.path().join("data"), parent.path().join("aside"));
-    let running = Running { desk: start(spec(&data)).unwrap().desk, _data: parent };
+    let running = RunningDaemon { desk: start(spec(&data)).unwrap().desk, _data: parent };
     let desk = &running.desk;
     let codes = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.code).collect::<Vec<_>>();
     let unwell = |refusal| matches!(refusal, Refusal::Unwell(reason) if reason.code == ReasonCode::DataDisplaced);
     for path in ["latch/upm-1", "lock", "upm.db", "upm.db-wal", ""] {
         desk.state.check_paths();
-        assert_eq!((codes(desk.ailments()), codes(desk.obstacles())), (vec![], vec![]), "{path}");
+        assert_eq!((codes(desk.liveness_failures()), codes(desk.readiness_failures())), (vec![], vec![]), "{path}");
         let path = if path.is_empty() { data.clone() } else { data.join(path) };
         std::fs::rename(&path, &aside).unwrap();
         desk.state.check_paths();
-        assert_eq!(codes(desk.ailments()), [ReasonCode::DataDisplaced], "{}", path.display());
-        assert_eq!(codes(desk.obstacles()), [ReasonCode::DataDisplaced]);
+        assert_eq!(codes(desk.liveness_failures()), [ReasonCode::DataDisplaced], "{}", path.display());
+        assert_eq!(codes(desk.readiness_failures()), [ReasonCode::DataDisplaced]);
         let states: Vec<PlateState> = desk.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
         assert!(states.iter().all(|state| *state == PlateState::Paused), "{states:?}");
         assert!(unwell(running.submit(&on("upm-1")).unwrap_err()));

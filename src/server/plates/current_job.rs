@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::watchdog::{Deadlines, Vitals};
+use super::watchdog::{Heartbeat, WatchdogDeadlines};
 use super::{JobLayout, LastObservation};
 use crate::store::JobId;
 use upm_core::job::StopCause;
@@ -15,23 +15,23 @@ use upm_runner::run::{ExternalStop, PacingStats};
 /// The job on a plate, and the ends requested for it.
 #[derive(Debug, Default)]
 pub(super) struct CurrentJob {
-    turn: Mutex<Turn>,
+    turn: Mutex<JobSlot>,
     /// Set to end the run.
     pub end_run: Arc<AtomicBool>,
-    pub vitals: Vitals,
+    pub vitals: Heartbeat,
     /// True for a run in real time.
     real_time: AtomicBool,
     /// True for strict deadlines.
     strict: AtomicBool,
     pub pacing: Arc<PacingStats>,
-    seen: Mutex<Seen>,
+    seen: Mutex<TimedObservation>,
     layout: Mutex<Option<Arc<JobLayout>>>,
 }
 
 /// The plate's current job and its neighbours that matter to a cancel.
 #[derive(Debug, Default)]
-struct Turn {
-    running: Option<Running>,
+struct JobSlot {
+    running: Option<RunningJob>,
     /// The previous job.
     last: Option<JobId>,
     /// A job that was cancelled before it began on the plate.
@@ -39,7 +39,7 @@ struct Turn {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Running {
+pub(super) struct RunningJob {
     pub job: JobId,
     /// True for a run of the standing job.
     pub standing: bool,
@@ -51,7 +51,7 @@ pub(super) struct Running {
 
 /// The newest observation of the parts, and when it was made.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct TimedObservation {
     pub sight: LastObservation,
     pub at: Option<Duration>,
 }
@@ -59,7 +59,7 @@ pub(super) struct Seen {
 impl CurrentJob {
     /// Begins a job on the plate. Its run ends at once when it was cancelled before.
     pub fn begin(&self, job: JobId, standing: bool, recording: RecordingHandle, journal: WriterStatus) {
-        *self.seen.lock() = Seen::default();
+        *self.seen.lock() = TimedObservation::default();
         *self.layout.lock() = None;
         self.vitals.clear();
         let mut turn = self.turn.lock();
@@ -67,7 +67,7 @@ impl CurrentJob {
         if cause.is_some() {
             self.end_run.store(true, Ordering::SeqCst);
         }
-        turn.running = Some(Running { job, standing, recording, journal, cause });
+        turn.running = Some(RunningJob { job, standing, recording, journal, cause });
     }
 
     /// Sets the job's layout, once its text has been read.
@@ -88,7 +88,7 @@ impl CurrentJob {
     }
 
     /// The job on the plate.
-    pub fn running(&self) -> Option<Running> {
+    pub fn running(&self) -> Option<RunningJob> {
         self.turn.lock().running.clone()
     }
 
@@ -121,7 +121,7 @@ impl CurrentJob {
     /// Ends the run of `job`, which is running according to the store: now, or as soon as it begins on the plate. False
     /// when its run is over.
     pub fn cancel(&self, job: &JobId) -> bool {
-        let Turn { running, last, unwanted } = &mut *self.turn.lock();
+        let JobSlot { running, last, unwanted } = &mut *self.turn.lock();
         match running {
             Some(running) if running.job == *job => {
                 running.cause.get_or_insert_with(cancelled);
@@ -149,9 +149,9 @@ impl CurrentJob {
     }
 
     /// Pacing of its run.
-    pub fn deadlines(&self) -> Deadlines {
+    pub fn deadlines(&self) -> WatchdogDeadlines {
         let is_strict = self.strict.load(Ordering::Relaxed);
-        Deadlines {
+        WatchdogDeadlines {
             policy: if is_strict { DeadlinePolicy::Strict } else { DeadlinePolicy::Relaxed },
             real_time: self.real_time.load(Ordering::Relaxed),
             misses: self.pacing.misses(),
@@ -167,7 +167,7 @@ impl CurrentJob {
     }
 
     /// The newest observation of the parts.
-    pub fn seen(&self) -> Seen {
+    pub fn seen(&self) -> TimedObservation {
         self.seen.lock().clone()
     }
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
 
-use super::shared::Shared;
+use super::shared::PlateInner;
 use super::watchdog::ms;
 use crate::store::JobId;
 use upm_core::files::free_bytes;
@@ -20,7 +20,7 @@ use upm_recording::{RecordingHandle, RecordingState};
 /// Interval between two measurements of free space.
 const APART: Duration = Duration::from_secs(1);
 /// Time for which a measurement is valid. One that takes longer hangs.
-const HOLDS: Duration = Duration::from_secs(5);
+const STALL_LIMIT: Duration = Duration::from_secs(5);
 /// Estimated bytes per second of plate time of a recording, before any was made. Recordings of the plus sign take 0.1
 /// MB/s, those of eight coins 0.2 MB/s; this is twice as much.
 const FIRST_RATE: f64 = 0.4e6;
@@ -30,30 +30,30 @@ const RATES: usize = 10;
 const SHORTEST_S: f64 = 1.0;
 const UNKNOWN: u64 = u64::MAX;
 
-/// Free space on the disk, and the space promised to recordings.
+/// Free space on the disk, and the space reserved to recordings.
 #[derive(Debug)]
-pub(super) struct Disk {
+pub(super) struct DiskSpace {
     min_free_bytes: u64,
     /// Free bytes at the last measurement; [`UNKNOWN`] when the disk did not respond.
     free_bytes: AtomicU64,
     looked_ms: AtomicU64,
     /// True once it was logged that the disk does not respond.
-    told: AtomicBool,
+    reported: AtomicBool,
     ending: AtomicBool,
-    /// Recordings of running jobs with the bytes promised to each.
-    promised: Mutex<BTreeMap<JobId, (RecordingHandle, u64)>>,
+    /// Recordings of running jobs with the bytes reserved for each.
+    reserved: Mutex<BTreeMap<JobId, (RecordingHandle, u64)>>,
 }
 
-impl Disk {
+impl DiskSpace {
     /// The state of the disk that holds `folder`, measured once.
     pub fn new(folder: &Path, min_free_bytes: u64, clock: &MonotonicClock) -> Self {
         Self {
             min_free_bytes,
             free_bytes: AtomicU64::new(free_bytes(folder).ok().unwrap_or(UNKNOWN)),
             looked_ms: AtomicU64::new(ms(clock.elapsed())),
-            told: AtomicBool::new(false),
+            reported: AtomicBool::new(false),
             ending: AtomicBool::new(false),
-            promised: Mutex::default(),
+            reserved: Mutex::default(),
         }
     }
 
@@ -69,17 +69,17 @@ impl Disk {
         Some(format!("the disk has only {} left", megabytes(free)))
     }
 
-    /// Promises `wanted_bytes` to the recording of a job, until [`Self::release`]. `Err` says why not; it counts the
+    /// Reserves `wanted_bytes` for the recording of a job, until [`Self::release`]. `Err` says why not; it counts the
     /// bytes that other recordings may still take. A disk that does not respond is assumed to have room.
-    pub fn promise(
+    pub fn reserve(
         &self,
         job: JobId,
         recording: &RecordingHandle,
         wanted_bytes: u64,
         now: Duration,
     ) -> Result<(), String> {
-        let mut promised = self.promised();
-        let others = promised.values().map(|(recording, bytes)| still_to_come(&recording.state(), *bytes));
+        let mut reserved = self.reserved();
+        let others = reserved.values().map(|(recording, bytes)| still_to_come(&recording.state(), *bytes));
         let others_bytes = others.fold(0, u64::saturating_add);
         let taken_bytes = wanted_bytes.saturating_add(others_bytes).saturating_add(self.min_free_bytes);
         if let Some(free) = self.free_bytes(now).filter(|&free| free < taken_bytes) {
@@ -87,34 +87,34 @@ impl Disk {
             let others = if others_bytes > 0 { format!(", other recordings {others} more") } else { String::new() };
             return Err(format!("it may take {wanted}{others}; the disk has {free} left, of which {kept} stay free"));
         }
-        promised.insert(job, (recording.clone(), wanted_bytes));
+        reserved.insert(job, (recording.clone(), wanted_bytes));
         Ok(())
     }
 
-    /// Ends the promise to the recording of this job.
+    /// Ends the reservation of the recording of this job.
     pub fn release(&self, job: &JobId) {
-        self.promised().remove(job);
+        self.reserved().remove(job);
     }
 
-    fn promised(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingHandle, u64)>> {
-        self.promised.lock()
+    fn reserved(&self) -> MutexGuard<'_, BTreeMap<JobId, (RecordingHandle, u64)>> {
+        self.reserved.lock()
     }
 
     /// Logs once that the disk does not respond.
-    pub fn heed(&self, now: Duration) {
-        if self.hangs(now) && !self.told.swap(true, Ordering::Relaxed) {
-            tracing::error!("the disk does not respond ({} s)", HOLDS.as_secs());
+    pub fn log_stall(&self, now: Duration) {
+        if self.hangs(now) && !self.reported.swap(true, Ordering::Relaxed) {
+            tracing::error!("the disk does not respond ({} s)", STALL_LIMIT.as_secs());
         }
     }
 
     fn hangs(&self, now: Duration) -> bool {
-        now.saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed))) > HOLDS
+        now.saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed))) > STALL_LIMIT
     }
 
     fn saw(&self, free: Option<u64>, now: Duration) {
         self.free_bytes.store(free.unwrap_or(UNKNOWN), Ordering::Relaxed);
         self.looked_ms.store(ms(now), Ordering::Relaxed);
-        if self.told.swap(false, Ordering::Relaxed) {
+        if self.reported.swap(false, Ordering::Relaxed) {
             tracing::info!("the disk answers again");
         }
     }
@@ -127,14 +127,14 @@ impl Disk {
 
 /// Polls free space on its own thread, because `statvfs` on a hung disk can block forever.
 pub(super) struct DiskGuard {
-    pub disk: Arc<Disk>,
+    pub disk: Arc<DiskSpace>,
     pub folder: PathBuf,
-    pub plates: Vec<Arc<Shared>>,
+    pub plates: Vec<Arc<PlateInner>>,
     pub clock: MonotonicClock,
 }
 
 impl DiskGuard {
-    /// Polls until [`Disk::end`].
+    /// Polls until [`DiskSpace::end`].
     pub fn run(self) {
         while !self.disk.ending.load(Ordering::Relaxed) {
             self.saw(free_bytes(&self.folder).ok());
@@ -175,7 +175,7 @@ impl Rates {
     }
 }
 
-/// Bytes that a recording may still take of those promised.
+/// Bytes that a recording may still take of those reserved.
 fn still_to_come(state: &RecordingState, promised_bytes: u64) -> u64 {
     match state {
         RecordingState::Off => promised_bytes,
@@ -215,10 +215,10 @@ mod tests {
     #[test]
     fn what_must_stay_free_is_no_room() {
         let clock = MonotonicClock::new();
-        let disk = Disk::new(Path::new("/no/such/folder"), 500 * MB, &clock);
+        let disk = DiskSpace::new(Path::new("/no/such/folder"), 500 * MB, &clock);
         let now = clock.elapsed();
         let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
-        let promise = |number, bytes| disk.promise(job(number), &RecordingHandle::default(), bytes, now);
+        let promise = |number, bytes| disk.reserve(job(number), &RecordingHandle::default(), bytes, now);
         assert_eq!((disk.free_bytes(now), promise(0, u64::MAX)), (None, Ok(())), "nobody knows");
         disk.release(&job(0));
         disk.saw(Some(600 * MB), now);
@@ -232,20 +232,20 @@ mod tests {
     #[test]
     fn recordings_at_the_same_time_share_the_room() {
         let clock = MonotonicClock::new();
-        let (disk, now) = (Disk::new(Path::new("/"), 500 * MB, &clock), clock.elapsed());
+        let (disk, now) = (DiskSpace::new(Path::new("/"), 500 * MB, &clock), clock.elapsed());
         let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
         let (first, second) = (RecordingHandle::default(), RecordingHandle::default());
         disk.saw(Some(600 * MB), now);
-        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        assert_eq!(disk.reserve(job(1), &first, 70 * MB, now), Ok(()));
         let told =
             "it may take 40 MB, other recordings 70 MB more; the disk has 600 MB left, of which 500 MB stay free";
-        assert_eq!(disk.promise(job(2), &second, 40 * MB, now), Err(told.to_owned()));
-        assert_eq!(disk.promise(job(2), &second, 30 * MB, now), Ok(()));
+        assert_eq!(disk.reserve(job(2), &second, 40 * MB, now), Err(told.to_owned()));
+        assert_eq!(disk.reserve(job(2), &second, 30 * MB, now), Ok(()));
         disk.release(&job(1));
-        assert_eq!(disk.promise(job(1), &first, 70 * MB, now), Ok(()));
+        assert_eq!(disk.reserve(job(1), &first, 70 * MB, now), Ok(()));
         disk.release(&job(1));
         disk.release(&job(2));
-        assert!(disk.promised().is_empty());
+        assert!(disk.reserved().is_empty());
     }
 
     #[test]
@@ -260,18 +260,18 @@ mod tests {
     #[test]
     fn a_disk_that_hangs_is_told_once() {
         let clock = MonotonicClock::new();
-        let disk = Disk::new(Path::new("/"), 0, &clock);
+        let disk = DiskSpace::new(Path::new("/"), 0, &clock);
         disk.saw(Some(MB), Duration::from_secs(10));
         for s in 10..=15 {
-            disk.heed(Duration::from_secs(s));
+            disk.log_stall(Duration::from_secs(s));
             assert_eq!(disk.free_bytes(Duration::from_secs(s)), Some(MB));
         }
-        assert!(!disk.told.load(Ordering::Relaxed));
-        disk.heed(Duration::from_millis(15_001));
-        assert!(disk.told.load(Ordering::Relaxed));
+        assert!(!disk.reported.load(Ordering::Relaxed));
+        disk.log_stall(Duration::from_millis(15_001));
+        assert!(disk.reported.load(Ordering::Relaxed));
         assert_eq!(disk.free_bytes(Duration::from_millis(15_001)), None);
         disk.saw(Some(MB), Duration::from_secs(20));
-        assert!(!disk.told.load(Ordering::Relaxed));
+        assert!(!disk.reported.load(Ordering::Relaxed));
     }
 
     #[test]

@@ -11,7 +11,7 @@ const TARGET: Rgb<u8> = Rgb([60, 160, 255]);
 
 /// A mark drawn over a frame, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mark {
+pub(super) struct OverlayMark {
     pub center_px: Vec2,
     /// Radius; 0 for a target.
     pub radius_px: f64,
@@ -20,7 +20,7 @@ pub(super) struct Mark {
 }
 
 /// `frame` at half its size with `marks` drawn over it, as PNG; `None` for a frame without pixels.
-pub(super) fn draw(frame: &Frame, marks: &[Mark]) -> Option<Vec<u8>> {
+pub(super) fn draw(frame: &Frame, marks: &[OverlayMark]) -> Option<Vec<u8>> {
     let (width, height) = (frame.width / 2, frame.height / 2);
     let mut picture = RgbImage::new(u32::try_from(width).ok()?, u32::try_from(height).ok()?);
     let rows = picture.as_flat_samples_mut().samples.chunks_exact_mut(3 * width.max(1));
@@ -42,7 +42,7 @@ pub(super) fn draw(frame: &Frame, marks: &[Mark]) -> Option<Vec<u8>> {
     Some(png)
 }
 
-fn mark_in(picture: &mut RgbImage, mark: &Mark) {
+fn mark_in(picture: &mut RgbImage, mark: &OverlayMark) {
     // the centre of a half-size pixel is midway between the centres of two full-size pixels
     let half = |px: f64| ((px - 0.5) / 2.0).round();
     let (x, y) = (half(mark.center_px.x), half(mark.center_px.y));
@@ -71,7 +71,7 @@ mod tests {
     fn parts_are_ringed_and_targets_crossed() {
         let frame =
             Frame { width: 200, height: 100, pixels: vec![100; 200 * 100], index: 0, exposed_at: PlateTime::ZERO };
-        let mark = |x: f64, y: f64, radius_px: f64, seen| Mark { center_px: Vec2::new(x, y), radius_px, seen };
+        let mark = |x: f64, y: f64, radius_px: f64, seen| OverlayMark { center_px: Vec2::new(x, y), radius_px, seen };
         let marks = [
             mark(40.5, 40.5, 20.0, true),
             mark(140.5, 40.5, 20.0, false),

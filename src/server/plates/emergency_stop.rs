@@ -19,7 +19,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::ResetFault;
-use super::latch::{Held, Latch};
+use super::latch::{Latch, StopToken};
 use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, StopTimes, Trip};
 use upm_runner::run::ExternalStop;
@@ -127,7 +127,7 @@ impl EmergencyStop {
     }
 
     /// The stop that holds, as the token for its reset.
-    pub fn held(&self) -> Result<Held, ResetFault> {
+    pub fn held(&self) -> Result<StopToken, ResetFault> {
         match self.latch.held() {
             Some(held) => Ok(held),
             None if self.holds() => Err(ResetFault::StillStopping),
@@ -139,7 +139,7 @@ impl EmergencyStop {
     /// the motors are free. A stop made since `held` was taken holds.
     pub fn reset(
         &self,
-        held: Held,
+        held: StopToken,
         allow: impl FnOnce() -> Result<(), ResetFault>,
         pause: impl FnOnce(),
     ) -> Result<(), ResetFault> {

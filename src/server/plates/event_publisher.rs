@@ -3,7 +3,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 use super::events::{EventDraft, JobEvent};
-use super::shared::Shared;
+use super::shared::PlateInner;
 use crate::store::{JobId, NewEvent};
 use upm_core::background::{Receiver, RecvTimeoutError};
 
@@ -23,7 +23,7 @@ pub(super) enum Outgoing {
 
 /// Publishes the plate's events to the store and to subscribers, and encodes pictures. Runs on its own thread, so that
 /// the plate never waits for the disk or for subscribers.
-pub(super) fn publish(shared: &Shared, items: &Receiver<Outgoing>) {
+pub(super) fn publish(shared: &PlateInner, items: &Receiver<Outgoing>) {
     loop {
         match items.recv_timeout(TICK) {
             Ok(Outgoing::Tell(job, news)) => tell(shared, job, news),
@@ -32,13 +32,13 @@ pub(super) fn publish(shared: &Shared, items: &Receiver<Outgoing>) {
             Ok(Outgoing::End) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
         }
-        shared.window.develop();
+        shared.window.encode();
     }
 }
 
 /// Publishes an event. A durable one is published only once it is on the disk, so that a number a client has seen is
 /// never reused; one that the store cannot take is published without a number.
-fn tell(shared: &Shared, job: JobId, news: EventDraft) {
+fn tell(shared: &PlateInner, job: JobId, news: EventDraft) {
     let EventDraft { plate_time, kind, body, durable } = news;
     let unnumbered = JobEvent { job, seq: None, kind, body: Arc::clone(&body) };
     if !durable {
@@ -51,7 +51,7 @@ fn tell(shared: &Shared, job: JobId, news: EventDraft) {
         Ok(stored) => subscribers.offer(&JobEvent { seq: Some(stored.seq), ..lost }),
         Err(_) => subscribers.offer(&lost),
     });
-    if !shared.ledger.tell(&job, event, published) {
+    if !shared.ledger.append_event(&job, event, published) {
         shared.subscribers.offer(&unnumbered);
     }
 }

@@ -70,7 +70,7 @@ pub(super) struct EventDraft {
 
 #[derive(Serialize)]
 #[serde(untagged)]
-enum Body<'a> {
+enum EventBody<'a> {
     State {
         state: &'a str,
         at_s: f64,
@@ -108,20 +108,20 @@ enum Body<'a> {
 }
 
 impl EventDraft {
-    fn new(plate_time: PlateTime, kind: &'static str, durable: bool, body: &Body<'_>) -> Self {
+    fn new(plate_time: PlateTime, kind: &'static str, durable: bool, body: &EventBody<'_>) -> Self {
         let body = serde_json::to_string(body).unwrap_or_else(|_| "{}".into());
         Self { plate_time, kind, body: body.into(), durable }
     }
 
     pub fn state(at: PlateTime, state: JobState) -> Self {
-        Self::new(at, "state", true, &Body::State { state: state.code(), at_s: at.secs() })
+        Self::new(at, "state", true, &EventBody::State { state: state.code(), at_s: at.secs() })
     }
 
     /// A planned cycle; `behind` is the lag of plate time behind the clock.
     pub fn cycle(facts: &CycleFacts<'_>, behind: Duration) -> Self {
         let pulses = &facts.plan.pulses;
         let rotations = pulses.iter().filter(|pulse| matches!(pulse, PlannedPulse::Rotation(_))).count();
-        let body = Body::Cycle {
+        let body = EventBody::Cycle {
             cycle: facts.index,
             at_s: facts.ended_at.secs(),
             phase: &facts.wanted.phase,
@@ -137,16 +137,16 @@ impl EventDraft {
     }
 
     pub fn warning(at: PlateTime, level: EventLevel, text: &str) -> Self {
-        Self::new(at, "warning", true, &Body::Warning { at_s: at.secs(), level: level.name(), text })
+        Self::new(at, "warning", true, &EventBody::Warning { at_s: at.secs(), level: level.name(), text })
     }
 
     pub fn recording(at: PlateTime, kept: RecordingStatus, reason: &str) -> Self {
-        Self::new(at, "recording", true, &Body::Recording { at_s: at.secs(), recording: kept.code(), reason })
+        Self::new(at, "recording", true, &EventBody::Recording { at_s: at.secs(), recording: kept.code(), reason })
     }
 
     /// An observation; `behind` as in [`EventDraft::cycle`].
     pub fn look(sight: &LastObservation, behind: Duration) -> Self {
-        let body = Body::Look {
+        let body = EventBody::Look {
             at_s: sight.at.secs(),
             phase: &sight.phase,
             progress: sight.progress,

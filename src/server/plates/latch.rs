@@ -26,14 +26,14 @@ const UNKNOWN: u64 = u64::MAX;
 
 /// One plate's latch. Copies are the same latch.
 #[derive(Clone, Debug)]
-pub struct Latch(Arc<Cell>);
+pub struct Latch(Arc<LatchCell>);
 
 /// A stop that held when it was read. It can be released unless a newer stop was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Held(Word);
+pub struct StopToken(LatchWord);
 
 #[derive(Debug)]
-struct Cell {
+struct LatchCell {
     word: AtomicU64,
     /// The word on the disk: written, and verified to be in the file that the path names.
     kept: AtomicU64,
@@ -44,9 +44,9 @@ struct Cell {
 /// State of a latch. The upper half counts the stops; the lower half counts the changes of state and is odd while
 /// stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Word(u64);
+struct LatchWord(u64);
 
-impl Word {
+impl LatchWord {
     const ONE_STOP: u64 = 1 << 32;
 
     fn changes(self) -> u64 {
@@ -67,27 +67,27 @@ impl Latch {
     /// A latch in the state that was found, not yet confirmed to be on the disk.
     pub(super) fn found(stopped: bool) -> Self {
         let (word, kept) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
-        Self(Arc::new(Cell { word, kept, settled: Default::default() }))
+        Self(Arc::new(LatchCell { word, kept, settled: Default::default() }))
     }
 
     /// Stops. True when it was not stopped before. Never waits.
     pub fn stop(&self) -> bool {
-        let next = |word| Some(Word(word).stopped().0);
+        let next = |word| Some(LatchWord(word).stopped().0);
         let before = self.0.word.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
-        before.is_ok_and(|word| !Word(word).is_stopped())
+        before.is_ok_and(|word| !LatchWord(word).is_stopped())
     }
 
     /// The stop that holds, if one does.
-    pub fn held(&self) -> Option<Held> {
+    pub fn held(&self) -> Option<StopToken> {
         let word = self.0.word();
-        word.is_stopped().then_some(Held(word))
+        word.is_stopped().then_some(StopToken(word))
     }
 
     /// Releases that stop. False when it was released, or another stop was made, in between.
-    pub fn release(&self, Held(word): Held) -> bool {
+    pub fn release(&self, StopToken(word): StopToken) -> bool {
         let released = self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok();
         if released {
-            self.0.settle();
+            self.0.notify_waiters();
         }
         released
     }
@@ -96,8 +96,8 @@ impl Latch {
     /// holds.
     pub fn wait_until_kept(&self, within: Duration) -> bool {
         let (lock, condition) = &self.0.settled;
-        condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_kept(), within);
-        self.is_stopped() && self.is_kept()
+        condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_persisted(), within);
+        self.is_stopped() && self.is_persisted()
     }
 
     /// True while it is stopped.
@@ -109,22 +109,22 @@ impl Latch {
     #[cfg(test)]
     pub(super) fn keep(&self) {
         self.0.kept.store(self.0.word().0, Ordering::SeqCst);
-        self.0.settle();
+        self.0.notify_waiters();
     }
 
     /// True when the disk has the current state, confirmed since the last stop or release.
-    pub fn is_kept(&self) -> bool {
+    pub fn is_persisted(&self) -> bool {
         self.0.kept.load(Ordering::SeqCst) == self.0.word().0
     }
 }
 
-impl Cell {
-    fn word(&self) -> Word {
-        Word(self.word.load(Ordering::SeqCst))
+impl LatchCell {
+    fn word(&self) -> LatchWord {
+        LatchWord(self.word.load(Ordering::SeqCst))
     }
 
     /// Wakes the threads that wait for the disk, so that they check again.
-    fn settle(&self) {
+    fn notify_waiters(&self) {
         let (lock, condition) = &self.settled;
         drop(lock.lock());
         condition.notify_all();
@@ -139,7 +139,7 @@ pub struct Latches {
     held: Vec<HeldPath>,
     ending: Arc<AtomicBool>,
     /// `None` once the thread is joined.
-    keeper: Option<JoinHandle<()>>,
+    persist_thread: Option<JoinHandle<()>>,
     thread: Thread,
 }
 
@@ -157,7 +157,7 @@ impl Latches {
         let (cells, told) = (latches.clone(), Arc::clone(&ending));
         let keeper = thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &told))?;
         let thread = keeper.thread().clone();
-        Ok(Self { latches, held, ending, keeper: Some(keeper), thread })
+        Ok(Self { latches, held, ending, persist_thread: Some(keeper), thread })
     }
 
     /// The latch of each plate, in their order.
@@ -173,11 +173,11 @@ impl Latches {
 
     /// True while the writing thread runs.
     pub fn is_alive(&self) -> bool {
-        self.keeper.as_ref().is_some_and(|keeper| !keeper.is_finished())
+        self.persist_thread.as_ref().is_some_and(|keeper| !keeper.is_finished())
     }
 
     /// The writing thread; unparking it makes it write at once.
-    pub fn keeper(&self) -> Thread {
+    pub fn persist_thread(&self) -> Thread {
         self.thread.clone()
     }
 }
@@ -186,7 +186,7 @@ impl Drop for Latches {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::SeqCst);
         self.thread.unpark();
-        if let Some(keeper) = self.keeper.take() {
+        if let Some(keeper) = self.persist_thread.take() {
             keeper.join().ok();
         }
     }
@@ -201,7 +201,7 @@ fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
             let word = cell.word();
             if word.0 != cell.kept.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
                 cell.kept.store(word.0, Ordering::SeqCst);
-                cell.settle();
+                cell.notify_waiters();
             }
         }
         if last {
@@ -223,8 +223,8 @@ mod tests {
     }
 
     fn kept(latches: &Latches) {
-        latches.keeper().unpark();
-        while !latches.latches().iter().all(Latch::is_kept) {
+        latches.persist_thread().unpark();
+        while !latches.latches().iter().all(Latch::is_persisted) {
             thread::yield_now();
         }
     }
@@ -295,9 +295,9 @@ mod tests {
         let latch = Latch::found(true);
         latch.0.kept.store(latch.0.word().0, Ordering::SeqCst);
         let first = latch.held().unwrap();
-        assert!(latch.is_kept());
+        assert!(latch.is_persisted());
         assert!(!latch.stop(), "it is stopped already, and yet this is another stop");
-        assert!(!latch.is_kept(), "the disk is asked once more");
+        assert!(!latch.is_persisted(), "the disk is asked once more");
         assert!(!latch.release(first) && latch.is_stopped());
         let second = latch.held().unwrap();
         assert!(latch.release(second) && !latch.is_stopped());

@@ -3,10 +3,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::events::{EventSubscriber, JobEvent};
-use super::latch::Held;
-use super::shared::Shared;
+use super::latch::StopToken;
+use super::shared::PlateInner;
 use super::validate::{laid_out, validated};
-use super::{JobLayout, Pause, Picture, PlateSnapshot, ResetFault};
+use super::{JobLayout, Pause, PlateSnapshot, PreviewPicture, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
 use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
@@ -34,14 +34,14 @@ pub struct Requester {
 
 /// One plate and its thread.
 #[derive(Debug)]
-pub struct Plate {
-    pub(super) shared: Arc<Shared>,
+pub struct PlateHandle {
+    pub(super) shared: Arc<PlateInner>,
     pub(super) clock: MonotonicClock,
     pub(super) worker: JoinHandle<()>,
     pub(super) publisher: JoinHandle<()>,
 }
 
-impl Plate {
+impl PlateHandle {
     /// Name of the plate, as in the configuration.
     pub fn name(&self) -> &str {
         &self.shared.name
@@ -63,21 +63,21 @@ impl Plate {
     }
 
     /// The emergency stop that holds, as seen by an operator who requests a reset now.
-    pub fn held(&self) -> Result<Held, ResetFault> {
+    pub fn held(&self) -> Result<StopToken, ResetFault> {
         self.shared.emergency_stop.held()
     }
 
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
     /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_awaited` returns
     /// false.
-    pub fn reset(&self, held: Held, who: Requester, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
+    pub fn reset(&self, held: StopToken, who: Requester, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         let mut is_written = false;
         let allow = || {
             if shared.job.running().is_some() {
                 return Err(ResetFault::StillStopping);
             }
-            shared.ledger.write_act(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+            shared.ledger.audit_durably(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
             is_awaited().then_some(()).ok_or(ResetFault::NotAwaited)
@@ -188,7 +188,7 @@ impl Plate {
     }
 
     /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
-    pub fn picture(&self) -> Option<(Arc<Picture>, Duration)> {
+    pub fn picture(&self) -> Option<(Arc<PreviewPicture>, Duration)> {
         let now = self.clock.elapsed();
         let picture = self.shared.window.look(now)?;
         let age = now.saturating_sub(picture.taken);
@@ -213,7 +213,7 @@ impl Plate {
     /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Requester) {
         let entry = self.told(act, who);
-        if !self.shared.ledger.note_act(entry.clone()) {
+        if !self.shared.ledger.audit(entry.clone()) {
             tracing::error!("audit queue full, entry dropped: {entry:?}");
         }
     }

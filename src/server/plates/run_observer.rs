@@ -1,10 +1,10 @@
 use std::time::Duration;
 
-use super::draw::Mark;
+use super::draw::OverlayMark;
 use super::event_publisher::Outgoing;
 use super::events::EventDraft;
 use super::lag::Lag;
-use super::shared::Shared;
+use super::shared::PlateInner;
 use crate::plates::{LastObservation, PlateCondition};
 use crate::store::JobId;
 use upm_control::{
@@ -21,7 +21,7 @@ const LOOKS_APART: Duration = Duration::from_millis(100);
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: events that find the queue
 /// full, or the lock held by another thread, are dropped and counted.
 pub(super) struct RunObserver<'a> {
-    shared: &'a Shared,
+    shared: &'a PlateInner,
     clock: &'a dyn Clock,
     publisher: Queue<Outgoing>,
     job: JobId,
@@ -35,7 +35,7 @@ pub(super) struct RunObserver<'a> {
 
 impl<'a> RunObserver<'a> {
     pub fn new(
-        shared: &'a Shared,
+        shared: &'a PlateInner,
         clock: &'a dyn Clock,
         publisher: &Queue<Outgoing>,
         job: JobId,
@@ -81,14 +81,14 @@ impl<'a> RunObserver<'a> {
         }
     }
 
-    fn marks(&self, tracks: &[Track]) -> Vec<Mark> {
-        let part = |track: &Track| Mark {
+    fn marks(&self, tracks: &[Track]) -> Vec<OverlayMark> {
+        let part = |track: &Track| OverlayMark {
             center_px: track.seen.center_px,
             radius_px: track.seen.radius_px,
             seen: track.frames_unseen == 0,
         };
         let targets = self.table.iter().flat_map(|table| {
-            let target = |p_m| Mark { center_px: table.image_from_table(p_m), radius_px: 0.0, seen: true };
+            let target = |p_m| OverlayMark { center_px: table.image_from_table(p_m), radius_px: 0.0, seen: true };
             self.sight.targets_m.iter().copied().map(target)
         });
         tracks.iter().map(part).chain(targets).collect()

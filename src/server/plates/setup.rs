@@ -2,9 +2,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Pause;
-use crate::store::{Ledger, Pace};
+use crate::store::{JobStore, Pace};
+use upm_cor_library::Library;
 use upm_core::time::MonotonicClock;
-use upm_library::Library;
 use upm_runner::config::{JobSpec, RigSpec, WatchdogSpec};
 
 /// Settings of one plate.
@@ -30,9 +30,9 @@ pub struct PlateSetup {
 
 /// Resources and settings that all plates share.
 #[derive(Clone, Debug)]
-pub struct Surroundings {
+pub struct SharedServices {
     /// The store from which jobs are taken and to which they are reported.
-    pub ledger: Arc<dyn Ledger>,
+    pub ledger: Arc<dyn JobStore>,
     /// Folder of run folders.
     pub runs: PathBuf,
     /// Folder of the latch files.

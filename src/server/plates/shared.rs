@@ -4,14 +4,14 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::current_job::{CurrentJob, Seen};
+use super::current_job::{CurrentJob, TimedObservation};
 use super::emergency_stop::EmergencyStop;
 use super::events::Subscribers;
-use super::frames::Window;
+use super::preview::FramePreview;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::{LayoutPart, Pause, PlateSnapshot, PlateState};
-use crate::store::{JobId, Ledger};
+use crate::store::{JobId, JobStore};
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
 use upm_runner::run::ExternalStop;
@@ -19,16 +19,16 @@ use upm_viewer::LiveServer;
 
 /// State shared by the threads of a plate and its callers.
 #[derive(Debug)]
-pub(super) struct Shared {
+pub(super) struct PlateInner {
     pub name: String,
     /// Rules that its jobs are checked against.
     pub rules: JobRules,
-    pub ledger: Arc<dyn Ledger>,
+    pub ledger: Arc<dyn JobStore>,
     pub emergency_stop: EmergencyStop,
     pub job: CurrentJob,
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
-    pub window: Window,
+    pub window: FramePreview,
     pub subscribers: Arc<Subscribers>,
     /// The live stream of its runs.
     pub live: Option<LiveServer>,
@@ -41,7 +41,7 @@ pub(super) struct Shared {
     pub idled: std::sync::atomic::AtomicU64,
 }
 
-impl Shared {
+impl PlateInner {
     /// True when the plate may take a job.
     pub fn may_move(&self) -> bool {
         !self.emergency_stop.holds() && !self.ending.load(Ordering::SeqCst) && self.paused.lock().is_none()
@@ -85,7 +85,7 @@ impl Shared {
     pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
         let (paused, running) = (self.paused(), self.job.running());
         let job = running.as_ref().map(|running| running.job);
-        let Seen { sight, at } = self.job.seen();
+        let TimedObservation { sight, at } = self.job.seen();
         let (state, why, pause) = match (self.emergency_stop.holds(), paused, job) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
             (false, _, Some(_)) => (PlateState::Running, String::new(), None),

@@ -8,22 +8,22 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::current_job::CurrentJob;
-use super::disk::{Disk, DiskGuard, Rates};
+use super::disk::{DiskGuard, DiskSpace, Rates};
 use super::emergency_stop::EmergencyStop;
 use super::event_publisher::{Outgoing, publish};
-use super::frames::Window;
 use super::latch::{Latch, Latches};
-use super::plate::Plate;
-use super::shared::Shared;
+use super::plate::PlateHandle;
+use super::preview::FramePreview;
+use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
-use super::worker::{Place, Worker};
-use super::{Pause, PlateSetup, Surroundings};
+use super::worker::{PlateWorker, RunContext};
+use super::{Pause, PlateSetup, SharedServices};
 use crate::store::Displaced;
 use upm_core::background::{OverflowPolicy, Queue};
-use upm_core::priority::lower_thread_priority;
 use upm_core::rig::Interlock;
+use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::WatchdogSpec;
 use upm_viewer::LiveServer;
@@ -36,27 +36,27 @@ const WAITING: usize = 1024;
 /// All plates of the daemon.
 #[derive(Debug)]
 pub struct Plates {
-    plates: Vec<Plate>,
+    plates: Vec<PlateHandle>,
     clock: MonotonicClock,
     watchdog: JoinHandle<()>,
     /// Time of the watchdog's last check, ms.
     looked_ms: Arc<AtomicU64>,
-    disk: Arc<Disk>,
+    disk: Arc<DiskSpace>,
     // dropped after the plates, so that their last stops are written to the disk
     latches: Latches,
 }
 
 impl Plates {
     /// Creates the plates and starts their threads. A plate whose latch is stopped stays stopped.
-    pub fn start(setups: Vec<PlateSetup>, around: &Surroundings) -> io::Result<Self> {
+    pub fn start(setups: Vec<PlateSetup>, around: &SharedServices) -> io::Result<Self> {
         let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
         let latches = Latches::open(&around.latches, &names)?;
         fs::create_dir_all(&around.runs)?;
         let clock = around.clock;
-        let disk = Arc::new(Disk::new(&around.runs, around.min_free_bytes, &clock));
+        let disk = Arc::new(DiskSpace::new(&around.runs, around.min_free_bytes, &clock));
         let mut plates = Vec::new();
         for (setup, latch) in setups.into_iter().zip(latches.latches()) {
-            let shared = shared(setup, latch.clone(), latches.keeper(), around)?;
+            let shared = shared(setup, latch.clone(), latches.persist_thread(), around)?;
             plates.push(plate(Arc::new(shared), around, &disk)?);
         }
         let watched = || plates.iter().map(|plate| Arc::clone(&plate.shared)).collect();
@@ -64,7 +64,7 @@ impl Plates {
         let guard = DiskGuard { disk: guarded, folder, plates: watched(), clock };
         thread::Builder::new().name("disk".into()).spawn(move || guard.run())?;
         let looked_ms = Arc::new(AtomicU64::new(ms(clock.elapsed())));
-        let watch = Watch {
+        let watch = PlatesWatch {
             plates: watched(),
             disk: Arc::clone(&disk),
             spec: around.watchdog,
@@ -76,12 +76,12 @@ impl Plates {
     }
 
     /// The plate of that name.
-    pub fn get(&self, name: &str) -> Option<&Plate> {
+    pub fn get(&self, name: &str) -> Option<&PlateHandle> {
         self.plates.iter().find(|plate| plate.name() == name)
     }
 
     /// All plates, in the order of `setups`.
-    pub fn iter(&self) -> impl Iterator<Item = &Plate> {
+    pub fn iter(&self) -> impl Iterator<Item = &PlateHandle> {
         self.plates.iter()
     }
 
@@ -95,7 +95,7 @@ impl Plates {
         if !self.latches.is_alive() {
             return Err("the thread that keeps emergency stops has died".to_owned());
         }
-        self.plates.iter().find_map(Plate::dead).map_or(Ok(()), Err)
+        self.plates.iter().find_map(PlateHandle::dead).map_or(Ok(()), Err)
     }
 
     /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
@@ -124,7 +124,7 @@ impl Plates {
             plate.wake();
         }
         let until = self.clock.elapsed() + within;
-        let busy = |plate: &&Plate| !plate.threads_ended();
+        let busy = |plate: &&PlateHandle| !plate.threads_ended();
         let busy_still = || self.plates.iter().any(|plate| busy(&plate)) || !self.watchdog.is_finished();
         while busy_still() && self.clock.elapsed() < until {
             thread::sleep(Duration::from_millis(2));
@@ -134,19 +134,19 @@ impl Plates {
 }
 
 /// The thread of the watchdog.
-struct Watch {
-    plates: Vec<Arc<Shared>>,
-    disk: Arc<Disk>,
+struct PlatesWatch {
+    plates: Vec<Arc<PlateInner>>,
+    disk: Arc<DiskSpace>,
     spec: WatchdogSpec,
     clock: MonotonicClock,
     looked_ms: Arc<AtomicU64>,
 }
 
-impl Watch {
+impl PlatesWatch {
     /// Watches all plates until they end.
     fn run(self) {
         let Self { plates, disk, spec, clock, looked_ms } = self;
-        let mut watched: Vec<(Arc<Shared>, Watchdog)> =
+        let mut watched: Vec<(Arc<PlateInner>, Watchdog)> =
             plates.into_iter().map(|shared| (shared, Watchdog::new(spec))).collect();
         while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
             for (shared, dog) in &mut watched {
@@ -159,7 +159,7 @@ impl Watch {
                     shared.fail_job(&job, why);
                 }
             }
-            disk.heed(clock.elapsed());
+            disk.log_stall(clock.elapsed());
             looked_ms.store(ms(clock.elapsed()), Ordering::Relaxed);
             thread::sleep(TICK);
         }
@@ -167,7 +167,7 @@ impl Watch {
 }
 
 /// The live stream of a plate, if one is configured. The plate also works without it.
-fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
+fn live(setup: &PlateSetup, around: &SharedServices) -> Option<LiveServer> {
     let history_bytes = around.live_history_bytes?;
     let fault = match LiveServer::start(setup.live_port, history_bytes) {
         Ok(live) => {
@@ -182,12 +182,12 @@ fn live(setup: &PlateSetup, around: &Surroundings) -> Option<LiveServer> {
 }
 
 /// The shared state of a plate at its start, without a job.
-fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surroundings) -> io::Result<Shared> {
+fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &SharedServices) -> io::Result<PlateInner> {
     let rules = JobRules::new(&setup, around.allow_inline_libraries);
     let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
     let job = CurrentJob::default();
     let interlock = Interlock::timed(Arc::new(around.clock));
-    Ok(Shared {
+    Ok(PlateInner {
         live: live(&setup, around),
         name: setup.name,
         rules,
@@ -195,7 +195,7 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surr
         emergency_stop: EmergencyStop::new(latch, interlock, keeper, Arc::clone(&job.end_run)),
         job,
         ending: AtomicBool::new(false),
-        window: Window::default(),
+        window: FramePreview::default(),
         subscribers: Arc::default(),
         standing,
         paused: Mutex::new(setup.paused),
@@ -204,20 +204,20 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Surr
     })
 }
 
-fn plate(shared: Arc<Shared>, around: &Surroundings, disk: &Arc<Disk>) -> io::Result<Plate> {
+fn plate(shared: Arc<PlateInner>, around: &SharedServices, disk: &Arc<DiskSpace>) -> io::Result<PlateHandle> {
     let (sender, items) = Queue::bounded(WAITING, OverflowPolicy::Wait);
-    let Surroundings { runs, clock, record, .. } = around.clone();
-    let place = Place { runs, clock, record, disk: Arc::clone(disk) };
+    let SharedServices { runs, clock, record, .. } = around.clone();
+    let place = RunContext { runs, clock, record, disk: Arc::clone(disk) };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
     let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
         lower_thread_priority();
         publish(&of_crier, &items);
     })?;
     let work = move || {
-        let mut worker = Worker { shared: of_worker, publisher: sender, place, rates: Rates::default() };
+        let mut worker = PlateWorker { shared: of_worker, publisher: sender, place, rates: Rates::default() };
         worker.work();
         worker.publisher.send(Outgoing::End).ok();
     };
     let worker = thread::Builder::new().name(format!("plate-{}", shared.name)).spawn(work)?;
-    Ok(Plate { shared, clock, worker, publisher })
+    Ok(PlateHandle { shared, clock, worker, publisher })
 }

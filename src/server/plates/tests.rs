@@ -12,10 +12,10 @@ use std::time::Duration;
 use jiff::Timestamp;
 
 use super::*;
-use crate::store::{JobId, JobRow, JobState, MemoryLedger, Pace, RecordingStatus};
+use crate::store::{InMemoryJobStore, JobId, JobRow, JobState, Pace, RecordingStatus};
+use upm_cor_library::Library;
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
-use upm_library::Library;
 use upm_recording::RecordingState;
 use upm_runner::config::{RigSpec, WatchdogSpec};
 
@@ -38,24 +38,24 @@ const WATCHDOG: WatchdogSpec = WatchdogSpec {
 };
 
 /// A subscriber that passes events on to a channel.
-struct Ear(SyncSender<JobEvent>);
+struct EventListener(SyncSender<JobEvent>);
 
-impl EventSubscriber for Ear {
+impl EventSubscriber for EventListener {
     fn offer(&self, told: &JobEvent) {
         self.0.try_send(told.clone()).ok();
     }
 }
 
-struct House {
+struct TestPlates {
     folder: tempfile::TempDir,
-    ledger: Arc<MemoryLedger>,
+    ledger: Arc<InMemoryJobStore>,
     standing: Option<StandingSetup>,
     allow_faults: bool,
 }
 
-impl House {
+impl TestPlates {
     fn new() -> Self {
-        let ledger = Arc::new(MemoryLedger::new(|| Timestamp::UNIX_EPOCH));
+        let ledger = Arc::new(InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH));
         Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None, allow_faults: false }
     }
 
@@ -63,11 +63,11 @@ impl House {
         self.open_with(paused, |_| {})
     }
 
-    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> Plates {
         self.open_by(library(), paused, change)
     }
 
-    fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut Surroundings)) -> Plates {
+    fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> Plates {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
         let (paused, live_port, standing) =
@@ -82,7 +82,7 @@ impl House {
             standing,
             allow_faults: self.allow_faults,
         };
-        let mut around = Surroundings {
+        let mut around = SharedServices {
             ledger: Arc::clone(&self.ledger) as _,
             runs: self.folder.path().join("runs"),
             latches: self.folder.path().join("latch"),
@@ -97,14 +97,14 @@ impl House {
         Plates::start(vec![setup], &around).unwrap()
     }
 
-    fn submit(&self, plate: &Plate, text: &str, pace: Pace) -> JobId {
+    fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
         let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
         plate.job_queued();
         row.id
     }
 
     /// Runs a job that holds its parts in real time and queues another behind it; returns the events and both jobs.
-    fn keep_busy(&self, plate: &Plate) -> (Receiver<JobEvent>, [JobId; 2]) {
+    fn keep_busy(&self, plate: &PlateHandle) -> (Receiver<JobEvent>, [JobId; 2]) {
         let told = listen(plate);
         let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
         next(&told, "look");
@@ -124,9 +124,9 @@ fn library() -> Library {
     Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
 }
 
-fn listen(plate: &Plate) -> Receiver<JobEvent> {
+fn listen(plate: &PlateHandle) -> Receiver<JobEvent> {
     let (sender, told) = sync_channel(100_000);
-    plate.subscribe(Arc::new(Ear(sender)));
+    plate.subscribe(Arc::new(EventListener(sender)));
     told
 }
 
@@ -141,7 +141,7 @@ fn next(told: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
 }
 
 /// Returns once the plate's worker has checked for work and found none.
-fn idles(plate: &Plate) {
+fn idles(plate: &PlateHandle) {
     let idled = || plate.shared.idled.load(std::sync::atomic::Ordering::SeqCst);
     // the first of the two may have begun before this
     let enough = idled() + 2;
@@ -151,18 +151,18 @@ fn idles(plate: &Plate) {
     }
 }
 
-fn who(operator: &str) -> Requester {
+fn caller(operator: &str) -> Requester {
     Requester { operator: operator.into(), reason: "a test".into(), ..Requester::default() }
 }
 
 /// Takes back the stop that holds now.
-fn reset(plate: &Plate, operator: &str) -> Result<(), ResetFault> {
-    plate.reset(plate.held()?, who(operator), || true)
+fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
+    plate.reset(plate.held()?, caller(operator), || true)
 }
 
 #[test]
 fn a_job_runs_to_its_end_and_all_of_it_is_told() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -190,7 +190,7 @@ fn a_job_runs_to_its_end_and_all_of_it_is_told() {
 
 #[test]
 fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let (told, [first, second]) = house.keep_busy(plate);
@@ -198,14 +198,14 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
-    assert!(plate.record_estop(who("ann")));
+    assert!(plate.record_estop(caller("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
     let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
     assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
     let times = plate.stop_times().unwrap();
     assert!(times.silent_at.secs_since(times.requested_at) < 0.02, "{times:?}");
-    assert!(!plate.resume(who("bob")), "a stop holds");
+    assert!(!plate.resume(caller("bob")), "a stop holds");
 
     while reset(plate, "bob") == Err(ResetFault::StillStopping) {
         std::thread::yield_now();
@@ -214,16 +214,16 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!(plate.snapshot().state, PlateState::Paused);
     idles(plate);
     assert_eq!(house.row(&second).state, JobState::Queued, "a reset starts nothing");
-    assert!(plate.resume(who("bob")));
+    assert!(plate.resume(caller("bob")));
     assert_eq!(next(&told, "finished")["state"], "completed");
-    let acts: Vec<(String, String)> = house.ledger.audit().into_iter().map(|a| (a.act, a.operator)).collect();
+    let acts: Vec<(String, String)> = house.ledger.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
     let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
     assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
 }
 
 #[test]
 fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let (told, [first, second]) = house.keep_busy(plate);
@@ -234,12 +234,12 @@ fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
     assert_eq!(house.row(&first).reason, "emergency stop");
     idles(plate);
     assert_eq!((plate.snapshot().state, house.row(&second).state), (PlateState::Stopped, JobState::Queued));
-    assert!(!plate.resume(who("bob")));
+    assert!(!plate.resume(caller("bob")));
 }
 
 #[test]
 fn a_stop_outlives_the_daemon() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     plates.get("one").unwrap().estop();
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
@@ -257,14 +257,14 @@ fn a_stop_outlives_the_daemon() {
 
 #[test]
 fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("just started"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     let id = house.submit(plate, HOLD, Pace::RealTime);
     idles(plate);
     assert_eq!((house.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
-    assert!(plate.resume(who("ann")));
+    assert!(plate.resume(caller("ann")));
     next(&told, "look");
     let other = house.submit(plate, TWO_COINS, Pace::Max);
     assert!(!plate.cancel(&other), "it is not on the plate");
@@ -276,7 +276,7 @@ fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
 
 #[test]
 fn the_end_of_the_daemon_interrupts_the_job() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -288,7 +288,7 @@ fn the_end_of_the_daemon_interrupts_the_job() {
 
 #[test]
 fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
@@ -303,7 +303,7 @@ fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
 
 #[test]
 fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -317,14 +317,14 @@ fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
 
 #[test]
 fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open_with(None, |around| around.record = true);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     let id = house.submit(plate, HOLD, Pace::RealTime);
     next(&told, "look");
     let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
-    let disk = Arc::new(disk::Disk::new(house.folder.path(), 500_000_000, &clock));
+    let disk = Arc::new(disk::DiskSpace::new(house.folder.path(), 500_000_000, &clock));
     let guard = disk::DiskGuard { disk, folder: house.folder.path().into(), plates: vec![shared], clock };
     guard.saw(Some(500_000_000));
     assert!(matches!(plate.snapshot().recording, Some(RecordingState::Writing { .. })));
@@ -344,7 +344,7 @@ fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -352,7 +352,7 @@ fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
     let folder = house.folder.path().join("runs").join(format!("hold-{id}"));
     std::fs::create_dir_all(&folder).unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
-    plate.resume(who("ann"));
+    plate.resume(caller("ann"));
     let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
     assert_eq!(next(&told, "finished")["state"], "failed");

@@ -18,7 +18,7 @@ const SECOND: Duration = Duration::from_secs(1);
 
 /// Signs of life of a run, written by the plate's thread for the watchdog without waiting.
 #[derive(Debug, Default)]
-pub(super) struct Vitals {
+pub(super) struct Heartbeat {
     /// Wall time of the newest frame, ms, at least 1; 0 before the first.
     frame_ms: AtomicU64,
     /// Plate time of that frame, and of the newest one with a part in sight, ms.
@@ -32,7 +32,7 @@ pub(super) struct Vitals {
     over: AtomicBool,
 }
 
-impl Vitals {
+impl Heartbeat {
     /// Resets the signs for a new run.
     pub fn clear(&self) {
         for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.untold_ms] {
@@ -75,7 +75,7 @@ impl Vitals {
 
 /// Pacing of a run.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Deadlines {
+pub(super) struct WatchdogDeadlines {
     pub policy: DeadlinePolicy,
     pub real_time: bool,
     pub misses: u64,
@@ -124,8 +124,8 @@ impl Watchdog {
     pub fn look(
         &mut self,
         now: Duration,
-        vitals: &Vitals,
-        deadlines: Deadlines,
+        vitals: &Heartbeat,
+        deadlines: WatchdogDeadlines,
         unwritten_since: Option<Duration>,
     ) -> Option<ExternalStop> {
         let memory = &mut self.memory;
@@ -156,7 +156,7 @@ impl Watchdog {
         self.memory = Memory::default();
     }
 
-    fn late(&mut self, now: Duration, deadlines: Deadlines) -> Option<String> {
+    fn late(&mut self, now: Duration, deadlines: WatchdogDeadlines) -> Option<String> {
         let (began, misses_then) = self.memory.second;
         if began == Duration::ZERO || now.saturating_sub(began) >= SECOND {
             self.memory.second = (now, deadlines.misses);
@@ -174,7 +174,7 @@ impl Watchdog {
         Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(self.memory.went_on))))
     }
 
-    fn no_frame(&self, now: Duration, vitals: &Vitals, real_time: bool) -> Option<String> {
+    fn no_frame(&self, now: Duration, vitals: &Heartbeat, real_time: bool) -> Option<String> {
         let spec = &self.spec;
         let unframed = self.since(now, vitals.frame_ms.load(Ordering::Relaxed));
         // without real-time pacing, everything between two frames may take as long as a plan
@@ -191,14 +191,14 @@ impl Watchdog {
         (unframed > self.spec.hung).then(|| ExternalStop::of(StopCause::Hung, reason()))
     }
 
-    fn unseen(&self, vitals: &Vitals) -> Option<ExternalStop> {
+    fn unseen(&self, vitals: &Heartbeat) -> Option<ExternalStop> {
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
         let reason = || format!("no part was seen for {unseen_s:.1} s of plate time");
         (unseen_s > self.spec.no_part_s).then(|| ExternalStop::of(StopCause::NoPartSeen, reason()))
     }
 
-    fn untold(&self, now: Duration, vitals: &Vitals, longest: Duration) -> Option<ExternalStop> {
+    fn untold(&self, now: Duration, vitals: &Heartbeat, longest: Duration) -> Option<ExternalStop> {
         let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
         let reason = || format!("no event could be stored for {:.1} s", waited.as_secs_f64());

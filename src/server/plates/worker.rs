@@ -7,11 +7,11 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use super::disk::{Disk, Rates};
+use super::disk::{DiskSpace, Rates};
 use super::event_publisher::Outgoing;
 use super::events::{EventDraft, JobEvent};
 use super::run_observer::RunObserver;
-use super::shared::Shared;
+use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::library_for;
 use super::{JobLayout, Pause};
@@ -19,8 +19,8 @@ use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStat
 use upm_control::EventLevel;
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::job::StopCause;
-use upm_core::priority::raise_thread_priority;
 use upm_core::rig::Trip;
+use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
@@ -36,24 +36,24 @@ const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// Resources that runs need besides the job.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(super) struct RunContext {
     /// Folder of run folders.
     pub runs: PathBuf,
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
-    pub disk: Arc<Disk>,
+    pub disk: Arc<DiskSpace>,
 }
 
 /// The thread of one plate: takes its jobs one after another and runs them.
-pub(super) struct Worker {
-    pub shared: Arc<Shared>,
+pub(super) struct PlateWorker {
+    pub shared: Arc<PlateInner>,
     pub publisher: Queue<Outgoing>,
-    pub place: Place,
+    pub place: RunContext,
     pub rates: Rates,
 }
 
-impl Worker {
+impl PlateWorker {
     /// Runs jobs until the daemon ends.
     pub fn work(&mut self) {
         let shared = Arc::clone(&self.shared);
@@ -207,9 +207,9 @@ impl Worker {
 
     /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
     fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingHandle) -> bool {
-        let Place { disk, clock, .. } = &self.place;
+        let RunContext { disk, clock, .. } = &self.place;
         let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
-        let Err(why) = disk.promise(id, recording, wanted_bytes, clock.elapsed()) else { return true };
+        let Err(why) = disk.reserve(id, recording, wanted_bytes, clock.elapsed()) else { return true };
         let text = format!("there is no recording of this job: {why}");
         tracing::warn!(plate = self.shared.name, job = %id, "{text}");
         self.tell(id, EventDraft::warning(PlateTime::ZERO, EventLevel::Warning, &text));
@@ -274,7 +274,7 @@ impl Worker {
         let mut told = false;
         loop {
             self.pass();
-            let fault = match self.shared.ledger.ended(id, end.clone()) {
+            let fault = match self.shared.ledger.finish(id, end.clone()) {
                 Ok(finished) => return finished,
                 Err(fault) => fault,
             };

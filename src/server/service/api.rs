@@ -4,12 +4,13 @@ use axum::Router;
 use axum::middleware::from_fn_with_state;
 use tokio::sync::Semaphore;
 
-use super::http::{Hosts, Limits, SharedTokens, StopFlag, enclose};
+use super::http::{AllowedHosts, HttpLimits, SharedTokens, StopFlag, with_layers};
 
-mod desk;
+mod backend;
+mod event_queue;
 mod events;
-mod feed;
 mod files;
+mod http_metrics;
 mod jobs;
 mod layout;
 mod openapi;
@@ -21,38 +22,39 @@ mod router;
 mod routes;
 #[cfg(test)]
 mod tests;
-mod traffic;
 mod types;
 
 use request::Api;
 
-pub use desk::{Asset, Desk, Order, Picture, Promise, Recording, Refusal, Reply, Submitted, kept, promise};
+pub use backend::{
+    Asset, Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, kept, pending,
+};
+pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
 pub use events::JOB_OVER;
-pub use feed::{Event, Feed, Opening, Replayed};
+pub use http_metrics::{HttpMetrics, Requests};
 pub use layout::{Checked, Layout, LayoutPart, LayoutPath};
 pub use query::JobsQuery;
-pub use traffic::{Requests, Traffic};
 pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, PlateCondition, Plates, ResetRequest, StandingJob};
 
 /// Inputs of the API.
 pub struct AppParts {
     /// The daemon behind it.
-    pub desk: Arc<dyn Desk>,
+    pub desk: Arc<dyn Backend>,
     /// Accepted tokens.
     pub tokens: SharedTokens,
     /// Host names and addresses under which clients may call it.
-    pub hosts: Hosts,
+    pub hosts: AllowedHosts,
     /// Limits of requests and connections.
-    pub limits: Arc<Limits>,
+    pub limits: Arc<HttpLimits>,
     /// Ends event streams; the same flag that ends the server.
     pub stop: StopFlag,
     /// Counters of requests and event streams.
-    pub traffic: Traffic,
+    pub traffic: HttpMetrics,
     /// The program's version.
     pub version: &'static str,
 }
 
-impl Default for Traffic {
+impl Default for HttpMetrics {
     fn default() -> Self {
         Self::of(routes::operations().iter().map(|operation| (operation.id, operation.statuses())))
     }
@@ -71,6 +73,6 @@ pub fn app(parts: AppParts) -> Router {
         watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
         downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
     });
-    let app = enclose(router::router(operations, &api), parts.hosts, parts.limits);
-    app.layer(from_fn_with_state(parts.traffic, traffic::count))
+    let app = with_layers(router::router(operations, &api), parts.hosts, parts.limits);
+    app.layer(from_fn_with_state(parts.traffic, http_metrics::count))
 }

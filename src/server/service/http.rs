@@ -7,7 +7,6 @@ use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 
 mod admission;
-mod guard;
 #[cfg(test)]
 mod guard_tests;
 mod head;
@@ -15,24 +14,25 @@ mod limits;
 mod listen;
 #[cfg(test)]
 mod listen_tests;
+mod origin_check;
 mod problem;
 mod request_id;
 mod shared_tokens;
 mod socket;
 mod tokens;
 
-pub use guard::Hosts;
-pub use limits::{BodyRoom, Limits};
+pub use limits::{BodyRoom, HttpLimits};
 pub(super) use listen::Peer;
-pub use listen::{Served, StopFlag, StopSender, serve};
+pub use listen::{ShutdownReport, StopFlag, StopSender, serve};
+pub use origin_check::AllowedHosts;
 pub(super) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
 pub use shared_tokens::SharedTokens;
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Adds the layers around `app` that every request passes, the outermost last.
-pub(super) fn enclose(app: Router, hosts: Hosts, limits: Arc<Limits>) -> Router {
-    app.layer(from_fn_with_state(Arc::new(hosts), guard::guard))
+pub(super) fn with_layers(app: Router, hosts: AllowedHosts, limits: Arc<HttpLimits>) -> Router {
+    app.layer(from_fn_with_state(Arc::new(hosts), origin_check::guard))
         .layer(from_fn_with_state(limits, limits::limit))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn(request_id::identify))

@@ -47,11 +47,11 @@ pub(super) struct AgeClock {
     /// Uptime before this start, and the reading of the monotonic clock at the start.
     earlier: Uptime,
     started: Duration,
-    watch: Mutex<Watch>,
+    watch: Mutex<AgeWatch>,
 }
 
 #[derive(Debug)]
-struct Watch {
+struct AgeWatch {
     wall: Timestamp,
     monotonic: Duration,
     /// Reading of the monotonic clock at which the suspension ends.
@@ -79,7 +79,7 @@ impl AgeClock {
     /// The clock of a store whose earlier starts add up to `earlier`.
     pub fn after(earlier: Uptime, clocks: Clocks) -> Self {
         let (wall, started) = ((clocks.wall)(), clocks.monotonic.elapsed());
-        let watch = Mutex::new(Watch { wall, monotonic: started, suspended_until: None });
+        let watch = Mutex::new(AgeWatch { wall, monotonic: started, suspended_until: None });
         Self { clocks, earlier, started, watch }
     }
 
@@ -94,7 +94,7 @@ impl AgeClock {
     }
 }
 
-impl Watch {
+impl AgeWatch {
     fn compare(&mut self, wall: Timestamp, monotonic: Duration) {
         let passed = monotonic.saturating_sub(self.monotonic);
         let expected = SignedDuration::try_from(passed).unwrap_or(SignedDuration::MAX);
@@ -125,7 +125,7 @@ mod tests {
     fn jump_of_the_wall_clock_either_way_suspends_for_a_day_and_drift_does_not() {
         let at = |hours: i64| Timestamp::from_second(1_800_000_000 + hours * HOUR as i64).unwrap();
         for jump in [2, -2, 24 * 60, -20 * 365 * 24] {
-            let mut watch = Watch { wall: at(0), monotonic: hours(5), suspended_until: None };
+            let mut watch = AgeWatch { wall: at(0), monotonic: hours(5), suspended_until: None };
             let mut suspended = |wall: i64, monotonic: u64| {
                 watch.compare(at(wall), hours(monotonic));
                 watch.suspended_until.is_some()

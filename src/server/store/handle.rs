@@ -13,8 +13,9 @@ use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
-    Accepted, AuditEntry, Cancelled, Claimed, Deleted, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobState,
-    Ledger, MakeFolder, NewEvent, NewJob, Page, Publish, Replay, StoreFault, StoreHealth, StoredEvent, history, jobs,
+    AuditEntry, CancelOutcome, Claimed, Deleted, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobSelection,
+    JobState, JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent,
+    SubmitOutcome, history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -45,19 +46,19 @@ impl Store {
         &self,
         job: NewJob,
         wanted: impl Fn() -> bool + Send + 'static,
-        done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static,
+        done: impl FnOnce(Result<Option<SubmitOutcome>, StoreFault>) + Send + 'static,
     ) {
         let accept = move |tx: &WriteTx<'_>| wanted().then(|| tx.accept(&job)).transpose();
         self.queue.write(task(false, accept, done));
     }
 
     /// The earlier answer to a job with a repeated key; `None` for a new key. Queues nothing.
-    pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<Accepted>, StoreFault>) + Send + 'static) {
+    pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<SubmitOutcome>, StoreFault>) + Send + 'static) {
         self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.repeated(&job), done));
     }
 
     /// Takes a job out of the queue.
-    pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<Cancelled, StoreFault>) + Send + 'static) {
+    pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<CancelOutcome, StoreFault>) + Send + 'static) {
         let id = *id;
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
     }
@@ -81,7 +82,7 @@ impl Store {
     }
 
     /// A page of jobs, newest first.
-    pub fn list(&self, page: Page, done: impl FnOnce(Result<JobPage, StoreFault>) + Send + 'static) {
+    pub fn list(&self, page: JobSelection, done: impl FnOnce(Result<JobPage, StoreFault>) + Send + 'static) {
         self.readers.ask(move |connection| jobs::list(connection, &page), done);
     }
 
@@ -149,7 +150,7 @@ impl Store {
     }
 }
 
-impl Ledger for Store {
+impl JobStore for Store {
     fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         loop {
             let asked = plate.to_owned();
@@ -194,7 +195,7 @@ impl Ledger for Store {
         Ok(started?.then(|| Claimed { row, spec_json: job.spec_json.clone() }))
     }
 
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+    fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
         let written = self.queue.written(true, move |tx| {
             let told = tx.end(&known, JobState::Running, &end)?;
@@ -206,7 +207,7 @@ impl Ledger for Store {
         found.filter(|row| row.state.is_final()).map(|_| told).ok_or_else(never_began)
     }
 
-    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+    fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
         let id = *id;
         let done = move |stored: Result<Option<StoredEvent>, StoreFault>| {
             published(stored.and_then(|event| event.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))));
@@ -223,13 +224,13 @@ impl Ledger for Store {
         self.queue.wake();
     }
 
-    fn note_act(&self, entry: AuditEntry) -> bool {
+    fn audit(&self, entry: AuditEntry) -> bool {
         let taken = self.queue.status.pending.act((self.now)(), entry);
         self.queue.wake();
         taken
     }
 
-    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+    fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
         let at = (self.now)();
         self.queue.written(true, move |tx| tx.note_act(at, &entry))
     }

@@ -17,12 +17,12 @@ pub struct Displaced {
     /// The path.
     pub path: PathBuf,
     /// Object that the path names now.
-    pub found: Found,
+    pub found: PathObject,
 }
 
 /// The object that a displaced path names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Found {
+pub enum PathObject {
     /// Nothing: the file was deleted or moved.
     #[error("none")]
     Nothing,
@@ -62,9 +62,9 @@ impl HeldPath {
     pub fn check(&self) -> Result<(), Displaced> {
         let found = match self.path.metadata() {
             Ok(file) if FileId::of(&file) == self.id => return Ok(()),
-            Ok(_) => Found::Another,
-            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Found::Nothing,
-            Err(error) => Found::Unknown(error.to_string()),
+            Ok(_) => PathObject::Another,
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => PathObject::Nothing,
+            Err(error) => PathObject::Unknown(error.to_string()),
         };
         Err(Displaced { path: self.path.clone(), found })
     }
@@ -85,13 +85,13 @@ mod tests {
         assert_eq!((held.check(), HeldPath::named(&path).unwrap()), (Ok(()), held.clone()));
         fs::rename(&path, &other).unwrap();
         let found = || held.check().unwrap_err().found;
-        assert_eq!(found(), Found::Nothing);
+        assert_eq!(found(), PathObject::Nothing);
         fs::write(&path, "").unwrap();
-        assert_eq!(found(), Found::Another);
+        assert_eq!(found(), PathObject::Another);
         fs::rename(&other, &path).unwrap();
         assert_eq!(held.check(), Ok(()));
         fs::remove_dir_all(folder.path()).unwrap();
-        assert_eq!(found(), Found::Nothing);
+        assert_eq!(found(), PathObject::Nothing);
     }
 
     #[test]
@@ -103,6 +103,6 @@ mod tests {
         let held = HeldPath::of(&path, &file).unwrap();
         fs::rename(&path, parent.path().join("moved")).unwrap();
         fs::create_dir(&path).unwrap();
-        assert_eq!(held.check(), Err(Displaced { path, found: Found::Another }));
+        assert_eq!(held.check(), Err(Displaced { path, found: PathObject::Another }));
     }
 }

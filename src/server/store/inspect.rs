@@ -3,11 +3,11 @@ use std::path::Path;
 use super::columns::rows;
 use super::connection::inspecting;
 use super::schema::{APPLICATION_ID, VERSION, identity, is_clean, refuse_newer};
-use super::{AuditRow, JobId, JobRow, JobState, Page, StoreFault, StoredEvent, history, jobs};
+use super::{AuditRow, JobId, JobRow, JobSelection, JobState, StoreFault, StoredEvent, history, jobs};
 
 /// Limits of [`peek`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PeekMost {
+pub struct InspectLimits {
     /// Most jobs, the newest first; at most [`Page::MOST`].
     pub jobs: usize,
     /// Most events, the newest first.
@@ -18,7 +18,7 @@ pub struct PeekMost {
 
 /// Contents of a store, read beside a daemon that may have it open.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Peeked {
+pub struct StoreSnapshot {
     /// Number of jobs of each plate in each state.
     pub counts: Vec<(String, JobState, u64)>,
     /// Jobs, newest first.
@@ -35,7 +35,7 @@ pub struct Peeked {
 
 /// Reads the store of the data folder `data`, whether a daemon has it open or not. Writes nothing that the next start
 /// would detect, and blocks no writer: each part is read in one short transaction.
-pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
+pub fn peek(data: &Path, most: InspectLimits) -> Result<StoreSnapshot, StoreFault> {
     let db = data.join("upm.db");
     refuse_newer(&db)?;
     let connection = inspecting(&db)?;
@@ -43,8 +43,8 @@ pub fn peek(data: &Path, most: PeekMost) -> Result<Peeked, StoreFault> {
     if (id, version) != (APPLICATION_ID, VERSION) {
         return Err(StoreFault::Corrupt(format!("upm.db is of kind {id:08x} and version {version}, not of {VERSION}")));
     }
-    let newest = Page { limit: most.jobs, ..Page::default() };
-    Ok(Peeked {
+    let newest = JobSelection { limit: most.jobs, ..JobSelection::default() };
+    Ok(StoreSnapshot {
         counts: jobs::counts(&connection)?,
         jobs: jobs::list(&connection, &newest)?.rows,
         events: history::newest_events(&connection, most.events)?,

@@ -3,7 +3,8 @@ use rusqlite::{Connection, OptionalExtension, params};
 use super::columns::{JOB, Micros, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{
-    Accepted, Cancelled, Claimed, Deleted, JobEnd, JobId, JobPage, JobRow, JobState, NewJob, Page, StoredEvent,
+    CancelOutcome, Claimed, Deleted, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState, NewJob, StoredEvent,
+    SubmitOutcome,
 };
 
 /// Ended runs of standing jobs except the newest of each plate.
@@ -24,7 +25,7 @@ pub(super) enum StartOutcome {
 }
 
 /// Earlier use of an idempotency key.
-enum Seen {
+enum KeyLookup {
     /// Used with the same body, for this job.
     Same(JobId),
     /// Used with another body.
@@ -33,45 +34,47 @@ enum Seen {
 
 impl WriteTx<'_> {
     /// Queues a job, unless its key was used or its plate's queue is full.
-    pub fn accept(&self, job: &NewJob) -> rusqlite::Result<Accepted> {
+    pub fn accept(&self, job: &NewJob) -> rusqlite::Result<SubmitOutcome> {
         if let Some(answered) = self.repeated(job)? {
             return Ok(answered);
         }
         let queued = self.queued(&job.plate)?;
         if queued >= self.limits.queued {
-            return Ok(Accepted::QueueFull { queued });
+            return Ok(SubmitOutcome::QueueFull { queued });
         }
         let row = job.row(self.ids.next(self.now), Micros::rounded(self.now));
         insert(self.connection, &row, Some(&job.spec_json))?;
         if let Some(key) = &job.key {
             self.remember(key, &job.body_sha256, &row.id)?;
         }
-        Ok(Accepted::New(row))
+        Ok(SubmitOutcome::New(row))
     }
 
     /// The earlier answer to a job with a repeated key; `None` for a new key.
-    pub fn repeated(&self, job: &NewJob) -> rusqlite::Result<Option<Accepted>> {
+    pub fn repeated(&self, job: &NewJob) -> rusqlite::Result<Option<SubmitOutcome>> {
         Ok(match self.seen(job)? {
-            Some(Seen::Same(id)) => Some(self.find(&id)?.map_or(Accepted::KeyReused, Accepted::Replayed)),
-            Some(Seen::Other) => Some(Accepted::KeyReused),
+            Some(KeyLookup::Same(id)) => {
+                Some(self.find(&id)?.map_or(SubmitOutcome::KeyReused, SubmitOutcome::Replayed))
+            }
+            Some(KeyLookup::Other) => Some(SubmitOutcome::KeyReused),
             None => None,
         })
     }
 
     /// Earlier use of a job's key; `None` when it has no key, or the use is too old.
-    fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<Seen>> {
+    fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<KeyLookup>> {
         let Some(key) = &job.key else { return Ok(None) };
         let sql = "SELECT body_sha256, job FROM keys WHERE key = ?1 AND uptime >= ?2";
         let oldest = self.ages.cutoff(self.limits.keys_kept);
         let known =
             self.connection.query_row(sql, params![key, oldest], |row| Ok((row.get::<_, [u8; 32]>(0)?, row.get(1)?)));
-        let seen = |(body, id)| if body == job.body_sha256 { Seen::Same(id) } else { Seen::Other };
+        let seen = |(body, id)| if body == job.body_sha256 { KeyLookup::Same(id) } else { KeyLookup::Other };
         if let Some(known) = known.optional()? {
             return Ok(Some(seen(known)));
         }
         let sql = "SELECT EXISTS (SELECT 1 FROM spent_keys WHERE key = ?1 AND uptime >= ?2)";
         let is_spent = self.connection.query_row(sql, params![key, oldest], |row| row.get::<_, bool>(0))?;
-        Ok(is_spent.then_some(Seen::Other))
+        Ok(is_spent.then_some(KeyLookup::Other))
     }
 
     /// Stores a key, replacing a use that is too old.
@@ -161,12 +164,12 @@ impl WriteTx<'_> {
     }
 
     /// Takes a job out of the queue.
-    pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<Cancelled> {
+    pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<CancelOutcome> {
         let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
         Ok(match (self.find(id)?, told) {
-            (None, _) => Cancelled::Unknown,
-            (Some(row), Some(told)) => Cancelled::Now(row, told),
-            (Some(row), None) => Cancelled::Not(row),
+            (None, _) => CancelOutcome::Unknown,
+            (Some(row), Some(told)) => CancelOutcome::Now(row, told),
+            (Some(row), None) => CancelOutcome::Not(row),
         })
     }
 
@@ -253,8 +256,8 @@ pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Opti
 }
 
 /// A page of jobs, newest first.
-pub(super) fn list(connection: &Connection, page: &Page) -> rusqlite::Result<JobPage> {
-    let limit = page.limit.clamp(1, Page::MOST);
+pub(super) fn list(connection: &Connection, page: &JobSelection) -> rusqlite::Result<JobPage> {
+    let limit = page.limit.clamp(1, JobSelection::MOST);
     let by_state = page.state.map_or("", |_| "state = ?3 AND");
     // ids have 16 bytes, so this one sorts above all of them
     let below = page.cursor.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());

@@ -6,13 +6,13 @@ use parking_lot::Mutex;
 
 use super::ids::Ids;
 use super::{
-    AuditEntry, Cancelled, Claimed, JobEnd, JobId, JobRow, JobState, Ledger, MakeFolder, NewEvent, NewJob, Publish,
-    RecordingStatus, StoreFault, StoredEvent,
+    AuditEntry, CancelOutcome, Claimed, JobEnd, JobId, JobRow, JobState, JobStore, MakeFolder, NewEvent, NewJob,
+    Publish, RecordingStatus, StoreFault, StoredEvent,
 };
 
 /// A ledger in memory, for tests of code that needs one.
 #[derive(Debug)]
-pub struct MemoryLedger {
+pub struct InMemoryJobStore {
     now: fn() -> Timestamp,
     kept: Mutex<Kept>,
 }
@@ -20,19 +20,19 @@ pub struct MemoryLedger {
 #[derive(Debug)]
 struct Kept {
     ids: Ids,
-    jobs: BTreeMap<JobId, Entry>,
+    jobs: BTreeMap<JobId, StoredJob>,
     audit: Vec<AuditEntry>,
     fault: Option<StoreFault>,
 }
 
 #[derive(Debug)]
-struct Entry {
+struct StoredJob {
     row: JobRow,
     spec_json: String,
     events: Vec<StoredEvent>,
 }
 
-impl MemoryLedger {
+impl InMemoryJobStore {
     /// An empty ledger that takes the time from `now`.
     pub fn new(now: fn() -> Timestamp) -> Self {
         let (jobs, audit) = Default::default();
@@ -44,19 +44,19 @@ impl MemoryLedger {
         let mut kept = self.kept.lock();
         let submitted_at = (self.now)();
         let row = job.row(kept.ids.next(submitted_at), submitted_at);
-        let entry = Entry { row: row.clone(), spec_json: job.spec_json, events: Vec::new() };
+        let entry = StoredJob { row: row.clone(), spec_json: job.spec_json, events: Vec::new() };
         kept.jobs.insert(row.id, entry);
         row
     }
 
     /// Takes a job out of the queue.
-    pub fn cancel_queued(&self, id: &JobId) -> Cancelled {
+    pub fn cancel_queued(&self, id: &JobId) -> CancelOutcome {
         let mut kept = self.kept.lock();
         let told = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
         match (kept.jobs.get(id).map(|entry| entry.row.clone()), told) {
-            (None, _) => Cancelled::Unknown,
-            (Some(row), Some(told)) => Cancelled::Now(row, told),
-            (Some(row), None) => Cancelled::Not(row),
+            (None, _) => CancelOutcome::Unknown,
+            (Some(row), Some(told)) => CancelOutcome::Now(row, told),
+            (Some(row), None) => CancelOutcome::Not(row),
         }
     }
 
@@ -76,7 +76,7 @@ impl MemoryLedger {
     }
 
     /// The audit log.
-    pub fn audit(&self) -> Vec<AuditEntry> {
+    pub fn audit_log(&self) -> Vec<AuditEntry> {
         self.kept.lock().audit.clone()
     }
 
@@ -99,7 +99,7 @@ impl Kept {
     }
 }
 
-impl Entry {
+impl StoredJob {
     fn tell(&mut self, event: NewEvent, at: Timestamp) -> StoredEvent {
         self.row.last_event += 1;
         let NewEvent { plate_time, kind, body } = event;
@@ -109,12 +109,12 @@ impl Entry {
     }
 }
 
-impl Ledger for MemoryLedger {
+impl JobStore for InMemoryJobStore {
     fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
-        let next = |entry: &&mut Entry| entry.row.plate == plate && entry.row.state == JobState::Queued;
-        let Some(Entry { row, spec_json, .. }) = kept.jobs.values_mut().find(next) else { return Ok(None) };
+        let next = |entry: &&mut StoredJob| entry.row.plate == plate && entry.row.state == JobState::Queued;
+        let Some(StoredJob { row, spec_json, .. }) = kept.jobs.values_mut().find(next) else { return Ok(None) };
         row.folder = Some(folder(row).map_err(|error| StoreFault::Io(error.to_string()))?);
         (row.state, row.started_at) = (JobState::Running, Some((self.now)()));
         Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
@@ -123,7 +123,7 @@ impl Ledger for MemoryLedger {
     fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
-        let waits = |entry: &Entry| entry.row.plate == job.plate && entry.row.state == JobState::Queued;
+        let waits = |entry: &StoredJob| entry.row.plate == job.plate && entry.row.state == JobState::Queued;
         if kept.jobs.values().any(waits) {
             return Ok(None);
         }
@@ -132,12 +132,12 @@ impl Ledger for MemoryLedger {
         row.folder = Some(folder(&row).map_err(|error| StoreFault::Io(error.to_string()))?);
         (row.state, row.started_at) = (JobState::Running, Some(now));
         let spec_json = job.spec_json.clone();
-        let entry = Entry { row: row.clone(), spec_json: spec_json.clone(), events: Vec::new() };
+        let entry = StoredJob { row: row.clone(), spec_json: spec_json.clone(), events: Vec::new() };
         kept.jobs.insert(row.id, entry);
         Ok(Some(Claimed { row, spec_json }))
     }
 
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+    fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         let told = kept.end(id, JobState::Running, end, (self.now)());
@@ -145,7 +145,7 @@ impl Ledger for MemoryLedger {
         has_ended.then_some(told).ok_or_else(|| unknown(id))
     }
 
-    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+    fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
         let stored = {
             let mut kept = self.kept.lock();
             let known = kept.check();
@@ -165,12 +165,12 @@ impl Ledger for MemoryLedger {
 
     fn note_paused(&self, _plate: &str, _paused: bool) {}
 
-    fn note_act(&self, entry: AuditEntry) -> bool {
+    fn audit(&self, entry: AuditEntry) -> bool {
         self.kept.lock().audit.push(entry);
         true
     }
 
-    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+    fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         kept.audit.push(entry);
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn the_oldest_job_of_a_plate_is_claimed_once() {
-        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
         let [first, second, other] = ["a", "a", "b"].map(|plate| ledger.accept(new_job(plate)).id);
         let claimed = ledger.claim("a", &folder).unwrap().unwrap().row;
         assert_eq!((claimed.id, claimed.state, claimed.folder.as_deref()), (first, JobState::Running, Some("hold-3")));
@@ -230,14 +230,14 @@ mod tests {
         assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
         assert_eq!(ledger.claim("a", &folder).unwrap().unwrap().row.id, second);
         assert_eq!(ledger.claim("a", &folder), Ok(None));
-        assert!(matches!(ledger.cancel_queued(&other), Cancelled::Now(..)));
-        assert!(matches!(ledger.cancel_queued(&first), Cancelled::Not(row) if row.state == JobState::Running));
+        assert!(matches!(ledger.cancel_queued(&other), CancelOutcome::Now(..)));
+        assert!(matches!(ledger.cancel_queued(&first), CancelOutcome::Not(row) if row.state == JobState::Running));
         assert_eq!(ledger.claim("b", &folder), Ok(None));
     }
 
     #[test]
     fn a_job_ends_once_and_faults_can_be_made() {
-        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
         let id = ledger.accept(new_job("a")).id;
         ledger.claim("a", &folder).unwrap();
         let end = |state| JobEnd {
@@ -249,23 +249,23 @@ mod tests {
             recording: RecordingStatus::Whole,
         };
         ledger.fail_with(Some(StoreFault::Full));
-        assert_eq!(ledger.ended(&id, end(JobState::Completed)), Err(StoreFault::Full));
+        assert_eq!(ledger.finish(&id, end(JobState::Completed)), Err(StoreFault::Full));
         ledger.fail_with(None);
-        assert_eq!(ledger.ended(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
-        assert_eq!(ledger.ended(&id, end(JobState::Failed)), Ok(None));
+        assert_eq!(ledger.finish(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
+        assert_eq!(ledger.finish(&id, end(JobState::Failed)), Ok(None));
         let row = ledger.job(&id).unwrap();
         assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingStatus::Whole));
     }
 
     #[test]
     fn events_count_from_one() {
-        let ledger = MemoryLedger::new(|| Timestamp::UNIX_EPOCH);
+        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
         let id = ledger.accept(new_job("a")).id;
         let (sender, receiver) = sync_channel(2);
         for text in ["1", "2"] {
             let sender = sender.clone();
             let event = NewEvent { plate_time: PlateTime::ZERO, kind: "cycle", body: Arc::from(text) };
-            assert!(ledger.tell(&id, event, Box::new(move |stored| sender.send(stored.unwrap().seq).unwrap())));
+            assert!(ledger.append_event(&id, event, Box::new(move |stored| sender.send(stored.unwrap().seq).unwrap())));
         }
         assert_eq!(receiver.try_iter().collect::<Vec<_>>(), [1, 2]);
         assert_eq!(ledger.events(&id).iter().map(|event| &*event.body).collect::<Vec<_>>(), ["1", "2"]);

@@ -21,17 +21,17 @@ use super::schema::{MIGRATIONS, create_as, is_clean, migrate, refuse_newer};
 use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, WriteQueue, WriterStatus};
 use super::writer::Writer;
-use super::{Clocks, JobId, Limits, Recovery, RepairRecording, StoreFault};
-use upm_core::priority::lower_thread_priority;
+use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
+use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 
 /// An open store with the report of its recovery.
 #[derive(Debug)]
-pub struct Opened {
+pub struct OpenOutcome {
     /// The store.
     pub store: Store,
     /// Findings and repairs of the start.
-    pub recovery: Recovery,
+    pub recovery: RecoveryReport,
 }
 
 impl Store {
@@ -42,10 +42,10 @@ impl Store {
     pub fn open(
         data: &Path,
         plates: &[String],
-        limits: Limits,
+        limits: StoreLimits,
         clocks: Clocks,
         repair: RepairRecording<'_>,
-    ) -> Result<Opened, StoreFault> {
+    ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
         let folder = dir.lock_folder()?;
         [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_newer(db))?;
@@ -90,13 +90,16 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(Opened { store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock, held }, recovery })
+        Ok(OpenOutcome {
+            store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock, held },
+            recovery,
+        })
     }
 }
 
 impl OpenOptions<'_> {
     /// The writing connection, to a store that has been recovered.
-    fn start(&self, dir: &DataDir) -> Result<(Connection, Recovery), StoreFault> {
+    fn start(&self, dir: &DataDir) -> Result<(Connection, RecoveryReport), StoreFault> {
         let mut found = self.make_whole(dir)?;
         let made = writing(&dir.db).map_err(StoreFault::from);
         let made = made.and_then(|connection| self.recovered(connection, dir, &mut found));
@@ -113,7 +116,7 @@ impl OpenOptions<'_> {
     }
 
     /// Ensures that there is a sound database.
-    fn make_whole(&self, dir: &DataDir) -> Result<Recovery, StoreFault> {
+    fn make_whole(&self, dir: &DataDir) -> Result<RecoveryReport, StoreFault> {
         if dir.next.exists() {
             return set_aside(dir, (self.clocks.wall)(), "putting a damaged store aside was cut short");
         }
@@ -122,7 +125,7 @@ impl OpenOptions<'_> {
         if !there && !runs && !log {
             create_as(&dir.draft, &dir.db)?;
             dir.sync()?;
-            return Ok(Recovery { clean: true, ..Recovery::default() });
+            return Ok(RecoveryReport { clean: true, ..RecoveryReport::default() });
         }
         let damage = if there { damage_of(&dir.db)? } else { Some("upm.db is missing".to_owned()) };
         if let Some(damage) = damage {
@@ -132,14 +135,14 @@ impl OpenOptions<'_> {
         let lost = !log && !is_clean(&reading(&dir.db)?)?;
         let damage = lost.then(|| "upm.db-wal is missing: what was accepted last may be lost".to_owned());
         damage.iter().for_each(|damage| tracing::error!("{damage}"));
-        Ok(Recovery { clean: true, damage, ..Recovery::default() })
+        Ok(RecoveryReport { clean: true, damage, ..RecoveryReport::default() })
     }
 
     fn recovered(
         &self,
         mut connection: Connection,
         dir: &DataDir,
-        found: &mut Recovery,
+        found: &mut RecoveryReport,
     ) -> Result<Connection, StoreFault> {
         restart_log(&connection)?;
         migrate(&mut connection, dir, MIGRATIONS)?;

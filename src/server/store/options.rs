@@ -1,23 +1,23 @@
 use std::path::Path;
 use std::time::Duration;
 
-use super::{Clocks, Mended};
+use super::{Clocks, RecordingRepair};
 
 /// Repairs the unclosed recording at the first path into a complete one at the second.
-pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<Mended, String>;
+pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<RecordingRepair, String>;
 
 /// Options of [`Store::open`](super::Store::open), without the data folder.
 #[derive(Clone, Copy)]
 pub(super) struct OpenOptions<'a> {
     pub plates: &'a [String],
-    pub limits: &'a Limits,
+    pub limits: &'a StoreLimits,
     pub clocks: &'a Clocks,
     pub repair: RepairRecording<'a>,
 }
 
 /// Limits of the store's contents.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Limits {
+pub struct StoreLimits {
     /// Most jobs queued for one plate.
     pub queued: usize,
     /// Most jobs stored. The oldest ended ones are deleted first, but none while its idempotency key is remembered.
@@ -39,7 +39,7 @@ pub struct Limits {
     pub reserve_bytes: u64,
 }
 
-impl Default for Limits {
+impl Default for StoreLimits {
     fn default() -> Self {
         let day = Duration::from_secs(24 * 3600);
         Self {

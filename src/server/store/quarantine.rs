@@ -8,7 +8,7 @@ use super::connection::{empty_log, reading, writing};
 use super::layout::{DataDir, SQLITE_SUFFIXES, beside, remove_all};
 use super::salvage::{from_folders, from_store, have_begun};
 use super::schema::{APPLICATION_ID, OLDEST, VERSION, create, identity};
-use super::{Recovery, StoreFault};
+use super::{RecoveryReport, StoreFault};
 
 /// Size of the smallest database, bytes. SQLite would take a shorter file for a new database, and discard the log
 /// beside it.
@@ -53,7 +53,7 @@ fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
 /// Makes a new store of the readable data in the old one and in the run folders, and moves the old one aside. If it is
 /// interrupted at any point, the next start resumes it without loss: the old store is moved only when the new one is
 /// complete.
-pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<Recovery, StoreFault> {
+pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<RecoveryReport, StoreFault> {
     tracing::error!("the job store is damaged and moved aside: {damage}");
     if !dir.next.exists() {
         remove_all(&dir.draft)?;
@@ -73,7 +73,7 @@ pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<R
     // the new log begins with the new database
     remove_all(&dir.draft)?;
     dir.sync()?;
-    Ok(Recovery { moved_aside: moved, damage: Some(damage.to_owned()), ..Recovery::default() })
+    Ok(RecoveryReport { moved_aside: moved, damage: Some(damage.to_owned()), ..RecoveryReport::default() })
 }
 
 /// Renames the database together with its log and index; `None` when there was none of them.

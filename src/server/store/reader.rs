@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use rusqlite::Connection;
 
 use super::StoreFault;
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::Clock;
 
 /// Most reads that may wait.
@@ -21,12 +21,12 @@ type Question = Box<dyn FnOnce(Result<&Connection, StoreFault>) + Send>;
 pub(super) struct Readers {
     questions: SyncSender<Question>,
     clock: Arc<dyn Clock + Send + Sync>,
-    busy: Vec<Arc<Busy>>,
+    busy: Vec<Arc<ReaderBusy>>,
 }
 
 /// Time at which a reader took its current read, µs on the clock and at least 1; 0 while it is idle. A reader that died
 /// keeps the time of its last read.
-type Busy = AtomicU64;
+type ReaderBusy = AtomicU64;
 
 impl Readers {
     /// Starts one thread for each connection.
@@ -35,7 +35,8 @@ impl Readers {
         let questions = Arc::new(Mutex::new(questions));
         let mut readers = Self { questions: sender, clock, busy: Vec::new() };
         for connection in connections {
-            let (questions, clock, busy) = (Arc::clone(&questions), Arc::clone(&readers.clock), Arc::<Busy>::default());
+            let (questions, clock, busy) =
+                (Arc::clone(&questions), Arc::clone(&readers.clock), Arc::<ReaderBusy>::default());
             readers.busy.push(Arc::clone(&busy));
             thread::Builder::new().name("store-read".into()).spawn(move || {
                 lower_thread_priority();
@@ -69,7 +70,7 @@ impl Readers {
     }
 }
 
-fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>, clock: &dyn Clock, busy: &Busy) {
+fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>, clock: &dyn Clock, busy: &ReaderBusy) {
     loop {
         let next = questions.lock().recv();
         match next {

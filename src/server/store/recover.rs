@@ -14,7 +14,7 @@ use super::options::OpenOptions;
 use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
 use super::write_tx::WriteTx;
-use super::{JobRow, JobState, RecordingStatus, Recovery, RunFileFault, StoreFault};
+use super::{JobRow, JobState, RecordingStatus, RecoveryReport, RunFileFault, StoreFault};
 use unfinished::{end_of, last_write, repair_recording};
 
 /// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused
@@ -23,7 +23,7 @@ pub(super) fn recover(
     connection: &mut Connection,
     dir: &DataDir,
     options: &OpenOptions<'_>,
-    found: &mut Recovery,
+    found: &mut RecoveryReport,
 ) -> Result<(), StoreFault> {
     have_begun(dir, connection)?;
     if found.damage.is_some() {

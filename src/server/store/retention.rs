@@ -15,9 +15,9 @@ use jiff::Timestamp;
 use super::ages::{AgeClock, Ages, Uptime};
 use super::layout::DataDir;
 use super::write_queue::WriteQueue;
-use super::write_tx::Ended;
-use super::{JobId, Limits, StoreFault};
-use upm_core::priority::lower_thread_priority;
+use super::write_tx::EndStamp;
+use super::{JobId, StoreFault, StoreLimits};
+use upm_core::thread_priority::lower_thread_priority;
 
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
@@ -28,7 +28,7 @@ const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
 /// Result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Swept {
+pub(super) struct SweepReport {
     /// Names of the run folders that were deleted.
     pub deleted: Vec<String>,
     /// Bytes of the run folders that are left.
@@ -36,7 +36,7 @@ pub(super) struct Swept {
 }
 
 /// Receiver of a sweep's result; `None` when no caller waits for it.
-type Asked = Option<SyncSender<Result<Swept, StoreFault>>>;
+type SweepReply = Option<SyncSender<Result<SweepReport, StoreFault>>>;
 
 /// Names of run folders whose jobs were deleted.
 type Discarded = Arc<Mutex<Vec<String>>>;
@@ -44,7 +44,7 @@ type Discarded = Arc<Mutex<Vec<String>>>;
 /// Requests the removal of run folders whose jobs were deleted.
 #[derive(Clone, Debug)]
 pub(super) struct Discards {
-    asked: SyncSender<Asked>,
+    asked: SyncSender<SweepReply>,
     discarded: Discarded,
 }
 
@@ -59,7 +59,7 @@ impl Discards {
 /// The thread that deletes run folders. It ends with the store.
 #[derive(Debug)]
 pub(super) struct Retention {
-    asked: SyncSender<Asked>,
+    asked: SyncSender<SweepReply>,
     discarded: Discarded,
     /// Bytes in run folders at the last count; `u64::MAX` before the first.
     bytes: Arc<AtomicU64>,
@@ -93,7 +93,7 @@ impl Retention {
 
     /// Requests a sweep and waits for it.
     #[cfg(test)]
-    pub fn sweep(&self) -> Result<Swept, StoreFault> {
+    pub fn sweep(&self) -> Result<SweepReport, StoreFault> {
         let (done, swept) = sync_channel(1);
         self.asked.send(Some(done)).map_err(|_| StoreFault::Closed)?;
         swept.recv().unwrap_or(Err(StoreFault::Closed))
@@ -105,22 +105,22 @@ impl Retention {
 pub(super) type StartLock = Arc<RwLock<()>>;
 
 /// Run folders of jobs by name, with when each job ended.
-type RunFolders = BTreeMap<String, (JobId, Option<Ended>)>;
+type RunFolders = BTreeMap<String, (JobId, Option<EndStamp>)>;
 
 /// A run folder that may be deleted.
 #[derive(Clone, Debug, PartialEq)]
-struct RunFolder {
+struct AgedFolder {
     name: String,
     /// Its job; `None` for a folder without a job.
     job: Option<JobId>,
-    ended: Ended,
+    ended: EndStamp,
     bytes: u64,
 }
 
-impl RunFolder {
+impl AgedFolder {
     /// A folder that is deleted regardless of age and size.
     fn at_once(name: String, job: Option<JobId>) -> Self {
-        Self { name, job, ended: Ended { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 }
+        Self { name, job, ended: EndStamp { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 }
     }
 }
 
@@ -128,7 +128,7 @@ impl RunFolder {
 #[derive(Debug)]
 pub(super) struct Sweeper {
     dir: DataDir,
-    limits: Limits,
+    limits: StoreLimits,
     ages: Arc<AgeClock>,
     queue: WriteQueue,
     start_lock: StartLock,
@@ -141,13 +141,19 @@ pub(super) struct Sweeper {
 }
 
 impl Sweeper {
-    pub fn new(dir: DataDir, limits: Limits, ages: Arc<AgeClock>, queue: WriteQueue, start_lock: StartLock) -> Self {
+    pub fn new(
+        dir: DataDir,
+        limits: StoreLimits,
+        ages: Arc<AgeClock>,
+        queue: WriteQueue,
+        start_lock: StartLock,
+    ) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
         let (orphans, sizes, discarded) = (BTreeMap::new(), BTreeMap::new(), Discarded::default());
         Self { dir, limits, ages, queue, start_lock, discarded, orphans, sizes, bytes }
     }
 
-    fn run(mut self, asked: &Receiver<Asked>) {
+    fn run(mut self, asked: &Receiver<SweepReply>) {
         loop {
             let asked = match asked.recv_timeout(SWEEP_EVERY) {
                 Ok(asked) => asked,
@@ -164,7 +170,7 @@ impl Sweeper {
     }
 
     /// Deletes run folders, and rows of old keys and jobs; a failure of one does not prevent the other.
-    fn sweep(&mut self) -> Result<Swept, StoreFault> {
+    fn sweep(&mut self) -> Result<SweepReport, StoreFault> {
         let swept = self.delete_folders();
         let forgotten = self.queue.written(true, |tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
         // a failure shows in the store's health, and makes nothing older
@@ -173,7 +179,7 @@ impl Sweeper {
     }
 
     /// Deletes the run folders that are due. A folder that cannot be deleted does not prevent the deletion of others.
-    fn delete_folders(&mut self) -> Result<Swept, StoreFault> {
+    fn delete_folders(&mut self) -> Result<SweepReport, StoreFault> {
         let (mut deleted, mut faults) = (Vec::new(), Vec::new());
         self.delete_discarded(&mut deleted, &mut faults)?;
         self.delete_standing(&mut deleted, &mut faults)?;
@@ -192,14 +198,14 @@ impl Sweeper {
         if let Some(first) = faults.first() {
             tracing::warn!(folders = faults.len(), "old run folders cannot be deleted, the first: {first}");
         }
-        Ok(Swept { deleted, bytes })
+        Ok(SweepReport { deleted, bytes })
     }
 
     /// Removes the run folders of deleted jobs. A folder that stays has no job, and is removed by age.
     fn delete_discarded(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         let discarded = std::mem::take(&mut *self.discarded.lock());
         for name in discarded {
-            if self.delete(&RunFolder::at_once(name.clone(), None), faults)? {
+            if self.delete(&AgedFolder::at_once(name.clone(), None), faults)? {
                 deleted.push(name);
             }
         }
@@ -211,7 +217,7 @@ impl Sweeper {
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
             if let Some(name) = folder {
-                let kept = RunFolder::at_once(name, Some(id));
+                let kept = AgedFolder::at_once(name, Some(id));
                 if !self.delete(&kept, faults)? {
                     continue;
                 }
@@ -223,7 +229,7 @@ impl Sweeper {
     }
 
     /// The folders that may be deleted, oldest first, and the bytes of all run folders.
-    fn folders(&mut self) -> Result<(Vec<RunFolder>, u64), StoreFault> {
+    fn folders(&mut self) -> Result<(Vec<AgedFolder>, u64), StoreFault> {
         let (names, rows) = self.names_and_rows()?;
         let (mut folders, mut bytes) = (Vec::new(), 0);
         let (mut sizes, mut orphans) = (BTreeMap::new(), BTreeMap::new());
@@ -243,7 +249,7 @@ impl Sweeper {
             bytes += size;
             if let Some(ended) = ended {
                 sizes.insert(name.clone(), size);
-                folders.push(RunFolder { name, job, ended, bytes: size });
+                folders.push(AgedFolder { name, job, ended, bytes: size });
             }
         }
         (self.sizes, self.orphans) = (sizes, orphans);
@@ -259,8 +265,8 @@ impl Sweeper {
 
     /// Deletes a folder; its row first, so that no row ever names a folder that is gone. False when the folder stays,
     /// with its row as before; errors are added to `faults`.
-    fn delete(&mut self, kept: &RunFolder, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
-        let RunFolder { name, job, .. } = kept;
+    fn delete(&mut self, kept: &AgedFolder, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
+        let AgedFolder { name, job, .. } = kept;
         let row = match *job {
             None => None,
             Some(id) => {
@@ -299,8 +305,8 @@ impl Sweeper {
 
 /// The end of a folder without a job that was found at uptime `found`; `None` while it may be one that is being made.
 /// The folder's own time is wall time, which cannot be trusted.
-fn orphaned(found: Uptime, ages: Ages) -> Option<Ended> {
-    (found < ages.cutoff(ORPHAN_AGE)).then_some(Ended { uptime: found, at: Timestamp::MIN })
+fn orphaned(found: Uptime, ages: Ages) -> Option<EndStamp> {
+    (found < ages.cutoff(ORPHAN_AGE)).then_some(EndStamp { uptime: found, at: Timestamp::MIN })
 }
 
 fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {

@@ -20,11 +20,12 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::retention::Swept;
-use super::write_queue::{Task, task};
+use super::retention::SweepReport;
+use super::write_queue::{WriteRequest, task};
 use super::{
-    Accepted, AuditEntry, AuditRow, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobState, Ledger, Limits, Mended,
-    NewEvent, NewJob, Opened, Pace, Page, RecordingStatus, Store, StoreFault, StoredEvent, history,
+    AuditEntry, AuditRow, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore, NewEvent,
+    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
+    SubmitOutcome, history,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
@@ -33,7 +34,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 impl Store {
     /// Queues a job. A job in the answer is on the disk.
-    pub(crate) fn accept(&self, job: NewJob, done: impl FnOnce(Result<Accepted, StoreFault>) + Send + 'static) {
+    pub(crate) fn accept(&self, job: NewJob, done: impl FnOnce(Result<SubmitOutcome, StoreFault>) + Send + 'static) {
         let done = |accepted: Result<Option<_>, _>| done(accepted.and_then(|new| new.ok_or(StoreFault::Closed)));
         self.accept_if(job, || true, done);
     }
@@ -68,13 +69,13 @@ impl Store {
     }
 
     /// Deletes run folders that are too old or too large in total, and waits for that.
-    fn sweep(&self) -> Result<Swept, StoreFault> {
+    fn sweep(&self) -> Result<SweepReport, StoreFault> {
         self.retention.sweep()
     }
 }
 
 /// A task that writes nothing.
-fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn Task> {
+fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn WriteRequest> {
     task(true, |_| Ok(()), done)
 }
 
@@ -109,8 +110,8 @@ impl Clock for Hours {
     }
 }
 
-fn limits() -> Limits {
-    Limits { reserve_bytes: 1 << 20, ..Limits::default() }
+fn limits() -> StoreLimits {
+    StoreLimits { reserve_bytes: 1 << 20, ..StoreLimits::default() }
 }
 
 fn plates() -> Vec<String> {
@@ -118,17 +119,17 @@ fn plates() -> Vec<String> {
 }
 
 /// A repair that reports every recording as truncated.
-fn repair(part: &Path, whole: &Path) -> Result<Mended, String> {
+fn repair(part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
     std::fs::rename(part, whole).map_err(|error| error.to_string())?;
-    Ok(Mended { messages: 3, cut_bytes: 7, was_whole: false })
+    Ok(RecordingRepair { messages: 3, cut_bytes: 7, was_whole: false })
 }
 
-fn try_open(data: &Path, limits: Limits) -> Result<Opened, StoreFault> {
+fn try_open(data: &Path, limits: StoreLimits) -> Result<OpenOutcome, StoreFault> {
     Store::open(data, &plates(), limits, still(noon), &repair)
 }
 
 /// Opens a store that an earlier opener may still be closing.
-fn open(data: &Path, limits: Limits) -> Opened {
+fn open(data: &Path, limits: StoreLimits) -> OpenOutcome {
     for _ in 0..1000 {
         match try_open(data, limits.clone()) {
             Err(StoreFault::Io(reason)) if reason.contains("another daemon") => {
@@ -141,9 +142,9 @@ fn open(data: &Path, limits: Limits) -> Opened {
 }
 
 /// A new store in a new folder.
-fn new_store(limits: Limits) -> (tempfile::TempDir, Store) {
+fn new_store(limits: StoreLimits) -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
-    let Opened { store, recovery } = open(folder.path(), limits);
+    let OpenOutcome { store, recovery } = open(folder.path(), limits);
     assert_eq!((recovery.clean, recovery.damage, recovery.paused.len()), (true, None, 0));
     (folder, store)
 }
@@ -169,14 +170,14 @@ fn ask<T: Send + 'static>(question: impl FnOnce(Box<dyn FnOnce(T) + Send>)) -> T
     answer.recv_timeout(PATIENCE).unwrap()
 }
 
-fn accept(store: &Store, job: NewJob) -> Result<Accepted, StoreFault> {
+fn accept(store: &Store, job: NewJob) -> Result<SubmitOutcome, StoreFault> {
     ask(|done| store.accept(job, done))
 }
 
 /// Queues a job that must be accepted.
 fn queue(store: &Store, name: &str, plate: &str) -> JobRow {
     match accept(store, new_job(name, plate)) {
-        Ok(Accepted::New(row)) => row,
+        Ok(SubmitOutcome::New(row)) => row,
         other => panic!("{other:?}"),
     }
 }
@@ -188,7 +189,8 @@ fn job(store: &Store, id: JobId) -> JobRow {
 fn all_jobs(store: &Store) -> Vec<JobRow> {
     let (mut rows, mut cursor) = (Vec::new(), None);
     loop {
-        let page = ask(|done| store.list(Page { state: None, limit: Page::MOST, cursor }, done)).unwrap();
+        let page =
+            ask(|done| store.list(JobSelection { state: None, limit: JobSelection::MOST, cursor }, done)).unwrap();
         rows.extend(page.rows);
         cursor = page.next;
         if cursor.is_none() {
@@ -224,7 +226,7 @@ fn event(kind: &'static str, body: &str) -> NewEvent {
 
 /// Stores an event and returns its number.
 fn tell(store: &Store, id: JobId, body: &str) -> Result<u64, StoreFault> {
-    ask(|done| assert!(store.tell(&id, event("cycle", body), done))).map(|stored| stored.seq)
+    ask(|done| assert!(store.append_event(&id, event("cycle", body), done))).map(|stored| stored.seq)
 }
 
 fn act(operator: &str) -> AuditEntry {

@@ -205,7 +205,7 @@ pub struct StoredEvent {
 
 /// Outcome of a submission.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Accepted {
+pub enum SubmitOutcome {
     /// The job is queued, and on the disk.
     New(JobRow),
     /// The same key and body were used before: the job of that request, in its present state.
@@ -221,7 +221,7 @@ pub enum Accepted {
 
 /// Outcome of taking a job out of the queue.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Cancelled {
+pub enum CancelOutcome {
     /// The job was queued and is cancelled; with its last event.
     Now(JobRow, StoredEvent),
     /// The job is in another state, and stays so.
@@ -243,7 +243,7 @@ pub enum Deleted {
 
 /// Selection of jobs to list, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Page {
+pub struct JobSelection {
     /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
     /// Most jobs in the answer; clamped to 1 to [`Page::MOST`].
@@ -252,7 +252,7 @@ pub struct Page {
     pub cursor: Option<JobId>,
 }
 
-impl Page {
+impl JobSelection {
     /// Most jobs in one answer.
     pub const MOST: usize = 200;
 }
@@ -337,7 +337,7 @@ pub enum StoreFault {
 
 /// Result of the repair of an unclosed recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mended {
+pub struct RecordingRepair {
     /// Messages in the repaired recording.
     pub messages: u64,
     /// Bytes at its end that could not be kept.
@@ -348,7 +348,7 @@ pub struct Mended {
 
 /// Report of a store's recovery at start.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Recovery {
+pub struct RecoveryReport {
     /// Jobs that were running and are interrupted now.
     pub interrupted: Vec<JobId>,
     /// Jobs that were running and had ended: their run folder holds a report.
@@ -368,7 +368,7 @@ pub struct Recovery {
     /// Run folders that belong to no job.
     pub orphans: Vec<PathBuf>,
     /// Recordings that had not been closed, with the result of the repair.
-    pub repaired: Vec<(PathBuf, Result<Mended, String>)>,
+    pub repaired: Vec<(PathBuf, Result<RecordingRepair, String>)>,
 }
 
 /// Health of the store.

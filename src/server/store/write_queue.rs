@@ -8,7 +8,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::StoreFault;
-use super::pending::Pending;
+use super::deferred_writes::DeferredWrites;
 use super::write_tx::WriteTx;
 use upm_core::time::{Clock, MonotonicClock};
 
@@ -19,7 +19,7 @@ pub(super) const MOST_WAITING: usize = 1024;
 const CLOSE_AGAIN: Duration = Duration::from_millis(2);
 
 /// A write and the callback that gets its result.
-pub(super) trait Task: Send {
+pub(super) trait WriteRequest: Send {
     /// Performs its part of a transaction. Called again from the start after a rollback.
     fn run(&mut self, tx: &WriteTx<'_>) -> rusqlite::Result<()>;
 
@@ -30,21 +30,21 @@ pub(super) trait Task: Send {
     fn is_vital(&self) -> bool;
 }
 
-impl fmt::Debug for dyn Task {
+impl fmt::Debug for dyn WriteRequest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Task")
     }
 }
 
 /// A [`Task`] made of two closures.
-struct Wish<T, R, D> {
+struct WriteClosure<T, R, D> {
     run: R,
     done: D,
     made: Option<T>,
     vital: bool,
 }
 
-impl<T, R, D> Task for Wish<T, R, D>
+impl<T, R, D> WriteRequest for WriteClosure<T, R, D>
 where
     T: Send,
     R: FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send,
@@ -70,15 +70,15 @@ pub(super) fn task<T: Send + 'static>(
     vital: bool,
     run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
     done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
-) -> Box<dyn Task> {
-    Box::new(Wish { run, done, made: None, vital })
+) -> Box<dyn WriteRequest> {
+    Box::new(WriteClosure { run, done, made: None, vital })
 }
 
 /// A command to the writer.
 #[derive(Debug)]
-pub(super) enum Command {
+pub(super) enum WriterCommand {
     /// Run this task in a transaction.
-    Write(Box<dyn Task>),
+    Write(Box<dyn WriteRequest>),
     /// Check for pending writes.
     Wake,
     /// Write everything queued, record an orderly shutdown, end, and report whether that succeeded.
@@ -89,7 +89,7 @@ pub(super) enum Command {
 #[derive(Debug)]
 pub(super) struct WriterStatus {
     pub clock: MonotonicClock,
-    pub pending: Pending,
+    pub pending: DeferredWrites,
     pub waiting: AtomicUsize,
     pub closed: AtomicBool,
     pub reserve: AtomicBool,
@@ -101,7 +101,7 @@ impl WriterStatus {
     pub fn new(clock: MonotonicClock) -> Self {
         Self {
             clock,
-            pending: Pending::default(),
+            pending: DeferredWrites::default(),
             waiting: AtomicUsize::new(0),
             closed: AtomicBool::new(false),
             reserve: AtomicBool::new(true),
@@ -133,30 +133,30 @@ impl WriterStatus {
 /// The sending end of the writer's queue.
 #[derive(Clone, Debug)]
 pub(super) struct WriteQueue {
-    pub sender: SyncSender<Command>,
+    pub sender: SyncSender<WriterCommand>,
     pub status: Arc<WriterStatus>,
 }
 
 impl WriteQueue {
     /// Queues a task for the writer; answers it at once when that is not possible.
-    pub fn write(&self, task: Box<dyn Task>) {
+    pub fn write(&self, task: Box<dyn WriteRequest>) {
         if let Err((task, fault)) = self.offer(task) {
             task.answer(Err(fault));
         }
     }
 
     /// Queues a task for the writer; on a fault returns it.
-    pub fn offer(&self, task: Box<dyn Task>) -> Result<(), (Box<dyn Task>, StoreFault)> {
+    pub fn offer(&self, task: Box<dyn WriteRequest>) -> Result<(), (Box<dyn WriteRequest>, StoreFault)> {
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
-        let refused = match self.sender.try_send(Command::Write(task)) {
+        let refused = match self.sender.try_send(WriterCommand::Write(task)) {
             Ok(()) => return Ok(()),
             Err(TrySendError::Full(command)) => (command, StoreFault::Busy),
             Err(TrySendError::Disconnected(command)) => (command, StoreFault::Closed),
         };
         self.status.waiting.fetch_sub(1, Ordering::Relaxed);
         match refused {
-            (Command::Write(task), fault) => Err((task, fault)),
-            (Command::Wake | Command::Close(_), _) => Ok(()),
+            (WriterCommand::Write(task), fault) => Err((task, fault)),
+            (WriterCommand::Wake | WriterCommand::Close(_), _) => Ok(()),
         }
     }
 
@@ -170,7 +170,7 @@ impl WriteQueue {
         // the caller may have gone
         let task = task(vital, run, move |stored| drop(sender.try_send(stored)));
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
-        if self.sender.send(Command::Write(task)).is_err() {
+        if self.sender.send(WriterCommand::Write(task)).is_err() {
             self.status.waiting.fetch_sub(1, Ordering::Relaxed);
             return Err(StoreFault::Closed);
         }
@@ -179,7 +179,7 @@ impl WriteQueue {
 
     /// Notifies the writer of a pending write. A full queue does no harm: then the writer is awake.
     pub fn wake(&self) {
-        let _ = self.sender.try_send(Command::Wake);
+        let _ = self.sender.try_send(WriterCommand::Wake);
     }
 
     /// Ends the writer; true when it has ended in order `within` that time.
@@ -187,7 +187,7 @@ impl WriteQueue {
         let (done, closed) = sync_channel(1);
         let until = self.status.clock.elapsed() + within;
         let left = || until.saturating_sub(self.status.clock.elapsed());
-        let mut command = Command::Close(done);
+        let mut command = WriterCommand::Close(done);
         loop {
             match self.sender.try_send(command) {
                 Ok(()) => return closed.recv_timeout(left()).unwrap_or(false),

@@ -8,11 +8,11 @@ use rusqlite::{Connection, OptionalExtension, Row, params};
 use super::ages::{Ages, Uptime};
 use super::columns::{Micros, rows, sql_limit};
 use super::ids::Ids;
-use super::{JobId, Limits, RecordingStatus};
+use super::{JobId, RecordingStatus, StoreLimits};
 
 /// Sort key for the age of run folders: when a job ended, or when a folder without a job was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Ended {
+pub(super) struct EndStamp {
     pub uptime: Uptime,
     /// Wall time, to sort those with the same uptime: all that an older release has left.
     pub at: Timestamp,
@@ -24,7 +24,7 @@ pub(super) struct WriteTx<'a> {
     /// Connection within the transaction.
     pub connection: &'a Connection,
     pub ids: &'a Ids,
-    pub limits: &'a Limits,
+    pub limits: &'a StoreLimits,
     pub runs: &'a Path,
     /// Wall time at which this transaction began.
     pub now: Timestamp,
@@ -36,11 +36,11 @@ pub(super) struct WriteTx<'a> {
 
 impl WriteTx<'_> {
     /// Run folders of all jobs, with when the job ended; `None` for one that runs.
-    pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<Ended>)>> {
+    pub fn folders(&self) -> rusqlite::Result<BTreeMap<String, (JobId, Option<EndStamp>)>> {
         let sql = "SELECT folder, id, ended_uptime, finished_at FROM jobs WHERE folder IS NOT NULL";
         let folder = |row: &Row<'_>| {
             let (uptime, at) = (row.get(2)?, row.get::<_, Option<Micros>>(3)?);
-            Ok((row.get(0)?, (row.get(1)?, at.map(|Micros(at)| Ended { uptime, at }))))
+            Ok((row.get(0)?, (row.get(1)?, at.map(|Micros(at)| EndStamp { uptime, at }))))
         };
         Ok(rows(self.connection, sql, [], folder)?.into_iter().collect())
     }

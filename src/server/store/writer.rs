@@ -10,13 +10,13 @@ use rusqlite::{Connection, TransactionBehavior};
 
 use super::ages::AgeClock;
 use super::connection::restart_log;
+use super::deferred_writes::Deferred;
 use super::ids::Ids;
 use super::layout::Lock;
-use super::pending::Notes;
 use super::space_reserve::SpaceReserve;
-use super::write_queue::{Command, Task, WriterStatus};
+use super::write_queue::{WriteRequest, WriterCommand, WriterStatus};
 use super::write_tx::WriteTx;
-use super::{Limits, StoreFault};
+use super::{StoreFault, StoreLimits};
 use upm_core::time::Clock;
 
 /// Most tasks of one transaction.
@@ -42,10 +42,10 @@ enum Then {
 /// disk.
 pub(super) struct Writer {
     pub connection: Connection,
-    pub queue: Receiver<Command>,
+    pub queue: Receiver<WriterCommand>,
     pub status: Arc<WriterStatus>,
     pub ids: Ids,
-    pub limits: Limits,
+    pub limits: StoreLimits,
     pub runs: PathBuf,
     pub now: fn() -> Timestamp,
     pub ages: Arc<AgeClock>,
@@ -89,14 +89,14 @@ impl Writer {
     }
 
     /// The tasks to be written together, and the step after them.
-    fn collect(&self) -> (Vec<Box<dyn Task>>, Then) {
+    fn collect(&self) -> (Vec<Box<dyn WriteRequest>>, Then) {
         let mut batch = Vec::new();
         let mut command = self.queue.recv_timeout(ROUND);
         loop {
             match command {
-                Ok(Command::Write(task)) => batch.push(task),
-                Ok(Command::Wake) => {}
-                Ok(Command::Close(done)) => return (batch, Then::End(Some(done))),
+                Ok(WriterCommand::Write(task)) => batch.push(task),
+                Ok(WriterCommand::Wake) => {}
+                Ok(WriterCommand::Close(done)) => return (batch, Then::End(Some(done))),
                 Err(RecvTimeoutError::Timeout) => return (batch, Then::GoOn),
                 Err(RecvTimeoutError::Disconnected) => return (batch, Then::End(None)),
             }
@@ -113,7 +113,7 @@ impl Writer {
 
     /// Writes notes and tasks in one transaction, the notes first, since they were added before. If that fails, writes
     /// the notes and each task alone, so that a fault of one does not affect the others.
-    fn write(&mut self, notes: Option<Notes>, mut batch: Vec<Box<dyn Task>>) {
+    fn write(&mut self, notes: Option<Deferred>, mut batch: Vec<Box<dyn WriteRequest>>) {
         self.status.waiting.fetch_sub(batch.len(), Ordering::Relaxed);
         if usize::from(notes.is_some()) + batch.len() > 1 && self.reserve.is_held() {
             let stored = self.commit(|tx| {
@@ -136,7 +136,7 @@ impl Writer {
     }
 
     /// Writes the notes alone; on a fault they are put back.
-    fn write_notes(&mut self, notes: Notes) {
+    fn write_notes(&mut self, notes: Deferred) {
         match self.commit_alone(true, |tx| notes.write(tx)) {
             Ok(()) => self.status.pending.written(),
             Err(_) => self.status.pending.put_back(notes),
@@ -199,9 +199,9 @@ impl Writer {
         }
         while let Ok(command) = queue.recv() {
             match command {
-                Command::Write(task) => task.answer(Err(StoreFault::Closed)),
-                Command::Wake => {}
-                Command::Close(done) => drop(done.try_send(false)),
+                WriterCommand::Write(task) => task.answer(Err(StoreFault::Closed)),
+                WriterCommand::Wake => {}
+                WriterCommand::Close(done) => drop(done.try_send(false)),
             }
         }
     }

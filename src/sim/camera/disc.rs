@@ -1,9 +1,9 @@
 use multiversion::multiversion;
 use nalgebra::Matrix2;
 
+use super::coverage::PixelCoverage;
 use super::edge::{Blur, REACH, edge_spread, inverse_sqrt};
 use super::exposure::{SubExposure, SubExposureParams};
-use super::shares::PixelCoverage;
 use super::tiles::{F32Lanes, LANES, Pixels, Tile, TileBox, TileGrid};
 use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, cross};

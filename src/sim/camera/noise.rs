@@ -48,7 +48,7 @@ impl Noise {
         Self { bank: normal_bank(&mut rng, width), rng, sd_of_level, shift }
     }
 
-    /// Standard deviations of clean pixels, in the counts [`Noise::develop_row`] takes.
+    /// Standard deviations of clean pixels, in the counts [`Noise::apply_to_row`] takes.
     pub(super) fn deviations<const N: usize>(&self, clean: &[i16; N]) -> [u8; N] {
         std::array::from_fn(|i| {
             let step = clean[i].wrapping_sub(HALF) as usize / (UNITS as usize / SD_STEPS);

@@ -1,10 +1,10 @@
 use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
+use super::coverage::PixelCoverage;
 use super::edge::{Blur, REACH, edge_spread};
+use super::edge_outline::{EdgeOutline, PlateEdge};
 use super::exposure::{SubExposure, SubExposureParams};
-use super::shares::PixelCoverage;
-use super::side::{EdgeOutline, PlateEdge};
 use super::tiles::{LANES, Pixels, Tile};
 use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, perp};

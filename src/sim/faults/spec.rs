@@ -196,7 +196,7 @@ impl FaultKind {
         KINDS[self as usize].1
     }
 
-    /// Classes of components that can have the fault, see [`Component::class`].
+    /// Classes of components that can have the fault, see [`FaultyComponent::class`].
     pub fn classes(self) -> &'static [&'static str] {
         KINDS[self as usize].2
     }

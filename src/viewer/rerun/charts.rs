@@ -180,7 +180,7 @@ fn written(words: Vec<([f32; 2], String)>) -> Points2D {
 }
 
 /// The chart's colour, slightly lighter because views are dark.
-fn color(of: chart::Color) -> Color {
+pub(super) fn color(of: chart::Color) -> Color {
     let [r, g, b] = of.rgb().map(|part| part + (255 - part) / 4);
     Color::from_rgb(r, g, b)
 }

@@ -6,7 +6,7 @@ use rerun::blueprint::{ContainerLike, Grid, Horizontal, Spatial2DView, TextDocum
 use rerun::{Ellipses2D, LineStrips2D, MediaType, Points2D, TextDocument};
 
 use super::blueprint::Layout;
-use super::charts::ChartView;
+use super::charts::{self, ChartView};
 use super::file::RrdFile;
 use super::paint::{self, above, thin};
 use super::sink::record;
@@ -90,7 +90,8 @@ fn log_motion(tape: &Tape, motion: &Playback) -> Logged {
     if tracks.is_empty() || instants == 0 {
         return Ok(());
     }
-    let colors = paint::series(tracks.len());
+    // those of the charts beside it
+    let colors: Vec<_> = (0..tracks.len()).map(|i| charts::color(upm_chart::Color::nth(i))).collect();
     let ways = tracks.iter().map(|track| track.positions_m.iter().copied().map(place).collect::<Vec<_>>());
     let ways = LineStrips2D::new(ways).with_colors(colors.clone()).with_radii([thin(0.6)]);
     tape.log_static("motion/ways", &ways)?;

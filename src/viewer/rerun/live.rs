@@ -4,7 +4,7 @@ use rerun::external::re_uri::ProxyUri;
 use rerun::log::LogMsg;
 use rerun::sink::{GrpcSink, LogSink};
 
-use upm_core::background::{OverflowPolicy, Queue, Worker};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
 
 /// Capacity of a viewer's queue, messages.
 pub(super) const VIEWER_QUEUE: usize = 512;
@@ -18,7 +18,7 @@ pub(super) type Feed = Box<dyn FnMut(LogMsg) + Send>;
 /// The thread that feeds a viewer. A gRPC sink blocks forever when its viewer is frozen or absent, so it is fed through
 /// a queue that drops messages when it is full.
 pub(super) struct Live {
-    thread: Worker<bool>,
+    thread: BackgroundThread<bool>,
     queue: Queue<LogMsg>,
 }
 
@@ -26,7 +26,7 @@ impl Live {
     /// Starts feeding the viewer at `uri`.
     pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, Feed)> {
         let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
-        let thread = Worker::start("viewer", false, move || {
+        let thread = BackgroundThread::start("viewer", false, move || {
             let viewer = GrpcSink::new(uri);
             messages.iter().for_each(|message| viewer.send(message));
             viewer.flush_blocking(PATIENCE).is_ok()

@@ -20,7 +20,7 @@ use rerun::{MemoryLimit, PlaybackBehavior, ServerOptions};
 use super::live::{Feed, VIEWER_QUEUE};
 use super::viewer_proxy::ViewerProxy;
 use upm_core::background::{OverflowPolicy, Queue, Receiver};
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 
 /// Largest number of messages that the server has not yet taken in. Its own bound is 128 MiB.
 const MOST_AHEAD: usize = 64;

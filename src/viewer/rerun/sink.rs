@@ -13,7 +13,7 @@ use super::recorder::{Desk, Message, Recorder};
 use super::tape::Logged;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
-use upm_core::background::{OverflowPolicy, Queue, Receiver, Unfinished, Unsent, Worker};
+use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, Unsent};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
@@ -54,7 +54,7 @@ struct Running {
     /// Set when the run was asked to end.
     stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
-    recorder: Worker<Closed>,
+    recorder: BackgroundThread<Closed>,
     switch: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
@@ -108,7 +108,7 @@ impl RerunSink {
             let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
             close(&desk.file, recorded)
         };
-        let recorder = Worker::start("recorder", has_clock, record).map_err(thread_fault)?;
+        let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
         let running = Running {
             path,
             is_kept,
@@ -154,8 +154,8 @@ impl Running {
         }
         let closed = closed.unwrap_or_else(|unfinished| {
             let reason = match unfinished {
-                Unfinished::Hangs => "the disk hangs",
-                Unfinished::Died => "the recorder's thread died",
+                NoResult::Hangs => "the disk hangs",
+                NoResult::Died => "the recorder's thread died",
             };
             self.switch.fail(reason);
             Err(reason.to_owned())

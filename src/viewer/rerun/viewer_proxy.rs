@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::{Clock, MonotonicClock};
 
 /// Largest number of viewers at a time.

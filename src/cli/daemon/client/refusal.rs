@@ -10,7 +10,7 @@ use upm_server::service::ProblemDocument;
 
 /// Reason why a request to a daemon did not succeed.
 #[derive(Debug)]
-pub(crate) enum Refusal {
+pub(crate) enum ClientRefusal {
     /// No connection was made: the daemon has not received the request.
     Unreached(String),
     /// The response is missing or incomplete: the request may have been carried out.
@@ -27,7 +27,7 @@ pub(crate) enum Refusal {
     },
 }
 
-impl Refusal {
+impl ClientRefusal {
     /// Refusal for a transport error of a request to `base`.
     pub fn lost(base: &str, error: Error) -> Self {
         let unreached = match &error {
@@ -108,8 +108,8 @@ impl Refusal {
     }
 }
 
-impl From<Refusal> for Failure {
-    fn from(refusal: Refusal) -> Self {
+impl From<ClientRefusal> for Failure {
+    fn from(refusal: ClientRefusal) -> Self {
         refusal.into_failure("request")
     }
 }

@@ -18,7 +18,7 @@ pub enum Canned {
 
 /// A request that the server received.
 #[derive(Clone, Debug)]
-pub struct Asked {
+pub struct ReceivedRequest {
     /// Method, path and version.
     pub line: String,
     /// Header lines.
@@ -27,7 +27,7 @@ pub struct Asked {
     pub body: String,
 }
 
-impl Asked {
+impl ReceivedRequest {
     /// Value of a header.
     pub fn header(&self, name: &str) -> Option<&str> {
         let value = |line: &&String| line.split_once(':').is_some_and(|(found, _)| found.eq_ignore_ascii_case(name));
@@ -36,13 +36,13 @@ impl Asked {
 }
 
 /// Server that answers each connection with the result of `answer` for its request.
-pub struct Server {
+pub struct FakeServer {
     /// Address of the server.
     pub url: String,
-    asked: Arc<Mutex<Vec<Asked>>>,
+    asked: Arc<Mutex<Vec<ReceivedRequest>>>,
 }
 
-impl Server {
+impl FakeServer {
     /// Server that gives these answers in turn, one per connection, and repeats the last one.
     pub fn saying(answers: Vec<Canned>) -> Self {
         let count = Mutex::new(0);
@@ -55,7 +55,7 @@ impl Server {
     }
 
     /// Server that calls `answer` for every request.
-    pub fn start(answer: impl Fn(&Asked) -> Canned + Send + Sync + 'static) -> Self {
+    pub fn start(answer: impl Fn(&ReceivedRequest) -> Canned + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
         let asked = Arc::new(Mutex::new(Vec::new()));
@@ -70,12 +70,12 @@ impl Server {
     }
 
     /// All requests received so far.
-    pub fn asked(&self) -> Vec<Asked> {
+    pub fn asked(&self) -> Vec<ReceivedRequest> {
         self.asked.lock().unwrap().clone()
     }
 }
 
-fn attend(mut stream: TcpStream, asked: &Mutex<Vec<Asked>>, answer: &dyn Fn(&Asked) -> Canned) {
+fn attend(mut stream: TcpStream, asked: &Mutex<Vec<ReceivedRequest>>, answer: &dyn Fn(&ReceivedRequest) -> Canned) {
     let request = read(&stream);
     asked.lock().unwrap().push(request.clone());
     if let Canned::Bytes(bytes) = answer(&request) {
@@ -83,7 +83,7 @@ fn attend(mut stream: TcpStream, asked: &Mutex<Vec<Asked>>, answer: &dyn Fn(&Ask
     }
 }
 
-fn read(stream: &TcpStream) -> Asked {
+fn read(stream: &TcpStream) -> ReceivedRequest {
     let mut reader = BufReader::new(stream);
     let mut lines = Vec::new();
     loop {
@@ -94,7 +94,7 @@ fn read(stream: &TcpStream) -> Asked {
         }
         lines.push(line.trim_end().to_owned());
     }
-    let mut asked = Asked { line: lines.remove(0), head: lines, body: String::new() };
+    let mut asked = ReceivedRequest { line: lines.remove(0), head: lines, body: String::new() };
     let length = asked.header("content-length").map_or(0, |length| length.parse().unwrap());
     reader.take(length).read_to_string(&mut asked.body).unwrap();
     asked

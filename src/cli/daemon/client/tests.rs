@@ -2,14 +2,14 @@ use std::net::TcpListener;
 
 use serde_json::{Value, json};
 
-use super::testing::{Canned, JOB, Server, answer, job, json as said, problem, stopped};
-use super::{Client, Refusal, bearer_of, job_path, plate_path};
+use super::testing::{Canned, FakeServer, JOB, answer, job, json as said, problem, stopped};
+use super::{Client, ClientRefusal, bearer_of, job_path, plate_path};
 use crate::cli::daemon::listing::list;
 use crate::cli::daemon::stop::stop_all;
 use crate::cli::daemon::submit::queue;
 use upm_server::service::{Job, JobState, JobsPage};
 
-fn refused(server: &Server) -> Refusal {
+fn refused(server: &FakeServer) -> ClientRefusal {
     Client::at(&server.url).unwrap().get::<Job>(&job_path(JOB).unwrap()).unwrap_err()
 }
 
@@ -21,7 +21,7 @@ fn nobody() -> String {
 
 #[test]
 fn a_job_is_asked_for_and_read() {
-    let server = Server::saying(vec![said(200, &job(JobState::Queued))]);
+    let server = FakeServer::saying(vec![said(200, &job(JobState::Queued))]);
     let client = Client { bearer: Some("Bearer secret".into()), ..Client::at(&format!("{}/", server.url)).unwrap() };
     assert_eq!(client.get::<Job>(&job_path(JOB).unwrap()).unwrap(), job(JobState::Queued));
     let asked = &server.asked()[0];
@@ -36,7 +36,7 @@ fn faults_come_one_a_line_under_the_name_of_the_file() {
         {"path": "parts[0].kind", "found": "\"pennyy\"", "allowed": "penny, dime"},
         {"path": "seed", "found": "a\nb\u{1b}[2J", "allowed": "a whole number"},
     ]);
-    let server = Server::saying(vec![problem(422, "2 faults", "", &faults)]);
+    let server = FakeServer::saying(vec![problem(422, "2 faults", "", &faults)]);
     let failure = refused(&server).into_failure("job.json");
     assert_eq!(failure.status, 2);
     let lines = [
@@ -61,7 +61,7 @@ fn a_problem_without_faults_is_its_detail_and_what_to_do() {
         ),
     ];
     for (canned, status, line) in cases {
-        let failure = refused(&Server::saying(vec![canned])).into_failure("job.json");
+        let failure = refused(&FakeServer::saying(vec![canned])).into_failure("job.json");
         assert_eq!((failure.status, failure.lines), (status, vec![line]));
     }
 }
@@ -70,16 +70,17 @@ fn a_problem_without_faults_is_its_detail_and_what_to_do() {
 fn what_is_no_daemon_is_told_apart() {
     let url = nobody();
     let refusal = Client::at(&url).unwrap().get::<Job>("/v1/jobs").unwrap_err();
-    assert!(matches!(refusal, Refusal::Unreached(_)), "{refusal:?}");
+    assert!(matches!(refusal, ClientRefusal::Unreached(_)), "{refusal:?}");
     let line = refusal.line();
     assert!(line.starts_with(&format!("no daemon answers at {url}: ")) && line.contains("upm serve"), "{line}");
-    let page = refused(&Server::saying(vec![answer(200, "text/html", "", "<html>")]));
+    let page = refused(&FakeServer::saying(vec![answer(200, "text/html", "", "<html>")]));
     assert!(page.line().contains("cannot be understood"), "{page:?}");
-    let gateway = refused(&Server::saying(vec![answer(502, "text/html", "", "<html>")]));
+    let gateway = refused(&FakeServer::saying(vec![answer(502, "text/html", "", "<html>")]));
     assert!(gateway.line().contains("status 502"), "{gateway:?}");
-    let elsewhere = refused(&Server::saying(vec![answer(302, "text/html", "Location: http://127.0.0.1:1/\r\n", "")]));
+    let elsewhere =
+        refused(&FakeServer::saying(vec![answer(302, "text/html", "Location: http://127.0.0.1:1/\r\n", "")]));
     assert!(elsewhere.line().contains("status 302"), "{elsewhere:?}");
-    assert!(matches!(refused(&Server::saying(vec![Canned::Hangup])), Refusal::Lost(_)));
+    assert!(matches!(refused(&FakeServer::saying(vec![Canned::Hangup])), ClientRefusal::Lost(_)));
 }
 
 #[test]
@@ -112,7 +113,7 @@ fn only_plain_addresses_ids_names_and_tokens_are_taken() {
 fn a_lost_answer_is_asked_for_once_more_under_the_same_key() {
     let half = "HTTP/1.1 201 Created\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{\"id\":";
     for lost in [Canned::Hangup, Canned::Bytes(half.to_owned())] {
-        let server = Server::saying(vec![lost.clone(), said(201, &job(JobState::Queued))]);
+        let server = FakeServer::saying(vec![lost.clone(), said(201, &job(JobState::Queued))]);
         let client = Client::at(&server.url).unwrap();
         assert_eq!(queue(&client, "{\"name\": 1}", None, "k-1").unwrap().id, JOB);
         let asked = server.asked();
@@ -123,11 +124,11 @@ fn a_lost_answer_is_asked_for_once_more_under_the_same_key() {
             assert_eq!(request.header("content-type"), Some("application/json"));
             assert_eq!(request.body, "{\"name\": 1}");
         }
-        let server = Server::saying(vec![lost]);
-        assert!(matches!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k"), Err(Refusal::Lost(_))));
+        let server = FakeServer::saying(vec![lost]);
+        assert!(matches!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k"), Err(ClientRefusal::Lost(_))));
         assert_eq!(server.asked().len(), 2, "once more and no oftener");
     }
-    let server = Server::saying(vec![problem(503, "busy", "", &json!([]))]);
+    let server = FakeServer::saying(vec![problem(503, "busy", "", &json!([]))]);
     assert!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k").is_err());
     assert_eq!(server.asked().len(), 1, "a no is an answer");
 }
@@ -136,7 +137,7 @@ fn a_lost_answer_is_asked_for_once_more_under_the_same_key() {
 fn jobs_are_listed_page_by_page() {
     let ids: Vec<String> = (0..450).map(|i| format!("{:032x}", 1000 - i)).collect();
     let all = ids.clone();
-    let server = Server::start(move |asked| {
+    let server = FakeServer::start(move |asked| {
         let after = |name: &str| asked.line.split_once(name).map(|(_, rest)| rest.split(['&', ' ']).next().unwrap());
         let limit: usize = after("limit=").unwrap().parse().unwrap();
         let from = after("cursor=").map_or(0, |cursor| all.iter().position(|id| id == cursor).unwrap() + 1);
@@ -162,7 +163,7 @@ fn jobs_are_listed_page_by_page() {
 #[test]
 fn a_stop_is_asked_for_three_times_each_on_its_own_connection() {
     let none = json!([]);
-    let server = Server::saying(vec![Canned::Hangup, problem(503, "full", "", &none), said(200, &stopped("left"))]);
+    let server = FakeServer::saying(vec![Canned::Hangup, problem(503, "full", "", &none), said(200, &stopped("left"))]);
     let stops = stop_all(&Client::at(&server.url).unwrap(), &["left".to_owned()]);
     assert_eq!((stops[0].attempts, stops[0].answer.clone()), (3, Some(stopped("left"))));
     assert!(server.asked().iter().all(|asked| asked.line == "POST /v1/plates/left/estop HTTP/1.1"));
@@ -170,7 +171,7 @@ fn a_stop_is_asked_for_three_times_each_on_its_own_connection() {
     let stops = stop_all(&Client::at(&nobody()).unwrap(), &["left".to_owned()]);
     assert!(stops[0].attempts == 3 && stops[0].error.as_deref().unwrap().starts_with("no daemon answers"));
 
-    let server = Server::saying(vec![problem(404, "no such plate", "", &none)]);
+    let server = FakeServer::saying(vec![problem(404, "no such plate", "", &none)]);
     let stops = stop_all(&Client::at(&server.url).unwrap(), &["left".to_owned()]);
     assert_eq!(
         (stops[0].attempts, stops[0].error.as_deref()),
@@ -181,7 +182,7 @@ fn a_stop_is_asked_for_three_times_each_on_its_own_connection() {
 
 #[test]
 fn no_plate_waits_for_the_stop_of_another() {
-    let server = Server::start(|asked| {
+    let server = FakeServer::start(|asked| {
         if asked.line.contains("/slow/") {
             std::thread::sleep(std::time::Duration::from_millis(400));
         }

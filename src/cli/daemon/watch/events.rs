@@ -7,7 +7,7 @@ const LONGEST_LINE: u64 = 8 << 20;
 
 /// Server-sent event.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Event {
+pub(super) struct ReceivedEvent {
     /// Sequence number, for events that are stored.
     pub id: Option<u64>,
     /// Name of the event.
@@ -17,17 +17,17 @@ pub(super) struct Event {
 }
 
 /// Parser of server-sent events.
-pub(super) struct Events<R> {
+pub(super) struct EventCounts<R> {
     lines: BufReader<R>,
 }
 
-impl<R: Read> Events<R> {
+impl<R: Read> EventCounts<R> {
     pub fn new(stream: R) -> Self {
         Self { lines: BufReader::new(stream) }
     }
 
     /// The next event; `None` at the end of the stream. An event cut short by the end is dropped.
-    pub fn next(&mut self) -> io::Result<Option<Event>> {
+    pub fn next(&mut self) -> io::Result<Option<ReceivedEvent>> {
         let (mut id, mut kind, mut data) = (None, String::new(), String::new());
         while let Some(line) = self.line()? {
             let (field, value) = line.split_once(':').unwrap_or((&line, ""));
@@ -38,7 +38,7 @@ impl<R: Read> Events<R> {
                 "data" => data = if data.is_empty() { value.to_owned() } else { format!("{data}\n{value}") },
                 "" if line.is_empty() && !data.is_empty() => {
                     let data = serde_json::from_str(&data).unwrap_or(Value::Null);
-                    return Ok(Some(Event { id, kind, data }));
+                    return Ok(Some(ReceivedEvent { id, kind, data }));
                 }
                 _ => {}
             }

@@ -2,8 +2,8 @@ use std::io::Read;
 use std::thread;
 use std::time::Duration;
 
-use super::events::{Event, Events};
-use crate::cli::daemon::client::{Client, Refusal};
+use super::events::{EventCounts, ReceivedEvent};
+use crate::cli::daemon::client::{Client, ClientRefusal};
 use upm_server::service::JOB_OVER;
 
 /// Rest before the first attempt to reconnect, and the longest rest between two.
@@ -15,21 +15,21 @@ const MOST_RESTS: u32 = 28;
 
 /// Message about a followed job.
 #[derive(Debug)]
-pub(super) enum Heard {
-    Event(Event),
+pub(super) enum StreamItem {
+    Event(ReceivedEvent),
     /// The connection was lost for this reason; reconnecting.
     Lost(String),
     /// The stream cannot be had; this message is the last.
-    Refused(Refusal),
+    Refused(ClientRefusal),
 }
 
 /// Follows the events of a job across lost connections until it has ended.
-pub(super) struct Follower {
+pub(super) struct StreamFollower {
     client: Client,
     path: String,
     /// Last stored event received; reconnecting asks for those after it.
     last: Option<u64>,
-    stream: Option<Events<Box<dyn Read + Send>>>,
+    stream: Option<EventCounts<Box<dyn Read + Send>>>,
     has_ended: bool,
     is_given_up: bool,
     /// Attempts to reconnect since the last message; `None` before the first connection.
@@ -38,7 +38,7 @@ pub(super) struct Follower {
     longest_rest: Duration,
 }
 
-impl Follower {
+impl StreamFollower {
     /// Follower of the events at `path` after `after`.
     pub fn new(client: Client, path: String, after: Option<u64>) -> Self {
         let (stream, rests) = (None, None);
@@ -49,13 +49,13 @@ impl Follower {
 
     /// Follower with shorter rests, for tests.
     #[cfg(test)]
-    pub fn restless(self) -> Self {
+    pub fn stalled(self) -> Self {
         let rest = Duration::from_millis(1);
         Self { first_rest: rest, longest_rest: rest, ..self }
     }
 
     /// The next message; `None` once the job has ended and every event was returned, or after [`Heard::Refused`].
-    pub fn next(&mut self) -> Option<Heard> {
+    pub fn next(&mut self) -> Option<StreamItem> {
         if self.is_given_up {
             return None;
         }
@@ -64,21 +64,21 @@ impl Follower {
                 Ok(stream) => self.stream = Some(stream),
                 Err(refusal) => {
                     self.is_given_up = true;
-                    return Some(Heard::Refused(refusal));
+                    return Some(StreamItem::Refused(refusal));
                 }
             }
         }
         let lost = match self.stream.as_mut()?.next() {
-            Ok(Some(event)) => return Some(Heard::Event(self.take(event))),
+            Ok(Some(event)) => return Some(StreamItem::Event(self.take(event))),
             Ok(None) => "the daemon closed the connection".to_owned(),
             Err(error) => format!("the connection is lost: {error}"),
         };
         self.stream = None;
-        (!self.has_ended).then_some(Heard::Lost(lost))
+        (!self.has_ended).then_some(StreamItem::Lost(lost))
     }
 
     /// Connects; retries once there has been a connection.
-    fn connect(&mut self) -> Result<Events<Box<dyn Read + Send>>, Refusal> {
+    fn connect(&mut self) -> Result<EventCounts<Box<dyn Read + Send>>, ClientRefusal> {
         loop {
             if let Some(rests) = &mut self.rests {
                 thread::sleep((self.first_rest * 2u32.saturating_pow(*rests)).min(self.longest_rest));
@@ -87,7 +87,7 @@ impl Follower {
             match self.client.stream(&self.path, self.last) {
                 Ok(stream) => {
                     self.rests.get_or_insert(0);
-                    return Ok(Events::new(stream));
+                    return Ok(EventCounts::new(stream));
                 }
                 Err(refusal) if refusal.may_pass() && self.rests.is_some_and(|rests| rests < MOST_RESTS) => {}
                 Err(refusal) => return Err(refusal),
@@ -95,7 +95,7 @@ impl Follower {
         }
     }
 
-    fn take(&mut self, event: Event) -> Event {
+    fn take(&mut self, event: ReceivedEvent) -> ReceivedEvent {
         self.last = event.id.or(self.last);
         // a snapshot proves a connection, not that there are new events: a daemon that ends every stream after it must
         // not be asked again at once

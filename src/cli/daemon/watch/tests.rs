@@ -1,33 +1,33 @@
 use serde_json::{Value, json};
 
-use super::events::{Event, Events};
-use super::follow::{Follower, Heard};
-use super::screen::{line_of, note_of};
-use crate::cli::daemon::client::testing::{Canned, JOB, Server, events, job, problem};
-use crate::cli::daemon::client::{Client, Refusal};
+use super::events::{EventCounts, ReceivedEvent};
+use super::follow::{StreamFollower, StreamItem};
+use super::job_display::{line_of, note_of};
+use crate::cli::daemon::client::testing::{Canned, FakeServer, JOB, events, job, problem};
+use crate::cli::daemon::client::{Client, ClientRefusal};
 use upm_server::service::JobState;
 
-fn read(text: &str) -> Vec<Event> {
-    let mut stream = Events::new(text.as_bytes());
+fn read(text: &str) -> Vec<ReceivedEvent> {
+    let mut stream = EventCounts::new(text.as_bytes());
     std::iter::from_fn(|| stream.next().unwrap()).collect()
 }
 
-fn event(id: Option<u64>, kind: &str, data: Value) -> Event {
-    Event { id, kind: kind.to_owned(), data }
+fn event(id: Option<u64>, kind: &str, data: Value) -> ReceivedEvent {
+    ReceivedEvent { id, kind: kind.to_owned(), data }
 }
 
 /// All messages about a job whose stream the server serves.
-fn heard(server: &Server, after: Option<u64>) -> Vec<Heard> {
+fn heard(server: &FakeServer, after: Option<u64>) -> Vec<StreamItem> {
     let client = Client::at(&server.url).unwrap();
-    let mut follower = Follower::new(client, format!("/v1/jobs/{JOB}/events"), after).restless();
+    let mut follower = StreamFollower::new(client, format!("/v1/jobs/{JOB}/events"), after).stalled();
     std::iter::from_fn(|| follower.next()).take(1000).collect()
 }
 
-fn kinds(heard: &[Heard]) -> Vec<String> {
-    let kind = |heard: &Heard| match heard {
-        Heard::Event(event) => format!("{} {}", event.kind, event.id.map_or(String::new(), |id| id.to_string())),
-        Heard::Lost(_) => "lost".to_owned(),
-        Heard::Refused(_) => "refused".to_owned(),
+fn kinds(heard: &[StreamItem]) -> Vec<String> {
+    let kind = |heard: &StreamItem| match heard {
+        StreamItem::Event(event) => format!("{} {}", event.kind, event.id.map_or(String::new(), |id| id.to_string())),
+        StreamItem::Lost(_) => "lost".to_owned(),
+        StreamItem::Refused(_) => "refused".to_owned(),
     };
     heard.iter().map(|heard| kind(heard).trim_end().to_owned()).collect()
 }
@@ -47,7 +47,7 @@ fn events_are_read_as_the_standard_says() {
     assert_eq!(read("id: 8\nevent: cycle\ndata: 1\n"), [], "an event without its empty line is cut short");
     assert_eq!(read("id: 8\nevent: cycle\ndata: 1\n\nid: 9\nevent"), [event(Some(8), "cycle", json!(1))]);
     assert_eq!(read("event: odd\ndata: not json\n\n"), [event(None, "odd", Value::Null)]);
-    assert!(Events::new(std::io::repeat(b'x')).next().is_err(), "a line without end is not kept");
+    assert!(EventCounts::new(std::io::repeat(b'x')).next().is_err(), "a line without end is not kept");
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_job_is_followed_over_a_cut_in_the_middle_of_an_event() {
         &[&completed, "id: 3\nevent: finished\ndata: {\"state\":\"completed\"}\n\nevent: bye\ndata: {}\n\n"],
         true,
     );
-    let server = Server::saying(vec![first, Canned::Hangup, problem(503, "starting", "", &none), second, third]);
+    let server = FakeServer::saying(vec![first, Canned::Hangup, problem(503, "starting", "", &none), second, third]);
     let wanted =
         ["snapshot", "state 1", "lost", "snapshot", "cycle 2", "look", "lost", "snapshot", "finished 3", "bye"];
     assert_eq!(kinds(&heard(&server, None)), wanted);
@@ -72,34 +72,34 @@ fn a_job_is_followed_over_a_cut_in_the_middle_of_an_event() {
 fn a_job_that_is_over_is_told_and_left() {
     let (over, bye) =
         (snapshot(JobState::Interrupted), "event: bye\ndata: {\"code\":\"job_over\",\"why\":\"the job is over\"}\n\n");
-    let server = Server::saying(vec![events(&[&over, bye], true)]);
+    let server = FakeServer::saying(vec![events(&[&over, bye], true)]);
     assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye"]);
     assert_eq!(server.asked().len(), 1);
     assert_eq!(server.asked()[0].header("last-event-id"), Some("0"));
 
     let later = "event: bye\ndata: {\"code\":\"store_silent\",\"why\":\"the job store does not answer now\"}\n\n";
     let finished = "id: 3\nevent: finished\ndata: {}\n\n";
-    let server = Server::saying(vec![events(&[&over, later], true), events(&[&over, finished, bye], true)]);
+    let server = FakeServer::saying(vec![events(&[&over, later], true), events(&[&over, finished, bye], true)]);
     assert_eq!(kinds(&heard(&server, Some(0))), ["snapshot", "bye", "lost", "snapshot", "finished 3", "bye"]);
 }
 
 #[test]
 fn a_daemon_that_says_no_or_stays_away_is_given_up() {
     let none = json!([]);
-    let server = Server::saying(vec![problem(503, "too many event streams", "Retry-After: 10\r\n", &none)]);
+    let server = FakeServer::saying(vec![problem(503, "too many event streams", "Retry-After: 10\r\n", &none)]);
     let all = heard(&server, None);
-    let [Heard::Refused(refusal)] = &all[..] else { panic!("{all:?}") };
+    let [StreamItem::Refused(refusal)] = &all[..] else { panic!("{all:?}") };
     assert_eq!(refusal.line(), "too many event streams; try again in 10 s");
     assert_eq!(server.asked().len(), 1, "nothing was followed yet that could be lost");
 
     let running = events(&[&snapshot(JobState::Running)], false);
-    let server = Server::saying(vec![running.clone(), problem(404, "no such job", "", &none)]);
+    let server = FakeServer::saying(vec![running.clone(), problem(404, "no such job", "", &none)]);
     assert_eq!(kinds(&heard(&server, None)), ["snapshot", "lost", "refused"]);
 
-    let server = Server::saying(vec![running, Canned::Hangup]);
+    let server = FakeServer::saying(vec![running, Canned::Hangup]);
     let all = heard(&server, None);
     assert_eq!(kinds(&all), ["snapshot", "lost", "refused"]);
-    assert!(matches!(all.last(), Some(Heard::Refused(Refusal::Lost(_)))));
+    assert!(matches!(all.last(), Some(StreamItem::Refused(ClientRefusal::Lost(_)))));
     assert!((10..50).contains(&server.asked().len()), "{}", server.asked().len());
 }
 

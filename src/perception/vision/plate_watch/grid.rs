@@ -93,7 +93,7 @@ impl CellGrid {
         }
     }
 
-    /// The gray level of every sample; NaN where there is none. `levels` has [`Grid::len`] elements.
+    /// The gray level of every sample; NaN where there is none. `levels` has [`CellGrid::len`] elements.
     pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32]) {
         for (level, &first) in levels.iter_mut().zip(&self.pixels) {
             let sample = pixels.get(first as usize..).and_then(|rest| rest.first_chunk::<WIDTH>());

@@ -1,6 +1,6 @@
 //! The plate's averaged picture relative to the bare plate's brightness.
 
-use super::super::coarse::{BinnedImage, UNITS};
+use super::super::binned::{BinnedImage, UNITS};
 use super::super::outline::PlateCells;
 use super::super::shading::Shading;
 use upm_core::geometry::Vec2;

@@ -1,8 +1,8 @@
 use nalgebra::DVector;
 use proptest::prelude::*;
 
-use super::super::aim::{Iterate, RolloutPool, ShootingProblem};
-use super::super::guard::SeparationPenalty;
+use super::super::optimizer::{Iterate, RolloutPool, ShootingProblem};
+use super::super::separation::SeparationPenalty;
 use super::*;
 use crate::{Limit, PartState};
 

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
-use super::super::bank::SeedLibrary;
-use super::super::waves::PlateInstant;
+use super::super::harmonic_basis::PlateInstant;
+use super::super::seeds::SeedLibrary;
 use super::*;
 
 /// Nodes along a side of the bank's tables.

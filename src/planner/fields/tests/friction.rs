@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::fixture;
 use crate::friction::friction_of;
-use upm_library::DisplacementModel;
+use upm_cor_library::DisplacementModel;
 
 const BASE_RADPS: f64 = TAU * 60.0;
 const ATTACK_S: f64 = 1.0 / 60.0;
@@ -37,7 +37,7 @@ fn library_of(friction: f64) -> Library {
         speed_mps.iter().map(|&speed| sustain_s.iter().map(|&sustain| distance(speed, sustain)).collect()).collect();
     let sd_m = vec![vec![0.0; sustain_s.len()]; speed_mps.len()];
     let displacement = DisplacementModel { speed_mps, sustain_s, distance_m, sd_m };
-    let shapes = [upm_library::AxisShape::FREE_MASS; 3];
+    let shapes = [upm_cor_library::AxisShape::FREE_MASS; 3];
     Library { base_radps: BASE_RADPS, attack_s: ATTACK_S, shapes, displacement, ..Library::clone(&fixture::library()) }
 }
 

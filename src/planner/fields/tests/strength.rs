@@ -3,8 +3,8 @@ use std::f64::consts::TAU;
 use proptest::prelude::*;
 
 use super::*;
+use upm_cor_library::Library;
 use upm_core::signal::Drive;
-use upm_library::Library;
 
 /// Fraction of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;

@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 
-use super::super::waves::Lanes;
+use super::super::harmonic_basis::Lanes;
 use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;

@@ -6,7 +6,7 @@ use super::belts;
 use crate::fixture::{library, mm, penny, scene};
 use crate::friction::friction_of;
 use crate::pump::{Discs, LANES, Pump};
-use crate::rotations::belts::{DialSetting, LibraryMotion, Pulse};
+use crate::rotations::motion_set::{DialSetting, LibraryMotion, Pulse};
 use crate::rotations::rollout::{Rollout, Slopes};
 use upm_core::geometry::{Twist, Vec2};
 

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 
 use crate::fixture::library;
 use crate::pump::{Discs, LANES, Pump};
+use upm_cor_library::Library;
 use upm_core::geometry::{Vec2, perp};
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_library::Library;
 
 const FRICTION: f64 = 0.3;
 const RADIUS_M: f64 = 9.53e-3;

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::belts;
 use crate::PartState;
 use crate::fixture::{params, scene};
-use crate::rotations::columns::{DisplacementMatrix, PulseScale};
+use crate::rotations::displacement_matrix::{DisplacementMatrix, PulseScale};
 use crate::rotations::least_time::LeastTime;
 use crate::rotations::refine::Refined;
 use crate::rotations::subgoals::Room;

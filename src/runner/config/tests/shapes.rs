@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{job, lines, origin, shipped, value_of};
 use crate::config::{JobSpec, Origin, REST_GAP_M, TaskSpec};
 use upm_core::geometry::Vec2;
-use upm_goal::PathParams;
+use upm_task::PathParams;
 
 fn pennies(count: usize) -> Value {
     json!([{"kind": "penny", "count": count}])

@@ -21,7 +21,7 @@ const LATCHES: &str = "latch";
 const LATCH_BYTES: u64 = 64;
 
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct BundledRun {
     pub path: PathBuf,
     pub bytes: u64,
     pub files: Vec<Value>,
@@ -30,7 +30,7 @@ pub(super) struct Run {
     pub journal: Option<String>,
 }
 
-impl Run {
+impl BundledRun {
     pub fn json(&self, known: &[JobId]) -> Value {
         json!({
             "folder": self.path.file_name().map(|name| folder_name(&name.to_string_lossy(), known)),
@@ -60,13 +60,13 @@ pub(super) fn latches(data: &Path) -> io::Result<Vec<Value>> {
 }
 
 /// The run folders, the last changed first.
-pub(super) fn runs(folder: &Path) -> io::Result<Vec<Run>> {
+pub(super) fn runs(folder: &Path) -> io::Result<Vec<BundledRun>> {
     let run = |(_, path, found): (String, PathBuf, Metadata)| {
         let within = entries(&path).unwrap_or_default();
         let changed_at = found.modified().ok().and_then(|at| Timestamp::try_from(at).ok());
         let file =
             |(name, _, found): &(String, PathBuf, Metadata)| json!({"name": scrub(name), "bytes": bytes_of(found)});
-        Run {
+        BundledRun {
             bytes: within.iter().filter_map(|(_, _, found)| bytes_of(found)).sum(),
             files: within.iter().map(file).collect(),
             path,
@@ -74,7 +74,8 @@ pub(super) fn runs(folder: &Path) -> io::Result<Vec<Run>> {
             journal: None,
         }
     };
-    let mut runs: Vec<Run> = entries(folder)?.into_iter().filter(|(_, _, found)| found.is_dir()).map(run).collect();
+    let mut runs: Vec<BundledRun> =
+        entries(folder)?.into_iter().filter(|(_, _, found)| found.is_dir()).map(run).collect();
     runs.sort_by(|a, b| b.changed_at.cmp(&a.changed_at).then_with(|| a.path.cmp(&b.path)));
     Ok(runs)
 }

@@ -1,10 +1,10 @@
 use serde_json::{Value, json};
 
 use super::redact::{REMOVED, scrub, scrubbed};
-use crate::store::{AuditRow, JobId, JobRow, Peeked, StoredEvent};
+use crate::store::{AuditRow, JobId, JobRow, StoreSnapshot, StoredEvent};
 
 /// The jobs, with the number of jobs of each plate in each state.
-pub(super) fn jobs(peeked: &Peeked) -> Value {
+pub(super) fn jobs(peeked: &StoreSnapshot) -> Value {
     let counts = peeked
         .counts
         .iter()

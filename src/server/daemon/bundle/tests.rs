@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 
 use super::*;
-use crate::store::{AuditEntry, Clocks, JobRow, Ledger, Limits, NewEvent, NewJob, Opened, Pace, Store};
+use crate::store::{AuditEntry, Clocks, JobRow, JobStore, NewEvent, NewJob, OpenOutcome, Pace, Store, StoreLimits};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_runner::config::Origin;
 
@@ -43,8 +43,8 @@ impl Planted {
         fs::write(data.join("token"), TOKEN).unwrap();
         let clocks = Clocks::new(noon, MonotonicClock::new());
         let opened =
-            Store::open(&data, &["left".to_owned()], Limits::default(), clocks, &|_, _| Err("none".to_owned()));
-        let Opened { store, .. } = opened.unwrap();
+            Store::open(&data, &["left".to_owned()], StoreLimits::default(), clocks, &|_, _| Err("none".to_owned()));
+        let OpenOutcome { store, .. } = opened.unwrap();
         Self { folder, store }
     }
 
@@ -70,15 +70,10 @@ impl Planted {
         let body = Arc::from(format!("{{\"text\": \"the token {TOKEN}\", \"n\": 4}}"));
         let event = NewEvent { plate_time: PlateTime::from_secs(1.5), kind: "cycle", body };
         let (sender, told) = sync_channel(1);
-        self.store.tell(&id, event, Box::new(move |stored| sender.send(stored).unwrap()));
+        self.store.append_event(&id, event, Box::new(move |stored| sender.send(stored).unwrap()));
         told.recv().unwrap().unwrap();
         let reason = format!("my password is {TOKEN}");
-        self.store.note_act(AuditEntry {
-            act: "reset".into(),
-            operator: "Ana".into(),
-            reason,
-            ..AuditEntry::default()
-        });
+        self.store.audit(AuditEntry { act: "reset".into(), operator: "Ana".into(), reason, ..AuditEntry::default() });
         let (sender, seen) = sync_channel(1);
         while {
             let sender = sender.clone();

@@ -13,12 +13,12 @@ type Labels = Vec<(&'static str, String)>;
 
 /// One value with its labels.
 #[derive(Debug)]
-pub(super) struct Sample {
+pub(super) struct MetricSample {
     labels: Labels,
     value: f64,
 }
 
-impl Sample {
+impl MetricSample {
     pub fn new(labels: Labels, value: f64) -> Self {
         Self { labels, value }
     }
@@ -30,15 +30,15 @@ impl Sample {
 
 /// All samples of one metric. `name` is without prefix, unit and `_total`; the encoder adds those.
 #[derive(Debug)]
-pub(super) struct Family {
+pub(super) struct MetricFamily {
     name: &'static str,
     help: &'static str,
     unit: Option<Unit>,
     kind: MetricType,
-    samples: Vec<Sample>,
+    samples: Vec<MetricSample>,
 }
 
-impl Family {
+impl MetricFamily {
     /// A value that rises and falls.
     pub fn gauge(name: &'static str, help: &'static str) -> Self {
         Self { name, help, unit: None, kind: MetricType::Gauge, samples: Vec::new() }
@@ -51,7 +51,7 @@ impl Family {
 
     /// A constant, carried by its labels.
     pub fn info(name: &'static str, help: &'static str, labels: Labels) -> Self {
-        Self { kind: MetricType::Info, samples: vec![Sample::new(labels, 1.0)], ..Self::gauge(name, help) }
+        Self { kind: MetricType::Info, samples: vec![MetricSample::new(labels, 1.0)], ..Self::gauge(name, help) }
     }
 
     pub fn in_unit(self, unit: Unit) -> Self {
@@ -60,16 +60,16 @@ impl Family {
 
     /// The family with its only sample.
     pub fn with(self, value: f64) -> Self {
-        self.with_all([Sample::new(Vec::new(), value)])
+        self.with_all([MetricSample::new(Vec::new(), value)])
     }
 
-    pub fn with_all(self, samples: impl IntoIterator<Item = Sample>) -> Self {
+    pub fn with_all(self, samples: impl IntoIterator<Item = MetricSample>) -> Self {
         Self { samples: samples.into_iter().collect(), ..self }
     }
 
     fn encode(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let mut encoder = encoder.encode_descriptor(self.name, self.help, self.unit.as_ref(), self.kind)?;
-        for Sample { labels, value } in &self.samples {
+        for MetricSample { labels, value } in &self.samples {
             match self.kind {
                 MetricType::Info => encoder.encode_info(labels)?,
                 _ if labels.is_empty() => self.put(&mut encoder, *value)?,
@@ -88,7 +88,7 @@ impl Family {
 }
 
 #[derive(Debug)]
-struct Families(Vec<Family>);
+struct Families(Vec<MetricFamily>);
 
 impl Collector for Families {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
@@ -97,7 +97,7 @@ impl Collector for Families {
 }
 
 /// The families as OpenMetrics text.
-pub(super) fn written(families: Vec<Family>) -> String {
+pub(super) fn written(families: Vec<MetricFamily>) -> String {
     let mut registry = Registry::with_prefix(PREFIX);
     registry.register_collector(Box::new(Families(families)));
     let mut text = String::new();

@@ -8,14 +8,14 @@ use crate::store::StoreFault;
 
 /// All samples of one metric, as a strict OpenMetrics parser reads them.
 #[derive(Debug)]
-struct Read {
+struct ParsedMetrics {
     name: String,
     kind: String,
     unit: Option<String>,
     samples: Vec<(Vec<(String, String)>, f64)>,
 }
 
-impl Read {
+impl ParsedMetrics {
     fn value(&self, labels: &[(&str, &str)]) -> Option<f64> {
         let alike =
             |own: &[(String, String)]| own.iter().map(|(k, v)| (k.as_str(), v.as_str())).eq(labels.iter().copied());
@@ -55,7 +55,7 @@ fn labels_of(mut text: &str) -> (Vec<(String, String)>, &str) {
     }
 }
 
-fn sample_of(line: &str, family: &Read) -> (Vec<(String, String)>, f64) {
+fn sample_of(line: &str, family: &ParsedMetrics) -> (Vec<(String, String)>, f64) {
     let suffix = match family.kind.as_str() {
         "counter" => "_total",
         "info" => "_info",
@@ -71,9 +71,9 @@ fn sample_of(line: &str, family: &Read) -> (Vec<(String, String)>, f64) {
 }
 
 /// Parses OpenMetrics text; panics where the standard is violated.
-fn read(text: &str) -> Vec<Read> {
+fn read(text: &str) -> Vec<ParsedMetrics> {
     let body = text.strip_suffix("# EOF\n").expect("the end is marked");
-    let mut families: Vec<Read> = Vec::new();
+    let mut families: Vec<ParsedMetrics> = Vec::new();
     let mut lines = body.lines().peekable();
     while let Some(line) = lines.next() {
         let (name, help) = line.strip_prefix("# HELP ").unwrap_or_else(|| panic!("{line}")).split_once(' ').unwrap();
@@ -87,7 +87,7 @@ fn read(text: &str) -> Vec<Read> {
             unit.to_owned()
         });
         lines.next_if(|_| unit.is_some());
-        let mut family = Read { name: name.to_owned(), kind: kind.to_owned(), unit, samples: Vec::new() };
+        let mut family = ParsedMetrics { name: name.to_owned(), kind: kind.to_owned(), unit, samples: Vec::new() };
         while let Some(line) = lines.next_if(|line| !line.starts_with('#')) {
             family.samples.push(sample_of(line, &family));
         }
@@ -102,7 +102,7 @@ fn read(text: &str) -> Vec<Read> {
     families
 }
 
-fn of<'a>(families: &'a [Read], name: &str) -> &'a Read {
+fn of<'a>(families: &'a [ParsedMetrics], name: &str) -> &'a ParsedMetrics {
     families.iter().find(|family| family.name == name).unwrap_or_else(|| panic!("{name} is missing"))
 }
 
@@ -110,7 +110,7 @@ fn of<'a>(families: &'a [Read], name: &str) -> &'a Read {
 #[test]
 fn names_types_units_and_labels_stay() {
     let families = read(&text(&Observed::well()));
-    let line_of = |family: &Read| {
+    let line_of = |family: &ParsedMetrics| {
         let labels: Vec<&str> = family.samples[0].0.iter().map(|(name, _)| name.as_str()).collect();
         let unit = family.unit.as_deref().unwrap_or("-");
         format!("{} {} {unit} {{{}}}\n", family.name, family.kind, labels.join(","))

@@ -7,9 +7,10 @@ const ENDLESS: &str = r#"{"plate": "upm-1", "name": "rest", "parts": [{"kind": "
 
 #[test]
 fn checked_job_is_laid_out_and_not_queued() {
-    let running = Running::new();
-    let check =
-        |text: &str| kept(running.desk.check(Order { text: text.to_owned(), pace: None, key: None, caller: caller() }));
+    let running = RunningDaemon::new();
+    let check = |text: &str| {
+        kept(running.desk.check(Submission { text: text.to_owned(), pace: None, key: None, caller: caller() }))
+    };
     let sort = r#"{"plate": "upm-2", "name": "s", "parts": [{"kind": "dime", "count": 2}], "task": {"type": "sort",
         "bins": [{"kinds": ["dime"], "region_mm": {"min": [-50, -40], "max": [50, 40.5]}}]}}"#;
     let checked = check(sort).unwrap();
@@ -28,7 +29,7 @@ fn checked_job_is_laid_out_and_not_queued() {
 
 #[test]
 fn layout_is_told_while_the_job_is_on_its_plate() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     let id = running.submit(ENDLESS).unwrap().id;
     let layout = soon("the job is not laid out", || kept(running.desk.layout(&id)).ok());
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
@@ -42,7 +43,7 @@ fn layout_is_told_while_the_job_is_on_its_plate() {
 
 #[test]
 fn job_is_deleted_once_it_does_not_run() {
-    let running = Running::new();
+    let running = RunningDaemon::new();
     let [first, second] = [ENDLESS, &on("upm-1")].map(|text| running.submit(text).unwrap().id);
     let delete = |id: &str| kept(running.desk.delete(id, caller()));
     soon("the job does not begin", || kept(running.desk.layout(&first)).ok());

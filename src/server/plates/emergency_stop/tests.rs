@@ -12,7 +12,7 @@ use upm_core::rig::InterlockGuard;
 use upm_core::time::PlateTime;
 
 #[derive(Clone, Copy, Debug)]
-enum Step {
+enum ModelStep {
     Stop,
     /// Only the first step of a stop.
     Trip,
@@ -21,7 +21,7 @@ enum Step {
     Reset {
         token: usize,
         allowed: bool,
-        stop: Option<Moment>,
+        stop: Option<ModelMoment>,
     },
     Fit,
     Unfit,
@@ -30,23 +30,23 @@ enum Step {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Moment {
+enum ModelMoment {
     Allowing,
     Pausing,
 }
 
-fn step() -> impl Strategy<Value = Step> {
-    let moment = prop_oneof![Just(Moment::Allowing), Just(Moment::Pausing)];
+fn step() -> impl Strategy<Value = ModelStep> {
+    let moment = prop_oneof![Just(ModelMoment::Allowing), Just(ModelMoment::Pausing)];
     let reset = (0..3_usize, prop::bool::weighted(0.9), prop::option::weighted(0.2, moment));
     prop_oneof![
-        3 => Just(Step::Stop),
-        1 => Just(Step::Trip),
-        3 => Just(Step::TakeToken),
-        5 => reset.prop_map(|(token, allowed, stop)| Step::Reset { token, allowed, stop }),
-        1 => Just(Step::Fit),
-        2 => Just(Step::Unfit),
-        2 => Just(Step::Keep),
-        1 => Just(Step::Restart),
+        3 => Just(ModelStep::Stop),
+        1 => Just(ModelStep::Trip),
+        3 => Just(ModelStep::TakeToken),
+        5 => reset.prop_map(|(token, allowed, stop)| ModelStep::Reset { token, allowed, stop }),
+        1 => Just(ModelStep::Fit),
+        2 => Just(ModelStep::Unfit),
+        2 => Just(ModelStep::Keep),
+        1 => Just(ModelStep::Restart),
     ]
 }
 
@@ -76,14 +76,14 @@ impl Model {
     }
 
     /// A reset of the stop numbered `token`.
-    fn reset(&mut self, token: u32, allowed: bool, stop: Option<Moment>) -> Result<(), ResetFault> {
+    fn reset(&mut self, token: u32, allowed: bool, stop: Option<ModelMoment>) -> Result<(), ResetFault> {
         match self.state {
             StopState::Held if token == self.change => {}
             StopState::Held => return Err(ResetFault::StoppedAgain),
             StopState::Tripping => return Err(ResetFault::StillStopping),
             _ => return Err(ResetFault::NotStopped),
         }
-        if stop == Some(Moment::Allowing) {
+        if stop == Some(ModelMoment::Allowing) {
             self.stop();
         }
         if !allowed {
@@ -93,7 +93,7 @@ impl Model {
             return Err(ResetFault::StillStopping);
         }
         self.pauses += 1;
-        if stop == Some(Moment::Pausing) {
+        if stop == Some(ModelMoment::Pausing) {
             self.stop();
         }
         if stop.is_some() {
@@ -116,51 +116,51 @@ proptest! {
     fn every_step_does_what_the_table_says(steps in prop::collection::vec(step(), 1..60)) {
         let mut stop = stop_of(false);
         let mut fitted: Option<InterlockGuard> = None;
-        let mut tokens: Vec<(Held, u32)> = Vec::new();
+        let mut tokens: Vec<(StopToken, u32)> = Vec::new();
         let mut model =
             Model { state: StopState::Released, change: 0, kept: false, on_disk: false, fitted: false, pauses: 0 };
         for step in steps {
             let pauses = model.pauses;
             match step {
-                Step::Stop => prop_assert_eq!(stop.stop(), model.stop()),
-                Step::Trip => {
+                ModelStep::Stop => prop_assert_eq!(stop.stop(), model.stop()),
+                ModelStep::Trip => {
                     stop.interlock().trip(Trip::EStop);
                     if !model.is_latched() {
                         model.state = StopState::Tripping;
                     }
                 }
-                Step::TakeToken => match (stop.held(), model.state) {
+                ModelStep::TakeToken => match (stop.held(), model.state) {
                     (Ok(held), StopState::Held) => tokens.push((held, model.change)),
                     (Err(ResetFault::StillStopping), StopState::Tripping) => {}
                     (Err(ResetFault::NotStopped), StopState::Released) => {}
                     (found, _) => prop_assert!(false, "{found:?} in {model:?}"),
                 },
-                Step::Reset { token, allowed, stop: moment } => {
+                ModelStep::Reset { token, allowed, stop: moment } => {
                     let Some(&(held, change)) = tokens.iter().rev().nth(token) else { continue };
                     let paused = Cell::new(0);
                     let stop_at = |at| (moment == Some(at)).then(|| stop.stop());
                     let allow = || {
-                        stop_at(Moment::Allowing);
+                        stop_at(ModelMoment::Allowing);
                         if allowed { Ok(()) } else { Err(REFUSED) }
                     };
                     let pause = || {
                         paused.set(paused.get() + 1);
-                        stop_at(Moment::Pausing);
+                        stop_at(ModelMoment::Pausing);
                     };
                     let reset = stop.reset(held, allow, pause);
                     prop_assert_eq!(reset, model.reset(change, allowed, moment));
                     prop_assert_eq!(paused.get(), model.pauses - pauses, "it is paused before it may move");
                 }
-                Step::Fit => {
+                ModelStep::Fit => {
                     fitted = fitted.or_else(|| stop.interlock().attach(PlateTime::ZERO));
                     model.fitted = true;
                 }
-                Step::Unfit => (fitted, model.fitted) = (None, false),
-                Step::Keep => {
+                ModelStep::Unfit => (fitted, model.fitted) = (None, false),
+                ModelStep::Keep => {
                     stop.latch.keep();
                     (model.kept, model.on_disk) = (true, model.is_latched());
                 }
-                Step::Restart => {
+                ModelStep::Restart => {
                     (fitted, model.fitted) = (None, false);
                     stop = stop_of(model.on_disk);
                     tokens.clear();

@@ -4,7 +4,7 @@ use super::*;
 
 /// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
 fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<Pause>) {
-    let house = House { allow_faults: true, ..House::new() };
+    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -16,7 +16,7 @@ fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (s
     let pause = plate.paused();
     if pause.is_some() {
         assert_eq!(house.row(&behind).state, JobState::Queued);
-        assert!(plate.resume(who("ann")));
+        assert!(plate.resume(caller("ann")));
     }
     assert_eq!(next(&told, "finished")["state"], "completed");
     (report, pause)
@@ -37,7 +37,7 @@ fn control_waits_for_sight_as_long_as_its_guards_allow_whatever_the_watchdog_see
 
 #[test]
 fn a_lost_part_stops_the_plate_for_a_person_to_look() {
-    let house = House { allow_faults: true, ..House::new() };
+    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -56,7 +56,7 @@ fn a_lost_part_stops_the_plate_for_a_person_to_look() {
 
 #[test]
 fn job_with_faults_is_refused_unless_the_file_allows_them() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
     let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
@@ -66,7 +66,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
 
 #[test]
 fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
-    let house = House::new();
+    let house = TestPlates::new();
     let mut wrong = library();
     for entry in &mut wrong.entries {
         entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
@@ -87,13 +87,13 @@ fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
     assert_eq!(report["stop"]["code"], pause.code);
     assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
     assert_eq!(house.row(&next_one).state, JobState::Queued);
-    assert!(plate.resume(who("ann")));
+    assert!(plate.resume(caller("ann")));
     next(&told, "finished");
 }
 
 #[test]
 fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
-    let house = House { allow_faults: true, ..House::new() };
+    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);

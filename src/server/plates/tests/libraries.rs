@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::*;
 use upm_runner::config::Fault;
 
-fn asked(house: &House, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Fault> {
+fn asked(house: &TestPlates, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Fault> {
     let plates = house.open_with(None, |around| around.allow_inline_libraries = allow);
     let mut job: Value = serde_json::from_str(TWO_COINS).unwrap();
     job["library"] = serde_json::from_str(&library().to_json()).unwrap();
@@ -35,19 +35,19 @@ fn reverse(number: &mut Value) {
 
 #[test]
 fn inline_library_equal_to_the_plates_own_is_accepted() {
-    assert_eq!(asked(&House::new(), false, |_| {}), Ok(()));
+    assert_eq!(asked(&TestPlates::new(), false, |_| {}), Ok(()));
 }
 
 #[test]
 fn inline_library_with_reversed_signs_is_refused_with_its_path() {
-    let fault = asked(&House::new(), false, reverse_entries).unwrap_err();
+    let fault = asked(&TestPlates::new(), false, reverse_entries).unwrap_err();
     assert_eq!((fault.file.as_str(), fault.path.as_str()), ("job: library", "entries[0]"), "{fault}");
-    let fault = asked(&House::new(), false, reverse_fields).unwrap_err();
+    let fault = asked(&TestPlates::new(), false, reverse_fields).unwrap_err();
     assert_eq!(fault.path, "fields.twist_from_counts[0][0]", "{fault}");
     assert_eq!(fault.to_string().lines().count(), 1, "{fault}");
 }
 
 #[test]
 fn inline_library_with_reversed_signs_is_accepted_where_the_file_allows_it() {
-    assert_eq!(asked(&House::new(), true, reverse_entries), Ok(()));
+    assert_eq!(asked(&TestPlates::new(), true, reverse_entries), Ok(()));
 }

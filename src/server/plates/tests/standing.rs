@@ -18,9 +18,9 @@ fn endless() -> StandingSetup {
 }
 
 /// Plates that are shut down with their test: a standing job never ends by itself.
-struct Ending(Plates);
+struct ShutDownPlates(Plates);
 
-impl std::ops::Deref for Ending {
+impl std::ops::Deref for ShutDownPlates {
     type Target = Plates;
 
     fn deref(&self) -> &Plates {
@@ -28,25 +28,25 @@ impl std::ops::Deref for Ending {
     }
 }
 
-impl Drop for Ending {
+impl Drop for ShutDownPlates {
     fn drop(&mut self) {
         self.0.shutdown(LONG);
     }
 }
 
-fn house(standing: StandingSetup) -> House {
-    House { standing: Some(standing), ..House::new() }
+fn house(standing: StandingSetup) -> TestPlates {
+    TestPlates { standing: Some(standing), ..TestPlates::new() }
 }
 
 /// State of the plate's standing job, and the reason for it.
-fn standing(plate: &Plate) -> (StandingState, String) {
+fn standing(plate: &PlateHandle) -> (StandingState, String) {
     let StandingSnapshot { name, state, why } = plate.snapshot().standing.unwrap();
     assert_eq!(name, "standing");
     (state, why)
 }
 
 /// Waits until the standing job is in that state; returns the reason.
-fn until(plate: &Plate, state: StandingState) -> String {
+fn until(plate: &PlateHandle, state: StandingState) -> String {
     for _ in 0..6000 {
         let (now, why) = standing(plate);
         if now == state {
@@ -58,14 +58,14 @@ fn until(plate: &Plate, state: StandingState) -> String {
 }
 
 /// Name, state and standing flag of each job, oldest first.
-fn jobs(house: &House) -> Vec<(String, JobState, bool)> {
+fn jobs(house: &TestPlates) -> Vec<(String, JobState, bool)> {
     house.ledger.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
 }
 
 #[test]
 fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
     let house = house(endless());
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     next(&told, "cycle");
@@ -94,7 +94,7 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
 #[test]
 fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
     let house = house(setup(r#"{ "type": "hold" }"#, 0.5));
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let told = listen(plates.get("one").unwrap());
     for _ in 0..2 {
         let end = next(&told, "finished");
@@ -107,23 +107,23 @@ fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
 fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
     let paused = Some("by the configuration".to_owned());
     let house = house(StandingSetup { paused, ..endless() });
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
     assert_eq!(jobs(&house).len(), 1);
-    assert!(plate.resume(who("ann")));
+    assert!(plate.resume(caller("ann")));
     next(&told, "cycle");
     assert_eq!(standing(plate), (StandingState::Running, String::new()));
-    assert_eq!(house.ledger.audit().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
+    assert_eq!(house.ledger.audit_log().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
 }
 
 #[test]
 fn cancelled_standing_job_waits_for_a_person() {
     let house = house(endless());
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     next(&told, "cycle");
@@ -134,14 +134,14 @@ fn cancelled_standing_job_waits_for_a_person() {
     house.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&told, "finished")["state"], "completed");
     assert_eq!(jobs(&house).len(), 2);
-    plate.resume(who("ann"));
+    plate.resume(caller("ann"));
     next(&told, "cycle");
 }
 
 #[test]
 fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
     let house = house(endless());
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     next(&told, "cycle");
@@ -152,7 +152,7 @@ fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
     }
     assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
     assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
-    plate.resume(who("bob"));
+    plate.resume(caller("bob"));
     next(&told, "cycle");
     assert_eq!(jobs(&house).len(), 2);
 }
@@ -160,7 +160,7 @@ fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
 #[test]
 fn failed_standing_job_waits_for_a_person_and_says_why() {
     let house = house(setup(r#"{ "type": "arrange", "targets_mm": [[-100, 0]] }"#, 0.5));
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let why = until(plates.get("one").unwrap(), StandingState::Paused);
     assert!(why.starts_with("its last run failed: plate time limit of 0.5 s reached; "), "{why}");
     assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Failed, true)]);
@@ -169,7 +169,7 @@ fn failed_standing_job_waits_for_a_person_and_says_why() {
 #[test]
 fn standing_job_with_an_end_that_gives_way_is_cancelled() {
     let house = house(setup(r#"{ "type": "plus_sign", "laps": 50 }"#, 6000.0));
-    let plates = Ending(house.open(None));
+    let plates = ShutDownPlates(house.open(None));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     next(&told, "cycle");
@@ -183,7 +183,7 @@ fn standing_job_with_an_end_that_gives_way_is_cancelled() {
 #[test]
 fn standing_job_waits_while_the_disk_is_nearly_full() {
     let house = house(endless());
-    let plates = Ending(house.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
+    let plates = ShutDownPlates(house.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     // other jobs still run

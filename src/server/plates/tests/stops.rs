@@ -7,7 +7,7 @@ use std::thread;
 
 use super::*;
 use crate::plates::emergency_stop::StopState;
-use crate::store::{AuditEntry, Claimed, JobEnd, Ledger, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
+use crate::store::{AuditEntry, Claimed, JobEnd, JobStore, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
 use upm_core::job::StopCause;
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingHandle, WriterStatus};
@@ -16,18 +16,18 @@ use upm_runner::run::ExternalStop;
 type Act = Box<dyn FnOnce() + Send>;
 
 /// A ledger that calls a closure, once, when a plate is noted as paused.
-struct Meddler {
-    ledger: Arc<MemoryLedger>,
+struct FaultInjector {
+    ledger: Arc<InMemoryJobStore>,
     then: Mutex<Option<Act>>,
 }
 
-impl fmt::Debug for Meddler {
+impl fmt::Debug for FaultInjector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Meddler")
     }
 }
 
-impl Ledger for Meddler {
+impl JobStore for FaultInjector {
     fn claim(
         &self,
         plate: &str,
@@ -44,12 +44,12 @@ impl Ledger for Meddler {
         self.ledger.begin_standing(job, folder)
     }
 
-    fn ended(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
-        self.ledger.ended(id, end)
+    fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+        self.ledger.finish(id, end)
     }
 
-    fn tell(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
-        self.ledger.tell(id, event, published)
+    fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+        self.ledger.append_event(id, event, published)
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
@@ -62,17 +62,17 @@ impl Ledger for Meddler {
         act.into_iter().for_each(|act| act());
     }
 
-    fn note_act(&self, entry: AuditEntry) -> bool {
-        self.ledger.note_act(entry)
+    fn audit(&self, entry: AuditEntry) -> bool {
+        self.ledger.audit(entry)
     }
 
-    fn write_act(&self, entry: AuditEntry) -> Result<(), StoreFault> {
-        self.ledger.write_act(entry)
+    fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        self.ledger.audit_durably(entry)
     }
 }
 
 /// True when a stop holds completely, false when none holds.
-fn stopped(plate: &Plate) -> bool {
+fn stopped(plate: &PlateHandle) -> bool {
     let state = plate.shared.emergency_stop.state();
     assert!(matches!(state, StopState::Released | StopState::Held), "half a stop: {state:?}");
     state == StopState::Held
@@ -80,8 +80,8 @@ fn stopped(plate: &Plate) -> bool {
 
 #[test]
 fn a_stop_in_the_middle_of_a_reset_holds() {
-    let house = House::new();
-    let meddler = Arc::new(Meddler { ledger: Arc::clone(&house.ledger), then: Mutex::default() });
+    let house = TestPlates::new();
+    let meddler = Arc::new(FaultInjector { ledger: Arc::clone(&house.ledger), then: Mutex::default() });
     let plates = Arc::new(house.open_with(None, |around| around.ledger = meddler.clone()));
     let plate = plates.get("one").unwrap();
     assert!(plate.estop());
@@ -92,9 +92,9 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     }));
     assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
     assert!(stopped(plate));
-    let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
+    let acts: Vec<String> = house.ledger.audit_log().into_iter().map(|line| line.act).collect();
     assert_eq!(acts, ["reset", "reset refused"]);
-    assert!(plate.record_estop(who("bob")));
+    assert!(plate.record_estop(caller("bob")));
     assert!(plate.stop_times().is_some());
     plates.shutdown(LONG);
     drop((meddler, plates));
@@ -103,38 +103,38 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
-    assert!(!plate.record_estop(who("bob")), "what was released is not kept");
+    assert!(!plate.record_estop(caller("bob")), "what was released is not kept");
 }
 
 #[test]
 fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
     let seen = plate.held().unwrap();
     plate.estop();
-    assert_eq!(plate.reset(seen, who("ann"), || true), Err(ResetFault::StoppedAgain));
-    assert!(stopped(plate) && house.ledger.audit().is_empty());
+    assert_eq!(plate.reset(seen, caller("ann"), || true), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate) && house.ledger.audit_log().is_empty());
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
 }
 
 #[test]
 fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stopped() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    assert_eq!(plate.reset(plate.held().unwrap(), who("ann"), || false), Err(ResetFault::NotAwaited));
+    assert_eq!(plate.reset(plate.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
     assert!(stopped(plate));
-    let acts: Vec<String> = house.ledger.audit().into_iter().map(|line| line.act).collect();
+    let acts: Vec<String> = house.ledger.audit_log().into_iter().map(|line| line.act).collect();
     assert_eq!(acts, ["reset", "reset refused"]);
 }
 
 #[test]
 fn a_reset_that_cannot_be_written_down_is_none() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
@@ -148,7 +148,7 @@ fn a_reset_that_cannot_be_written_down_is_none() {
 
 #[test]
 fn stops_and_resets_at_once_never_leave_half_a_stop() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("a test"));
     let plate = plates.get("one").unwrap();
     for _ in 0..300 {
@@ -176,7 +176,7 @@ fn stops_and_resets_at_once_never_leave_half_a_stop() {
 
 #[test]
 fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.shared.emergency_stop.interlock().trip(Trip::EStop);
@@ -188,14 +188,14 @@ fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
 
 #[test]
 fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
     let id = house.submit(plate, HOLD, Pace::RealTime);
     // as after the plate has claimed it and before it reports the start
     assert!(plate.cancel(&id));
-    assert!(plate.resume(who("ann")));
+    assert!(plate.resume(caller("ann")));
     assert_eq!(next(&told, "finished")["state"], "cancelled");
     assert_eq!(house.row(&id).reason, "cancelled by request");
     assert!(!plate.cancel(&id), "its run is over");
@@ -206,7 +206,7 @@ fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
 
 #[test]
 fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("a test"));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
@@ -234,7 +234,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
 
 #[test]
 fn the_last_word_of_control_ends_the_watch() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let (told, [first, _]) = house.keep_busy(plate);
@@ -248,7 +248,7 @@ fn the_last_word_of_control_ends_the_watch() {
 
 #[test]
 fn a_job_that_had_begun_is_not_run_over_what_it_left() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let told = listen(plate);
@@ -257,7 +257,7 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
     let journal = folder(&id).join("journal.jsonl");
     [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
     std::fs::write(&journal, "what there was\n").unwrap();
-    assert!(plate.resume(who("ann")));
+    assert!(plate.resume(caller("ann")));
     next(&told, "finished");
     let reason = house.row(&id).reason;
     assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
@@ -268,7 +268,7 @@ fn a_job_that_had_begun_is_not_run_over_what_it_left() {
 
 #[test]
 fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
@@ -281,7 +281,7 @@ fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
 
 #[test]
 fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
@@ -301,7 +301,7 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
 
 #[test]
 fn watchdog_limits_of_wall_time_end_a_job_under_strict_deadlines_only() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open_with(None, |around| {
         let never = Duration::ZERO;
         (around.watchdog.no_frame, around.watchdog.planning) = (never, never);

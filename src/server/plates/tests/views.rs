@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
     let plate = plates.get("one").unwrap();
     let live = plate.snapshot().live.unwrap();
@@ -19,7 +19,7 @@ fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
 
 #[test]
 fn pictures_are_made_for_those_who_look() {
-    let house = House::new();
+    let house = TestPlates::new();
     let plates = house.open(None);
     let plate = plates.get("one").unwrap();
     let told = listen(plate);

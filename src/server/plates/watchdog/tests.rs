@@ -1,8 +1,9 @@
 use super::*;
 
-const STRICT: Deadlines = Deadlines { policy: DeadlinePolicy::Strict, real_time: true, misses: 0, worst_frames: 0 };
-const RELAXED: Deadlines = Deadlines { policy: DeadlinePolicy::Relaxed, ..STRICT };
-const AT_MAX_PACE: Deadlines = Deadlines { real_time: false, ..STRICT };
+const STRICT: WatchdogDeadlines =
+    WatchdogDeadlines { policy: DeadlinePolicy::Strict, real_time: true, misses: 0, worst_frames: 0 };
+const RELAXED: WatchdogDeadlines = WatchdogDeadlines { policy: DeadlinePolicy::Relaxed, ..STRICT };
+const AT_MAX_PACE: WatchdogDeadlines = WatchdogDeadlines { real_time: false, ..STRICT };
 
 const SPEC: WatchdogSpec = WatchdogSpec {
     hung: Duration::from_secs(30),
@@ -23,10 +24,10 @@ fn first_found(
     dog: &mut Watchdog,
     from_ms: u64,
     until_ms: u64,
-    vitals: impl Fn(u64, &Vitals),
-    deadlines: impl Fn(u64) -> Deadlines,
+    vitals: impl Fn(u64, &Heartbeat),
+    deadlines: impl Fn(u64) -> WatchdogDeadlines,
 ) -> Option<(u64, ExternalStop)> {
-    let state = Vitals::default();
+    let state = Heartbeat::default();
     (from_ms..until_ms).step_by(10).find_map(|now_ms| {
         vitals(now_ms, &state);
         Some((now_ms, dog.look(at(now_ms), &state, deadlines(now_ms), None)?))
@@ -45,7 +46,7 @@ fn fault(at_ms: u64, cause: StopCause, what: &str) -> Option<(u64, ExternalStop)
     Some((at_ms, ExternalStop { cause, reason }))
 }
 
-fn frames_until(last_ms: u64) -> impl Fn(u64, &Vitals) {
+fn frames_until(last_ms: u64) -> impl Fn(u64, &Heartbeat) {
     move |now_ms, vitals| {
         if now_ms <= last_ms {
             vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
@@ -78,7 +79,7 @@ fn frames_that_stay_away_are_told() {
 #[test]
 fn a_plan_may_take_longer_than_a_frame() {
     let mut dog = Watchdog::new(SPEC);
-    let plans = |now_ms: u64, vitals: &Vitals| {
+    let plans = |now_ms: u64, vitals: &Heartbeat| {
         if now_ms <= 2000 || (6500..=6600).contains(&now_ms) {
             vitals.frame(at(now_ms), PlateTime::from_secs(2.0), true, now_ms >= 2000);
         }
@@ -89,7 +90,7 @@ fn a_plan_may_take_longer_than_a_frame() {
 
 #[test]
 fn a_run_is_over_with_its_last_word_unless_frames_come_after_it() {
-    let vitals = Vitals::default();
+    let vitals = Heartbeat::default();
     assert!(!vitals.is_over());
     vitals.end();
     assert!(vitals.is_over());
@@ -103,14 +104,14 @@ fn a_run_is_over_with_its_last_word_unless_frames_come_after_it() {
 #[test]
 fn the_deadlines_of_the_run_before_are_not_held_against_a_new_one() {
     let mut dog = Watchdog::new(SPEC);
-    let late = |_| Deadlines { worst_frames: 9, ..STRICT };
+    let late = |_| WatchdogDeadlines { worst_frames: 9, ..STRICT };
     assert_eq!(first_found(&mut dog, 1000, 9000, |_, _| {}, late), None);
 }
 
 #[test]
 fn parts_that_nobody_sees_are_told() {
     let mut dog = Watchdog::new(SPEC);
-    let blind = |now_ms: u64, vitals: &Vitals| {
+    let blind = |now_ms: u64, vitals: &Heartbeat| {
         vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000, false);
     };
     let found = first_found(&mut dog, 1000, 9000, blind, |_| STRICT);
@@ -119,15 +120,16 @@ fn parts_that_nobody_sees_are_told() {
 
 #[test]
 fn late_control_is_told() {
-    let late =
-        |worst_frames| move |now_ms| Deadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..STRICT };
+    let late = |worst_frames| {
+        move |now_ms| WatchdogDeadlines { worst_frames: if now_ms < 3000 { 0 } else { worst_frames }, ..STRICT }
+    };
     let mut dog = Watchdog::new(SPEC);
     assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(5)), None);
     let mut dog = Watchdog::new(SPEC);
     let found = first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), late(6));
     assert_eq!(found, slow(3000, "control came 6 frames late"));
 
-    let often = |per_s: u64| move |now_ms: u64| Deadlines { misses: 7 + per_s * now_ms / 1000, ..STRICT };
+    let often = |per_s: u64| move |now_ms: u64| WatchdogDeadlines { misses: 7 + per_s * now_ms / 1000, ..STRICT };
     let mut dog = Watchdog::new(SPEC);
     assert_eq!(first_found(&mut dog, 1000, 9000, frames_until(u64::MAX), often(10)), None);
     let mut dog = Watchdog::new(SPEC);
@@ -138,7 +140,7 @@ fn late_control_is_told() {
 #[test]
 fn a_crier_that_hangs_is_told() {
     let mut dog = Watchdog::new(SPEC);
-    let hangs = |now_ms: u64, vitals: &Vitals| {
+    let hangs = |now_ms: u64, vitals: &Heartbeat| {
         vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
         vitals.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
     };
@@ -148,7 +150,7 @@ fn a_crier_that_hangs_is_told() {
 
 #[test]
 fn a_journal_that_waits_for_the_disk_is_told() {
-    let vitals = Vitals::default();
+    let vitals = Heartbeat::default();
     let first = |since_ms: u64| {
         let mut dog = Watchdog::new(SPEC);
         (2000..4000).step_by(10).find_map(|now_ms| {
@@ -162,7 +164,7 @@ fn a_journal_that_waits_for_the_disk_is_told() {
 
 #[test]
 fn a_program_that_stood_still_is_nobodys_fault() {
-    let (mut dog, vitals) = (Watchdog::new(SPEC), Vitals::default());
+    let (mut dog, vitals) = (Watchdog::new(SPEC), Heartbeat::default());
     vitals.frame(at(1000), PlateTime::ZERO, true, false);
     assert_eq!(dog.look(at(1000), &vitals, STRICT, None), None);
     assert_eq!(dog.look(at(61_000), &vitals, STRICT, None), None);
@@ -173,7 +175,7 @@ fn a_program_that_stood_still_is_nobodys_fault() {
 }
 
 /// One frame a second, each late, and no plan within the limit for one.
-fn crawls(now_ms: u64, vitals: &Vitals) {
+fn crawls(now_ms: u64, vitals: &Heartbeat) {
     if now_ms.is_multiple_of(20_000) {
         vitals.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-6), true, true);
     }
@@ -183,7 +185,7 @@ fn crawls(now_ms: u64, vitals: &Vitals) {
 fn slow_run_is_left_alone_under_relaxed_deadlines() {
     let late = |policy| {
         let misses = |now_ms| now_ms / 10;
-        move |now_ms| Deadlines { misses: misses(now_ms), worst_frames: 1200, policy, real_time: true }
+        move |now_ms| WatchdogDeadlines { misses: misses(now_ms), worst_frames: 1200, policy, real_time: true }
     };
     let mut dog = Watchdog::new(SPEC);
     assert_eq!(first_found(&mut dog, 20_000, 200_000, crawls, late(DeadlinePolicy::Relaxed)), None);
@@ -194,7 +196,7 @@ fn slow_run_is_left_alone_under_relaxed_deadlines() {
 
 #[test]
 fn planner_that_never_returns_is_reported_under_relaxed_deadlines() {
-    for deadlines in [RELAXED, Deadlines { real_time: false, ..RELAXED }] {
+    for deadlines in [RELAXED, WatchdogDeadlines { real_time: false, ..RELAXED }] {
         let mut dog = Watchdog::new(SPEC);
         let found = first_found(&mut dog, 1000, 90_000, frames_until(2000), |_| deadlines);
         assert_eq!(found, fault(32_010, StopCause::Hung, "no frame came for 30.0 s: the controller hangs"));
@@ -203,7 +205,7 @@ fn planner_that_never_returns_is_reported_under_relaxed_deadlines() {
 
 #[test]
 fn time_in_which_the_program_stood_still_is_no_hang() {
-    let (mut dog, vitals) = (Watchdog::new(SPEC), Vitals::default());
+    let (mut dog, vitals) = (Watchdog::new(SPEC), Heartbeat::default());
     vitals.frame(at(1000), PlateTime::ZERO, true, true);
     // suspended for a minute, then on a machine so busy that the watchdog itself checks twice a second
     let looks_ms = [1000, 61_000].into_iter().chain((61_500..).step_by(500).take(280));
@@ -215,7 +217,7 @@ fn time_in_which_the_program_stood_still_is_no_hang() {
 
 #[test]
 fn journal_that_waits_for_the_disk_ends_a_relaxed_run_as_a_hang_does() {
-    let vitals = Vitals::default();
+    let vitals = Heartbeat::default();
     let mut dog = Watchdog::new(SPEC);
     let found = (2000..90_000).step_by(10).find_map(|now_ms| {
         vitals.frame(at(now_ms), PlateTime::ZERO, true, false);

@@ -10,10 +10,10 @@ use futures_util::stream;
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::desk::Desk;
-use super::feed::{Event, EventReceiver, Opening, feed};
-use super::request::Call;
-use super::traffic::StreamGauge;
+use super::backend::Backend;
+use super::event_queue::{EventReceiver, StreamEvent, StreamStart, event_queue};
+use super::http_metrics::StreamGauge;
+use super::request::RequestContext;
 use crate::service::http::{Problem, ProblemKind, StopFlag};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
@@ -26,17 +26,18 @@ const PAGE: usize = 500;
 
 /// Streams a job's events: its state, the events missed since the last one the client saw, then new ones. Ends with the
 /// job, with the daemon, or with the client.
-pub(super) async fn watch(call: Call) -> Result<Response, Problem> {
+pub(super) async fn watch(call: RequestContext) -> Result<Response, Problem> {
     let id = call.job_id()?.to_owned();
     let after = last_event_id(&call.headers)?;
     let permit = call.api.watchers.clone().try_acquire_owned();
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
     let counted = (permit.map_err(full)?, call.api.traffic.stream());
-    let (feed, receiver) = feed();
+    let (feed, receiver) = event_queue();
     let opening = call.desk.watch(&id, feed).await?;
     let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
-    let stage = Stage::Opening { opening, after };
-    let watcher = Watcher { desk: call.desk, id, stop, heartbeat, receiver, sent: 0, is_over: false, stage, counted };
+    let stage = StreamPhase::Opening { opening, after };
+    let watcher =
+        EventStreamWatcher { desk: call.desk, id, stop, heartbeat, receiver, sent: 0, is_over: false, stage, counted };
     let stream = stream::unfold(watcher, |mut watcher| async {
         let text = watcher.next().await?;
         Some((Ok::<_, std::convert::Infallible>(text), watcher))
@@ -54,8 +55,8 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
 }
 
 /// The event stream of one client that watches one job.
-struct Watcher {
-    desk: Arc<dyn Desk>,
+struct EventStreamWatcher {
+    desk: Arc<dyn Backend>,
     id: String,
     stop: StopFlag,
     heartbeat: Duration,
@@ -63,14 +64,14 @@ struct Watcher {
     /// Number of the last stored event that was sent, or that the client does not need.
     sent: u64,
     is_over: bool,
-    stage: Stage,
+    stage: StreamPhase,
     #[allow(dead_code)] // held for as long as the stream is
     counted: (OwnedSemaphorePermit, StreamGauge),
 }
 
-enum Stage {
+enum StreamPhase {
     /// Send the state of the job.
-    Opening { opening: Opening, after: Option<u64> },
+    Opening { opening: StreamStart, after: Option<u64> },
     /// Send stored events, up to this number.
     Replay { newest: u64 },
     /// Send new events.
@@ -79,15 +80,15 @@ enum Stage {
     Ended,
 }
 
-impl Watcher {
+impl EventStreamWatcher {
     /// The next part of the stream; `None` at its end.
     async fn next(&mut self) -> Option<Bytes> {
         loop {
-            let text = match std::mem::replace(&mut self.stage, Stage::Ended) {
-                Stage::Opening { opening, after } => self.open(&opening, after),
-                Stage::Replay { newest } => self.replay(newest).await,
-                Stage::Live => self.live().await,
-                Stage::Ended => return None,
+            let text = match std::mem::replace(&mut self.stage, StreamPhase::Ended) {
+                StreamPhase::Opening { opening, after } => self.open(&opening, after),
+                StreamPhase::Replay { newest } => self.replay(newest).await,
+                StreamPhase::Live => self.live().await,
+                StreamPhase::Ended => return None,
             };
             if !text.is_empty() {
                 return Some(text);
@@ -95,19 +96,20 @@ impl Watcher {
         }
     }
 
-    fn open(&mut self, opening: &Opening, after: Option<u64>) -> Bytes {
+    fn open(&mut self, opening: &StreamStart, after: Option<u64>) -> Bytes {
         let mut text = BytesMut::from("retry: 1000\n\n");
         self.is_over = opening.is_over;
         self.sent = after.unwrap_or(before_end(opening)).min(opening.newest);
         // with this id, a client that came without one misses nothing when the stream breaks before the first numbered
         // event
         let id = after.is_none().then_some(self.sent);
-        text.extend_from_slice(&Event::new(id, "snapshot", &opening.snapshot).text);
+        text.extend_from_slice(&StreamEvent::new(id, "snapshot", &opening.snapshot).text);
         if let Some(after) = after.filter(|after| *after > opening.newest) {
             // the store of that time was lost: its numbers above the newest will be reused for other events
             text.extend_from_slice(&gap(opening.newest + 1, after));
         }
-        self.stage = if self.sent < opening.newest { Stage::Replay { newest: opening.newest } } else { Stage::Live };
+        self.stage =
+            if self.sent < opening.newest { StreamPhase::Replay { newest: opening.newest } } else { StreamPhase::Live };
         text.freeze()
     }
 
@@ -125,7 +127,7 @@ impl Watcher {
                     self.take(&event, &mut text);
                 }
                 let is_done = is_end || self.sent >= newest;
-                self.stage = if is_done { Stage::Live } else { Stage::Replay { newest } };
+                self.stage = if is_done { StreamPhase::Live } else { StreamPhase::Replay { newest } };
             }
             // stored events are not lost: the client reconnects and continues after the last one it has
             Err(_) => return bye("store_silent", "the job store does not answer now"),
@@ -134,7 +136,7 @@ impl Watcher {
     }
 
     /// Writes an event, unless it has been sent already.
-    fn take(&mut self, event: &Event, text: &mut BytesMut) {
+    fn take(&mut self, event: &StreamEvent, text: &mut BytesMut) {
         if event.seq.is_some_and(|seq| seq <= self.sent) {
             return;
         }
@@ -157,11 +159,11 @@ impl Watcher {
                 let Some(event) = event else { return feed_closed() };
                 let mut text = BytesMut::new();
                 self.take(&event, &mut text);
-                self.stage = Stage::Live;
+                self.stage = StreamPhase::Live;
                 text.freeze()
             }
             () = sleep(self.heartbeat) => {
-                self.stage = Stage::Live;
+                self.stage = StreamPhase::Live;
                 Bytes::from_static(b": hb\n\n")
             }
         }
@@ -169,7 +171,7 @@ impl Watcher {
 
     /// Restarts the stream of a client that was too slow, with the gap and the state of the job now.
     async fn reopen(&mut self) -> Bytes {
-        let (feed, receiver) = feed();
+        let (feed, receiver) = event_queue();
         self.receiver = receiver;
         let Ok(opening) = self.desk.watch(&self.id, feed).await else {
             return feed_closed();
@@ -186,18 +188,18 @@ impl Watcher {
 
 /// Number after which a client without a last event id starts: the newest event, or the one before the last event of an
 /// ended job, so that a late client still receives that one.
-fn before_end(opening: &Opening) -> u64 {
+fn before_end(opening: &StreamStart) -> u64 {
     opening.newest.saturating_sub(opening.is_over.into())
 }
 
 /// Notice that the stored events `from` to `to` are missing from this stream.
 fn gap(from: u64, to: u64) -> Bytes {
-    Event::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
+    StreamEvent::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
 }
 
 /// The last event of a stream: a code and a sentence for its end.
 fn bye(code: &str, why: &str) -> Bytes {
-    Event::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{why}\"}}")).text
+    StreamEvent::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{why}\"}}")).text
 }
 
 fn feed_closed() -> Bytes {

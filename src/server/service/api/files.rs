@@ -15,8 +15,8 @@ use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::desk::Refusal;
-use super::request::Call;
+use super::backend::Refusal;
+use super::request::RequestContext;
 use crate::service::http::{Problem, ProblemKind};
 use upm_runner::config::is_plain_name;
 
@@ -36,7 +36,7 @@ const CHUNK_BYTES: usize = 64 << 10;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-pub(super) async fn frame(call: Call) -> Result<Response, Problem> {
+pub(super) async fn frame(call: RequestContext) -> Result<Response, Problem> {
     let id = call.job_id()?;
     let mut picture = call.desk.frame(id).await;
     // pictures are only made on request, so the first takes a moment
@@ -50,19 +50,19 @@ pub(super) async fn frame(call: Call) -> Result<Response, Problem> {
     Ok((headers, picture.png).into_response())
 }
 
-pub(super) async fn openapi(call: Call) -> Result<Response, Problem> {
+pub(super) async fn openapi(call: RequestContext) -> Result<Response, Problem> {
     Ok(([(CONTENT_TYPE, "application/json")], call.api.document.clone()).into_response())
 }
 
-pub(super) async fn page(call: Call) -> Result<Response, Problem> {
+pub(super) async fn page(call: RequestContext) -> Result<Response, Problem> {
     asset_called(&call, "index.html")
 }
 
-pub(super) async fn asset(call: Call) -> Result<Response, Problem> {
+pub(super) async fn asset(call: RequestContext) -> Result<Response, Problem> {
     asset_called(&call, call.file())
 }
 
-fn asset_called(call: &Call, name: &str) -> Result<Response, Problem> {
+fn asset_called(call: &RequestContext, name: &str) -> Result<Response, Problem> {
     let found = Some(name).filter(|name| is_plain_name(name)).and_then(|name| call.desk.asset(name));
     let asset = found.ok_or_else(|| Problem::new(ProblemKind::NotFound, "the operator page has no such file"))?;
     let known = call.headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == asset.etag.as_bytes());
@@ -75,7 +75,7 @@ fn asset_called(call: &Call, name: &str) -> Result<Response, Problem> {
 }
 
 /// The recording, or the requested byte range of it.
-pub(super) async fn recording(call: Call) -> Result<Response, Problem> {
+pub(super) async fn recording(call: RequestContext) -> Result<Response, Problem> {
     let id = call.job_id()?;
     let permit = call.api.downloads.clone().try_acquire_owned();
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many recordings are being sent").retry_after(10);

@@ -3,45 +3,45 @@ use axum::http::header::LOCATION;
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 
-use super::desk::Order;
+use super::backend::Submission;
 use super::query::JobsQuery;
-use super::request::Call;
+use super::request::RequestContext;
 use crate::service::http::{Problem, ProblemKind};
 
 pub(super) const IDEMPOTENCY_KEY: &str = "Idempotency-Key";
 const LONGEST_KEY: usize = 255;
 const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
 
-pub(super) async fn submit(call: Call) -> Result<Response, Problem> {
+pub(super) async fn submit(call: RequestContext) -> Result<Response, Problem> {
     let (text, pace, key) = (call.text()?.to_owned(), call.query.pace()?, key_of(&call.headers)?);
-    let submitted = call.desk.submit(Order { text, pace, key, caller: call.caller }).await?;
+    let submitted = call.desk.submit(Submission { text, pace, key, caller: call.caller }).await?;
     let location = [(LOCATION, format!("/v1/jobs/{}", submitted.job.id))];
     let replayed = submitted.replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
 }
 
-pub(super) async fn check(call: Call) -> Result<Response, Problem> {
-    let order = Order { text: call.text()?.to_owned(), pace: None, key: None, caller: call.caller };
+pub(super) async fn check(call: RequestContext) -> Result<Response, Problem> {
+    let order = Submission { text: call.text()?.to_owned(), pace: None, key: None, caller: call.caller };
     Ok(Json(call.desk.check(order).await?).into_response())
 }
 
-pub(super) async fn list(call: Call) -> Result<Response, Problem> {
+pub(super) async fn list(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.desk.jobs(JobsQuery::of(&call.query)?).await?).into_response())
 }
 
-pub(super) async fn show(call: Call) -> Result<Response, Problem> {
+pub(super) async fn show(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.desk.job(call.job_id()?).await?).into_response())
 }
 
-pub(super) async fn layout(call: Call) -> Result<Response, Problem> {
+pub(super) async fn layout(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.desk.layout(call.job_id()?).await?).into_response())
 }
 
-pub(super) async fn cancel(call: Call) -> Result<Response, Problem> {
+pub(super) async fn cancel(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.desk.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
 }
 
-pub(super) async fn delete(call: Call) -> Result<Response, Problem> {
+pub(super) async fn delete(call: RequestContext) -> Result<Response, Problem> {
     call.desk.delete(call.job_id()?, call.caller.clone()).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
 }

@@ -4,7 +4,7 @@ use schemars::SchemaGenerator;
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
 
-use super::operation::{Answer, Content, Operation, Param, ParamIn};
+use super::operation::{MediaType, Operation, Param, ParamIn, ResponseSpec};
 use crate::service::http::{PROBLEM_JSON, ProblemDocument, ProblemKind};
 
 /// The OpenAPI 3.1 document of `operations`. Its schemas are JSON Schema 2020-12, generated from the types.
@@ -88,13 +88,13 @@ fn parameter(param: &Param) -> Value {
     })
 }
 
-fn response(answer: &Answer, generator: &mut SchemaGenerator) -> Value {
+fn response(answer: &ResponseSpec, generator: &mut SchemaGenerator) -> Value {
     let header = |what: &str| json!({"description": what, "schema": {"type": "string"}});
     let mut described = json!({"description": answer.description});
     let content = match answer.content {
-        Content::Nothing => None,
-        Content::Json(schema) => Some(json!({"application/json": {"schema": schema(generator).to_value()}})),
-        Content::Media(media) => Some(json!({media: {}})),
+        MediaType::Nothing => None,
+        MediaType::Json(schema) => Some(json!({"application/json": {"schema": schema(generator).to_value()}})),
+        MediaType::Media(media) => Some(json!({media: {}})),
     };
     if let Some(described) = described.as_object_mut() {
         described.extend(content.map(|content| ("content".to_owned(), content)));

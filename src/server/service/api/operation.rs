@@ -5,18 +5,18 @@ use axum::routing::MethodFilter;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 
-use super::request::Call;
+use super::request::RequestContext;
 use crate::service::http::{Problem, ProblemKind, Scope};
 
 /// HTTP method of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Method {
+pub(super) enum HttpMethod {
     Get,
     Post,
     Delete,
 }
 
-impl Method {
+impl HttpMethod {
     pub fn name(self) -> &'static str {
         match self {
             Self::Get => "get",
@@ -61,7 +61,7 @@ pub(super) fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schem
 
 /// Body of an answer.
 #[derive(Clone, Copy)]
-pub(super) enum Content {
+pub(super) enum MediaType {
     Nothing,
     Json(SchemaOf),
     /// Text or bytes of this media type.
@@ -69,10 +69,10 @@ pub(super) enum Content {
 }
 
 /// A successful answer of an operation. Failures are problem documents.
-pub(super) struct Answer {
+pub(super) struct ResponseSpec {
     pub status: u16,
     pub description: &'static str,
-    pub content: Content,
+    pub content: MediaType,
     /// Names and descriptions of its headers.
     pub headers: &'static [(&'static str, &'static str)],
 }
@@ -82,15 +82,15 @@ pub(super) type HandlerFuture = Pin<Box<dyn Future<Output = Result<Response, Pro
 
 /// Handler of one operation: any function from [`Call`] to a future.
 pub(super) trait Handler: Send + Sync + 'static {
-    fn answer(&self, call: Call) -> HandlerFuture;
+    fn answer(&self, call: RequestContext) -> HandlerFuture;
 }
 
 impl<H, F> Handler for H
 where
-    H: Fn(Call) -> F + Send + Sync + 'static,
+    H: Fn(RequestContext) -> F + Send + Sync + 'static,
     F: Future<Output = Result<Response, Problem>> + Send + 'static,
 {
-    fn answer(&self, call: Call) -> HandlerFuture {
+    fn answer(&self, call: RequestContext) -> HandlerFuture {
         Box::pin(self(call))
     }
 }
@@ -99,7 +99,7 @@ where
 pub(super) struct Operation {
     /// `operationId` in the OpenAPI document.
     pub id: &'static str,
-    pub method: Method,
+    pub method: HttpMethod,
     pub path: &'static str,
     /// Scope that the token needs; `None` for operations without a token.
     pub scope: Option<Scope>,
@@ -107,7 +107,7 @@ pub(super) struct Operation {
     pub params: &'static [Param],
     /// Schema of the JSON body, if it takes one.
     pub body: Option<SchemaOf>,
-    pub answers: &'static [Answer],
+    pub answers: &'static [ResponseSpec],
     /// Problems in addition to those of the layers.
     pub problems: &'static [ProblemKind],
     pub handler: Box<dyn Handler>,

@@ -5,8 +5,8 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use tokio::time::timeout;
 
-use super::request::Call;
-use super::types::{ResetRequest, Well};
+use super::request::RequestContext;
+use super::types::{Health, ResetRequest};
 use crate::service::http::{Problem, ProblemKind, Reason, joined};
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -15,42 +15,42 @@ pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.
 const COUNTED_WITHIN: Duration = Duration::from_millis(100);
 
 /// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
-pub(super) async fn list(call: Call) -> Result<Response, Problem> {
+pub(super) async fn list(call: RequestContext) -> Result<Response, Problem> {
     let counted = timeout(COUNTED_WITHIN, call.desk.plates()).await;
     let plates = counted.ok().and_then(Result::ok).unwrap_or_else(|| call.desk.plates_as_counted());
     Ok(Json(plates).into_response())
 }
 
 /// Stops a plate. The motors are cut before the returned future is polled.
-pub(super) fn estop(call: Call) -> impl Future<Output = Result<Response, Problem>> {
+pub(super) fn estop(call: RequestContext) -> impl Future<Output = Result<Response, Problem>> {
     let stopped = call.plate().map(|plate| call.desk.estop(plate, call.caller.clone()));
     async move { Ok(Json(stopped?.await?).into_response()) }
 }
 
-pub(super) async fn reset(call: Call) -> Result<Response, Problem> {
+pub(super) async fn reset(call: RequestContext) -> Result<Response, Problem> {
     let (plate, request) = (call.plate()?, reset_request(call.text()?)?);
     Ok(Json(call.desk.reset(plate, request, call.caller.clone()).await?).into_response())
 }
 
-pub(super) async fn resume(call: Call) -> Result<Response, Problem> {
+pub(super) async fn resume(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.desk.resume(call.plate()?, call.caller.clone()).await?).into_response())
 }
 
-pub(super) async fn healthz(call: Call) -> Result<Response, Problem> {
-    well(call.desk.ailments())
+pub(super) async fn healthz(call: RequestContext) -> Result<Response, Problem> {
+    well(call.desk.liveness_failures())
 }
 
-pub(super) async fn readyz(call: Call) -> Result<Response, Problem> {
-    well(call.desk.obstacles())
+pub(super) async fn readyz(call: RequestContext) -> Result<Response, Problem> {
+    well(call.desk.readiness_failures())
 }
 
-pub(super) async fn metrics(call: Call) -> Result<Response, Problem> {
+pub(super) async fn metrics(call: RequestContext) -> Result<Response, Problem> {
     Ok(([(CONTENT_TYPE, OPENMETRICS)], call.desk.metrics()).into_response())
 }
 
 fn well(reasons: Vec<Reason>) -> Result<Response, Problem> {
     if reasons.is_empty() {
-        return Ok(Json(Well { ok: true }).into_response());
+        return Ok(Json(Health { ok: true }).into_response());
     }
     Err(Problem::new(ProblemKind::Unavailable, joined(&reasons)).with_reasons(reasons))
 }

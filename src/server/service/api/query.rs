@@ -19,7 +19,7 @@ pub struct JobsQuery {
 }
 
 impl JobsQuery {
-    pub(super) fn of(query: &Query) -> Result<Self, Problem> {
+    pub(super) fn of(query: &QueryParams) -> Result<Self, Problem> {
         let state = query.one_of("state", &JobState::ALL.map(|state| (state.code(), state)))?;
         let limit = match query.get("limit") {
             None => USUAL_LIMIT,
@@ -44,9 +44,9 @@ pub(super) fn is_job_id(text: &str) -> bool {
 
 /// The query of a request: each name at most once, and only names that the operation knows.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Query(Vec<(String, String)>);
+pub(super) struct QueryParams(Vec<(String, String)>);
 
-impl Query {
+impl QueryParams {
     /// `known` are the names that the operation takes; if it takes none, its query is ignored.
     pub fn new(pairs: Vec<(String, String)>, known: &[&str]) -> Result<Self, Problem> {
         if known.is_empty() {
@@ -90,7 +90,7 @@ mod tests {
 
     fn query(pairs: &[(&str, &str)]) -> Result<JobsQuery, Problem> {
         let pairs = pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect();
-        JobsQuery::of(&Query::new(pairs, &["state", "limit", "cursor"])?)
+        JobsQuery::of(&QueryParams::new(pairs, &["state", "limit", "cursor"])?)
     }
 
     #[test]

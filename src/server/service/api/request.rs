@@ -5,36 +5,36 @@ use axum::http::HeaderMap;
 use bytes::Bytes;
 use tokio::sync::Semaphore;
 
-use super::desk::Desk;
-use super::query::{Query, is_job_id};
-use super::traffic::Traffic;
-use crate::service::http::{Caller, Limits, Problem, ProblemKind, SharedTokens, StopFlag};
+use super::backend::Backend;
+use super::http_metrics::HttpMetrics;
+use super::query::{QueryParams, is_job_id};
+use crate::service::http::{Caller, HttpLimits, Problem, ProblemKind, SharedTokens, StopFlag};
 use upm_runner::config::is_plain_name;
 
 /// State shared by all requests.
 pub(super) struct Api {
-    pub desk: Arc<dyn Desk>,
+    pub desk: Arc<dyn Backend>,
     pub tokens: SharedTokens,
-    pub limits: Arc<Limits>,
+    pub limits: Arc<HttpLimits>,
     pub stop: StopFlag,
     pub document: Bytes,
-    pub traffic: Traffic,
+    pub traffic: HttpMetrics,
     pub watchers: Arc<Semaphore>,
     pub downloads: Arc<Semaphore>,
 }
 
 /// An admitted request, as its handler receives it.
-pub(super) struct Call {
-    pub desk: Arc<dyn Desk>,
+pub(super) struct RequestContext {
+    pub desk: Arc<dyn Backend>,
     pub api: Arc<Api>,
     pub caller: Caller,
     pub headers: HeaderMap,
-    pub query: Query,
+    pub query: QueryParams,
     pub body: Bytes,
     pub path: BTreeMap<String, String>,
 }
 
-impl Call {
+impl RequestContext {
     /// The job id in the path. Text that cannot be an id is answered like an unknown job.
     pub fn job_id(&self) -> Result<&str, Problem> {
         let id = self.path.get("id").map_or("", String::as_str);

@@ -10,10 +10,10 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::on;
 use bytes::Bytes;
 
+use super::http_metrics::MatchedOperation;
 use super::operation::{Operation, ParamIn};
-use super::query::Query;
-use super::request::{Api, Call};
-use super::traffic::MatchedOperation;
+use super::query::QueryParams;
+use super::request::{Api, RequestContext};
 use crate::service::http::{Caller, Peer, Problem, ProblemKind};
 
 /// The router of all `operations`.
@@ -59,15 +59,15 @@ impl Operation {
         };
         let caller = Caller { name, remote };
         let (desk, headers) = (api.desk.clone(), parts.headers);
-        let call = Call { desk, api: api.clone(), caller, headers, query, body, path };
+        let call = RequestContext { desk, api: api.clone(), caller, headers, query, body, path };
         api.limits.in_time(self.handler.answer(call)).await
     }
 
-    fn query(&self, parts: &Parts) -> Result<Query, Problem> {
+    fn query(&self, parts: &Parts) -> Result<QueryParams, Problem> {
         let pairs = UrlQuery::<Vec<(String, String)>>::try_from_uri(&parts.uri)
             .map_err(|_| Problem::new(ProblemKind::Malformed, "the query cannot be read"))?;
         let known: Vec<&str> = self.params.iter().filter(|p| p.location == ParamIn::Query).map(|p| p.name).collect();
-        Query::new(pairs.0, &known)
+        QueryParams::new(pairs.0, &known)
     }
 }
 

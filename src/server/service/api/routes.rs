@@ -1,8 +1,8 @@
 use serde_json::json;
 
 use super::layout::{Checked, Layout};
-use super::operation::{Answer, Content, Handler, Method, Operation, Param, ParamIn, schema_of};
-use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest, Well};
+use super::operation::{Handler, HttpMethod, MediaType, Operation, Param, ParamIn, ResponseSpec, schema_of};
+use super::types::{EStopped, Health, Job, JobsPage, Plate, Plates, ResetRequest};
 use super::{events, files, jobs, plates};
 use crate::service::http::{ProblemKind, Scope};
 use crate::states::JobState;
@@ -15,11 +15,11 @@ pub(super) fn operations() -> Vec<Operation> {
 }
 
 fn job_operations() -> Vec<Operation> {
-    const JOBS: &[Answer] = &[answer(200, "A page of jobs.", Content::Json(schema_of::<JobsPage>))];
-    const JOB: &[Answer] = &[answer(200, "The job.", Content::Json(schema_of::<Job>))];
-    const LAYOUT: &[Answer] = &[answer(200, "The layout.", Content::Json(schema_of::<Layout>))];
-    const CHECKED: &[Answer] = &[answer(200, "It may be queued.", Content::Json(schema_of::<Checked>))];
-    const DELETED: &[Answer] = &[answer(204, "The job is deleted.", Content::Nothing)];
+    const JOBS: &[ResponseSpec] = &[answer(200, "A page of jobs.", MediaType::Json(schema_of::<JobsPage>))];
+    const JOB: &[ResponseSpec] = &[answer(200, "The job.", MediaType::Json(schema_of::<Job>))];
+    const LAYOUT: &[ResponseSpec] = &[answer(200, "The layout.", MediaType::Json(schema_of::<Layout>))];
+    const CHECKED: &[ResponseSpec] = &[answer(200, "It may be queued.", MediaType::Json(schema_of::<Checked>))];
+    const DELETED: &[ResponseSpec] = &[answer(204, "The job is deleted.", MediaType::Nothing)];
     let layout = "Parts, targets, bins and paths of a job that is on its plate";
     vec![
         Operation {
@@ -46,7 +46,7 @@ fn job_operations() -> Vec<Operation> {
             ..post("cancel", "/v1/jobs/{id}/cancel", "Take a job out of the queue, or stop it", JOB, jobs::cancel)
         },
         Operation {
-            method: Method::Delete,
+            method: HttpMethod::Delete,
             problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
             ..post("delete", "/v1/jobs/{id}", "Delete a queued or ended job and its run folder", DELETED, jobs::delete)
         },
@@ -68,12 +68,12 @@ const SUBMIT_PARAMS: &[Param] = &[
     },
 ];
 
-const SUBMIT_ANSWERS: &[Answer] = &[Answer {
+const SUBMIT_ANSWERS: &[ResponseSpec] = &[ResponseSpec {
     headers: &[
         ("Location", "Where the job is."),
         ("Idempotency-Replayed", "`true` when the job had been queued before, under the same key."),
     ],
-    ..answer(201, "The job is queued, and on the disk.", Content::Json(schema_of::<Job>))
+    ..answer(201, "The job is queued, and on the disk.", MediaType::Json(schema_of::<Job>))
 }];
 
 const LIST_PARAMS: &[Param] = &[
@@ -93,25 +93,25 @@ const LIST_PARAMS: &[Param] = &[
 ];
 
 fn file_operations() -> Vec<Operation> {
-    const EVENTS: &[Answer] = &[answer(
+    const EVENTS: &[ResponseSpec] = &[answer(
         200,
         "Server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen can be resumed from, \
          that of a `snapshot` too; `gap` tells of events that cannot be had any more. `bye` ends the stream: unless a \
          `finished` came before, it can be resumed.",
-        Content::Media(events::EVENT_STREAM),
+        MediaType::Media(events::EVENT_STREAM),
     )];
-    const PICTURE: &[Answer] = &[Answer {
+    const PICTURE: &[ResponseSpec] = &[ResponseSpec {
         headers: &[("Upm-Age-Ms", "Wall time since it was taken, ms: a whole number.")],
-        ..answer(200, "The picture, at most a few seconds old.", Content::Media("image/png"))
+        ..answer(200, "The picture, at most a few seconds old.", MediaType::Media("image/png"))
     }];
-    const RECORDING: &[Answer] = &[
-        Answer {
+    const RECORDING: &[ResponseSpec] = &[
+        ResponseSpec {
             headers: &[("ETag", "Changes with the file."), ("Accept-Ranges", "`bytes`.")],
-            ..answer(200, "The whole file.", Content::Media(files::RRD))
+            ..answer(200, "The whole file.", MediaType::Media(files::RRD))
         },
-        Answer {
+        ResponseSpec {
             headers: &[("ETag", "Changes with the file."), ("Content-Range", "Which bytes of how many.")],
-            ..answer(206, "The bytes asked for.", Content::Media(files::RRD))
+            ..answer(206, "The bytes asked for.", MediaType::Media(files::RRD))
         },
     ];
     let picture = "The latest camera frame, what is known drawn over it";
@@ -144,9 +144,9 @@ const RANGE: Param = Param {
 };
 
 fn plate_operations() -> Vec<Operation> {
-    const PLATES: &[Answer] = &[answer(200, "All plates.", Content::Json(schema_of::<Plates>))];
-    const PLATE: &[Answer] = &[answer(200, "The plate.", Content::Json(schema_of::<Plate>))];
-    const STOPPED: &[Answer] = &[answer(200, "The plate is stopped.", Content::Json(schema_of::<EStopped>))];
+    const PLATES: &[ResponseSpec] = &[answer(200, "All plates.", MediaType::Json(schema_of::<Plates>))];
+    const PLATE: &[ResponseSpec] = &[answer(200, "The plate.", MediaType::Json(schema_of::<Plate>))];
+    const STOPPED: &[ResponseSpec] = &[answer(200, "The plate is stopped.", MediaType::Json(schema_of::<EStopped>))];
     let estop = "Emergency stop: motors to zero, held until a reset; any token may";
     let reset = "End an emergency stop; the plate stays paused";
     let resume = "Let a paused plate go on with its queue, and a paused standing job run";
@@ -170,12 +170,12 @@ fn plate_operations() -> Vec<Operation> {
 
 /// Operations on the daemon itself, and the files it serves. Those without a scope need no token.
 fn own_operations() -> Vec<Operation> {
-    const WELL: &[Answer] = &[answer(200, "Yes. Otherwise 503 and why.", Content::Json(schema_of::<Well>))];
-    const METRICS: &[Answer] = &[answer(200, "OpenMetrics.", Content::Media(plates::OPENMETRICS))];
-    const DOCUMENT: &[Answer] = &[answer(200, "OpenAPI 3.1.", Content::Media("application/json"))];
-    const UNCHANGED: Answer = answer(304, "As it was: its `If-None-Match` still holds.", Content::Nothing);
-    const PAGE: &[Answer] = &[answer(200, "The page.", Content::Media("text/html")), UNCHANGED];
-    const ASSET: &[Answer] = &[answer(200, "The file.", Content::Media("*/*")), UNCHANGED];
+    const WELL: &[ResponseSpec] = &[answer(200, "Yes. Otherwise 503 and why.", MediaType::Json(schema_of::<Health>))];
+    const METRICS: &[ResponseSpec] = &[answer(200, "OpenMetrics.", MediaType::Media(plates::OPENMETRICS))];
+    const DOCUMENT: &[ResponseSpec] = &[answer(200, "OpenAPI 3.1.", MediaType::Media("application/json"))];
+    const UNCHANGED: ResponseSpec = answer(304, "As it was: its `If-None-Match` still holds.", MediaType::Nothing);
+    const PAGE: &[ResponseSpec] = &[answer(200, "The page.", MediaType::Media("text/html")), UNCHANGED];
+    const ASSET: &[ResponseSpec] = &[answer(200, "The file.", MediaType::Media("*/*")), UNCHANGED];
     vec![
         Operation { scope: None, ..get("healthz", "/healthz", "Is the daemon well?", WELL, plates::healthz) },
         Operation { scope: None, ..get("readyz", "/readyz", "Does it take jobs?", WELL, plates::readyz) },
@@ -190,8 +190,8 @@ fn own_operations() -> Vec<Operation> {
     ]
 }
 
-const fn answer(status: u16, description: &'static str, content: Content) -> Answer {
-    Answer { status, description, content, headers: &[] }
+const fn answer(status: u16, description: &'static str, content: MediaType) -> ResponseSpec {
+    ResponseSpec { status, description, content, headers: &[] }
 }
 
 const JOB_ID: Param = Param {
@@ -212,7 +212,7 @@ fn get(
     id: &'static str,
     path: &'static str,
     summary: &'static str,
-    answers: &'static [Answer],
+    answers: &'static [ResponseSpec],
     handler: impl Handler,
 ) -> Operation {
     let params: &[Param] = match path {
@@ -221,7 +221,7 @@ fn get(
         path if path.contains("{file}") => const { &[ASSET_NAME] },
         _ => &[],
     };
-    let (method, scope, handler) = (Method::Get, Some(Scope::Read), Box::new(handler));
+    let (method, scope, handler) = (HttpMethod::Get, Some(Scope::Read), Box::new(handler));
     Operation { id, method, path, scope, summary, params, body: None, answers, problems: &[], handler }
 }
 
@@ -229,8 +229,8 @@ fn post(
     id: &'static str,
     path: &'static str,
     summary: &'static str,
-    answers: &'static [Answer],
+    answers: &'static [ResponseSpec],
     handler: impl Handler,
 ) -> Operation {
-    Operation { method: Method::Post, scope: Some(Scope::Operate), ..get(id, path, summary, answers, handler) }
+    Operation { method: HttpMethod::Post, scope: Some(Scope::Operate), ..get(id, path, summary, answers, handler) }
 }

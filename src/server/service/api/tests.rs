@@ -16,29 +16,31 @@ use http_body_util::BodyExt;
 use serde_json::Value;
 use tower::ServiceExt;
 
-use super::operation::{Content, Operation};
-use super::{AppParts, Traffic, app, routes};
-use crate::service::http::{Hosts, Limits, ProblemDocument, Scope, SharedTokens, StopFlag, StopSender, Tokens};
+use super::operation::{MediaType, Operation};
+use super::{AppParts, HttpMetrics, app, routes};
+use crate::service::http::{
+    AllowedHosts, HttpLimits, ProblemDocument, Scope, SharedTokens, StopFlag, StopSender, Tokens,
+};
 use fake::FakeDesk;
 
 const LOOK: &str = "look-look-look-look-look-look-look";
 const WORK: &str = "work-work-work-work-work-work-work";
 
 /// The API in front of a fake desk. Every answer is checked against the row of its operation.
-struct Asked {
+struct TestApi {
     app: Router,
     desk: Arc<FakeDesk>,
     stop: StopSender,
-    traffic: Traffic,
+    traffic: HttpMetrics,
 }
 
-struct Seen {
+struct ApiAnswer {
     status: u16,
     headers: HeaderMap,
     body: Bytes,
 }
 
-impl Asked {
+impl TestApi {
     fn new() -> Self {
         Self::with(Tokens::default(), |_| ())
     }
@@ -50,13 +52,13 @@ impl Asked {
         Self::with(tokens, |_| ())
     }
 
-    fn with(tokens: Tokens, change: impl FnOnce(&mut Limits)) -> Self {
-        let mut limits = Limits::default();
+    fn with(tokens: Tokens, change: impl FnOnce(&mut HttpLimits)) -> Self {
+        let mut limits = HttpLimits::default();
         change(&mut limits);
         let desk = Arc::new(FakeDesk::default());
-        let hosts = Hosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
+        let hosts = AllowedHosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = StopFlag::new();
-        let (limits, traffic, tokens) = (Arc::new(limits), Traffic::default(), SharedTokens::new(tokens));
+        let (limits, traffic, tokens) = (Arc::new(limits), HttpMetrics::default(), SharedTokens::new(tokens));
         let (counted, version) = (traffic.clone(), "0.0.0");
         let parts = AppParts { desk: desk.clone(), tokens, hosts, limits, stop: flag, traffic: counted, version };
         Self { app: app(parts), desk, stop, traffic }
@@ -72,7 +74,7 @@ impl Asked {
         (status, parts.headers, body)
     }
 
-    async fn ask(&self, request: Request<Body>) -> Seen {
+    async fn ask(&self, request: Request<Body>) -> ApiAnswer {
         let (status, headers, body) = self.open(request).await;
         let body = body.collect().await.unwrap().to_bytes();
         if status >= 400 {
@@ -80,19 +82,19 @@ impl Asked {
             assert_eq!(document.status, status);
             assert!(document.kind.starts_with("urn:upm:problem:") && document.instance.is_some(), "{document:?}");
         }
-        Seen { status, headers, body }
+        ApiAnswer { status, headers, body }
     }
 
-    async fn get(&self, path: &str) -> Seen {
+    async fn get(&self, path: &str) -> ApiAnswer {
         self.ask(request("GET", path, &[], "")).await
     }
 
-    async fn post(&self, path: &str, body: &str) -> Seen {
+    async fn post(&self, path: &str, body: &str) -> ApiAnswer {
         self.ask(request("POST", path, &[("content-type", "application/json")], body.to_owned())).await
     }
 }
 
-impl Seen {
+impl ApiAnswer {
     fn json(&self) -> Value {
         serde_json::from_slice(&self.body).unwrap()
     }
@@ -125,10 +127,10 @@ fn assert_documented(operation: &Operation, status: u16, headers: &HeaderMap) {
     let media = headers.get("content-type").map_or("", |value| value.to_str().unwrap());
     if let Some(answer) = operation.answers.iter().find(|answer| answer.status == status) {
         match answer.content {
-            Content::Nothing => assert_eq!(media, "", "{id} {status}"),
-            Content::Json(_) => assert_eq!(media, "application/json", "{id} {status}"),
-            Content::Media("*/*") => assert!(!media.is_empty(), "{id} {status}"),
-            Content::Media(documented) => assert!(media.starts_with(documented), "{id} {status}: {media}"),
+            MediaType::Nothing => assert_eq!(media, "", "{id} {status}"),
+            MediaType::Json(_) => assert_eq!(media, "application/json", "{id} {status}"),
+            MediaType::Media("*/*") => assert!(!media.is_empty(), "{id} {status}"),
+            MediaType::Media(documented) => assert!(media.starts_with(documented), "{id} {status}: {media}"),
         }
         let known = |name: &str| answer.headers.iter().any(|(known, _)| known.eq_ignore_ascii_case(name));
         assert!(!headers.contains_key("location") || known("location"), "{id} {status}");

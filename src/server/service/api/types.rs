@@ -188,7 +188,7 @@ impl ResetRequest {
 
 /// Confirmation that all is well; otherwise the answer is a problem with the reasons.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Well {
+pub struct Health {
     /// Always true.
     pub ok: bool,
 }

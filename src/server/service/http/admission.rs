@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use parking_lot::Mutex;
 use tokio::task::AbortHandle;
 
-use super::limits::Limits;
+use super::limits::HttpLimits;
 
 /// The host that connections are counted for: an IPv4 address, or the /64 network of an IPv6 address, since one host
 /// may use all of that.
@@ -23,7 +23,7 @@ impl From<IpAddr> for PeerHost {
 }
 
 impl PeerHost {
-    fn most_common(self, limits: &Limits) -> usize {
+    fn most_common(self, limits: &HttpLimits) -> usize {
         if self.0.is_loopback() { limits.loopback_connections } else { limits.peer_connections }
     }
 }
@@ -40,7 +40,7 @@ struct Counts {
 
 impl CommonConnections {
     /// A place among the common connections; `None` when all are taken, or `peer` has its share.
-    pub(super) fn admit(&self, peer: PeerHost, limits: &Limits) -> Option<CommonPlace> {
+    pub(super) fn admit(&self, peer: PeerHost, limits: &HttpLimits) -> Option<CommonPlace> {
         let mut counts = self.0.lock();
         let held = counts.of_peer.get(&peer).copied().unwrap_or(0);
         if counts.all >= limits.connections || held >= peer.most_common(limits) {
@@ -91,16 +91,16 @@ impl Busy {
 #[derive(Debug, Default)]
 pub(super) struct SpareConnections {
     count: usize,
-    of_peer: BTreeMap<PeerHost, VecDeque<Spare>>,
+    of_peer: BTreeMap<PeerHost, VecDeque<SparePermit>>,
 }
 
 #[derive(Debug)]
-struct Spare {
+struct SparePermit {
     task: AbortHandle,
     busy: Busy,
 }
 
-impl Spare {
+impl SparePermit {
     fn may_go(&self) -> bool {
         self.task.is_finished() || !self.busy.is_set()
     }
@@ -114,8 +114,8 @@ impl SpareConnections {
         if self.count < most {
             return true;
         }
-        let idle = |(peer, held): (&PeerHost, &VecDeque<Spare>)| {
-            Some((held.len(), *peer, held.iter().position(Spare::may_go)?))
+        let idle = |(peer, held): (&PeerHost, &VecDeque<SparePermit>)| {
+            Some((held.len(), *peer, held.iter().position(SparePermit::may_go)?))
         };
         let Some((_, peer, index)) = self.of_peer.iter().filter_map(idle).max() else { return false };
         if let Some(gone) = self.of_peer.get_mut(&peer).and_then(|held| held.remove(index)) {
@@ -130,7 +130,7 @@ impl SpareConnections {
 
     /// Adds a connection that was opened.
     pub(super) fn add(&mut self, peer: PeerHost, task: AbortHandle, busy: Busy) {
-        self.of_peer.entry(peer).or_default().push_back(Spare { task, busy });
+        self.of_peer.entry(peer).or_default().push_back(SparePermit { task, busy });
         self.count += 1;
     }
 }
@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn peer_with_its_share_gets_no_common_place_and_others_do() {
-        let limits = Limits { connections: 5, peer_connections: 2, loopback_connections: 3, ..Limits::default() };
+        let limits =
+            HttpLimits { connections: 5, peer_connections: 2, loopback_connections: 3, ..HttpLimits::default() };
         let common = CommonConnections::default();
         let admit = |address: &str| common.admit(host(address), &limits);
         let mut held: Vec<_> = ["192.0.2.1", "192.0.2.1", "127.0.0.1"].map(|peer| admit(peer).unwrap()).into();

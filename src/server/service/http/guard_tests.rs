@@ -7,10 +7,10 @@ use axum::http::{HeaderName, HeaderValue, Version};
 use axum::middleware::from_fn_with_state;
 use tower::ServiceExt;
 
-use super::guard::{Hosts, guard};
+use super::origin_check::{AllowedHosts, guard};
 
 async fn status(listen: &str, path: &str, headers: &[(&str, &str)]) -> u16 {
-    let hosts = Hosts::new(listen.parse().unwrap(), &["Rig.Example".to_owned(), "10.0.0.7".to_owned()]);
+    let hosts = AllowedHosts::new(listen.parse().unwrap(), &["Rig.Example".to_owned(), "10.0.0.7".to_owned()]);
     let app = Router::new().fallback(|| async {}).layer(from_fn_with_state(Arc::new(hosts), guard));
     let mut request = Request::get(path).body(Body::empty()).unwrap();
     for (name, value) in headers {

@@ -24,7 +24,7 @@ const DRAIN_TIME: Duration = Duration::from_millis(500);
 
 /// Limits of requests and connections.
 #[derive(Clone, Debug)]
-pub struct Limits {
+pub struct HttpLimits {
     /// Longest request target, bytes.
     pub uri_bytes: usize,
     /// Largest header, bytes.
@@ -66,7 +66,7 @@ pub struct Limits {
     pub ending_time: Duration,
 }
 
-impl Default for Limits {
+impl Default for HttpLimits {
     fn default() -> Self {
         Self {
             uri_bytes: 4 << 10,
@@ -91,7 +91,7 @@ impl Default for Limits {
     }
 }
 
-impl Limits {
+impl HttpLimits {
     /// Reads the body within the limits of size, time and memory. Returns it with its reservation, which must be held
     /// as long as the body is.
     pub(in crate::service) async fn read_body(
@@ -150,7 +150,7 @@ impl Limits {
             let detail = format!("a header has at most {} lines and {} bytes", self.header_lines, self.header_bytes);
             return Err(Problem::new(ProblemKind::HeaderTooLarge, detail));
         }
-        if request.extensions().get::<Spare>().is_some() && !may_use_spare(request) {
+        if request.extensions().get::<ReservedConnection>().is_some() && !may_use_spare(request) {
             let detail = "too many connections; those left are for e-stop, the list of plates and health";
             return Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(2)));
         }
@@ -160,7 +160,7 @@ impl Limits {
 
 /// Marks a request on a spare connection, which serves only the emergency stop, the list of plates and health checks.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spare;
+pub(super) struct ReservedConnection;
 
 fn may_use_spare(request: &Request) -> bool {
     let path = request.uri().path();
@@ -200,7 +200,7 @@ async fn collect(body: Body, most: usize, room: &mut HeldRoom) -> Result<Bytes, 
 }
 
 /// The layer that refuses request targets and headers that are too large.
-pub async fn limit(State(limits): State<Arc<Limits>>, request: Request, next: Next) -> Response {
+pub async fn limit(State(limits): State<Arc<HttpLimits>>, request: Request, next: Next) -> Response {
     match limits.check_head(&request) {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),

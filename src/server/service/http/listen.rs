@@ -22,9 +22,9 @@ use tower::ServiceExt;
 
 use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections};
 use super::head::read_head;
-use super::limits::{Limits, Spare};
+use super::limits::{HttpLimits, ReservedConnection};
 use super::socket::Socket;
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 
 /// Threads that serve requests on common connections.
 const WORKERS: usize = 2;
@@ -57,7 +57,7 @@ pub(in crate::service) struct Peer(pub SocketAddr);
 
 /// Result of a server's shutdown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Served {
+pub struct ShutdownReport {
     /// Connections dropped because they had not ended in time.
     pub dropped: usize,
 }
@@ -92,7 +92,12 @@ impl StopFlag {
 
 /// Serves `app` on `listener` until `stop` is set, in its own runtimes. Blocks. Returns within `limits.ending_time`
 /// after the flag was set, whatever clients do.
-pub fn serve(listener: std::net::TcpListener, app: Router, limits: &Limits, stop: &StopFlag) -> io::Result<Served> {
+pub fn serve(
+    listener: std::net::TcpListener,
+    app: Router,
+    limits: &HttpLimits,
+    stop: &StopFlag,
+) -> io::Result<ShutdownReport> {
     let connections = limits.connections + limits.spare_connections;
     let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
     let room = raise_fd_limit(wanted);
@@ -149,7 +154,7 @@ fn lengthen_backlog(listener: &std::net::TcpListener) {
     }
 }
 
-async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_>) -> io::Result<Served> {
+async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_>) -> io::Result<ShutdownReport> {
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
     let mut stopped = pin!(connections.stop.stopped());
@@ -181,7 +186,7 @@ async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_
 /// and health checks.
 struct Connections<'a> {
     app: Router,
-    limits: &'a Limits,
+    limits: &'a HttpLimits,
     stop: &'a StopFlag,
     handles: Handles,
     tasks: JoinSet<()>,
@@ -190,7 +195,7 @@ struct Connections<'a> {
 }
 
 impl<'a> Connections<'a> {
-    fn new(app: Router, limits: &'a Limits, stop: &'a StopFlag, handles: Handles) -> Self {
+    fn new(app: Router, limits: &'a HttpLimits, stop: &'a StopFlag, handles: Handles) -> Self {
         let (common, spare) = (CommonConnections::default(), SpareConnections::default());
         Self { app, limits, stop, handles, tasks: JoinSet::new(), common, spare }
     }
@@ -215,7 +220,7 @@ impl<'a> Connections<'a> {
     }
 
     /// Lets all open connections end by themselves for `within`, then drops the rest.
-    async fn end(mut self, within: Duration) -> Served {
+    async fn end(mut self, within: Duration) -> ShutdownReport {
         tokio::select! {
             biased;
             () = async { while self.tasks.join_next().await.is_some() {} } => {}
@@ -223,14 +228,14 @@ impl<'a> Connections<'a> {
         }
         let dropped = self.tasks.len();
         self.tasks.abort_all();
-        Served { dropped }
+        ShutdownReport { dropped }
     }
 }
 
 /// Everything needed to serve one connection.
 struct ConnectionTask {
     app: Router,
-    limits: Limits,
+    limits: HttpLimits,
     stop: StopFlag,
     peer: SocketAddr,
 }
@@ -273,7 +278,7 @@ impl ConnectionTask {
             let mut request = request.map(Body::new);
             request.extensions_mut().insert(Peer(peer));
             if is_spare {
-                request.extensions_mut().insert(Spare);
+                request.extensions_mut().insert(ReservedConnection);
             }
             app.clone().oneshot(request)
         });

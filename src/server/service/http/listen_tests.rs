@@ -17,25 +17,26 @@ use super::listen::raise_fd_limit;
 use super::*;
 use upm_core::time::{Clock, MonotonicClock};
 
-struct Server {
+struct TestServer {
     address: SocketAddr,
     stop: StopSender,
-    thread: Option<JoinHandle<Served>>,
+    thread: Option<JoinHandle<ShutdownReport>>,
 }
 
-impl Server {
-    fn start(change: impl FnOnce(&mut Limits)) -> Self {
-        let mut limits = Limits {
+impl TestServer {
+    fn start(change: impl FnOnce(&mut HttpLimits)) -> Self {
+        let mut limits = HttpLimits {
             header_time: Duration::from_millis(300),
             body_time: Duration::from_millis(300),
             handler_time: Duration::from_millis(300),
             ending_time: Duration::from_millis(300),
-            ..Limits::default()
+            ..HttpLimits::default()
         };
         change(&mut limits);
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let app = enclose(routes(Arc::new(limits.clone())), Hosts::new(address, &[]), Arc::new(limits.clone()));
+        let app =
+            with_layers(routes(Arc::new(limits.clone())), AllowedHosts::new(address, &[]), Arc::new(limits.clone()));
         let (stop, flag) = StopFlag::new();
         let thread = std::thread::spawn(move || serve(listener, app, &limits, &flag).unwrap());
         Self { address, stop, thread: Some(thread) }
@@ -58,13 +59,13 @@ impl Server {
         self.exchange(format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").as_bytes())
     }
 
-    fn stop(&mut self) -> Served {
+    fn stop(&mut self) -> ShutdownReport {
         self.stop.stop();
         self.thread.take().unwrap().join().unwrap()
     }
 }
 
-impl Drop for Server {
+impl Drop for TestServer {
     fn drop(&mut self) {
         self.stop.stop();
         self.thread.take().map(JoinHandle::join);
@@ -77,7 +78,7 @@ fn all_of(stream: &mut TcpStream) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn routes(limits: Arc<Limits>) -> Router {
+fn routes(limits: Arc<HttpLimits>) -> Router {
     let endless = || async { Body::from_stream(stream::repeat(Ok::<_, Infallible>(Bytes::from(vec![b'x'; 4096])))) };
     let read = {
         let limits = limits.clone();
@@ -124,28 +125,28 @@ fn assert_problem(answer: &str, status: u16) {
 
 #[test]
 fn requests_are_answered() {
-    let mut server = Server::start(|_| ());
+    let mut server = TestServer::start(|_| ());
     assert!(server.get("/ok").ends_with("\r\n\r\nok"));
     assert!(server.exchange(&post_of(3, b"abc")).ends_with("\r\n\r\n3"));
-    assert_eq!(server.stop(), Served { dropped: 0 });
+    assert_eq!(server.stop(), ShutdownReport { dropped: 0 });
 }
 
 #[test]
 fn a_slow_header_is_cut_off() {
-    let server = Server::start(|_| ());
+    let server = TestServer::start(|_| ());
     assert_eq!(server.exchange(b"GET /ok HTTP/1.1\r\nhost: local"), "");
     assert_eq!(server.exchange(b""), "");
 }
 
 #[test]
 fn a_slow_body_is_a_problem() {
-    let server = Server::start(|_| ());
+    let server = TestServer::start(|_| ());
     assert_problem(&server.exchange(&post_of(10, b"abc")), 408);
 }
 
 #[tokio::test]
 async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
-    let limits = Limits { bodies: BodyRoom::of(100_000), ..Limits::default() };
+    let limits = HttpLimits { bodies: BodyRoom::of(100_000), ..HttpLimits::default() };
     let read = async |bytes: usize| limits.read_body(&HeaderMap::new(), Body::from(vec![b' '; bytes])).await;
     let held = read(40_000).await.unwrap();
     assert_eq!(read(30_000).await.unwrap_err().kind(), ProblemKind::Unavailable);
@@ -155,7 +156,7 @@ async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
 
 #[test]
 fn a_handler_that_hangs_or_panics_is_a_problem_of_one_request() {
-    let server = Server::start(|_| ());
+    let server = TestServer::start(|_| ());
     let slow = server.get("/slow");
     assert_problem(&slow, 503);
     assert!(slow.contains("retry-after: 5"));
@@ -165,8 +166,8 @@ fn a_handler_that_hangs_or_panics_is_a_problem_of_one_request() {
 
 #[test]
 fn too_large_request_gets_a_problem_that_the_client_can_read() {
-    let server = Server::start(|_| ());
-    let most = Limits::default().body_bytes;
+    let server = TestServer::start(|_| ());
+    let most = HttpLimits::default().body_bytes;
     assert!(server.exchange(&post_of(most, &vec![b' '; most])).ends_with(&format!("\r\n\r\n{most}")));
     assert_problem(&server.exchange(&post_of(most + 1, &vec![b' '; most + 1])), 413);
     assert_problem(&server.exchange(&post_of(1 << 40, b"")), 413);
@@ -183,7 +184,7 @@ fn too_large_request_gets_a_problem_that_the_client_can_read() {
 
 #[test]
 fn garbage_is_no_request_and_refused() {
-    let server = Server::start(|_| ());
+    let server = TestServer::start(|_| ());
     for garbage in [b"\x16\x03\x01\x02\x00\x01".as_slice(), b"nonsense\r\n\r\n", b"GET /\xff HTTP/9.9\r\n\r\n"] {
         assert!(server.exchange(garbage).starts_with("HTTP/1.1 400 "), "{garbage:?}");
     }
@@ -197,7 +198,7 @@ fn garbage_is_no_request_and_refused() {
 
 #[test]
 fn six_hundred_connections_leave_room_for_estop_and_health() {
-    let server = Server::start(|limits| {
+    let server = TestServer::start(|limits| {
         limits.header_time = Duration::from_secs(30);
         limits.connections = 480;
     });
@@ -216,7 +217,7 @@ fn six_hundred_connections_leave_room_for_estop_and_health() {
 
 #[test]
 fn stop_under_way_survives_a_flood_of_spare_connections() {
-    let server = Server::start(|limits| {
+    let server = TestServer::start(|limits| {
         limits.connections = 0;
         limits.spare_connections = 4;
     });
@@ -232,7 +233,7 @@ fn stop_under_way_survives_a_flood_of_spare_connections() {
 
 #[test]
 fn peer_with_many_connections_keeps_only_the_spare_ones() {
-    let server = Server::start(|limits| {
+    let server = TestServer::start(|limits| {
         limits.header_time = Duration::from_secs(30);
         limits.loopback_connections = 4;
     });
@@ -248,7 +249,7 @@ fn a_thousand_connections_are_answered_at_once() {
     if raise_fd_limit(2500) < 2500 {
         return;
     }
-    let server = Server::start(|limits| {
+    let server = TestServer::start(|limits| {
         limits.header_time = Duration::from_secs(30);
         limits.loopback_connections = 1000;
     });
@@ -261,19 +262,19 @@ fn a_thousand_connections_are_answered_at_once() {
 
 #[test]
 fn a_client_that_reads_nothing_is_let_go() {
-    let mut server = Server::start(|limits| {
+    let mut server = TestServer::start(|limits| {
         limits.stalled_time = Duration::from_millis(100);
         limits.ending_time = Duration::from_secs(60);
     });
     let mut frozen = server.connect();
     frozen.write_all(b"GET /endless HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
     frozen.read_exact(&mut [0; 16]).unwrap();
-    assert_eq!(server.stop(), Served { dropped: 0 });
+    assert_eq!(server.stop(), ShutdownReport { dropped: 0 });
 }
 
 #[test]
 fn shutdown_is_bounded_whatever_clients_do() {
-    let mut server = Server::start(|limits| {
+    let mut server = TestServer::start(|limits| {
         limits.header_time = Duration::from_secs(60);
         limits.handler_time = Duration::from_secs(60);
     });

@@ -16,10 +16,10 @@ const TOLD_EVERY: Duration = Duration::from_secs(60);
 
 /// The accepted tokens, and a count of wrong ones. Copies share both.
 #[derive(Clone, Debug)]
-pub struct SharedTokens(Arc<Held>);
+pub struct SharedTokens(Arc<TokenCell>);
 
 #[derive(Debug)]
-struct Held {
+struct TokenCell {
     tokens: RwLock<Tokens>,
     clock: MonotonicClock,
     wrong: Mutex<WrongTokens>,
@@ -29,7 +29,7 @@ impl SharedTokens {
     /// Accepts `tokens` until they are replaced.
     pub fn new(tokens: Tokens) -> Self {
         let (tokens, clock) = (RwLock::new(tokens), MonotonicClock::new());
-        Self(Arc::new(Held { tokens, clock, wrong: Mutex::default() }))
+        Self(Arc::new(TokenCell { tokens, clock, wrong: Mutex::default() }))
     }
 
     /// Accepts only `tokens` from now on.

@@ -8,7 +8,8 @@ use serde_json::Value;
 
 use crate::store::run_file::{modified, text_of};
 use crate::store::{
-    JobEnd, JobRow, JobState, Mended, RecordingStatus, Recovery, RepairRecording, RunFileFault, open_run_file,
+    JobEnd, JobRow, JobState, RecordingRepair, RecordingStatus, RecoveryReport, RepairRecording, RunFileFault,
+    open_run_file,
 };
 use upm_core::job::{Outcome, RecordingEnd, StopCause, legacy};
 use upm_core::time::PlateTime;
@@ -22,7 +23,7 @@ pub(super) fn repair_recording(
     folder: &Path,
     job: &JobRow,
     repair: RepairRecording<'_>,
-    found: &mut Recovery,
+    found: &mut RecoveryReport,
 ) -> RecordingStatus {
     let (part, whole) = (folder.join("run.rrd.part"), folder.join("run.rrd"));
     let repaired = match open_run_file(folder, "run.rrd.part").map(drop) {
@@ -34,7 +35,7 @@ pub(super) fn repair_recording(
             .unwrap_or_else(|_| Err("the repair failed on it".to_owned())),
     };
     let kept = match &repaired {
-        Ok(Mended { was_whole: true, .. }) => closed(folder, job.recording),
+        Ok(RecordingRepair { was_whole: true, .. }) => closed(folder, job.recording),
         Ok(_) => RecordingStatus::Recovered,
         Err(_) => RecordingStatus::Partial,
     };

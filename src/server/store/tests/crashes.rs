@@ -3,7 +3,7 @@ use std::fs;
 use super::*;
 
 /// A store killed now and opened again: everything it had answered is on the disk.
-pub(super) fn killed(data: &Path) -> (tempfile::TempDir, Opened) {
+pub(super) fn killed(data: &Path) -> (tempfile::TempDir, OpenOutcome) {
     let copy = snapshot(data);
     let opened = open(copy.path(), limits());
     (copy, opened)
@@ -16,7 +16,7 @@ fn nothing_that_was_answered_is_lost() {
     let waiting = queue(&store, "two", "a").id;
     assert_eq!(tell(&store, running, "{}"), Ok(1));
     fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
-    let (_copy, Opened { store: again, recovery }) = killed(folder.path());
+    let (_copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
     assert_eq!((recovery.clean, recovery.damage, recovery.moved_aside), (false, None, None));
     assert_eq!((recovery.interrupted, recovery.ended), (vec![running], vec![]));
     assert_eq!(recovery.paused, plates());
@@ -39,7 +39,7 @@ fn a_store_dropped_or_forgotten_was_not_closed_in_order() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");
     drop(store);
-    let Opened { store, recovery } = open(folder.path(), limits());
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused, recovery.damage), (false, plates(), None));
     std::mem::forget(store);
     let (_copy, opened) = killed(folder.path());
@@ -61,13 +61,13 @@ fn after_an_orderly_end_only_plates_with_work_are_paused() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");
     assert!(store.close(PATIENCE));
-    let Opened { store, recovery } = open(folder.path(), limits());
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
     set_paused(&store, "b", false);
     let id = store.claim("b", &super::folder(&store)).unwrap().unwrap().row.id;
-    store.ended(&id, end(JobState::Completed)).unwrap();
+    store.finish(&id, end(JobState::Completed)).unwrap();
     assert!(store.close(PATIENCE));
-    let Opened { recovery, .. } = open(folder.path(), limits());
+    let OpenOutcome { recovery, .. } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
 }
 
@@ -76,7 +76,7 @@ fn a_job_left_on_its_plate_at_an_orderly_end_pauses_all() {
     let (folder, store) = new_store(limits());
     let id = begin(&store, "one", "a").row.id;
     assert!(store.close(PATIENCE));
-    let Opened { recovery, .. } = open(folder.path(), limits());
+    let OpenOutcome { recovery, .. } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (false, plates()));
     assert_eq!(recovery.interrupted, [id]);
 }
@@ -95,7 +95,7 @@ fn a_run_that_the_daemon_ended_is_interrupted_and_one_that_a_person_ended_cancel
         fs::write(store.runs().join(name).join("report.json"), report).unwrap();
         id
     });
-    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.interrupted, recovery.ended), (ids[..1].to_vec(), ids[1..].to_vec()));
     for ((_, reason, state), id) in reasons.into_iter().zip(ids) {
         let row = job(&store, id);
@@ -117,7 +117,7 @@ fn a_run_that_had_ended_keeps_its_outcome() {
         fs::write(store.runs().join(name).join("report.json"), report).unwrap();
         id
     });
-    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.ended, recovery.interrupted), (ids[..2].to_vec(), ids[2..].to_vec()));
     for ((_, report, state, reason), id) in reports.into_iter().zip(ids) {
         let row = job(&store, id);
@@ -141,7 +141,7 @@ fn recordings_that_were_not_closed_are_repaired_once() {
         other => panic!("{other:?}"),
     };
     let open = || Store::open(copy.path(), &plates(), limits(), still(noon), &repair).unwrap();
-    let Opened { store: again, recovery } = open();
+    let OpenOutcome { store: again, recovery } = open();
     let repaired = recovery.repaired.iter().map(|(path, result)| {
         let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
         (name, result.as_ref().map(|mended| mended.messages).map_err(String::as_str))
@@ -160,7 +160,7 @@ fn recordings_that_were_not_closed_are_repaired_once() {
     ];
     assert_eq!(ids.map(|id| job(&again, id).recording), kept);
     assert!(again.close(PATIENCE));
-    let Opened { store: again, recovery } = open();
+    let OpenOutcome { store: again, recovery } = open();
     assert_eq!((recovery.repaired.len(), recovery.interrupted.len()), (2, 0));
     assert_eq!(ids.map(|id| job(&again, id).recording), kept);
 }
@@ -178,7 +178,7 @@ fn a_start_killed_after_a_repair_still_marks_it() {
         mended
     };
     Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
-    let Opened { store, recovery } = open(second.path(), limits());
+    let OpenOutcome { store, recovery } = open(second.path(), limits());
     assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
     assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
 }
@@ -189,7 +189,7 @@ fn folders_made_for_claims_that_never_were_go_when_they_are_empty() {
     let id = queue(&store, "one", "a").id;
     ["one", "other"].into_iter().for_each(|name| fs::create_dir(store.runs().join(name)).unwrap());
     fs::write(store.runs().join("other/notes"), "a person's").unwrap();
-    let (copy, Opened { store: again, recovery }) = killed(folder.path());
+    let (copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
     assert_eq!(recovery.orphans, [copy.path().join("runs/other")]);
     assert!(!copy.path().join("runs/one").exists());
     assert_eq!(job(&again, id).state, JobState::Queued);
@@ -241,7 +241,7 @@ fn a_journal_that_was_not_closed_gives_back_its_room() {
     if fallocate(fs::File::options().append(true).open(&path).unwrap(), FallocateFlags::KEEP_SIZE, 0, 1 << 20).is_ok() {
         assert!(taken_bytes() >= 1 << 20);
     }
-    let Opened { recovery, .. } = open(copy.path(), limits());
+    let OpenOutcome { recovery, .. } = open(copy.path(), limits());
     assert_eq!(recovery.interrupted, [id]);
     assert_eq!(fs::read_to_string(&path).unwrap(), "{}\n");
     assert!(taken_bytes() < 1 << 16, "{} bytes are still taken", taken_bytes());

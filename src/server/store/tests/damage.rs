@@ -13,13 +13,13 @@ fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
     fs::write(run.join("effective.json"), effective("done", "a")).unwrap();
     fs::write(run.join("report.json"), r#"{"outcome": "completed", "reason": "all there"}"#).unwrap();
     fs::write(run.join("run.rrd"), "rerun").unwrap();
-    store.ended(&done, JobEnd { reason: "all there".into(), ..end(JobState::Completed) }).unwrap();
+    store.finish(&done, JobEnd { reason: "all there".into(), ..end(JobState::Completed) }).unwrap();
     let running = begin(&store, "running", "b").row.id;
     fs::write(store.runs().join("running/effective.json"), effective("running", "b")).unwrap();
     fs::write(store.runs().join("running/run.rrd.part"), "rerun").unwrap();
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
-    let Ok(Accepted::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
-    store.note_act(act("ann"));
+    let Ok(SubmitOutcome::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
+    store.audit(act("ann"));
     set_paused(&store, "a", false);
     set_paused(&store, "a", false);
     (snapshot(folder.path()), [done, running, queued.id])
@@ -44,11 +44,11 @@ fn into_one_file(data: &Path) {
 }
 
 fn damaged(data: &Path) -> (Store, PathBuf, String) {
-    let Opened { store, recovery } = open(data, limits());
+    let OpenOutcome { store, recovery } = open(data, limits());
     assert_eq!((recovery.clean, &recovery.paused), (false, &plates()));
     let (aside, damage) = (recovery.moved_aside.unwrap(), recovery.damage.unwrap());
     assert!(aside.exists() && aside.file_name().unwrap().to_str().unwrap().starts_with("upm.db.corrupt-2027"));
-    assert_eq!(accept(&store, new_job("new", "a")).map(|answer| matches!(answer, Accepted::New(_))), Ok(true));
+    assert_eq!(accept(&store, new_job("new", "a")).map(|answer| matches!(answer, SubmitOutcome::New(_))), Ok(true));
     let new = all_jobs(&store).remove(0).id;
     ask(|done| store.cancel_queued(&new, done)).unwrap();
     (store, aside, damage)
@@ -84,7 +84,7 @@ fn a_store_of_another_version_keeps_all_its_jobs() {
     assert!(damage.contains("version 0, not of version"), "{damage}");
     assert_eq!(ids.map(|id| job(&store, id).state), [JobState::Completed, JobState::Interrupted, JobState::Queued]);
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
-    assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == ids[2]));
+    assert!(matches!(accept(&store, keyed), Ok(SubmitOutcome::Replayed(row)) if row.id == ids[2]));
     let lines = ask(|done| store.audit_tail(10, done)).unwrap();
     assert_eq!(lines.into_iter().map(|line| line.entry.operator).collect::<Vec<_>>(), ["ann"]);
     let claimed = store.claim("a", &super::folder(&store)).unwrap().unwrap();
@@ -102,7 +102,7 @@ fn zeroed_page_never_hides_a_run_or_starts_a_job() {
         let mut bytes = whole.clone();
         bytes[page * 4096..(page + 1) * 4096].fill(0);
         fs::write(data.path().join("upm.db"), bytes).unwrap();
-        let Opened { store, recovery } = open(data.path(), limits());
+        let OpenOutcome { store, recovery } = open(data.path(), limits());
         assert_eq!((recovery.clean, recovery.paused), (false, plates()), "page {page}");
         noticed += usize::from(recovery.damage.is_some());
         let ran: Vec<_> = states(&store).into_iter().filter(|(name, _)| name != "queued").collect();
@@ -134,7 +134,7 @@ fn missing_log_is_reported() {
     for ending in ["-wal", "-shm"] {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
     }
-    let Opened { store, recovery } = open(data.path(), limits());
+    let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert_eq!((recovery.clean, recovery.moved_aside, recovery.paused), (false, None, plates()));
     assert!(recovery.damage.unwrap().contains("upm.db-wal is missing"));
     assert_eq!(job(&store, ids[2]).state, JobState::Queued);
@@ -147,7 +147,7 @@ fn jobs_lost_with_the_log_are_recovered_from_their_folders() {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
     }
     // as old as its creation: only the tables
-    let Opened { store, recovery } = open(data.path(), limits());
+    let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert_eq!(recovery.paused, plates());
     assert_eq!(states(&store), told_by_folders());
 }
@@ -156,7 +156,7 @@ fn jobs_lost_with_the_log_are_recovered_from_their_folders() {
 fn missing_database_is_recovered_from_run_folders() {
     let (data, _) = left_behind();
     fs::remove_file(data.path().join("upm.db")).unwrap();
-    let Opened { store, recovery } = open(data.path(), limits());
+    let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert_eq!((recovery.damage.as_deref(), recovery.paused), (Some("upm.db is missing"), plates()));
     assert_eq!(states(&store), told_by_folders());
     let aside = recovery.moved_aside.unwrap();
@@ -186,7 +186,7 @@ fn moving_aside_cut_short_is_taken_up_again() {
         if stage == "moved" {
             fs::rename(data.path().join("upm.db"), data.path().join("upm.db.corrupt-1")).unwrap();
         }
-        let Opened { store, recovery } = open(data.path(), limits());
+        let OpenOutcome { store, recovery } = open(data.path(), limits());
         assert_eq!((recovery.clean, recovery.paused), (false, plates()), "{stage}");
         assert_eq!(ids.map(|id| job(&store, id).id), ids, "{stage}");
         assert_eq!(job(&store, ids[2]).state, JobState::Queued);
@@ -198,10 +198,10 @@ fn moving_aside_cut_short_is_taken_up_again() {
 #[test]
 fn plates_are_known_from_the_second_start_on_and_after_damage() {
     let folder = tempfile::tempdir().unwrap();
-    let Opened { store, recovery } = open(folder.path(), limits());
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!(recovery.known, [""; 0]);
     assert!(store.close(PATIENCE));
-    let Opened { store, recovery } = open(folder.path(), limits());
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!(recovery.known, plates());
     begin(&store, "run", "a");
     assert!(store.close(PATIENCE));

@@ -13,7 +13,7 @@ fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
     let [gone, kept] = ["gone", "kept"].map(|name| begin(&store, name, "a").row.id);
     for id in [gone, kept] {
         tell(&store, id, "{}").unwrap();
-        store.ended(&id, end(JobState::Completed)).unwrap();
+        store.finish(&id, end(JobState::Completed)).unwrap();
     }
     assert!(matches!(delete(&store, gone), Deleted::Now(row, None) if row.id == gone));
     assert_eq!(all_jobs(&store).iter().map(|row| row.id).collect::<Vec<_>>(), [kept]);
@@ -40,7 +40,7 @@ fn running_job_is_not_deleted() {
     assert!(matches!(delete(&store, id), Deleted::Not(row) if row.state == JobState::Running));
     store.sweep().unwrap();
     assert!(store.runs().join("runs").exists());
-    store.ended(&id, end(JobState::Completed)).unwrap();
+    store.finish(&id, end(JobState::Completed)).unwrap();
     assert!(matches!(delete(&store, id), Deleted::Now(..)));
 }
 
@@ -48,14 +48,14 @@ fn running_job_is_not_deleted() {
 fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
     let (folder, store) = new_store(limits());
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let Ok(Accepted::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
     assert!(matches!(delete(&store, row.id), Deleted::Now(..)));
-    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused));
+    assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));
     assert!(store.close(PATIENCE));
     drop(store);
     let store = open(folder.path(), limits()).store;
-    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused), "after a restart, too");
-    assert!(matches!(accept(&store, new_job("one", "a")), Ok(Accepted::New(_))));
+    assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused), "after a restart, too");
+    assert!(matches!(accept(&store, new_job("one", "a")), Ok(SubmitOutcome::New(_))));
 }
 
 #[test]
@@ -66,11 +66,11 @@ fn key_of_a_deleted_job_is_forgotten_with_age() {
     let store =
         Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store;
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let Ok(Accepted::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
     delete(&store, row.id);
     HOURS.store(23, Ordering::SeqCst);
-    assert_eq!(accept(&store, keyed()), Ok(Accepted::KeyReused));
+    assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));
     HOURS.store(25, Ordering::SeqCst);
     store.sweep().unwrap();
-    assert!(matches!(accept(&store, keyed()), Ok(Accepted::New(_))));
+    assert!(matches!(accept(&store, keyed()), Ok(SubmitOutcome::New(_))));
 }

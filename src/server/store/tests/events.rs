@@ -41,7 +41,7 @@ fn events_are_published_after_commit_and_replayed_from_any_number() {
 
 #[test]
 fn a_job_keeps_its_last_events() {
-    let (folder, store) = new_store(Limits { events_per_job: 5, ..limits() });
+    let (folder, store) = new_store(StoreLimits { events_per_job: 5, ..limits() });
     let id = queue(&store, "one", "a").id;
     for number in 1..=12 {
         assert_eq!(tell(&store, id, "{}"), Ok(number));
@@ -56,14 +56,14 @@ fn a_job_keeps_its_last_events() {
 
 #[test]
 fn the_oldest_jobs_that_have_ended_lose_their_events_first() {
-    let (_folder, store) = new_store(Limits { events: 40, ..limits() });
+    let (_folder, store) = new_store(StoreLimits { events: 40, ..limits() });
     let ids: Vec<JobId> = (0..4).map(|number| begin(&store, &format!("job-{number}"), "a").row.id).collect();
     for (number, id) in ids.iter().enumerate() {
         for _ in 0..20 {
             tell(&store, *id, "{}").unwrap();
         }
         if number > 0 {
-            store.ended(id, end(JobState::Completed)).unwrap();
+            store.finish(id, end(JobState::Completed)).unwrap();
         }
     }
     for _ in 0..8 {
@@ -79,9 +79,9 @@ fn the_oldest_jobs_that_have_ended_lose_their_events_first() {
 fn the_audit_log_only_grows() {
     let (folder, store) = new_store(limits());
     for operator in ["ann", "bob"] {
-        assert!(store.note_act(act(operator)));
+        assert!(store.audit(act(operator)));
     }
-    store.note_act(act("cy"));
+    store.audit(act("cy"));
     assert!(store.close(PATIENCE));
     let store = open(folder.path(), limits()).store;
     let tail = |most| ask(|done| store.audit_tail(most, done)).unwrap();
@@ -106,7 +106,7 @@ fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
     let others = Connection::open(folder.path().join("upm.db")).unwrap();
     let count = |tx: &Connection| tx.query_row("SELECT count(*) FROM audit", [], |row| row.get::<_, i64>(0));
     let held = store.hold();
-    assert!(store.note_act(act("ann")));
+    assert!(store.audit(act("ann")));
     let (sender, answer) = sync_channel(1);
     let both = move |tx: &WriteTx<'_>| Ok((count(tx.connection)?, count(&others)?));
     store.queue.write(task(false, both, move |seen| sender.send(seen).unwrap()));
@@ -119,7 +119,7 @@ fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
 fn one_fault_is_no_others() {
     let (_folder, store) = new_store(limits());
     let held = store.hold();
-    assert!(store.note_act(act("ann")));
+    assert!(store.audit(act("ann")));
     let (sender, answers) = sync_channel(3);
     let hand_in = |sql: &'static str| {
         let sender = sender.clone();

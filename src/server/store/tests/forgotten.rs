@@ -31,7 +31,7 @@ fn a_job_that_waits_and_has_run_is_ended_and_never_run_again() {
     let report = r#"{"outcome": "completed", "reason": "all there"}"#;
     fs::write(run_of(&store, &done).join("report.json"), report).unwrap();
     fs::create_dir(store.runs().join(made.run_folder())).unwrap();
-    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.interrupted, recovery.ended), (vec![cut.id], vec![done.id]));
     assert_eq!((recovery.clean, recovery.paused, recovery.orphans.len()), (false, plates(), 0));
     let row = job(&store, cut.id);
@@ -57,7 +57,7 @@ fn a_lost_log_makes_no_second_job_of_a_run() {
     for ending in ["-wal", "-shm"] {
         fs::remove_file(data.path().join(format!("upm.db{ending}"))).unwrap();
     }
-    let Opened { store, recovery } = open(data.path(), limits());
+    let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert!(recovery.damage.unwrap().contains("upm.db-wal is missing"));
     let rows = all_jobs(&store);
     assert_eq!(rows.iter().map(|row| (row.id, row.state)).collect::<Vec<_>>(), [(row.id, JobState::Interrupted)]);
@@ -73,7 +73,7 @@ fn a_store_moved_aside_makes_no_second_job_of_a_run() {
         .unwrap()
         .execute_batch("PRAGMA user_version = 0")
         .unwrap();
-    let Opened { store, .. } = open(data.path(), limits());
+    let OpenOutcome { store, .. } = open(data.path(), limits());
     let rows = all_jobs(&store);
     assert_eq!(rows.iter().map(|row| (row.id, row.state)).collect::<Vec<_>>(), [(row.id, JobState::Interrupted)]);
 }
@@ -98,20 +98,20 @@ fn the_text_of_a_job_stays_until_its_folder_has_it() {
     let (folder, store) = new_store(limits());
     let [failed, ran, cut] = ["failed", "ran", "cut"].map(|name| begin(&store, name, "a").row);
     fs::write(store.runs().join("ran/effective.json"), "{}").unwrap();
-    store.ended(&failed.id, end(JobState::Failed)).unwrap();
-    store.ended(&ran.id, end(JobState::Completed)).unwrap();
+    store.finish(&failed.id, end(JobState::Failed)).unwrap();
+    store.finish(&ran.id, end(JobState::Completed)).unwrap();
     let cancelled = queue(&store, "cancelled", "a");
     ask(|done| store.cancel_queued(&cancelled.id, done)).unwrap();
     let kept = [&failed, &cut].map(|row| format!("{{\"name\": {:?}}}", row.name));
     assert_eq!(texts(&store), kept);
-    let (copy, Opened { store, .. }) = killed(folder.path());
+    let (copy, OpenOutcome { store, .. }) = killed(folder.path());
     assert_eq!(texts(&store), kept, "a start keeps it, too");
     assert!(store.close(PATIENCE));
     let version = crate::store::connection::writing(&copy.path().join("upm.db")).unwrap();
     version.execute_batch("PRAGMA user_version = 0").unwrap();
     drop(version);
-    let limits = Limits { jobs: 0, runs_bytes: 0, ..limits() };
-    let Opened { store, recovery } = open(copy.path(), limits);
+    let limits = StoreLimits { jobs: 0, runs_bytes: 0, ..limits() };
+    let OpenOutcome { store, recovery } = open(copy.path(), limits);
     assert_eq!((recovery.moved_aside.is_some(), texts(&store).as_slice()), (true, kept.as_slice()));
     store.sweep().unwrap();
     assert_eq!(texts(&store), [""; 0], "forgotten with the job");

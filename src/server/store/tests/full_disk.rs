@@ -41,7 +41,7 @@ fn accept_until_refused(store: &Store) -> usize {
     loop {
         let long = NewJob { spec_json: "x".repeat(10_000), ..new_job("one", "a") };
         match accept(store, long) {
-            Ok(Accepted::New(_)) => accepted += 1,
+            Ok(SubmitOutcome::New(_)) => accepted += 1,
             refused => {
                 assert_eq!(refused, Err(StoreFault::Full));
                 return accepted;
@@ -56,8 +56,8 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
         eprintln!("no disk could be mounted: not tested");
         return;
     };
-    let limits = || Limits { queued: 10_000, ..limits() };
-    let Opened { store, .. } = open(disk.0.path(), limits());
+    let limits = || StoreLimits { queued: 10_000, ..limits() };
+    let OpenOutcome { store, .. } = open(disk.0.path(), limits());
     let running = begin(&store, "running", "a").row.id;
     let waiting = queue(&store, "waiting", "a").id;
     disk.fill();
@@ -66,8 +66,8 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     // an event is lost, and its publisher is notified
     assert_eq!(tell(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
     // the further course is stored
-    store.note_act(act("ann"));
-    store.ended(&running, end(JobState::Completed)).unwrap();
+    store.audit(act("ann"));
+    store.finish(&running, end(JobState::Completed)).unwrap();
     ask(|done| store.cancel_queued(&waiting, done)).unwrap();
     set_paused(&store, "a", true);
     while store.health().audit_waiting > 0 {
@@ -79,7 +79,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     assert!(store.close(PATIENCE));
     // a start on a full disk, too
     disk.fill();
-    let Opened { store, recovery } = open(disk.0.path(), limits());
+    let OpenOutcome { store, recovery } = open(disk.0.path(), limits());
     assert!(recovery.clean);
     assert_eq!(accept(&store, new_job("new", "b")), Err(StoreFault::Full));
     disk.make_room();
@@ -96,7 +96,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
 
 #[test]
 fn a_store_that_may_not_grow_says_full_and_goes_on_when_it_may() {
-    let (folder, store) = new_store(Limits { queued: 10_000, ..limits() });
+    let (folder, store) = new_store(StoreLimits { queued: 10_000, ..limits() });
     let pages = |number: u32| {
         let sql = format!("PRAGMA max_page_count = {number}");
         store.queue.written(true, move |tx| tx.connection.query_row(&sql, [], |row| row.get::<_, i64>(0))).unwrap()
@@ -107,6 +107,6 @@ fn a_store_that_may_not_grow_says_full_and_goes_on_when_it_may() {
     assert_eq!(all_jobs(&store).len(), accepted);
     assert!(folder.path().join("reserve").exists());
     pages(1_000_000);
-    assert!(matches!(accept(&store, new_job("new", "a")), Ok(Accepted::New(_))));
+    assert!(matches!(accept(&store, new_job("new", "a")), Ok(SubmitOutcome::New(_))));
     assert_eq!(store.health().fault, None);
 }

@@ -2,9 +2,9 @@ use std::collections::BTreeSet;
 use std::fs;
 
 use super::*;
-use crate::store::{PeekMost, Peeked, peek};
+use crate::store::{InspectLimits, StoreSnapshot, peek};
 
-const MOST: PeekMost = PeekMost { jobs: 10, events: 3, audit: 10 };
+const MOST: InspectLimits = InspectLimits { jobs: 10, events: 3, audit: 10 };
 
 fn names(folder: &Path) -> BTreeSet<String> {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
@@ -15,14 +15,14 @@ fn filled(store: &Store) -> JobId {
     queue(store, "one", "a");
     let id = begin(store, "two", "b").row.id;
     (1..=4).for_each(|seq| assert_eq!(tell(store, id, "{}"), Ok(seq)));
-    store.note_act(act("me"));
+    store.audit(act("me"));
     while ask(|done| store.audit_tail(1, done)).unwrap().is_empty() {
         std::thread::yield_now();
     }
     id
 }
 
-fn assert_filled(peeked: &Peeked, id: JobId) {
+fn assert_filled(peeked: &StoreSnapshot, id: JobId) {
     assert_eq!(peeked.jobs.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["two", "one"]);
     let seen: Vec<(JobId, u64)> = peeked.events.iter().map(|(job, event)| (*job, event.seq)).collect();
     assert_eq!(seen, [(id, 4), (id, 3), (id, 2)]);
@@ -37,7 +37,7 @@ fn a_store_that_is_in_use_is_seen_and_not_held_up() {
     let id = filled(&store);
     assert_filled(&peek(folder.path(), MOST).unwrap(), id);
     queue(&store, "three", "a");
-    assert_eq!(peek(folder.path(), PeekMost { jobs: 1, ..MOST }).unwrap().jobs[0].name, "three");
+    assert_eq!(peek(folder.path(), InspectLimits { jobs: 1, ..MOST }).unwrap().jobs[0].name, "three");
 }
 
 #[test]

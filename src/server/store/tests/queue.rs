@@ -5,11 +5,11 @@ use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
 use super::*;
-use crate::store::Cancelled;
+use crate::store::CancelOutcome;
 
 #[test]
 fn a_thousand_at_once_are_accepted_or_refused_and_none_is_lost() {
-    let (_folder, store) = new_store(Limits { queued: 300, ..limits() });
+    let (_folder, store) = new_store(StoreLimits { queued: 300, ..limits() });
     let store = Arc::new(store);
     let (sender, answers) = sync_channel(1000);
     let threads: Vec<_> = (0..8)
@@ -29,8 +29,8 @@ fn a_thousand_at_once_are_accepted_or_refused_and_none_is_lost() {
     let mut accepted: Vec<JobId> = answers
         .iter()
         .filter_map(|answer| match answer {
-            Accepted::New(row) => Some(row.id),
-            Accepted::QueueFull { queued: 300 } => None,
+            SubmitOutcome::New(row) => Some(row.id),
+            SubmitOutcome::QueueFull { queued: 300 } => None,
             other => panic!("{other:?}"),
         })
         .collect();
@@ -52,10 +52,10 @@ fn answered_job_is_the_stored_one() {
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
     assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(noon())));
     store.progress(&row.id, 0.25);
-    let told = store.ended(&row.id, end(JobState::Failed)).unwrap().unwrap();
+    let told = store.finish(&row.id, end(JobState::Failed)).unwrap().unwrap();
     assert_eq!((told.seq, told.kind.as_str(), told.plate_time), (1, FINISHED, PlateTime::from_secs(2.5)));
     assert_eq!(&*told.body, r#"{"at_s":2.5,"state":"failed","reason":"so it went"}"#);
-    assert_eq!(store.ended(&row.id, end(JobState::Completed)), Ok(None));
+    assert_eq!(store.finish(&row.id, end(JobState::Completed)), Ok(None));
     let ended = JobRow {
         last_event: 1,
         state: JobState::Failed,
@@ -96,17 +96,17 @@ fn only_queued_jobs_are_cancelled() {
     let [running, waiting] = ["one", "two"].map(|name| queue(&store, name, "a").id);
     store.claim("a", &super::folder(&store)).unwrap().unwrap();
     let cancel = |id: JobId| ask(|done| store.cancel_queued(&id, done)).unwrap();
-    assert!(matches!(cancel(running), Cancelled::Not(row) if row.state == JobState::Running));
-    let Cancelled::Now(row, told) = cancel(waiting) else { panic!("it waited") };
+    assert!(matches!(cancel(running), CancelOutcome::Not(row) if row.state == JobState::Running));
+    let CancelOutcome::Now(row, told) = cancel(waiting) else { panic!("it waited") };
     assert_eq!((row.state, row.last_event, told.seq), (JobState::Cancelled, 1, 1));
     assert_eq!(
         &*told.body,
         r#"{"at_s":0.0,"state":"cancelled","stop":"cancelled","reason":"cancelled before it began"}"#
     );
-    assert!(matches!(cancel(waiting), Cancelled::Not(row) if row.state == JobState::Cancelled));
-    assert_eq!(cancel(JobId::from_bytes([1; 16])), Cancelled::Unknown);
+    assert!(matches!(cancel(waiting), CancelOutcome::Not(row) if row.state == JobState::Cancelled));
+    assert_eq!(cancel(JobId::from_bytes([1; 16])), CancelOutcome::Unknown);
     assert_eq!(store.claim("a", &super::folder(&store)), Ok(None));
-    assert!(store.ended(&JobId::from_bytes([1; 16]), end(JobState::Failed)).is_err());
+    assert!(store.finish(&JobId::from_bytes([1; 16]), end(JobState::Failed)).is_err());
 }
 
 #[test]
@@ -137,28 +137,30 @@ fn a_folder_that_cannot_be_made_leaves_the_job_queued() {
 
 #[test]
 fn a_repeated_key_gives_the_first_job_again() {
-    let (folder, store) = new_store(Limits { queued: 2, ..limits() });
+    let (folder, store) = new_store(StoreLimits { queued: 2, ..limits() });
     let keyed = |key: &str, body| NewJob { key: Some(key.into()), body_sha256: [body; 32], ..new_job("one", "a") };
-    let Ok(Accepted::New(first)) = accept(&store, keyed("k", 1)) else { panic!("not accepted") };
-    assert_eq!(accept(&store, keyed("k", 1)), Ok(Accepted::Replayed(first.clone())));
-    assert_eq!(accept(&store, keyed("k", 2)), Ok(Accepted::KeyReused));
+    let Ok(SubmitOutcome::New(first)) = accept(&store, keyed("k", 1)) else { panic!("not accepted") };
+    assert_eq!(accept(&store, keyed("k", 1)), Ok(SubmitOutcome::Replayed(first.clone())));
+    assert_eq!(accept(&store, keyed("k", 2)), Ok(SubmitOutcome::KeyReused));
     let (sender, answers) = sync_channel(20);
     for _ in 0..20 {
         let sender = sender.clone();
         store.accept(keyed("many", 1), move |answer| sender.send(answer.unwrap()).unwrap());
     }
     let answers: Vec<_> = (0..20).map(|_| answers.recv_timeout(PATIENCE).unwrap()).collect();
-    let new = answers.iter().filter(|answer| matches!(answer, Accepted::New(_))).count();
-    let replayed = answers.iter().filter(|answer| matches!(answer, Accepted::Replayed(_))).count();
+    let new = answers.iter().filter(|answer| matches!(answer, SubmitOutcome::New(_))).count();
+    let replayed = answers.iter().filter(|answer| matches!(answer, SubmitOutcome::Replayed(_))).count();
     assert_eq!((new, replayed, all_jobs(&store).len()), (1, 19, 2));
     // a full queue refuses new jobs, and answers repeated keys
-    assert_eq!(accept(&store, keyed("new", 1)), Ok(Accepted::QueueFull { queued: 2 }));
+    assert_eq!(accept(&store, keyed("new", 1)), Ok(SubmitOutcome::QueueFull { queued: 2 }));
     ask(|done| store.cancel_queued(&first.id, done)).unwrap();
     assert!(store.close(PATIENCE));
     let store = open(folder.path(), limits()).store;
     let again = accept(&store, keyed("k", 1));
-    assert!(matches!(&again, Ok(Accepted::Replayed(row)) if row.id == first.id && row.state == JobState::Cancelled));
-    assert!(matches!(accept(&store, keyed("new", 1)), Ok(Accepted::New(_))));
+    assert!(
+        matches!(&again, Ok(SubmitOutcome::Replayed(row)) if row.id == first.id && row.state == JobState::Cancelled)
+    );
+    assert!(matches!(accept(&store, keyed("new", 1)), Ok(SubmitOutcome::New(_))));
 }
 
 #[test]
@@ -171,10 +173,10 @@ fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
         Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store
     };
     let store = open();
-    let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let Ok(SubmitOutcome::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
     let replayed = |store: &Store| match accept(store, keyed()).unwrap() {
-        Accepted::New(row) => row.id == first.id,
-        Accepted::Replayed(row) => row.id == first.id,
+        SubmitOutcome::New(row) => row.id == first.id,
+        SubmitOutcome::Replayed(row) => row.id == first.id,
         other => panic!("{other:?}"),
     };
     HOURS.store(20, Ordering::SeqCst);
@@ -191,13 +193,13 @@ fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
 
 #[test]
 fn pages_joined_are_the_whole_list() {
-    let (_folder, store) = new_store(Limits { queued: 1000, ..limits() });
+    let (_folder, store) = new_store(StoreLimits { queued: 1000, ..limits() });
     for number in 0..30 {
         queue(&store, &format!("job-{number}"), ["a", "b"][number % 2]);
     }
     for _ in 0..7 {
         let id = store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id;
-        store.ended(&id, end(JobState::Completed)).unwrap();
+        store.finish(&id, end(JobState::Completed)).unwrap();
     }
     let all = all_jobs(&store);
     assert_eq!(all.len(), 30);
@@ -206,7 +208,7 @@ fn pages_joined_are_the_whole_list() {
     let law = |(limit, state): (usize, Option<JobState>)| {
         let (mut joined, mut cursor) = (Vec::new(), None);
         loop {
-            let page = ask(|done| store.list(Page { state, limit, cursor }, done)).unwrap();
+            let page = ask(|done| store.list(JobSelection { state, limit, cursor }, done)).unwrap();
             prop_assert!(page.rows.len() <= limit.max(1));
             joined.extend(page.rows);
             cursor = page.next;
@@ -219,7 +221,7 @@ fn pages_joined_are_the_whole_list() {
         Ok(())
     };
     TestRunner::deterministic().run(&(0_usize..40, states), law).unwrap();
-    let below_all = Page { state: None, limit: 5, cursor: Some(JobId::from_bytes([0; 16])) };
+    let below_all = JobSelection { state: None, limit: 5, cursor: Some(JobId::from_bytes([0; 16])) };
     assert_eq!(ask(|done| store.list(below_all, done)).unwrap().rows, []);
 }
 

@@ -7,7 +7,7 @@ use super::*;
 
 fn finished(store: &Store, name: &str, recording: RecordingStatus) -> JobId {
     let id = begin(store, name, "a").row.id;
-    store.ended(&id, JobEnd { recording, ..end(JobState::Completed) }).unwrap();
+    store.finish(&id, JobEnd { recording, ..end(JobState::Completed) }).unwrap();
     id
 }
 
@@ -18,7 +18,7 @@ fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
     let whole = finished(&store, "whole", RecordingStatus::Whole);
     fs::write(store.runs().join("cut/run.rrd.part"), "rerun").unwrap();
     fs::write(store.runs().join("closed/run.rrd"), "rerun").unwrap();
-    let (_copy, Opened { store, recovery }) = killed(folder.path());
+    let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.repaired.len(), recovery.interrupted.len(), recovery.ended.len()), (1, 0, 0));
     let kept = [RecordingStatus::Recovered, RecordingStatus::Failed, RecordingStatus::Failed];
     assert_eq!(failed.map(|id| job(&store, id).recording), kept);
@@ -45,8 +45,9 @@ fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
         fs::write(store.runs().join(name).join(file), "rerun").unwrap();
         id
     });
-    let was_whole =
-        |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
+    let was_whole = |part: &Path, whole: &Path| {
+        super::repair(part, whole).map(|mended| RecordingRepair { was_whole: true, ..mended })
+    };
     let copy = snapshot(folder.path());
     let store = Store::open(copy.path(), &plates(), limits(), still(noon), &was_whole).unwrap().store;
     assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
@@ -65,9 +66,11 @@ fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
         super::repair(part, whole)
     };
     Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
-    let was_whole =
-        |part: &Path, whole: &Path| super::repair(part, whole).map(|mended| Mended { was_whole: true, ..mended });
-    let Opened { store, recovery } = Store::open(second.path(), &plates(), limits(), still(noon), &was_whole).unwrap();
+    let was_whole = |part: &Path, whole: &Path| {
+        super::repair(part, whole).map(|mended| RecordingRepair { was_whole: true, ..mended })
+    };
+    let OpenOutcome { store, recovery } =
+        Store::open(second.path(), &plates(), limits(), still(noon), &was_whole).unwrap();
     assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
     assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
 }
@@ -90,7 +93,7 @@ fn fifos_and_links_in_a_run_folder_neither_block_the_start_nor_are_repaired() {
         symlink("nowhere", run("dangling").join(file)).unwrap();
     }
     let data = copy.path().to_owned();
-    let Opened { store, recovery } = in_time(move || open(&data, limits()));
+    let OpenOutcome { store, recovery } = in_time(move || open(&data, limits()));
     assert_eq!(recovery.interrupted, ids);
     assert_eq!(ids.map(|id| job(&store, id).recording), [RecordingStatus::Partial; 3]);
     let reason = "run.rrd.part: expected a regular file in a folder, found something else";

@@ -29,7 +29,7 @@ fn standing_run_begins_only_while_nothing_is_queued_for_its_plate() {
     let run = begin_standing(&store, "run-1").unwrap();
     assert_eq!((run.row.state, run.row.standing, run.row.folder.as_deref()), (JobState::Running, true, Some("run-1")));
     assert_eq!((job(&store, run.row.id), run.spec_json.as_str()), (run.row.clone(), r#"{"name": "standing"}"#));
-    store.ended(&run.row.id, end(JobState::Completed)).unwrap();
+    store.finish(&run.row.id, end(JobState::Completed)).unwrap();
     let queued = queue(&store, "queued", "a");
     assert_eq!(begin_standing(&store, "run-2"), None);
     assert_eq!(run_folders(&store), ["run-1"], "no folder is left of it");
@@ -51,16 +51,16 @@ fn job_queued_while_a_standing_run_is_about_to_begin_comes_first() {
 
 #[test]
 fn all_but_the_newest_ended_standing_runs_go_with_folder_events_and_row() {
-    let (_folder, store) = new_store(Limits { standing_runs: 2, ..limits() });
+    let (_folder, store) = new_store(StoreLimits { standing_runs: 2, ..limits() });
     let other = begin(&store, "other", "a").row.id;
-    store.ended(&other, end(JobState::Completed)).unwrap();
+    store.finish(&other, end(JobState::Completed)).unwrap();
     let mut runs = Vec::new();
     for number in 1..=5 {
         let id = begin_standing(&store, &format!("run-{number}")).unwrap().row.id;
         tell(&store, id, "{}").unwrap();
         fs::write(store.runs().join(format!("run-{number}/journal.jsonl")), "{}").unwrap();
         if number < 5 {
-            store.ended(&id, end(JobState::Completed)).unwrap();
+            store.finish(&id, end(JobState::Completed)).unwrap();
         }
         runs.push(id);
     }
@@ -77,7 +77,7 @@ fn killed_standing_run_is_interrupted_like_any_other() {
     let (folder, store) = new_store(limits());
     let id = begin_standing(&store, "run").unwrap().row.id;
     fs::write(store.runs().join("run/journal.jsonl"), "{}\n").unwrap();
-    let (_copy, Opened { store, recovery }) = super::crashes::killed(folder.path());
+    let (_copy, OpenOutcome { store, recovery }) = super::crashes::killed(folder.path());
     assert_eq!((recovery.interrupted, recovery.paused), (vec![id], plates()));
     let row = job(&store, id);
     assert_eq!((row.state, row.standing), (JobState::Interrupted, true));

@@ -1,7 +1,7 @@
 use std::fs;
 
 use super::*;
-use crate::store::retention::Swept;
+use crate::store::retention::SweepReport;
 
 /// A wall clock and a monotonic clock that a test sets together, in hours since noon.
 macro_rules! turned_clocks {
@@ -12,7 +12,7 @@ macro_rules! turned_clocks {
     };
 }
 
-fn opened(data: &Path, limits: Limits, clocks: Clocks) -> Store {
+fn opened(data: &Path, limits: StoreLimits, clocks: Clocks) -> Store {
     Store::open(data, &plates(), limits, clocks, &repair).unwrap().store
 }
 
@@ -37,13 +37,13 @@ fn names(store: &Store) -> Vec<String> {
 fn the_oldest_ended_go_first_when_there_is_too_much() {
     turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { runs_bytes: 25_000, ..limits() }, clocks);
+    let store = opened(data.path(), StoreLimits { runs_bytes: 25_000, ..limits() }, clocks);
     let running = begin_with(&store, "running", 10_000);
     let ids = ["one", "two", "three", "four"].map(|name| begin_with(&store, name, 5000));
     // they end in another order than they began
     for (hours, id) in [ids[1], ids[0], ids[3], ids[2]].into_iter().enumerate() {
         HOURS.store(hours as i64, Ordering::SeqCst);
-        store.ended(&id, end(JobState::Completed)).unwrap();
+        store.finish(&id, end(JobState::Completed)).unwrap();
     }
     let swept = store.sweep().unwrap();
     assert_eq!(names(&store), ["four", "one", "running", "three"]);
@@ -62,11 +62,11 @@ fn the_oldest_ended_go_first_when_there_is_too_much() {
 fn expired_run_folders_are_deleted() {
     turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, clocks);
+    let store = opened(data.path(), StoreLimits { runs_age: Duration::from_secs(10 * 3600), ..limits() }, clocks);
     for (hours, name) in ["one", "two", "three"].into_iter().enumerate() {
         HOURS.store(hours as i64, Ordering::SeqCst);
         let id = begin_with(&store, name, 10);
-        store.ended(&id, end(JobState::Failed)).unwrap();
+        store.finish(&id, end(JobState::Failed)).unwrap();
     }
     begin_with(&store, "running", 10);
     // the sweeps requested by the ends of jobs are done before the clock is advanced
@@ -83,7 +83,7 @@ fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
     turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
     // the folder's own time is the machine's, long before this clock's noon
-    let store = opened(data.path(), Limits { runs_age: Duration::ZERO, runs_bytes: 0, ..limits() }, clocks);
+    let store = opened(data.path(), StoreLimits { runs_age: Duration::ZERO, runs_bytes: 0, ..limits() }, clocks);
     fs::create_dir(store.runs().join("left")).unwrap();
     fs::write(data.path().join(".trash/left"), "not a folder").unwrap();
     for hours in [0, 1, 2] {
@@ -97,7 +97,7 @@ fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
 #[test]
 fn a_folder_whose_job_is_just_beginning_stays() {
     let data = tempfile::tempdir().unwrap();
-    let store = Arc::new(opened(data.path(), Limits { runs_age: Duration::ZERO, ..limits() }, still(noon)));
+    let store = Arc::new(opened(data.path(), StoreLimits { runs_age: Duration::ZERO, ..limits() }, still(noon)));
     queue(&store, "one", "a");
     let (done, swept) = sync_channel(1);
     let make = folder(&store);
@@ -127,13 +127,13 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
 #[test]
 fn undeletable_folder_stays_with_its_job_and_does_not_stop_the_sweep() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
     // no folder can be moved to a path that a file occupies
     let in_the_way = data.path().join(".trash/two");
     fs::write(&in_the_way, "not a folder").unwrap();
     let ids = ["one", "two", "three"].map(|name| {
         let id = begin_with(&store, name, 10);
-        store.ended(&id, end(JobState::Completed)).unwrap();
+        store.finish(&id, end(JobState::Completed)).unwrap();
         id
     });
     store.sweep().unwrap();
@@ -158,9 +158,9 @@ fn run_folders_on_another_disk_go_too() {
         return;
     }
     symlink(disk.path(), data.path().join("runs")).unwrap();
-    let store = opened(data.path(), Limits { runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { runs_bytes: 0, ..limits() }, still(noon));
     let id = begin_with(&store, "one", 10);
-    store.ended(&id, end(JobState::Completed)).unwrap();
+    store.finish(&id, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
     assert!(!store.runs().join("one").exists());
     assert_eq!(job(&store, id).recording, RecordingStatus::Pruned);
@@ -168,9 +168,9 @@ fn run_folders_on_another_disk_go_too() {
     let half = store.runs().join(".trash/half");
     fs::create_dir_all(&half).unwrap();
     fs::write(half.join("run.rrd"), "x").unwrap();
-    assert_eq!(store.sweep().unwrap(), Swept::default());
+    assert_eq!(store.sweep().unwrap(), SweepReport::default());
     assert!(store.close(PATIENCE));
-    let Opened { recovery, .. } = open(data.path(), limits());
+    let OpenOutcome { recovery, .. } = open(data.path(), limits());
     assert_eq!((recovery.orphans.len(), half.exists()), (0, false));
 }
 
@@ -178,16 +178,16 @@ fn run_folders_on_another_disk_go_too() {
 fn a_job_is_remembered_as_long_as_its_key() {
     turned_clocks!(HOURS, clocks);
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 0, runs_bytes: 0, ..limits() }, clocks);
+    let store = opened(data.path(), StoreLimits { jobs: 0, runs_bytes: 0, ..limits() }, clocks);
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let Ok(SubmitOutcome::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
     store.claim("a", &folder(&store)).unwrap().unwrap();
     fs::write(store.runs().join("one/journal.jsonl"), "{}").unwrap();
-    store.ended(&first.id, end(JobState::Completed)).unwrap();
+    store.finish(&first.id, end(JobState::Completed)).unwrap();
     let plain = begin_with(&store, "plain", 10);
-    store.ended(&plain, end(JobState::Completed)).unwrap();
+    store.finish(&plain, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
-    assert!(matches!(accept(&store, keyed()), Ok(Accepted::Replayed(row)) if row.id == first.id));
+    assert!(matches!(accept(&store, keyed()), Ok(SubmitOutcome::Replayed(row)) if row.id == first.id));
     assert_eq!(all_jobs(&store).len(), 1);
     HOURS.store(25, Ordering::SeqCst);
     store.sweep().unwrap();
@@ -197,11 +197,11 @@ fn a_job_is_remembered_as_long_as_its_key() {
 #[test]
 fn jobs_are_remembered_up_to_a_number() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), Limits { jobs: 3, runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { jobs: 3, runs_bytes: 0, ..limits() }, still(noon));
     for name in ["one", "two", "three", "four"] {
         let id = begin_with(&store, name, 10);
         tell(&store, id, "{}").unwrap();
-        store.ended(&id, end(JobState::Completed)).unwrap();
+        store.finish(&id, end(JobState::Completed)).unwrap();
     }
     begin_with(&store, "running", 10);
     queue(&store, "queued", "a");
@@ -217,19 +217,22 @@ fn wall_clock_that_jumps_makes_nothing_old() {
     const DAY: i64 = 24 * 3600;
     let wall = || noon() + jiff::SignedDuration::from_secs(DAY * DAYS_AHEAD.load(Ordering::SeqCst));
     let data = tempfile::tempdir().unwrap();
-    let limits = Limits { runs_age: Duration::from_secs(30 * DAY as u64), ..limits() };
+    let limits = StoreLimits { runs_age: Duration::from_secs(30 * DAY as u64), ..limits() };
     let store = opened(data.path(), limits, Clocks::new(wall, Hours(&HOURS)));
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
-    let Ok(Accepted::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
+    let Ok(SubmitOutcome::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
     store.claim("a", &folder(&store)).unwrap().unwrap();
-    store.ended(&first.id, end(JobState::Completed)).unwrap();
+    store.finish(&first.id, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
     assert!(!store.health().deletion_suspended);
     for days in [60, 0, -7300] {
         DAYS_AHEAD.store(days, Ordering::SeqCst);
         assert_eq!(store.sweep().unwrap().deleted, [""; 0], "{days} days");
         assert!(store.health().deletion_suspended);
-        assert!(matches!(accept(&store, keyed()), Ok(Accepted::Replayed(row)) if row.id == first.id), "{days} days");
+        assert!(
+            matches!(accept(&store, keyed()), Ok(SubmitOutcome::Replayed(row)) if row.id == first.id),
+            "{days} days"
+        );
     }
     // hour by hour: a wall clock that does not advance for longer counts as a jump, too
     let pass_days = |days| {
@@ -243,7 +246,7 @@ fn wall_clock_that_jumps_makes_nothing_old() {
     assert_eq!(store.sweep().unwrap().deleted, [""; 0]);
     pass_days(30);
     assert_eq!(store.sweep().unwrap().deleted, ["one"]);
-    assert!(matches!(accept(&store, keyed()), Ok(Accepted::New(_))));
+    assert!(matches!(accept(&store, keyed()), Ok(SubmitOutcome::New(_))));
 }
 
 #[test]
@@ -255,7 +258,7 @@ fn job_never_ends_before_it_was_submitted_whatever_the_wall_clock_does() {
     let submitted = queue(&store, "one", "a").submitted_at;
     BACK.store(20 * 365 * 24 * 3600, Ordering::SeqCst);
     let id = store.claim("a", &folder(&store)).unwrap().unwrap().row.id;
-    store.ended(&id, end(JobState::Completed)).unwrap();
+    store.finish(&id, end(JobState::Completed)).unwrap();
     let row = job(&store, id);
     assert_eq!((row.submitted_at, row.started_at, row.finished_at), (submitted, Some(submitted), Some(submitted)));
 }

@@ -64,20 +64,20 @@ fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
         let standing = store.begin_standing(&new_job("standing", "b"), &super::folder(&store)).unwrap().unwrap().row.id;
         let done = begin(&store, "done", "a").row.id;
         for id in [standing, done] {
-            store.ended(&id, end(JobState::Completed)).unwrap();
+            store.finish(&id, end(JobState::Completed)).unwrap();
         }
         let keyed = NewJob { key: Some("k".into()), ..new_job("waiting", "a") };
-        let Ok(Accepted::New(waiting)) = accept(&store, keyed.clone()) else { panic!("not accepted") };
+        let Ok(SubmitOutcome::New(waiting)) = accept(&store, keyed.clone()) else { panic!("not accepted") };
         assert!(store.close(PATIENCE));
         make_older(folder.path(), version);
-        let Opened { store, recovery } = open(folder.path(), limits());
+        let OpenOutcome { store, recovery } = open(folder.path(), limits());
         assert_eq!((recovery.damage, recovery.moved_aside, recovery.clean), (None, None, true), "version {version}");
         let kept: Vec<_> = all_jobs(&store).into_iter().map(|row| (row.id, row.state, row.standing)).collect();
         let was_known = version > OLDEST; // the first version had no standing jobs
         let [completed, queued] = [JobState::Completed, JobState::Queued];
         let expected = [(waiting.id, queued, false), (done, completed, false), (standing, completed, was_known)];
         assert_eq!(kept, expected, "version {version}");
-        assert!(matches!(accept(&store, keyed), Ok(Accepted::Replayed(row)) if row.id == waiting.id));
+        assert!(matches!(accept(&store, keyed), Ok(SubmitOutcome::Replayed(row)) if row.id == waiting.id));
         assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, waiting.id);
         let copy = reading(&folder.path().join(format!("upm.db.v{version}"))).unwrap();
         let queued = "SELECT count(*) FROM jobs WHERE state = 'queued'";

@@ -3,7 +3,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use upm_core::priority::lower_thread_priority;
+use upm_core::thread_priority::lower_thread_priority;
 use upm_recording::RecordingHandle;
 
 /// Time from the end of one sync to the next.

@@ -4,8 +4,8 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::fake::{HOLD, JOB, PLATE};
-use super::{Asked, LOOK, WORK, request};
-use crate::service::api::operation::{Method, Operation};
+use super::{LOOK, TestApi, WORK, request};
+use crate::service::api::operation::{HttpMethod, Operation};
 use crate::service::api::{Refusal, routes};
 use crate::service::http::{BodyRoom, Reason, ReasonCode, Scope, Tokens};
 
@@ -29,7 +29,7 @@ fn good(operation: &Operation, headers: &[(&str, &str)]) -> axum::http::Request<
 
 #[tokio::test]
 async fn every_operation_does_what_it_is_for() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     for operation in routes::operations() {
         let seen = asked.ask(good(&operation, &[])).await;
         assert_eq!(seen.status, operation.answers[0].status, "{}: {:?}", operation.id, seen.body);
@@ -43,7 +43,7 @@ async fn every_operation_does_what_it_is_for() {
 
 #[tokio::test]
 async fn tokens_open_what_their_scope_says() {
-    let asked = Asked::with_tokens();
+    let asked = TestApi::with_tokens();
     let (look, work) = (format!("Bearer {LOOK}"), format!("Bearer {WORK}"));
     let wrong = format!("Bearer {WORK}x");
     for operation in routes::operations() {
@@ -74,13 +74,13 @@ async fn tokens_open_what_their_scope_says() {
 
 #[tokio::test]
 async fn other_methods_are_refused_and_the_right_ones_named() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     for operation in routes::operations() {
-        let knows = |method: Method| {
+        let knows = |method: HttpMethod| {
             routes::operations().iter().any(|other| other.path == operation.path && other.method == method)
         };
         for method in ["DELETE", "PUT", "PATCH", "OPTIONS", "TRACE", "BREW"] {
-            if method == "DELETE" && knows(Method::Delete) {
+            if method == "DELETE" && knows(HttpMethod::Delete) {
                 continue;
             }
             let seen = asked.ask(request(method, &path_of(&operation), &[], "")).await;
@@ -90,7 +90,7 @@ async fn other_methods_are_refused_and_the_right_ones_named() {
         }
         let head = request("HEAD", &path_of(&operation), &[], "");
         let (status, ..) = asked.open(head).await;
-        let wanted = if knows(Method::Get) { 200 } else { 405 };
+        let wanted = if knows(HttpMethod::Get) { 200 } else { 405 };
         assert_eq!(status, wanted, "HEAD {}", operation.path);
     }
     for path in ["/v1", "/v1/jobs/", "/v2/jobs", "/V1/jobs", "//v1/jobs", "/v1/plates/left", "/..%2f..%2fetc/passwd"] {
@@ -100,7 +100,7 @@ async fn other_methods_are_refused_and_the_right_ones_named() {
 
 #[tokio::test]
 async fn refusals_become_their_problems() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let table = [
         (Refusal::Conflict("stopped".to_owned()), 409, ""),
         (Refusal::KeyReused, 422, ""),
@@ -125,7 +125,7 @@ async fn refusals_become_their_problems() {
 
 #[tokio::test]
 async fn the_list_of_plates_comes_whatever_the_store_does() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let queued = async || asked.get("/v1/plates").await.json()["plates"][0]["queued"].clone();
     assert_eq!(queued().await, json!(0));
     asked.desk.hangs.store(true, Ordering::Relaxed);
@@ -137,13 +137,13 @@ async fn the_list_of_plates_comes_whatever_the_store_does() {
 
 #[tokio::test]
 async fn a_picture_says_how_old_it_is() {
-    let seen = Asked::new().get(&format!("/v1/jobs/{JOB}/frame.png")).await;
+    let seen = TestApi::new().get(&format!("/v1/jobs/{JOB}/frame.png")).await;
     assert_eq!((seen.status, seen.header("upm-age-ms")), (200, "12"));
 }
 
 #[tokio::test]
 async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let seen = asked.post("/v1/jobs?pace=max", HOLD).await;
     assert_eq!((seen.status, seen.header("location")), (201, format!("/v1/jobs/{JOB}").as_str()));
     assert_eq!(seen.header("idempotency-replayed"), "");
@@ -156,7 +156,7 @@ async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
 
 #[tokio::test]
 async fn emergency_stop_reaches_the_plate_before_any_wait() {
-    let asked = Asked::with(Tokens::default(), |limits| limits.handler_time = Duration::from_millis(20));
+    let asked = TestApi::with(Tokens::default(), |limits| limits.handler_time = Duration::from_millis(20));
     let seen = asked.ask(request("POST", "/v1/plates/endless/estop", &[], "")).await;
     assert_eq!(seen.status, 503);
     assert_eq!(*asked.desk.asked.lock().unwrap(), ["estop endless"]);
@@ -164,7 +164,7 @@ async fn emergency_stop_reaches_the_plate_before_any_wait() {
 
 #[tokio::test]
 async fn health_says_what_is_wrong() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
     let reasons = [(ReasonCode::StoreHangs, "the store hangs"), (ReasonCode::DiskLow, "no room")];
     *asked.desk.ailments.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
@@ -178,7 +178,7 @@ async fn health_says_what_is_wrong() {
 
 #[tokio::test]
 async fn the_page_is_fenced_in_and_not_sent_twice() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let seen = asked.get("/").await;
     assert!(seen.header("content-security-policy").starts_with("default-src 'none'; script-src 'self'"));
     let again = asked.ask(request("GET", "/", &[("if-none-match", seen.header("etag"))], "")).await;
@@ -190,7 +190,7 @@ async fn the_page_is_fenced_in_and_not_sent_twice() {
 
 #[tokio::test]
 async fn stop_is_taken_when_there_is_no_memory_for_bodies() {
-    let asked = Asked::with(Tokens::default(), |limits| limits.bodies = BodyRoom::of(0));
+    let asked = TestApi::with(Tokens::default(), |limits| limits.bodies = BodyRoom::of(0));
     let refused = asked.post("/v1/jobs", "{}").await;
     assert_eq!((refused.status, refused.header("retry-after")), (503, "1"));
     assert_eq!(asked.post("/v1/plates/left/estop", "").await.status, 200);

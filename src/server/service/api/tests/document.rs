@@ -2,7 +2,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use super::Asked;
+use super::TestApi;
 use crate::service::api::{openapi, routes};
 
 fn document(version: &str) -> Value {
@@ -20,7 +20,7 @@ fn walk<'a>(value: &'a Value, visit: &mut impl FnMut(&'a Value)) {
 
 #[tokio::test]
 async fn every_reference_leads_somewhere_and_every_part_is_used() {
-    let document = Asked::new().get("/openapi.json").await.json();
+    let document = TestApi::new().get("/openapi.json").await.json();
     assert_eq!(document["openapi"], "3.1.0");
     let mut references = BTreeSet::new();
     walk(&document, &mut |value| references.extend(value.get("$ref").and_then(Value::as_str)));

@@ -25,9 +25,9 @@ pub(super) const HOLD: &str =
 pub(super) struct FakeDesk {
     pub refusal: Mutex<Option<Refusal>>,
     pub asked: Mutex<Vec<String>>,
-    pub feeds: Mutex<Vec<Feed>>,
-    pub opening: Mutex<Option<Opening>>,
-    pub kept: Mutex<Replayed>,
+    pub feeds: Mutex<Vec<EventSender>>,
+    pub opening: Mutex<Option<StreamStart>>,
+    pub kept: Mutex<ReplayPage>,
     pub recording: Mutex<Vec<u8>>,
     pub ailments: Mutex<Vec<Reason>>,
     /// True when the store never answers.
@@ -39,7 +39,7 @@ impl FakeDesk {
         *self.refusal.lock().unwrap() = Some(refusal);
     }
 
-    fn say<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Promise<T> {
+    fn say<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Pending<T> {
         self.asked.lock().unwrap().push(asked);
         kept(match self.refusal.lock().unwrap().take() {
             Some(refusal) => Err(refusal),
@@ -94,8 +94,8 @@ fn plate() -> Plate {
     }
 }
 
-impl Desk for FakeDesk {
-    fn submit(&self, order: Order) -> Promise<Submitted> {
+impl Backend for FakeDesk {
+    fn submit(&self, order: Submission) -> Pending<JobCreated> {
         let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json");
         let rig = RigSpec::load(&path).unwrap();
         let checked = JobSpec::from_json(&order.text, &Origin::of_request("job"), Some(&rig));
@@ -104,10 +104,10 @@ impl Desk for FakeDesk {
             return kept(Err(if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }));
         }
         let replayed = order.key.as_deref() == Some("again");
-        self.say(format!("submit {:?}", order.pace), true, Submitted { job: job(), replayed })
+        self.say(format!("submit {:?}", order.pace), true, JobCreated { job: job(), replayed })
     }
 
-    fn check(&self, order: Order) -> Promise<Checked> {
+    fn check(&self, order: Submission) -> Pending<Checked> {
         let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
         let fault = || Fault::new("job", Path::root(), "no JSON", "a job");
         match is_json {
@@ -116,23 +116,23 @@ impl Desk for FakeDesk {
         }
     }
 
-    fn job(&self, id: &str) -> Promise<Job> {
+    fn job(&self, id: &str) -> Pending<Job> {
         self.say(format!("job {id}"), id == JOB, job())
     }
 
-    fn jobs(&self, query: JobsQuery) -> Promise<JobsPage> {
+    fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
         self.say(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
     }
 
-    fn cancel(&self, id: &str, caller: Caller) -> Promise<Job> {
+    fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
         self.say(format!("cancel {id} by {}", caller.name), id == JOB, job())
     }
 
-    fn delete(&self, id: &str, caller: Caller) -> Promise<()> {
+    fn delete(&self, id: &str, caller: Caller) -> Pending<()> {
         self.say(format!("delete {id} by {}", caller.name), id == JOB, ())
     }
 
-    fn plates(&self) -> Promise<Plates> {
+    fn plates(&self) -> Pending<Plates> {
         if self.hangs.load(Ordering::Relaxed) {
             return Box::pin(std::future::pending());
         }
@@ -143,7 +143,7 @@ impl Desk for FakeDesk {
         Plates { plates: vec![Plate { queued: 7, ..plate() }] }
     }
 
-    fn estop(&self, name: &str, caller: Caller) -> Promise<EStopped> {
+    fn estop(&self, name: &str, caller: Caller) -> Pending<EStopped> {
         if name == "endless" {
             self.asked.lock().unwrap().push("estop endless".to_owned());
             return Box::pin(std::future::pending());
@@ -159,50 +159,50 @@ impl Desk for FakeDesk {
         self.say(format!("estop {name} by {}", caller.name), name == PLATE, stopped)
     }
 
-    fn reset(&self, name: &str, request: ResetRequest, _: Caller) -> Promise<Plate> {
+    fn reset(&self, name: &str, request: ResetRequest, _: Caller) -> Pending<Plate> {
         self.say(format!("reset {name} by {}: {}", request.operator, request.reason), name == PLATE, plate())
     }
 
-    fn resume(&self, name: &str, _: Caller) -> Promise<Plate> {
+    fn resume(&self, name: &str, _: Caller) -> Pending<Plate> {
         self.say(format!("resume {name}"), name == PLATE, plate())
     }
 
-    fn ailments(&self) -> Vec<Reason> {
+    fn liveness_failures(&self) -> Vec<Reason> {
         self.ailments.lock().unwrap().clone()
     }
 
-    fn obstacles(&self) -> Vec<Reason> {
-        self.ailments()
+    fn readiness_failures(&self) -> Vec<Reason> {
+        self.liveness_failures()
     }
 
     fn metrics(&self) -> String {
         "# EOF\n".to_owned()
     }
 
-    fn watch(&self, id: &str, feed: Feed) -> Promise<Opening> {
+    fn watch(&self, id: &str, feed: EventSender) -> Pending<StreamStart> {
         self.feeds.lock().unwrap().push(feed);
-        let over = || Opening { snapshot: "{}".to_owned(), newest: 0, is_over: true };
+        let over = || StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: true };
         let opening = self.opening.lock().unwrap().clone().unwrap_or_else(over);
         self.say(format!("watch {id}"), id == JOB, opening)
     }
 
-    fn replay(&self, _: &str, after: u64, most: usize) -> Promise<Replayed> {
+    fn replay(&self, _: &str, after: u64, most: usize) -> Pending<ReplayPage> {
         let mut replayed = self.kept.lock().unwrap().clone();
         replayed.events.retain(|event| event.seq.is_some_and(|seq| seq > after));
         replayed.events.truncate(most);
         self.say(format!("replay {after}"), true, replayed)
     }
 
-    fn frame(&self, id: &str) -> Promise<Picture> {
-        let picture = Picture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
+    fn frame(&self, id: &str) -> Pending<CameraPicture> {
+        let picture = CameraPicture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
         self.say(format!("frame {id}"), id == JOB, picture)
     }
 
-    fn layout(&self, id: &str) -> Promise<Layout> {
+    fn layout(&self, id: &str) -> Pending<Layout> {
         self.say(format!("layout {id}"), id == JOB, Layout::default())
     }
 
-    fn recording(&self, id: &str) -> Promise<Recording> {
+    fn recording(&self, id: &str) -> Pending<Recording> {
         use std::io::{Seek, Write};
         let bytes = self.recording.lock().unwrap().clone();
         let mut file = tempfile::tempfile().unwrap();

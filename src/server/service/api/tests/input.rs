@@ -1,11 +1,11 @@
 use serde_json::json;
 
 use super::fake::{HOLD, JOB, NO_JOB};
-use super::{Asked, request};
+use super::{TestApi, request};
 
 #[tokio::test]
 async fn invalid_job_is_a_problem() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let deep = "[".repeat(100_000);
     let deep_member = format!("{}1{}", "{\"name\":".repeat(5000), "}".repeat(5000));
     for (body, status) in [
@@ -43,7 +43,7 @@ async fn invalid_job_is_a_problem() {
 
 #[tokio::test]
 async fn bytes_that_are_no_text_are_a_problem() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let json = [("content-type", "application/json")];
     for path in ["/v1/jobs", "/v1/plates/left/reset"] {
         let seen = asked.ask(request("POST", path, &json, b"{\"name\": \"\xff\xfe\"}".to_vec())).await;
@@ -55,7 +55,7 @@ async fn bytes_that_are_no_text_are_a_problem() {
 
 #[tokio::test]
 async fn only_json_is_read() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     for media in [
         "",
         "text/plain",
@@ -76,7 +76,7 @@ async fn only_json_is_read() {
 
 #[tokio::test]
 async fn a_body_has_an_end() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let most = 1 << 20;
     let padded = format!("{HOLD}{}", " ".repeat(most - HOLD.len()));
     assert_eq!(asked.post("/v1/jobs", &padded).await.status, 201);
@@ -85,7 +85,7 @@ async fn a_body_has_an_end() {
 
 #[tokio::test]
 async fn names_of_nothing_are_not_found() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let long = "0".repeat(2000);
     let upper = JOB.to_uppercase();
     let ids = [
@@ -117,7 +117,7 @@ async fn names_of_nothing_are_not_found() {
 
 #[tokio::test]
 async fn queries_are_held_to_what_is_known() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     for query in ["limit=0", "limit=x", "cursor=../../x", "cursor=%ff", "state=done", "sort=1", "limit=1&limit=1", "&="]
     {
         let seen = asked.get(&format!("/v1/jobs?{query}")).await;
@@ -134,7 +134,7 @@ async fn queries_are_held_to_what_is_known() {
 
 #[tokio::test]
 async fn headers_are_held_to_what_is_known() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let long = "k".repeat(256);
     for key in ["", "two words", "\u{e9}", &long] {
         let headers = [("content-type", "application/json"), ("idempotency-key", key)];
@@ -148,7 +148,7 @@ async fn headers_are_held_to_what_is_known() {
 
 #[tokio::test]
 async fn a_reset_says_who_and_why() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let long = format!(r#"{{"operator": "{}", "reason": "y"}}"#, "x".repeat(201));
     for (body, status) in [
         ("", 400),

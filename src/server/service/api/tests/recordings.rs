@@ -1,15 +1,15 @@
 use super::fake::JOB;
-use super::{Asked, Seen, request};
+use super::{ApiAnswer, TestApi, request};
 use crate::service::api::Refusal;
 use crate::service::http::Tokens;
 
-async fn read(asked: &Asked, range: &str) -> Seen {
+async fn read(asked: &TestApi, range: &str) -> ApiAnswer {
     asked.ask(request("GET", &format!("/v1/jobs/{JOB}/recording"), &[("range", range)], "")).await
 }
 
 #[tokio::test]
 async fn ranges_of_a_recording_put_together_are_the_recording() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let bytes: Vec<u8> = (0..200_000u32).flat_map(u32::to_le_bytes).collect();
     *asked.desk.recording.lock().unwrap() = bytes.clone();
     let whole = read(&asked, "").await;
@@ -30,7 +30,7 @@ async fn ranges_of_a_recording_put_together_are_the_recording() {
 
 #[tokio::test]
 async fn a_recording_under_way_is_a_conflict_and_downloads_have_an_end() {
-    let asked = Asked::with(Tokens::default(), |limits| limits.downloads = 1);
+    let asked = TestApi::with(Tokens::default(), |limits| limits.downloads = 1);
     asked.desk.refuse(Refusal::Conflict("it is still being written".to_owned()));
     assert_eq!(read(&asked, "").await.status, 409);
     *asked.desk.recording.lock().unwrap() = vec![7; 100];

@@ -6,9 +6,9 @@ use axum::body::Body;
 use http_body_util::BodyExt;
 
 use super::fake::JOB;
-use super::{Asked, request};
-use crate::service::api::{Event, Opening, Refusal, Replayed};
-use crate::service::http::{Limits, Served, StopFlag, Tokens, serve};
+use super::{TestApi, request};
+use crate::service::api::{Refusal, ReplayPage, StreamEvent, StreamStart};
+use crate::service::http::{HttpLimits, ShutdownReport, StopFlag, Tokens, serve};
 
 const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
 
@@ -17,8 +17,8 @@ fn head_at(id: u64) -> String {
     HEAD.replace("event: snapshot", &format!("id: {id}\nevent: snapshot"))
 }
 
-fn cycle(seq: u64) -> Event {
-    Event::new(Some(seq), "cycle", "{}")
+fn cycle(seq: u64) -> StreamEvent {
+    StreamEvent::new(Some(seq), "cycle", "{}")
 }
 
 fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
@@ -26,8 +26,8 @@ fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
 }
 
 /// A desk whose job has `newest` as its newest event, with events stored from `oldest` on.
-fn asked(oldest: u64, newest: u64, is_over: bool) -> Asked {
-    let asked = Asked::with(Tokens::default(), |limits| {
+fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
+    let asked = TestApi::with(Tokens::default(), |limits| {
         limits.heartbeat_time = Duration::from_millis(30);
         limits.watchers = 1;
     });
@@ -35,12 +35,12 @@ fn asked(oldest: u64, newest: u64, is_over: bool) -> Asked {
     asked
 }
 
-fn stand(asked: &Asked, oldest: u64, newest: u64, is_over: bool) {
-    *asked.desk.opening.lock().unwrap() = Some(Opening { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
-    *asked.desk.kept.lock().unwrap() = Replayed { oldest, events: (oldest..=newest).map(cycle).collect() };
+fn stand(asked: &TestApi, oldest: u64, newest: u64, is_over: bool) {
+    *asked.desk.opening.lock().unwrap() = Some(StreamStart { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
+    *asked.desk.kept.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
 }
 
-async fn watch(asked: &Asked, after: &str) -> Body {
+async fn watch(asked: &TestApi, after: &str) -> Body {
     let headers = if after.is_empty() { vec![] } else { vec![("last-event-id", after)] };
     let (status, headers, body) = asked.open(request("GET", &format!("/v1/jobs/{JOB}/events"), &headers, "")).await;
     assert_eq!(status, 200);
@@ -93,7 +93,13 @@ async fn live_events_come_once_and_end_with_the_job() {
     let asked = asked(1, 3, false);
     let mut body = watch(&asked, "1").await;
     let feed = asked.desk.feeds.lock().unwrap().pop().unwrap();
-    for event in [cycle(3), cycle(4), Event::new(None, "look", "{}"), cycle(5), Event::new(Some(6), "finished", "{}")] {
+    for event in [
+        cycle(3),
+        cycle(4),
+        StreamEvent::new(None, "look", "{}"),
+        cycle(5),
+        StreamEvent::new(Some(6), "finished", "{}"),
+    ] {
         assert!(feed.offer(&event));
     }
     assert_eq!(next(&mut body).await, HEAD);
@@ -171,13 +177,13 @@ async fn streams_are_counted() {
 
 #[test]
 fn fifty_clients_get_a_bye_at_shutdown() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     stand(&asked, 1, 0, false);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, flag) = StopFlag::new();
     let app = asked.app.clone();
-    let server = std::thread::spawn(move || serve(listener, app, &Limits::default(), &flag).unwrap());
+    let server = std::thread::spawn(move || serve(listener, app, &HttpLimits::default(), &flag).unwrap());
     let mut clients: Vec<TcpStream> = (0..50)
         .map(|_| {
             let mut client = TcpStream::connect(address).unwrap();
@@ -195,5 +201,5 @@ fn fifty_clients_get_a_bye_at_shutdown() {
         assert!(rest.contains("event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}"), "{rest}");
     }
     drop(clients);
-    assert_eq!(server.join().unwrap(), Served { dropped: 0 });
+    assert_eq!(server.join().unwrap(), ShutdownReport { dropped: 0 });
 }

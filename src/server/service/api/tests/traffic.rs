@@ -1,16 +1,16 @@
 use super::fake::{HOLD, JOB};
 use super::*;
-use crate::service::api::{Opening, Traffic};
+use crate::service::api::{HttpMetrics, StreamStart};
 
 /// The counters above zero.
-fn counted(traffic: &Traffic) -> Vec<(&'static str, u16, u64)> {
+fn counted(traffic: &HttpMetrics) -> Vec<(&'static str, u16, u64)> {
     let requests = traffic.requests().into_iter().filter(|requests| requests.count > 0);
     requests.map(|requests| (requests.operation, requests.status, requests.count)).collect()
 }
 
 #[tokio::test]
 async fn answers_are_counted_by_operation_and_status() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     for _ in 0..3 {
         asked.post("/v1/jobs", HOLD).await;
     }
@@ -27,7 +27,7 @@ async fn answers_are_counted_by_operation_and_status() {
 
 #[tokio::test]
 async fn number_of_counters_does_not_depend_on_requests() {
-    let asked = Asked::new();
+    let asked = TestApi::new();
     let before = asked.traffic.requests().len();
     for i in 0..50 {
         let odd = Request::builder().method(format!("M{i}").as_str()).uri(format!("/{i}"));
@@ -39,8 +39,8 @@ async fn number_of_counters_does_not_depend_on_requests() {
 
 #[tokio::test]
 async fn an_event_stream_is_counted_while_it_is_open() {
-    let asked = Asked::new();
-    *asked.desk.opening.lock().unwrap() = Some(Opening { snapshot: "{}".to_owned(), newest: 0, is_over: false });
+    let asked = TestApi::new();
+    *asked.desk.opening.lock().unwrap() = Some(StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: false });
     let open = || asked.open(request("GET", &format!("/v1/jobs/{JOB}/events"), &[], ""));
     let (first, second) = (open().await, open().await);
     assert_eq!(asked.traffic.event_streams(), 2);

@@ -1,0 +1,88 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::{CalibrationFault, CalibrationProgress};
+use upm_cor_library::{AxisShape, PlateResponse, drive_for};
+use upm_core::rig::{Rig, RigModel};
+use upm_core::signal::{AccelTrace, Drive, Envelope, Frame, MISSING_SAMPLE};
+use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
+
+/// The rig together with everything a measurement needs.
+pub(super) struct CalibrationSession<'a> {
+    pub rig: &'a mut dyn Rig,
+    pub model: &'a RigModel,
+    /// The accelerometers as calibrated so far.
+    pub sensors: AccelerometerPair,
+    /// The plate's response as measured so far.
+    pub plate: PlateResponse,
+    pub stop: &'a AtomicBool,
+    pub progress: &'a mut dyn FnMut(CalibrationProgress),
+}
+
+impl<'a> CalibrationSession<'a> {
+    /// With the accelerometers' gains from their data sheet.
+    pub fn new(
+        rig: &'a mut dyn Rig,
+        model: &'a RigModel,
+        stop: &'a AtomicBool,
+        progress: &'a mut dyn FnMut(CalibrationProgress),
+    ) -> Self {
+        let sensors = AccelerometerPair::exact(model.accelerometer_in_plate_m);
+        Self { rig, model, sensors, plate: PlateResponse::default(), stop, progress }
+    }
+
+    /// Runs a measurement and sets the motors to zero at its end, also after an error.
+    pub fn work<T>(
+        mut self,
+        measure: impl FnOnce(&mut Self) -> Result<T, CalibrationFault>,
+    ) -> Result<T, CalibrationFault> {
+        let measured = measure(&mut self);
+        self.rig.stop();
+        measured
+    }
+
+    pub fn report(&mut self, stage: &'static str, done: usize, total: usize) {
+        let plate_time_s = self.rig.now().secs();
+        (self.progress)(CalibrationProgress { stage, done, total, plate_time_s });
+    }
+
+    /// The pulse with these motor amplitudes in counts.
+    pub fn drive(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], sustain_s: f64) -> Drive {
+        let envelope = Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s };
+        drive_for(amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
+    }
+
+    /// Factor by which `amplitudes` may be scaled before a motor reaches its limit.
+    pub fn headroom(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3]) -> f64 {
+        self.model.count_limit / self.drive(amplitudes, shapes, 0.0).peak_counts().max(f64::MIN_POSITIVE)
+    }
+
+    pub fn stop_check(&self) -> Result<(), CalibrationFault> {
+        if self.stop.load(Ordering::Relaxed) { Err(CalibrationFault::Stopped) } else { Ok(()) }
+    }
+
+    /// Largest acceleration any channel showed in the last pulse, m/s².
+    pub fn peak_mps2(&self) -> f64 {
+        let trace = self.rig.trace();
+        let shown = trace.counts.iter().flatten().filter(|&&count| count != MISSING_SAMPLE);
+        f64::from(shown.map(|count| count.unsigned_abs()).max().unwrap_or(0)) * trace.mps2_per_count
+    }
+
+    /// Plays a pulse to the end of its rest and reads the plate's twist from the accelerometers.
+    pub fn read_twist(&mut self, what: &str, drive: &Drive) -> Result<TwistFit, CalibrationFault> {
+        let trace = self.play(drive)?;
+        fit_twist(&trace, &drive.envelope, drive.base_radps, &self.sensors)
+            .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
+    }
+
+    /// Plays a pulse to the end of its rest and returns the accelerometers' trace.
+    pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, CalibrationFault> {
+        let [width, height] = self.model.frame_size_px;
+        let mut frame = Frame::new(width, height);
+        self.rig.play(drive)?;
+        while self.rig.now() < self.rig.settled_at() {
+            self.stop_check()?;
+            self.rig.capture(&mut frame)?;
+        }
+        Ok(self.rig.trace())
+    }
+}

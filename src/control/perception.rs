@@ -1,0 +1,337 @@
+mod first_look;
+mod motion;
+mod naming;
+mod relocate;
+mod scene;
+mod settling;
+
+use std::ops::ControlFlow::{Break, Continue};
+use std::sync::atomic::AtomicBool;
+
+use self::first_look::find_table;
+use self::naming::name_parts;
+use self::scene::{Blind, SceneMonitor};
+use self::settling::{PlateInImage, SWING_S};
+use super::condition::Condition;
+use super::conditions::Conditions;
+use super::guards::{DelayGuard, Guards, StillnessGuard};
+use super::run_end::{OrEnd, RunEnd, flow};
+use super::{FrameFacts, LocalisedFacts, Sink};
+use upm_core::geometry::{Lens, Vec2};
+use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::signal::Frame;
+use upm_core::time::{Clock, PlateTime};
+use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
+
+pub use self::naming::ExpectedPart;
+
+/// Number of looks at rest without the table, once it was found, before it counts as missing.
+const TABLE_LOOKS: usize = 5;
+/// Number of frames without sight after which the motors are silenced and the condition is reported, and the limit for
+/// that time where frames are slow, s.
+const BLIND_FRAMES: f64 = 3.0;
+const BLIND_S: f64 = 0.1;
+/// Number of consecutive looks at rest that must show a foreign object.
+const FOREIGN: u32 = 2;
+/// Number of frames that must lack a part before frames that never arrived count, too.
+const LEAST_LOOKS: u32 = 5;
+/// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate's swing.
+const EDGE_M: f64 = 1e-3;
+/// Longest time that a plate may swing on after a pulse that was cut short, s, and the displacement above which it is
+/// seen to swing, px.
+const LONGEST_SWING_S: f64 = 2.0;
+const SWINGS_PX: f64 = 0.4;
+/// Time without such a displacement after which it is still, s: half of the slowest swing.
+const QUIET_SWING_S: f64 = 0.12;
+
+/// Tolerance for a part's place, m, independent of its displacement.
+const REACH_M: f64 = 3e-3;
+
+/// Purpose of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FramePurpose {
+    /// To track the parts during a pulse.
+    Pulse,
+    /// To start the next cycle as soon as everything is at rest.
+    Cycle,
+}
+
+/// Turns the camera's frames into part positions: locates the table once, tracks every part in every frame, and checks
+/// both.
+pub struct Perception {
+    frame: Frame,
+    table: Table,
+    tracker: Tracker,
+    scene: SceneMonitor,
+    guards: Guards,
+    kinds: Vec<PartKind>,
+    lens: Lens,
+    dark_parts: bool,
+    half_exposure_s: f64,
+    blind_after_s: f64,
+    /// Time since which nothing can be seen, and the reason.
+    blind: Option<(PlateTime, Blind)>,
+    /// True when the current pulse was silenced.
+    silenced: bool,
+    /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
+    still_from: PlateTime,
+    still_by: PlateTime,
+    displaced: u32,
+    displaced_px: f64,
+    foreign: u32,
+    /// Number of frames of the present that showed the plate without a part, those that never arrived included, and the
+    /// number of those that did arrive.
+    missing: (f64, u32),
+    looked_at: PlateTime,
+    frame_hz: f64,
+    /// Number of consecutive frames that show a part off the plate.
+    off_plate: u32,
+    /// True when the table was located anew since the last pulse began.
+    relocated: bool,
+    /// Expected place of each part when it is next seen at rest, and the tolerance, m.
+    expected_m: Vec<(Vec2, f64)>,
+    delay: DelayGuard,
+    stillness: StillnessGuard,
+    conditions: Conditions,
+}
+
+impl Perception {
+    /// Captures frames until the table is found, waiting while a hand or darkness may hide it, then finds the parts and
+    /// names them.
+    #[allow(clippy::too_many_arguments)] // the rig with its figures, and the run's sink and flags
+    pub fn open(
+        rig: &mut dyn Rig,
+        model: &RigModel,
+        kinds: &[PartKind],
+        parts: &[ExpectedPart],
+        guards: Guards,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> OrEnd<Self> {
+        let [width, height] = model.frame_size_px;
+        let mut frame = Frame::new(width, height);
+        let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock, stop)?;
+        let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
+        let found = finder.find(&frame);
+        stages.disk_response = finder.response();
+        let detections = name_parts(found, kinds, parts, guards.has_code("part_count"))?;
+        let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
+        sink.localised(&LocalisedFacts {
+            frame: &frame,
+            table: &table,
+            detections: &detections,
+            stages: &stages,
+            localise_us,
+        });
+        let places_m = detections.clone().into_iter().map(|detection| detection.position_m);
+        let mut scene = SceneMonitor::new(&table, model, kinds);
+        scene.see_first(&frame, rig.now());
+        let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
+        Continue(Self {
+            frame,
+            table,
+            tracker,
+            scene,
+            guards,
+            kinds: kinds.to_vec(),
+            lens: model.lens,
+            dark_parts: model.dark_parts,
+            half_exposure_s: 0.5 * model.exposure_s,
+            blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
+            blind: None,
+            silenced: false,
+            still_from: PlateTime::default(),
+            still_by: PlateTime::default(),
+            displaced: 0,
+            displaced_px: 0.0,
+            foreign: 0,
+            missing: (0.0, 0),
+            looked_at: PlateTime::default(),
+            frame_hz: model.frame_hz,
+            off_plate: 0,
+            relocated: false,
+            expected_m: places_m.map(|place_m| (place_m, REACH_M)).collect(),
+            delay: DelayGuard::new(model.frame_hz),
+            stillness: StillnessGuard::default(),
+            conditions: Conditions::default(),
+        })
+    }
+
+    /// Captures the next frame and tracks every part in it. Returns true when it was taken at rest and is reliable: it
+    /// is of the present, nothing hides the plate, and the plate is where it was.
+    ///
+    /// # Errors
+    /// The ending of a run whose view stays lost.
+    pub fn look(
+        &mut self,
+        rig: &mut dyn Rig,
+        moment: FramePurpose,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+    ) -> OrEnd<bool> {
+        flow(rig.capture(&mut self.frame))?;
+        let swing_px = self.scene.swing_px(&self.frame);
+        if swing_px.is_some_and(|px| px > SWINGS_PX) {
+            self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
+        }
+        let at_rest = self.frame.exposed_at - rig.settled_at().max(self.still_from) >= self.half_exposure_s;
+        let start = clock.elapsed();
+        let stale = self.stale(rig.now(), swing_px);
+        if stale.is_some() {
+            self.tracker.miss();
+        } else {
+            self.tracker.track(&self.frame);
+        }
+        let (blind, place) = match stale {
+            Some(blind) => (Some(blind), PlateInImage::Unknown),
+            None if at_rest => self.examine(),
+            None => (self.covered(), PlateInImage::Unknown),
+        };
+        let swing_px = swing_px.filter(|_| blind.is_none());
+        self.delay.frame(self.frame.exposed_at.secs(), swing_px);
+        let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
+        let is_plain = at_rest && blind.is_none() && matches!(place, PlateInImage::Same) && self.foreign == 0;
+        sink.frame(&FrameFacts {
+            frame: &self.frame,
+            tracks: self.tracker.tracks(),
+            sounding: !at_rest,
+            blind: blind.is_some(),
+            starts_cycle: is_plain && moment == FramePurpose::Cycle,
+            track_us,
+        });
+        self.settle_blind(blind, rig, sink)?;
+        if blind.is_none() && at_rest {
+            self.settle_foreign(sink)?;
+            self.settle_place(&place, sink, clock)?;
+        }
+        self.off_plate =
+            if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
+        let frames = self.frame.exposed_at.secs_since(self.looked_at) * self.frame_hz;
+        // a time stamp in the future must not stop the count
+        self.looked_at = self.looked_at.max(self.frame.exposed_at.min(rig.now()));
+        self.missing = match (self.missing_for(), swing_px) {
+            (0, _) => (0.0, 0),
+            (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),
+            (_, None) => self.missing,
+        };
+        if is_plain {
+            self.check_jumps(sink)?;
+            self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
+        }
+        Continue(is_plain)
+    }
+
+    /// The view and the plate's place in a frame at rest.
+    fn examine(&mut self) -> (Option<Blind>, PlateInImage) {
+        let seen = self.scene.examine(&self.frame, self.tracker.tracks());
+        let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
+        // while a part is missing, an object on the plate may be that part
+        let is_foreign = seen.foreign_m.is_some() && self.missing_for() == 0 && self.guards.has(Condition::ForeignPart);
+        self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
+        let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { PlateInImage::Same };
+        (blind, place)
+    }
+
+    /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
+    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> OrEnd {
+        let now = rig.now();
+        let Some(why) = blind else {
+            if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
+                // the plate's appearance behind a hand is unreliable
+                self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
+                self.foreign = 0;
+            }
+            return Continue(());
+        };
+        let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
+        let for_s = now.secs_since(since);
+        if for_s + 1e-9 >= self.blind_after_s {
+            self.silence(rig);
+            self.conditions.note(now, why.condition(), || why.reason(), sink);
+        }
+        if for_s > why.longest_s() {
+            let reason = format!("{} for {for_s:.1} s", why.reason());
+            return Break(RunEnd::guarded(why.condition(), reason));
+        }
+        Continue(())
+    }
+
+    fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
+        let at = self.frame.exposed_at;
+        match self.scene.foreign_m().filter(|_| self.foreign >= FOREIGN) {
+            Some(at_m) => {
+                let at_mm = at_m * 1e3;
+                let reason =
+                    format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
+                self.conditions.note(at, Condition::ForeignPart, || reason.clone(), sink);
+                Break(RunEnd::guarded(Condition::ForeignPart, reason))
+            }
+            None => Continue(()),
+        }
+    }
+
+    /// Ends the current pulse, if any; the plate swings on for a while.
+    pub fn silence(&mut self, rig: &mut dyn Rig) {
+        if rig.settled_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
+            rig.stop();
+            self.silenced = true;
+            (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);
+        }
+    }
+
+    /// True when the last pulse was silenced because the view, or a part, was lost.
+    pub fn silenced_pulse(&self) -> bool {
+        self.silenced
+    }
+
+    /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
+    pub fn invalidates_plan(&self) -> bool {
+        (self.silenced || self.relocated) && self.guards.has_code("stale_plan")
+    }
+
+    /// Reports the end of every condition of the camera that held until now to `sink`.
+    pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.conditions.end_run(at, sink);
+    }
+
+    /// Ends a cycle for the conditions of the camera.
+    pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
+        self.conditions.end_cycle(at, sink);
+    }
+
+    /// Last seen positions of the parts, m, in the order of the job.
+    pub fn positions_m(&self) -> Vec<Vec2> {
+        self.tracker.tracks().iter().map(|track| track.seen.position_m).collect()
+    }
+
+    /// Indices of the parts that the newest frame does not show on the plate.
+    pub fn unseen(&self) -> Vec<usize> {
+        let tracks = self.tracker.tracks().iter().enumerate();
+        let is_unseen = |track: &Track| track.frames_unseen > 0 || self.is_off_plate(track);
+        tracks.filter(|(_, track)| is_unseen(track)).map(|(part, _)| part).collect()
+    }
+
+    /// Number of frames for which the longest missing part has been missing; 0 when the newest frame shows all on the
+    /// plate.
+    pub fn missing_for(&self) -> u32 {
+        self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
+    }
+
+    /// True for a part whose centre is beyond the edge: it has fallen, or is about to.
+    fn is_off_plate(&self, track: &Track) -> bool {
+        track.seen.position_m.amax() > 0.5 * self.table.side_m + EDGE_M
+    }
+
+    /// Number of frames, those that never arrived included, since frames of the present with an unobstructed view lack
+    /// a part.
+    pub fn plainly_missing_for(&self) -> u32 {
+        let (frames, came) = self.missing;
+        if came < LEAST_LOOKS { came } else { frames.round() as u32 }
+    }
+
+    /// Time of the newest frame's exposure.
+    pub fn seen_at(&self) -> PlateTime {
+        self.frame.exposed_at
+    }
+}

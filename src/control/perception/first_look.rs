@@ -1,0 +1,107 @@
+//! The first look: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
+
+use std::ops::ControlFlow::{Break, Continue};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use super::scene::HAND_S;
+use crate::Sink;
+use crate::condition::Condition;
+use crate::conditions::Conditions;
+use crate::run_end::{OrEnd, RunEnd, check_stop, flow};
+use upm_core::geometry::Vec2;
+use upm_core::rig::{Rig, RigModel};
+use upm_core::signal::Frame;
+use upm_core::time::Clock;
+use upm_perception::vision::{DebugImages, Table, locate_table_in_stages};
+
+/// Sampling points across the plate for the check of the exposure.
+const ACROSS: usize = 24;
+/// Distance from the plate's middle at which the ground beside it is sampled, in half sides.
+const BESIDE: f64 = 1.06;
+
+/// Captures frames until one shows the table. Returns the table, the stages of the search and the time at which it
+/// began.
+pub(super) fn find_table(
+    rig: &mut dyn Rig,
+    model: &RigModel,
+    frame: &mut Frame,
+    sink: &mut dyn Sink,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+) -> OrEnd<(Table, DebugImages, Duration)> {
+    let mut why = String::new();
+    let mut stages = DebugImages::default();
+    let mut conditions = Conditions::default();
+    let since = rig.now();
+    while why.is_empty() || rig.now().secs_since(since) < HAND_S {
+        check_stop(stop)?;
+        flow(rig.capture(frame))?;
+        let started = clock.elapsed();
+        match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {
+            Ok(table) if !is_overexposed(frame, &table) => {
+                conditions.end_run(frame.exposed_at, sink);
+                return Continue((table, stages, started));
+            }
+            Ok(_) => why = "the plate or the ground is overexposed".to_owned(),
+            Err(fault) => why = fault.to_string(),
+        }
+        let reason = || format!("no table in the camera's frames: {why}");
+        conditions.note(frame.exposed_at, Condition::TableMissing, reason, sink);
+        conditions.end_cycle(frame.exposed_at, sink);
+    }
+    Break(RunEnd::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
+}
+
+/// True when most of the plate, or of the ground beside it, is saturated: the plate's sides then appear up to half a
+/// pixel too far out, or in.
+fn is_overexposed(frame: &Frame, table: &Table) -> bool {
+    let half_m = 0.5 * table.side_m;
+    let steps = || (0..ACROSS).map(|i| (2.0 * (i as f64 + 0.5) / ACROSS as f64 - 1.0) * half_m);
+    let plate = steps().flat_map(|x| steps().map(move |y| (x, y)));
+    let out_m = BESIDE * half_m;
+    let ground = steps().flat_map(|t| [(t, out_m), (t, -out_m), (out_m, t), (-out_m, t)]);
+    is_mostly_white(frame, table, plate) || is_mostly_white(frame, table, ground)
+}
+
+fn is_mostly_white(frame: &Frame, table: &Table, places_m: impl Iterator<Item = (f64, f64)>) -> bool {
+    let (mut seen, mut white) = (0, 0);
+    for (x, y) in places_m {
+        let at = table.image_from_table(Vec2::new(x, y));
+        let is_inside = at.x >= 0.0 && at.y >= 0.0 && at.x < frame.width as f64 && at.y < frame.height as f64;
+        let Some(&level) = frame.pixels.get(at.y as usize * frame.width + at.x as usize).filter(|_| is_inside) else {
+            continue;
+        };
+        seen += 1;
+        white += u32::from(level == u8::MAX);
+    }
+    2 * white > seen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::Lens;
+
+    /// A square of 200 px in the middle of a picture of 300 px.
+    fn pictured(plate: u8, ground: u8) -> (Frame, Table) {
+        let mut frame = Frame::new(300, 300);
+        for (i, pixel) in frame.pixels.iter_mut().enumerate() {
+            let inside = |at: usize| (50..250).contains(&at);
+            *pixel = if inside(i % 300) && inside(i / 300) { plate } else { ground };
+        }
+        let lens = Lens::ideal(1000.0, Vec2::repeat(149.5));
+        let corners = [(49.5, 49.5), (249.5, 49.5), (249.5, 249.5), (49.5, 249.5)].map(|(x, y)| Vec2::new(x, y));
+        (frame, Table::from_ideal_corners(corners, 0.2, &lens).unwrap())
+    }
+
+    #[test]
+    fn white_plates_and_white_grounds_are_overexposed() {
+        for (plate, ground, is_white) in
+            [(225, 12, false), (254, 12, false), (255, 12, true), (40, 255, true), (40, 200, false)]
+        {
+            let (frame, table) = pictured(plate, ground);
+            assert_eq!(is_overexposed(&frame, &table), is_white, "{plate} on {ground}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Expected effect of a pulse in the camera's frames: the parts' displacement and the plate's swing.
+
+use std::ops::ControlFlow::{Break, Continue};
+
+use super::scene::Blind;
+use super::{Perception, REACH_M};
+use crate::Sink;
+use crate::condition::Condition;
+use crate::guards::{Late, PlateSwing, StaleReason, SwingSeen};
+use crate::run_end::{OrEnd, RunEnd};
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
+
+/// Additional tolerance for a part's place after a pulse, as a share of its forecast displacement.
+const REACH_OF_WAY: f64 = 0.7;
+/// Distance beyond the tolerance, m, from which on the detection is another disc: not even a hand pushes a part that
+/// far from one look to the next.
+const LEAP_M: f64 = 0.04;
+
+impl Perception {
+    /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None`
+    /// where the library gives no forecast.
+    pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<PlateSwing>) {
+        let places_m = self.positions_m();
+        self.expected_m = match forecast_m {
+            Some(forecast_m) => {
+                let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
+                places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect()
+            }
+            None => Vec::new(),
+        };
+        if let Some(swing) = swing {
+            self.delay.begin(at.secs(), swing);
+        }
+        (self.silenced, self.relocated) = (false, false);
+    }
+
+    /// Pixels per metre on the plate.
+    pub fn px_per_m(&self) -> f64 {
+        self.table.mean_px_per_m()
+    }
+
+    /// How the frames of the last pulse show the planned swing of the plate.
+    pub(crate) fn swing_seen(&self) -> SwingSeen {
+        self.delay.swing_seen()
+    }
+
+    /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
+    pub fn is_relocated(&self) -> bool {
+        self.relocated
+    }
+
+    /// True once after the table was located anew, unless a pulse has begun since.
+    pub fn take_relocated(&mut self) -> bool {
+        std::mem::take(&mut self.relocated)
+    }
+
+    /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
+    pub(crate) fn late(&mut self) -> Option<Late> {
+        self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
+    }
+
+    /// True once a frame has differed from the first.
+    pub fn has_changed(&self) -> bool {
+        self.scene.has_changed()
+    }
+
+    /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
+    /// of the present; `None` for a frame of the present.
+    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Blind> {
+        let stale = self.scene.stale(&self.frame, now);
+        let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
+        let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has_code("camera_still");
+        let stale = stale.or(stands_still.then_some(Blind::Stale(StaleReason::Repeated)));
+        stale.filter(|blind| self.guards.has(blind.condition()))
+    }
+
+    /// Obstruction of the view in a frame that lacks a part while the plate may move.
+    pub(super) fn covered(&mut self) -> Option<Blind> {
+        let covered =
+            if self.missing_for() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
+        covered.filter(|blind| self.guards.has(blind.condition()))
+    }
+
+    /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
+    pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> OrEnd {
+        let places_m = self.positions_m();
+        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
+        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
+        let leaps =
+            |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > reach_m + LEAP_M;
+        let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
+        let are_many = far >= 2 && 2 * far > places_m.len();
+        if !(are_many || is_leap) || !self.guards.has(Condition::PartsJumped) {
+            return Continue(());
+        }
+        let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
+        self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
+        Break(RunEnd::guarded(Condition::PartsJumped, reason))
+    }
+}

@@ -1,0 +1,226 @@
+//! Repeated localisation of table and parts: after a knock, and before a goal counts as reached.
+
+use std::ops::ControlFlow::{Break, Continue};
+use std::sync::atomic::AtomicBool;
+
+use super::naming::match_parts;
+use super::settling::{PlateInImage, SWING_S};
+use super::{FramePurpose, Perception, TABLE_LOOKS};
+use crate::condition::Condition;
+use crate::run_end::{OrEnd, RunEnd, check_stop};
+use crate::{ConfirmedFacts, LocalisedFacts, Sink};
+use upm_core::geometry::Vec2;
+use upm_core::rig::Rig;
+use upm_core::time::Clock;
+use upm_perception::vision::{CoinFinder, DebugImages, Detection, Table, Tracker, locate_table_in_stages};
+
+/// Allowed change of the distances between corners where the table is located anew: px, plus this share of the corners'
+/// displacement.
+const SHAPE_PX: f64 = 0.5;
+const SHAPE_OF_WAY: f64 = 0.02;
+/// Consecutive looks at rest that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
+const MOVED: u32 = 6;
+/// Largest difference between looks that show the same displacement of a corner, px.
+const SAME_PLACE_PX: f64 = 0.3;
+/// Number of looks with the table located anew before a goal counts as reached.
+const CONFIRMING_LOOKS: usize = 2;
+/// Number of consecutive looks at a still plate before these.
+const STILL_LOOKS: usize = 2;
+/// Largest differences of corners and parts between such looks.
+const SAME_CORNER_PX: f64 = 0.7;
+const SAME_PART_M: f64 = 0.2e-3;
+
+/// Table and parts of one frame, located without prior knowledge.
+pub(super) struct Relocated {
+    table: Table,
+    found: Vec<Detection>,
+    stages: DebugImages,
+    localise_us: f64,
+}
+
+/// Reason for a repeated localisation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Relocation {
+    /// The plate was seen elsewhere and may still swing.
+    Knocked,
+    /// The plate has swung out since.
+    SwungOut,
+}
+
+/// True when the corners of `table` are as far apart as those of `before`. Knocks of camera or plate preserve these
+/// distances up to perspective; a hand at a corner does not.
+fn has_shape_of(table: &Table, before: &Table) -> bool {
+    let moved = table.corners_px.iter().zip(&before.corners_px).map(|(now, before)| (now - before).norm());
+    let allowed_px = SHAPE_PX + SHAPE_OF_WAY * moved.fold(0.0, f64::max);
+    let pairs = (0..4).flat_map(|a| (0..a).map(move |b| [a, b]));
+    let apart_px = |of: &Table, [a, b]: [usize; 2]| (of.corners_px[a] - of.corners_px[b]).norm();
+    pairs.into_iter().all(|pair| (apart_px(table, pair) - apart_px(before, pair)).abs() < allowed_px)
+}
+
+impl Perception {
+    /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
+    fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
+        let (mut stages, started) = (DebugImages::default(), clock.elapsed());
+        let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
+        let table = table.map_err(|fault| fault.to_string())?;
+        if !has_shape_of(&table, &self.table) && self.guards.has_code("table_shape") {
+            return Err(
+                "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
+            );
+        }
+        let size = [self.frame.width, self.frame.height];
+        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
+        let found = finder.find(&self.frame);
+        stages.disk_response = finder.response();
+        let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
+        Ok(Relocated { table, found, stages, localise_us })
+    }
+
+    /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
+    pub(super) fn settle_place(&mut self, place: &PlateInImage, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
+        let corner_px = match *place {
+            PlateInImage::Elsewhere { corner_px } => corner_px,
+            PlateInImage::SwungOut => return self.locate_swung_out(sink, clock),
+            PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
+                self.displaced = 0;
+                return Continue(());
+            }
+        };
+        if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
+            // late pictures show a plate at rest as still swinging
+            return Continue(());
+        }
+        // a plate that still swings in the picture is soon elsewhere
+        let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
+        (self.displaced, self.displaced_px) =
+            if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
+        if self.displaced < MOVED {
+            return Continue(());
+        }
+        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
+        let reason = || format!("the plate has moved in the picture {by}; it is located anew");
+        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
+        match self.locate(clock) {
+            Ok(found) => self.relocate(found, Relocation::Knocked, sink),
+            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Break(RunEnd::guarded(
+                Condition::CameraMoved,
+                format!("the plate has moved in the picture {by}: {fault}"),
+            )),
+            Err(_) => Continue(()),
+        }
+    }
+
+    /// Locates table and parts once more when the plate has swung out from the knock that caused the last localisation.
+    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
+        self.displaced = 0;
+        match self.locate(clock) {
+            Ok(found) => self.relocate(found, Relocation::SwungOut, sink),
+            Err(_) => Continue(()),
+        }
+    }
+
+    /// Continues with a table that was located anew.
+    fn relocate(&mut self, located: Relocated, after: Relocation, sink: &mut dyn Sink) -> OrEnd {
+        let Relocated { table, found, stages, localise_us } = located;
+        let count = found.len();
+        let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
+        for (part, (expected_m, _)) in before.iter_mut().zip(&self.expected_m) {
+            part.position_m = *expected_m;
+        }
+        let Some((detections, _)) = match_parts(found, &before) else {
+            let expected = before.len();
+            let reason =
+                format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
+            return Break(RunEnd::guarded(Condition::CameraMoved, reason));
+        };
+        let ways = detections.iter().zip(&self.expected_m);
+        let off_m =
+            |(part, (expected_m, reach_m)): (&Detection, &(Vec2, f64))| (part.position_m - expected_m).norm() - reach_m;
+        let too_far_m = ways.map(off_m).fold(0.0, f64::max);
+        if too_far_m > 0.0 && self.guards.has(Condition::PartsJumped) {
+            let reason = format!(
+                "the plate has moved in the picture, and a part is {:.1} mm farther than it can be from its place",
+                too_far_m * 1e3
+            );
+            return Break(RunEnd::guarded(Condition::PartsJumped, reason));
+        }
+        let frame = &self.frame;
+        sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
+        let swings = after == Relocation::Knocked;
+        self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
+        self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
+        (self.table, self.displaced) = (table, 0);
+        self.relocated |= swings;
+        self.delay.forget_seen();
+        Continue(())
+    }
+
+    /// Takes two more looks with table and parts located without prior knowledge; true when both agree with the
+    /// tracking. Where they do not, the new localisation replaces the tracked one.
+    ///
+    /// # Errors
+    /// As [`Perception::look`].
+    pub fn confirm(
+        &mut self,
+        rig: &mut dyn Rig,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> OrEnd<bool> {
+        self.let_swing_out(rig, sink, clock, stop)?;
+        for _ in 0..CONFIRMING_LOOKS {
+            let located = self.locate_at_rest(rig, sink, clock, stop)?;
+            let corners = located.table.corners_px.iter().zip(&self.table.corners_px);
+            let off_px = corners.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let tracked: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
+            let same = match_parts(located.found.clone(), &tracked).filter(|(_, off_m)| *off_m < SAME_PART_M);
+            if let Some((parts, part_m)) = same.filter(|_| off_px < SAME_CORNER_PX) {
+                let parts_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
+                let at = self.frame.exposed_at;
+                sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
+            } else {
+                let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
+                self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
+                self.relocate(located, Relocation::Knocked, sink)?;
+                return Continue(false);
+            }
+        }
+        Continue(true)
+    }
+
+    /// Waits until the plate is still in the picture, for at most the time a plate that was not knocked takes.
+    fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> OrEnd {
+        let until = rig.settled_at().max(self.frame.exposed_at) + SWING_S;
+        // a swinging plate passes its rest position for a moment
+        let mut still = 0;
+        while rig.now() < until && still < STILL_LOOKS {
+            check_stop(stop)?;
+            self.look(rig, FramePurpose::Pulse, sink, clock)?;
+            still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
+        }
+        Continue(())
+    }
+
+    fn locate_at_rest(
+        &mut self,
+        rig: &mut dyn Rig,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+    ) -> OrEnd<Relocated> {
+        let mut last = None;
+        for _ in 0..TABLE_LOOKS {
+            while !self.look(rig, FramePurpose::Pulse, sink, clock)? {
+                check_stop(stop)?;
+            }
+            match self.locate(clock) {
+                Ok(located) => return Continue(located),
+                Err(fault) => last = Some(fault),
+            }
+        }
+        let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
+        let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
+        self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
+        Break(RunEnd::guarded(Condition::TableMissing, reason))
+    }
+}

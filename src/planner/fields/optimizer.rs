@@ -1,0 +1,190 @@
+//! Search for a motion whose pulse gives every part its step.
+//!
+//! Damped least squares on the parts' final positions (Levenberg, Marquardt), with two additions. A change of the
+//! motion is measured by the motor counts it requires, and no change exceeds a fixed share of the motion. After every
+//! change the motion is scaled up to the motors' limit: strong motions carry parts fast and hardly brake moving ones.
+//!
+//! Errors count with their squares, so a part far from its end may drift a little sideways if that advances the parts
+//! as a whole. With reachable ends the drift vanishes as the search converges.
+
+use std::cell::RefCell;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::harmonic_basis::HarmonicBasis;
+use super::motor_effort::MotorEffort;
+use super::rollout::{Rollout, RolloutDisc};
+use super::separation::SeparationPenalty;
+use upm_core::signal::Envelope;
+
+/// Trust region: longest change of a motion, relative to the motion, at first; its factors after a success and a
+/// failure, and its bounds.
+const REACH: f64 = 0.3;
+const WIDER: f64 = 1.6;
+const WIDEST: f64 = 0.8;
+const NARROWER: f64 = 0.35;
+const NARROWEST: f64 = 0.01;
+/// Levenberg-Marquardt damping: least value relative to the mean eigenvalue, factor of each raise, number of raises at
+/// first and at most.
+const DAMPING: f64 = 1e-5;
+const MORE_DAMPING: f64 = 3.0;
+const RAISED: i32 = 6;
+const MOST_RAISED: i32 = 64;
+/// A start is softened when its best scale factor is below this.
+const SOFTEN: f64 = 0.8;
+/// Relative remaining error at which the search ends early.
+const GOOD: f64 = 0.02;
+
+/// Problem of the search: the motions, the parts and their steps.
+#[derive(Clone, Copy)]
+pub(super) struct ShootingProblem<'a> {
+    pub waves: &'a HarmonicBasis,
+    pub strength: &'a MotorEffort,
+    pub discs: &'a [RolloutDisc],
+    /// Wanted step of every part, x and y in turn, m.
+    pub steps_m: &'a DVector<f64>,
+    pub envelope: &'a Envelope,
+    /// Directions in which parts must keep their distance.
+    pub guards: &'a [SeparationPenalty],
+    pub spare: &'a RolloutPool,
+}
+
+/// Pool of courses no longer in use, kept to reuse their large buffers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RolloutPool(RefCell<Vec<Rollout>>);
+
+impl RolloutPool {
+    fn take(&self) -> Rollout {
+        self.0.borrow_mut().pop().unwrap_or_default()
+    }
+
+    pub fn keep(&self, shot: Iterate) {
+        self.0.borrow_mut().push(shot.course);
+    }
+}
+
+/// A motion and its effect on the parts.
+#[derive(Clone, Debug)]
+pub(super) struct Iterate {
+    pub coefficients: Vec<f64>,
+    pub course: Rollout,
+    went_m: DVector<f64>,
+    /// Sum of the squared remaining steps, guards included, m².
+    cost: f64,
+}
+
+impl Iterate {
+    /// Remaining part of the steps: ratio of the root sums of squares.
+    pub fn left(&self, steps_m: &DVector<f64>) -> f64 {
+        (steps_m - &self.went_m).norm() / steps_m.norm()
+    }
+}
+
+impl ShootingProblem<'_> {
+    /// Iterate of `start` scaled to the motors' limit.
+    pub fn shot(&self, start: &[f64]) -> Iterate {
+        let mut coefficients = start.to_vec();
+        self.strength.fill(self.waves, &mut coefficients);
+        let mut course = self.spare.take();
+        course.run(self.waves, &coefficients, self.envelope, self.discs);
+        let went = course.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
+        let went_m = DVector::from_iterator(self.steps_m.len(), went);
+        let missing_m = self.steps_m - &went_m;
+        let guarded: f64 = self.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
+        Iterate { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
+    }
+
+    /// Iterate of `start`, weakened where it carries parts too far or backwards. A motion without even harmonics
+    /// retraces in the second half of a period its path of the first and carries parts nowhere; net displacement is
+    /// therefore roughly proportional to the even harmonics.
+    pub fn regularized_step(&self, start: &[f64]) -> Iterate {
+        let shot = self.shot(start);
+        let share = shot.went_m.dot(self.steps_m) / shot.went_m.norm_squared();
+        if share.is_nan() || share > SOFTEN {
+            return shot;
+        }
+        let even = |j: usize| self.waves.harmonic_of(j).is_multiple_of(2);
+        let soft = |(j, c): (usize, &f64)| if even(j) { c * share.max(0.0) } else { *c };
+        let softened = self.shot(&start.iter().enumerate().map(soft).collect::<Vec<f64>>());
+        self.cheaper(softened, shot)
+    }
+
+    fn cheaper(&self, a: Iterate, b: Iterate) -> Iterate {
+        let (cheaper, other) = if a.cost < b.cost { (a, b) } else { (b, a) };
+        self.spare.keep(other);
+        cheaper
+    }
+
+    /// Improves `shot` in at most `rounds` rounds.
+    pub fn improved(&self, mut shot: Iterate, rounds: usize) -> Iterate {
+        let good = (GOOD * self.steps_m.norm()).powi(2);
+        let mut reach = REACH;
+        let mut slopes = None;
+        let mut raised = RAISED;
+        for _ in 0..rounds {
+            if shot.cost < good || reach < NARROWEST {
+                break;
+            }
+            let of_shot = slopes.get_or_insert_with(|| self.slopes(&shot));
+            let Some(change) = self.change(of_shot, &shot, reach, &mut raised) else { break };
+            let changed: Vec<f64> = shot.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
+            let next = self.shot(&changed);
+            if next.cost < shot.cost {
+                slopes = None;
+                reach = (WIDER * reach).min(WIDEST);
+            } else {
+                reach *= NARROWER;
+            }
+            shot = self.cheaper(next, shot);
+        }
+        shot
+    }
+
+    /// Slopes of the remaining error, guards included, by motor counts, one column for each.
+    fn slopes(&self, shot: &Iterate) -> DMatrix<f64> {
+        let (n, ends) = (self.waves.len(), self.steps_m.len());
+        let mut slopes = shot.course.slopes(self.waves).resize_horizontally(ends + self.guards.len(), 0.0);
+        for (mut row, weight) in slopes.row_iter_mut().zip(&self.strength.weights) {
+            row /= weight.sqrt();
+        }
+        for (k, guard) in self.guards.iter().enumerate() {
+            let sum = guard.terms().fold(DVector::zeros(n), |sum, (end, factor)| sum + slopes.column(end) * factor);
+            slopes.set_column(ends + k, &sum);
+        }
+        slopes
+    }
+
+    /// The least damped change of the motion that follows the slopes and is no longer than `reach` times the motion.
+    /// `raised` is the number of times damping was raised, carried over from the previous change.
+    fn change(&self, slopes: &DMatrix<f64>, shot: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
+        let missing_m = self.steps_m - &shot.went_m;
+        let guarded = self.guards.iter().map(|guard| guard.missing(shot.went_m.as_slice()));
+        let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(guarded));
+        let normal = slopes.tr_mul(slopes);
+        let least = DAMPING * normal.trace() / normal.nrows() as f64;
+        let longest = reach * self.strength.norm(&shot.coefficients);
+        let damped = |raised: i32| {
+            let mut damped = normal.clone();
+            let damping = least * MORE_DAMPING.powi(raised);
+            (0..damped.nrows()).for_each(|i| damped[(i, i)] += damping);
+            Some(slopes * damped.cholesky()?.solve(&missing))
+        };
+        let mut change = damped(*raised)?;
+        while change.norm() > longest {
+            *raised += 1;
+            if *raised > MOST_RAISED {
+                return None;
+            }
+            change = damped(*raised)?;
+        }
+        while *raised > 0 {
+            let longer = damped(*raised - 1)?;
+            if longer.norm() > longest {
+                break;
+            }
+            *raised -= 1;
+            change = longer;
+        }
+        Some(change.iter().zip(&self.strength.weights).map(|(d, w)| d / w.sqrt()).collect())
+    }
+}

@@ -1,0 +1,195 @@
+//! Paths of the parts under a motion, and their slopes by the motion.
+//!
+//! ```text
+//!   slip  s = u(p, t) - v        u: the plate's velocity under the part, v: the part's
+//!   dv/dt = μ g s / sqrt(|s|² + κ R² ω² + ε²)      dp/dt = v
+//! ```
+//!
+//! This is Coulomb friction of a disc of radius R that slides and turns at ω against the plate: with κ it passes
+//! through the closed form of Farkas et al. (Phys. Rev. Lett. 90, 248302) at equal sliding and rim speed, and differs
+//! from it by 4 % at most for slower turning. The disc's own turning is left out: it is slow beside the plate's. The ε
+//! keeps the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
+//!
+//! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
+//! the cost of one course. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
+//! slope.
+
+use nalgebra::DMatrix;
+
+use super::harmonic_basis::{HarmonicBasis, Lanes, PlateInstant};
+use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
+use upm_core::units::GRAVITY_MPS2;
+
+/// κ, see the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
+const KAPPA: f64 = 0.388;
+/// ε, slip below which friction is smoothed to zero, m/s.
+const EPSILON_MPS: f64 = 1e-3;
+/// SIMD lanes: parts integrated side by side.
+const LANES: usize = 8;
+
+/// A part at rest before the pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RolloutDisc {
+    pub position_m: Vec2,
+    pub radius_m: f64,
+    /// Coefficient of Coulomb friction against the plate.
+    pub friction: f64,
+}
+
+/// Courses of all parts in a pulse; the steps are kept for the adjoint.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rollout {
+    steps: Vec<PlateStep>,
+    groups: Vec<Group>,
+    /// Positions where the parts come to rest, m.
+    pub ends_m: Vec<Vec2>,
+}
+
+/// Motion of the plate during one time step.
+#[derive(Clone, Copy, Debug)]
+struct PlateStep {
+    phase: usize,
+    /// Height of the envelope.
+    height: f64,
+    plate: PlateInstant,
+}
+
+/// State of up to eight parts, one per lane; vectors are stored as x and y.
+#[derive(Clone, Debug, Default)]
+struct Group {
+    /// Change of speed by full friction in a step, `μ g dt`, m/s.
+    pull_mps: Lanes,
+    /// `κ R²`, m².
+    turning_m2: Lanes,
+    /// `1/(2 μ g)`, s²/m.
+    coasting: Lanes,
+    /// State before every step.
+    states: Vec<RolloutState>,
+    /// Velocity when the motors fall silent, m/s.
+    last_mps: [Lanes; 2],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct RolloutState {
+    /// Position from the plate's centre, m.
+    arm_m: [Lanes; 2],
+    /// Fraction of full friction, a vector: `s / sqrt(|s|² + κ R² ω² + ε²)`.
+    pull: [Lanes; 2],
+    /// `1 / sqrt(|s|² + κ R² ω² + ε²)`, s/m.
+    inverse: Lanes,
+}
+
+impl Rollout {
+    /// Computes the course of `discs` under the motion `coefficients` of `waves` and `envelope`.
+    pub fn run(&mut self, waves: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) {
+        let motion = waves.motion(coefficients);
+        let dt = waves.step_s();
+        let count = (envelope.sounding_s() / dt).round() as usize;
+        self.steps.clear();
+        self.steps.extend(waves.phases().take(count).enumerate().map(|(k, phase)| {
+            let height = envelope.at((k as f64 + 0.5) * dt);
+            PlateStep { phase, height, plate: motion[phase] * height }
+        }));
+        self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
+        self.ends_m.clear();
+        for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
+            let [x, y] = group.play(&self.steps, dt, discs).map(Lanes::to_array);
+            self.ends_m.extend(discs.iter().zip(x).zip(y).map(|((_, x), y)| Vec2::new(x, y)));
+        }
+    }
+
+    /// Positions of all parts along the course, every `every` steps, and at its end.
+    pub fn places_m(&self, every: usize) -> impl Iterator<Item = Vec<Vec2>> + '_ {
+        let at = move |step: usize| {
+            let offset_m = self.steps[step].plate.offset_m;
+            let places = self.groups.iter().flat_map(move |group| {
+                let [x, y] = group.states[step].arm_m.map(Lanes::to_array);
+                x.into_iter().zip(y).map(move |(x, y)| Vec2::new(x, y) + offset_m)
+            });
+            places.take(self.ends_m.len()).collect()
+        };
+        (0..self.steps.len()).step_by(every.max(1)).map(at).chain(std::iter::once_with(|| self.ends_m.clone()))
+    }
+
+    /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
+    pub fn slopes(&self, waves: &HarmonicBasis) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(waves.len(), 2 * self.ends_m.len());
+        let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; waves.samples]);
+        for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
+            for axis in 0..2 {
+                by_motion.iter_mut().for_each(|series| series.fill(Lanes::ZERO));
+                group.adjoint(axis, &self.steps, waves.step_s(), &mut by_motion);
+                for (j, of_parts) in waves.slopes(&by_motion).enumerate() {
+                    let ends = (first + axis..slopes.ncols()).step_by(2);
+                    ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
+                }
+            }
+        }
+        slopes
+    }
+}
+
+impl Group {
+    /// Moves `discs` from rest through `steps` until they have coasted to rest; returns their final positions, m.
+    fn play(&mut self, steps: &[PlateStep], dt: f64, discs: &[RolloutDisc]) -> [Lanes; 2] {
+        let each = |of: fn(&RolloutDisc) -> f64, idle: f64| {
+            Lanes::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
+        };
+        let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
+        let pull_mps = friction_mps2 * dt;
+        let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);
+        let coasting = 0.5 / friction_mps2;
+        let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
+        let [mut vx, mut vy] = [Lanes::ZERO; 2];
+        self.states.clear();
+        self.states.extend(steps.iter().map(|PlateStep { plate, .. }| {
+            let spin = plate.spin_radps;
+            let arm_m = [x - plate.offset_m.x, y - plate.offset_m.y];
+            let slip = [plate.velocity_mps.x - vx - arm_m[1] * spin, plate.velocity_mps.y - vy + arm_m[0] * spin];
+            let square = slip[0] * slip[0] + slip[1] * slip[1] + turning_m2 * (spin * spin);
+            let inverse = 1.0 / (square + EPSILON_MPS * EPSILON_MPS).sqrt();
+            let pull = slip.map(|slip| slip * inverse);
+            vx += pull[0] * pull_mps;
+            vy += pull[1] * pull_mps;
+            x += vx * dt;
+            y += vy * dt;
+            RolloutState { arm_m, pull, inverse }
+        }));
+        (self.pull_mps, self.turning_m2, self.coasting) = (pull_mps, turning_m2, coasting);
+        self.last_mps = [vx, vy];
+        let coasts_s = (vx * vx + vy * vy).sqrt() * coasting;
+        [x + vx * coasts_s, y + vy * coasts_s]
+    }
+
+    /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).
+    fn adjoint(&self, axis: usize, steps: &[PlateStep], dt: f64, by_motion: &mut [Vec<Lanes>; 3]) {
+        let mut by_place = [Lanes::ZERO; 2];
+        by_place[axis] = Lanes::ONE;
+        let mut by_speed = self.coasting_slope(axis);
+        let [by_x, by_y, by_spin] = by_motion;
+        for (state, &PlateStep { phase, height, plate }) in self.states.iter().zip(steps).rev() {
+            let spin = plate.spin_radps;
+            by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
+            let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];
+            let pull = self.pull_mps * state.inverse;
+            let across = [0, 1].map(|i| (by_speed[i] - state.pull[i] * along) * pull);
+            let by_turning = pull * self.turning_m2 * state.inverse * along * spin;
+            by_x[phase] += across[0] * height;
+            by_y[phase] += across[1] * height;
+            by_spin[phase] += (across[1] * state.arm_m[0] - across[0] * state.arm_m[1] - by_turning) * height;
+            by_speed = [by_speed[0] - across[0], by_speed[1] - across[1]];
+            by_place = [by_place[0] + across[1] * spin, by_place[1] - across[0] * spin];
+        }
+    }
+
+    /// Slope of the distance coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.
+    fn coasting_slope(&self, axis: usize) -> [Lanes; 2] {
+        let [vx, vy] = self.last_mps;
+        // avoids 0/0 for a part at rest: it does not coast in any direction
+        let speed = (vx * vx + vy * vy).sqrt().max(Lanes::splat(f64::MIN_POSITIVE));
+        let mut slope = [vx, vy].map(|v| v * self.last_mps[axis] / speed);
+        slope[axis] += speed;
+        slope.map(|slope| slope * self.coasting)
+    }
+}

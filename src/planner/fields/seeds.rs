@@ -1,0 +1,209 @@
+//! Library of start motions: a few hundred random ones, each with a table of its mean friction over the plate.
+//!
+//! Rotating the plate by quarter turns and mirroring it give further motions with the same tables, and a motion run
+//! backwards pushes in the opposite direction. The search starts from the best of these thousands for the present
+//! parts.
+
+use std::cmp::Ordering;
+
+use upm_core::geometry::Vec2;
+use upm_core::random::Streams;
+
+use super::harmonic_basis::{HarmonicBasis, Lanes, PlateInstant};
+
+/// Motions that have a table, eight at a time.
+const MOTIONS: usize = 8 * EIGHTS;
+const EIGHTS: usize = 24;
+/// Nodes of a table along a side of the plate.
+const NODES: usize = 17;
+/// Phases of a period over which a mean is taken, eight at a time.
+const PHASES: usize = 96;
+/// Squared speed below which friction fades, relative to the motion's mean square: mean fields are evaluated for parts
+/// at rest.
+const SOFT: f64 = 1e-4;
+/// Price of a displacement across the wanted step, relative to one along it.
+const ASTRAY: f64 = 0.3;
+
+/// One of the eight symmetries of a square.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Symmetry {
+    quarters: usize,
+    mirrored: bool,
+}
+
+impl Symmetry {
+    const COUNT: usize = 8;
+
+    fn number(i: usize) -> Self {
+        Self { quarters: i % 4, mirrored: i >= 4 }
+    }
+
+    /// Image of `v`: mirrored first (x changes sign), then turned.
+    fn onto(self, v: Vec2) -> Vec2 {
+        let v = if self.mirrored { Vec2::new(-v.x, v.y) } else { v };
+        (0..self.quarters).fold(v, |v, _| Vec2::new(-v.y, v.x))
+    }
+
+    fn back(self, v: Vec2) -> Vec2 {
+        let v = (0..self.quarters).fold(v, |v, _| Vec2::new(v.y, -v.x));
+        if self.mirrored { Vec2::new(-v.x, v.y) } else { v }
+    }
+}
+
+/// Random motions and their mean push on parts at rest.
+#[derive(Clone, Debug)]
+pub(super) struct SeedLibrary {
+    half_side_m: f64,
+    motions: Vec<Vec<f64>>,
+    /// `mean_forces[row * NODES + column]`: mean direction of the slip, x and y, for eight motions at a time.
+    pushes: Vec<[[Lanes; 2]; EIGHTS]>,
+}
+
+/// A motion of the bank under one symmetry and direction, with its expected score.
+struct SeedScore {
+    score: f64,
+    motion: usize,
+    symmetry: Symmetry,
+    reverse: bool,
+}
+
+impl SeedScore {
+    fn order(&self, other: &Self) -> Ordering {
+        other.score.total_cmp(&self.score).then(self.motion.cmp(&other.motion))
+    }
+}
+
+impl SeedLibrary {
+    /// The bank for these harmonics; deterministic, equal for equal harmonics.
+    pub fn new(waves: &HarmonicBasis, half_side_m: f64) -> Self {
+        let mut rng = Streams::new(0).stream("field bank");
+        let mut draw = || {
+            use rand::RngExt as _;
+            rng.random_range(-1.0..1.0)
+        };
+        let mut random = || (0..waves.len()).map(|j| draw() / waves.harmonic_of(j) as f64).collect::<Vec<f64>>();
+        let motions: Vec<Vec<f64>> = (0..MOTIONS).map(|_| random()).collect();
+        let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(waves, motion, half_side_m)).collect();
+        let pushes = |node: usize| {
+            std::array::from_fn(|k| {
+                let eight = |axis: usize| std::array::from_fn::<f64, 8, _>(|lane| tables[8 * k + lane][node][axis]);
+                [0, 1].map(|axis| Lanes::from(eight(axis)))
+            })
+        };
+        Self { half_side_m, motions, pushes: (0..NODES * NODES).map(pushes).collect() }
+    }
+
+    /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
+    pub fn best(&self, waves: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
+        let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
+        for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
+            promises.extend(self.promises(symmetry, positions_m, steps_m));
+        }
+        let count = count.min(promises.len());
+        if count == 0 {
+            return Vec::new();
+        }
+        promises.select_nth_unstable_by(count - 1, SeedScore::order);
+        promises.truncate(count);
+        promises.sort_by(SeedScore::order);
+        promises.iter().map(|promise| self.transformed(waves, promise)).collect()
+    }
+
+    /// Scores of all motions under `symmetry`.
+    fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = SeedScore> {
+        let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
+        let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
+        for (&p, &s) in positions_m.iter().zip(steps_m) {
+            let step = symmetry.back(s) / length_m;
+            for ([along, square], [x, y]) in sums.iter_mut().zip(self.pushes_at(symmetry.back(p))) {
+                *along += x * step.x + y * step.y;
+                *square += x * x + y * y;
+            }
+        }
+        let scored = move |(k, [along, square]): (usize, [Lanes; 2])| {
+            let astray = (square - along * along).max(Lanes::ZERO).sqrt();
+            let scores = (along.abs() - astray * ASTRAY).to_array();
+            let lanes = scores.into_iter().zip(along.to_array()).enumerate();
+            lanes.map(move |(lane, (score, along))| SeedScore {
+                score,
+                motion: 8 * k + lane,
+                symmetry,
+                reverse: along < 0.0,
+            })
+        };
+        sums.into_iter().enumerate().flat_map(scored)
+    }
+
+    /// Pushes of every motion under every symmetry on parts at rest at `positions_m`: mean directions of the slip.
+    pub fn all_pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+        (0..Symmetry::COUNT).map(Symmetry::number).flat_map(move |symmetry| {
+            let at: Vec<Vec<[Lanes; 2]>> =
+                positions_m.iter().map(|&p| self.pushes_at(symmetry.back(p)).collect()).collect();
+            (0..MOTIONS).map(move |motion| {
+                let push = |eights: &Vec<[Lanes; 2]>| {
+                    let [x, y] = eights[motion / 8].map(|lanes| lanes.to_array()[motion % 8]);
+                    symmetry.onto(Vec2::new(x, y))
+                };
+                at.iter().map(push).collect()
+            })
+        })
+    }
+
+    /// Pushes of all motions at `p_m`, in the order of the tables.
+    fn pushes_at(&self, p_m: Vec2) -> impl Iterator<Item = [Lanes; 2]> {
+        let (node, place) = self.node(p_m);
+        let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
+        let [left, low] = [1.0 - place.x, 1.0 - place.y];
+        let weights = [left * low, place.x * low, left * place.y, place.x * place.y];
+        (0..EIGHTS).map(move |k| {
+            [0, 1].map(|axis| {
+                let [a, b, c, d] = corners.map(|corner| corner[k][axis]);
+                (a * weights[0] + b * weights[1]) + (c * weights[2] + d * weights[3])
+            })
+        })
+    }
+
+    /// Coefficients of the motion with its symmetry and direction applied.
+    fn transformed(&self, waves: &HarmonicBasis, &SeedScore { motion, symmetry, reverse, .. }: &SeedScore) -> Vec<f64> {
+        let n = waves.per_axis();
+        let mut laid = self.motions[motion].clone();
+        let sign = if reverse { -1.0 } else { 1.0 };
+        for j in 0..n {
+            let along = symmetry.onto(Vec2::new(laid[j], laid[n + j])) * sign;
+            (laid[j], laid[n + j]) = (along.x, along.y);
+            laid[2 * n + j] *= if symmetry.mirrored { -sign } else { sign };
+        }
+        laid
+    }
+
+    /// The table's cell at `p_m`: its first node and the position in it, 0 to 1 on each axis.
+    fn node(&self, p_m: Vec2) -> (usize, Vec2) {
+        let cells = (NODES - 1) as f64;
+        let along = (p_m / (2.0 * self.half_side_m)).map(|v| (v + 0.5).clamp(0.0, 1.0) * cells);
+        let cell = along.map(|v| v.floor().min(cells - 1.0));
+        (cell.y as usize * NODES + cell.x as usize, along - cell)
+    }
+}
+
+fn table(waves: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
+    let phases = waves.motion(motion);
+    let phase = |i: usize| phases[i * phases.len() / PHASES];
+    let square = (0..PHASES).map(|i| phase(i).velocity_mps.norm_squared()).sum::<f64>() / PHASES as f64;
+    let eight = |first: usize| {
+        let each =
+            |of: fn(&PlateInstant) -> f64| Lanes::from(std::array::from_fn::<f64, 8, _>(|i| of(&phase(first + i))));
+        [each(|plate| plate.velocity_mps.x), each(|plate| plate.velocity_mps.y), each(|plate| plate.spin_radps)]
+    };
+    let eights: Vec<[Lanes; 3]> = (0..PHASES).step_by(8).map(eight).collect();
+    let at = |i: usize| half_side_m * (2.0 * i as f64 / (NODES - 1) as f64 - 1.0);
+    let mean = |p: Vec2| {
+        let push = |[sum_x, sum_y]: [Lanes; 2], [x, y, spin]: &[Lanes; 3]| {
+            let [slip_x, slip_y] = [*x - *spin * p.y, *y + *spin * p.x];
+            let inverse = 1.0 / (slip_x * slip_x + slip_y * slip_y + SOFT * square).sqrt();
+            [sum_x + slip_x * inverse, sum_y + slip_y * inverse]
+        };
+        let [x, y] = eights.iter().fold([Lanes::ZERO; 2], push).map(Lanes::reduce_add);
+        Vec2::new(x, y) / PHASES as f64
+    };
+    (0..NODES * NODES).map(|i| mean(Vec2::new(at(i % NODES), at(i / NODES)))).collect()
+}

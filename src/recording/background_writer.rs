@@ -1,0 +1,350 @@
+use std::fs::File;
+use std::io::{self, ErrorKind, Write};
+use std::time::Duration;
+
+use super::options::WriterStatus;
+use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, RecvTimeoutError, Unsent};
+use upm_core::time::Clock;
+
+/// Capacity of the queue, lines.
+const QUEUE: usize = 256;
+
+/// Longest time for which lines are gathered before they are written.
+const GATHER: Duration = Duration::from_millis(250);
+
+/// Most bytes gathered before they are written.
+const MOST_GATHERED_BYTES: usize = 1 << 16;
+
+/// Time after a commit at which the next one is due. Checked every [`GATHER`], so lines are committed within 1 s.
+const COMMIT: Duration = Duration::from_millis(750);
+
+/// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A writer that can commit its bytes to the disk, so that they survive a loss of power.
+pub trait SyncWrite: Write {
+    /// Returns when all bytes written so far are on the disk.
+    fn commit(&mut self) -> io::Result<()>;
+}
+
+impl SyncWrite for File {
+    fn commit(&mut self) -> io::Result<()> {
+        self.sync_data()
+    }
+}
+
+/// Writes lines on a background thread, so that a slow disk does not delay the run.
+///
+/// Every `write` is one line. Lines are written within 0.25 s and committed within 1 s, always whole ones. A fault of
+/// the thread is returned by the next `write` or by [`BackgroundWriter::finish`]; nothing is written after the first
+/// fault.
+#[derive(Debug)]
+pub struct BackgroundWriter {
+    /// `None` after the end.
+    lines: Option<Queue<Vec<u8>>>,
+    thread: BackgroundThread<io::Result<()>>,
+    overflow: OverflowPolicy,
+    watch: WriterStatus,
+    fault: Option<(ErrorKind, String)>,
+}
+
+impl BackgroundWriter {
+    /// Starts the thread that writes to `out`, at lower priority if `steps_back`; `watch` receives its status.
+    pub fn start(
+        mut out: impl SyncWrite + Send + 'static,
+        overflow: OverflowPolicy,
+        steps_back: bool,
+        clock: impl Clock + Send + 'static,
+        watch: WriterStatus,
+    ) -> io::Result<Self> {
+        let (lines, waiting) = Queue::bounded(QUEUE, overflow);
+        let told = watch.clone();
+        let thread = BackgroundThread::start("scribe", steps_back, move || {
+            let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
+            told.go_on();
+            written
+        })?;
+        Ok(Self { lines: Some(lines), thread, overflow, watch, fault: None })
+    }
+
+    /// Returns when every line is on the disk. `Err` with the first fault since the start.
+    pub fn finish(mut self) -> io::Result<()> {
+        let ended = self.end();
+        match self.fault.take() {
+            Some((kind, text)) => Err(io::Error::new(kind, text)),
+            None => ended,
+        }
+    }
+
+    /// Lets the thread write the queued lines and waits for it, as long as the overflow policy allows.
+    fn end(&mut self) -> io::Result<()> {
+        if self.lines.take().is_none() {
+            return Ok(());
+        }
+        let ended = match self.overflow {
+            OverflowPolicy::Wait => self.thread.wait(),
+            _ => self.thread.wait_within(PATIENCE),
+        };
+        ended.unwrap_or_else(|unfinished| match unfinished {
+            NoResult::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
+            NoResult::Died => Err(io::Error::other("the scribe's thread died")),
+        })
+    }
+
+    fn fail(&mut self, fault: &io::Error) -> io::Error {
+        self.watch.fail(fault);
+        let (kind, text) = self.fault.get_or_insert((fault.kind(), fault.to_string()));
+        io::Error::new(*kind, text.as_str())
+    }
+}
+
+impl Write for BackgroundWriter {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        if let Some((kind, text)) = &self.fault {
+            return Err(io::Error::new(*kind, text.as_str()));
+        }
+        match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
+            Some(Ok(())) => Ok(line.len()),
+            Some(Err(Unsent::Full(_))) => {
+                let lag = format!("the disk lags: {QUEUE} lines wait to be written");
+                Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
+            }
+            Some(Err(Unsent::Closed(_))) | None => {
+                let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
+                Err(self.fail(&fault))
+            }
+        }
+    }
+
+    /// Does nothing: the thread writes lines without it, and [`BackgroundWriter::finish`] waits for them.
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for BackgroundWriter {
+    fn drop(&mut self) {
+        if self.overflow == OverflowPolicy::Wait {
+            self.end().ok();
+        }
+    }
+}
+
+/// Body of the thread: writes and commits `lines` until their sender is gone.
+fn transcribe(
+    out: &mut impl SyncWrite,
+    lines: &Receiver<Vec<u8>>,
+    clock: &impl Clock,
+    watch: &WriterStatus,
+) -> io::Result<()> {
+    let (mut gathered, mut uncommitted) = (Vec::new(), false);
+    let mut written_at = clock.elapsed();
+    let mut committed_at = written_at;
+    loop {
+        let line = lines.recv_timeout(GATHER.saturating_sub(clock.elapsed().saturating_sub(written_at)));
+        match &line {
+            Ok(line) => gathered.extend_from_slice(line),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        let now = clock.elapsed();
+        watch.wait(now);
+        let due = line.is_err() || now.saturating_sub(written_at) >= GATHER;
+        if due || gathered.len() >= MOST_GATHERED_BYTES {
+            out.write_all(&gathered)?;
+            uncommitted |= !gathered.is_empty();
+            gathered.clear();
+            written_at = now;
+        }
+        if uncommitted && now.saturating_sub(committed_at) >= COMMIT {
+            out.commit()?;
+            uncommitted = false;
+            committed_at = now;
+        }
+        watch.go_on();
+    }
+    watch.wait(clock.elapsed());
+    out.write_all(&gathered)?;
+    out.commit()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::sync::{Arc, Mutex};
+    use std::thread;
+
+    use super::*;
+    use upm_core::time::{MonotonicClock, StoppedClock};
+
+    /// Calls of a simulated disk, in order.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    enum DiskCall {
+        Written(String),
+        Committed,
+    }
+
+    /// A simulated disk that records its calls. It blocks at a gate first, and is full after a given number of bytes.
+    #[derive(Clone, Default)]
+    struct RecordedDisk {
+        told: Arc<Mutex<Vec<DiskCall>>>,
+        gate: Arc<Mutex<()>>,
+        room_bytes: Option<usize>,
+    }
+
+    impl RecordedDisk {
+        fn told(&self) -> Vec<DiskCall> {
+            self.told.lock().unwrap().clone()
+        }
+
+        fn text(&self) -> String {
+            let text = |told| if let DiskCall::Written(text) = told { text } else { String::new() };
+            self.told().into_iter().map(text).collect()
+        }
+    }
+
+    impl Write for RecordedDisk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            drop(self.gate.lock().unwrap());
+            if let Some(room) = &mut self.room_bytes {
+                *room = room.checked_sub(bytes.len()).ok_or(ErrorKind::StorageFull)?;
+            }
+            self.told.lock().unwrap().push(DiskCall::Written(String::from_utf8(bytes.to_vec()).unwrap()));
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl SyncWrite for RecordedDisk {
+        fn commit(&mut self) -> io::Result<()> {
+            self.told.lock().unwrap().push(DiskCall::Committed);
+            Ok(())
+        }
+    }
+
+    /// A clock that advances by a fixed number of ms whenever it is read.
+    struct Steps(AtomicU64, u64);
+
+    impl Clock for Steps {
+        fn elapsed(&self) -> Duration {
+            Duration::from_millis(self.0.fetch_add(self.1, Ordering::Relaxed))
+        }
+    }
+
+    fn wait_until(mut done: impl FnMut() -> bool) {
+        for _ in 0..2000 {
+            if done() {
+                return;
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+        panic!("never came true");
+    }
+
+    #[test]
+    fn all_lines_are_written_in_order_and_committed_at_the_end() {
+        let disk = RecordedDisk::default();
+        let mut scribe =
+            BackgroundWriter::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default())
+                .unwrap();
+        let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
+        lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
+        scribe.finish().unwrap();
+        assert_eq!(disk.text(), lines);
+        assert_eq!(disk.told().last(), Some(&DiskCall::Committed));
+        assert!(disk.told().iter().all(|told| !matches!(told, DiskCall::Written(text) if !text.ends_with('\n'))));
+    }
+
+    #[test]
+    fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
+        let disk = RecordedDisk::default();
+        let mut scribe = BackgroundWriter::start(
+            disk.clone(),
+            OverflowPolicy::Wait,
+            false,
+            MonotonicClock::new(),
+            WriterStatus::default(),
+        )
+        .unwrap();
+        scribe.write_all(b"first\n").unwrap();
+        wait_until(|| disk.told().contains(&DiskCall::Committed));
+        assert_eq!(disk.told(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
+        scribe.finish().unwrap();
+    }
+
+    #[test]
+    fn a_stream_of_lines_is_written_every_quarter_of_a_second_and_committed_within_one() {
+        let disk = RecordedDisk::default();
+        let (lines, waiting) = Queue::bounded(QUEUE, OverflowPolicy::Wait);
+        (0..100).for_each(|i| lines.send(format!("{i}\n").into_bytes()).unwrap());
+        drop(lines);
+        // two readings a line: 20 ms a line
+        transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10), &WriterStatus::default()).unwrap();
+        let mut since_commit = 0;
+        for told in disk.told() {
+            match told {
+                DiskCall::Written(text) => {
+                    let lines = text.lines().count();
+                    since_commit += lines;
+                    assert!(lines <= 13, "{lines} lines of 20 ms each were gathered");
+                }
+                DiskCall::Committed => since_commit = 0,
+            }
+            assert!(since_commit <= 50, "{since_commit} lines of 20 ms each were not committed");
+        }
+        assert_eq!(disk.text().lines().count(), 100);
+    }
+
+    #[test]
+    fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
+        let disk = RecordedDisk::default();
+        let (gate, watch) = (disk.gate.lock().unwrap(), WriterStatus::default());
+        let mut scribe =
+            BackgroundWriter::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone())
+                .unwrap();
+        let fault = (0..9 * QUEUE).find_map(|_| {
+            thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
+            scribe.write_all(b"x\n").err()
+        });
+        assert_eq!(fault.unwrap().kind(), ErrorKind::WouldBlock);
+        assert!(watch.waits_since().is_some());
+        assert_eq!(watch.fault(), Some("the disk lags: 256 lines wait to be written"));
+        drop(gate);
+        wait_until(|| disk.text().len() >= 2 * QUEUE);
+        let again = scribe.write_all(b"late\n").unwrap_err();
+        assert_eq!(again.kind(), ErrorKind::WouldBlock, "a journal with a gap in it would lie");
+        assert_eq!(scribe.finish().unwrap_err().to_string(), "the disk lags: 256 lines wait to be written");
+        assert!(disk.text().len() >= 2 * QUEUE, "what was taken is written");
+    }
+
+    #[test]
+    fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
+        for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
+            let watch = WriterStatus::default();
+            let disk = RecordedDisk { room_bytes: Some(12), ..RecordedDisk::default() };
+            let mut scribe =
+                BackgroundWriter::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
+            scribe.write_all(b"line one\n").unwrap();
+            wait_until(|| !disk.text().is_empty());
+            assert_eq!((watch.fault(), scribe.write_all(b"line two\n").is_ok()), (None, true));
+            wait_until(|| watch.fault().is_some());
+            wait_until(|| scribe.write_all(b"more\n").is_err());
+            assert_eq!(watch.waits_since(), None);
+            assert_eq!(scribe.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(disk.text(), "line one\n");
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
+        let disk = RecordedDisk { room_bytes: Some(3), ..RecordedDisk::default() };
+        let mut scribe =
+            BackgroundWriter::start(disk, OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default()).unwrap();
+        scribe.write_all(b"line\n").unwrap();
+        assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+    }
+}

@@ -1,0 +1,88 @@
+use std::io;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use super::handle::RecordingHandle;
+use upm_core::background::OverflowPolicy;
+use upm_core::time::MonotonicClock;
+
+/// How the records of a run are written to the disk. It has no effect on the run itself.
+#[derive(Clone, Debug)]
+pub struct RecordingOptions {
+    /// Overflow policy of the journal when the disk lags. After giving up, the journal fails with
+    /// [`io::ErrorKind::WouldBlock`].
+    pub journal_overflow: OverflowPolicy,
+    /// Status of the journal. One for each run.
+    pub journal: WriterStatus,
+    /// Overflow policy of the recording when it lags. After giving up, the recording ends as failed and the run goes
+    /// on.
+    pub recording_overflow: OverflowPolicy,
+    /// Status of the recording, and the switch that stops it. One for each run.
+    pub recording: RecordingHandle,
+    /// True for real-time runs: the writer threads then run at lower priority. In other runs a lower priority would
+    /// only make them lag.
+    pub has_clock: bool,
+    /// Set once the run is to end: from then on it waits for its recording for at most 0.1 s, unless the overflow
+    /// policy is to wait without limit.
+    pub stop: Arc<AtomicBool>,
+    /// Clock by which the writer threads time their batches.
+    pub clock: MonotonicClock,
+}
+
+impl RecordingOptions {
+    /// Settings with which the run waits for the disk, so that nothing is lost.
+    pub fn lossless(clock: MonotonicClock) -> Self {
+        Self {
+            journal_overflow: OverflowPolicy::Wait,
+            journal: WriterStatus::default(),
+            recording_overflow: OverflowPolicy::Wait,
+            recording: RecordingHandle::default(),
+            has_clock: false,
+            stop: Arc::default(),
+            clock,
+        }
+    }
+}
+
+/// Status of a [`BackgroundWriter`](super::background_writer::BackgroundWriter); reading it never blocks. Clones share
+/// one status.
+#[derive(Clone, Debug, Default)]
+pub struct WriterStatus(Arc<WriterCell>);
+
+#[derive(Debug, Default)]
+struct WriterCell {
+    /// Time since which the disk has not answered, ms of the scribe's clock, at least 1; 0 while there is no pending
+    /// request.
+    waits_since_ms: AtomicU64,
+    fault: OnceLock<String>,
+}
+
+impl WriterStatus {
+    /// Time since which the scribe has been waiting for the disk, by its clock.
+    pub fn waits_since(&self) -> Option<Duration> {
+        let since_ms = self.0.waits_since_ms.load(Ordering::Relaxed);
+        (since_ms != 0).then(|| Duration::from_millis(since_ms))
+    }
+
+    /// The fault after which nothing more is written.
+    pub fn fault(&self) -> Option<&str> {
+        self.0.fault.get().map(String::as_str)
+    }
+
+    /// The scribe starts to wait for the disk.
+    pub(super) fn wait(&self, now: Duration) {
+        let now_ms = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
+        self.0.waits_since_ms.store(now_ms.max(1), Ordering::Relaxed);
+    }
+
+    /// The disk has answered; the scribe goes on.
+    pub(super) fn go_on(&self) {
+        self.0.waits_since_ms.store(0, Ordering::Relaxed);
+    }
+
+    /// Writing has ended with `fault`. The first fault counts.
+    pub(super) fn fail(&self, fault: &io::Error) {
+        self.0.fault.set(fault.to_string()).ok();
+    }
+}

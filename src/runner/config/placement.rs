@@ -1,0 +1,93 @@
+use rand_distr::{Distribution, StandardNormal, Uniform};
+
+use super::clearance::{START_GAP_M, START_MARGIN_M};
+use super::job::JobSpec;
+use super::kinds::part_ids;
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
+use upm_document::{Fault, Path, counted};
+use upm_sim::PartParams;
+
+/// Attempts to place one part before starting over.
+const TRIES: usize = 2000;
+
+/// Attempts to place all parts.
+const ROUNDS: usize = 50;
+
+/// Least and largest friction drawn, whatever the spread.
+const FRICTION_RANGE: (f64, f64) = (0.01, 2.0);
+
+/// A part with its start position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacedPart {
+    /// Index into the rig's kinds.
+    pub kind: usize,
+    /// Kind and number within it: `penny-1`.
+    pub id: String,
+    /// Start position of its centre, m.
+    pub position_m: Vec2,
+    /// Outline, mass and the friction drawn for it.
+    pub params: PartParams,
+}
+
+/// Places the job's parts on the plate, in the order of the job: given positions as they are, the others at random by
+/// `streams`, with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws friction for each part.
+/// `Err` if no places are found.
+pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Fault> {
+    let mut parts = unplaced(job, streams);
+    let mut rng = streams.stream("placement");
+    let half_m = 0.5 * job.rig.model.plate_side_m;
+    for _ in 0..ROUNDS {
+        if let Some(places_m) = scatter(&parts, half_m, &mut rng) {
+            for ((part, _), place_m) in parts.iter_mut().zip(places_m) {
+                part.position_m = place_m;
+            }
+            return Ok(parts.into_iter().map(|(part, _)| part).collect());
+        }
+    }
+    let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
+    Err(Fault::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
+}
+
+/// Each part, and its given position if it has one.
+fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> {
+    let mut ids = part_ids(&job.parts, &job.rig.kinds).into_iter();
+    let mut parts = Vec::new();
+    for group in &job.parts {
+        for _ in 0..group.count {
+            let (Some(spec), Some(id)) = (job.rig.kinds.get(group.kind), ids.next()) else { continue };
+            let rng = &mut streams.numbered("part friction", parts.len() as u64);
+            let friction = drawn_friction(spec.friction, job.rig.raw.friction.spread, rng);
+            let params = PartParams { friction, ..spec.part() };
+            let position_m = group.position_m.unwrap_or_default();
+            parts.push((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m));
+        }
+    }
+    parts
+}
+
+/// Normal about `coefficient`, truncated at three standard deviations.
+fn drawn_friction(coefficient: f64, spread: f64, rng: &mut Rng) -> f64 {
+    let normal: f64 = StandardNormal.sample(rng);
+    (coefficient * (1.0 + spread * normal.clamp(-3.0, 3.0))).clamp(FRICTION_RANGE.0, FRICTION_RANGE.1)
+}
+
+/// One attempt: random positions one after another; `None` if a part finds no place.
+fn scatter(parts: &[(PlacedPart, Option<Vec2>)], half_m: f64, rng: &mut Rng) -> Option<Vec<Vec2>> {
+    let mut places_m: Vec<Option<Vec2>> = parts.iter().map(|(_, given_m)| *given_m).collect();
+    for i in 0..parts.len() {
+        if places_m[i].is_none() {
+            let radius_m = parts[i].0.params.radius_m;
+            let reach_m = half_m - START_MARGIN_M - radius_m;
+            let side = Uniform::new_inclusive(-reach_m, reach_m).ok()?;
+            let free = |p_m: &Vec2| {
+                places_m.iter().zip(parts).all(|(other_m, (other, _))| {
+                    other_m.is_none_or(|o_m| (p_m - o_m).norm() >= radius_m + other.params.radius_m + START_GAP_M)
+                })
+            };
+            let place_m = (0..TRIES).map(|_| Vec2::new(side.sample(rng), side.sample(rng))).find(free)?;
+            places_m[i] = Some(place_m);
+        }
+    }
+    places_m.into_iter().collect()
+}

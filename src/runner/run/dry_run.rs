@@ -1,0 +1,277 @@
+//! Forecast of a job before anything moves: the reach of the library at the starts and targets of the parts, and a few
+//! rehearsals on the displacement model.
+
+use std::sync::Arc;
+
+use super::coverage::Place;
+use super::planner_selection::PlannerSelection;
+use super::setup::{self, RunSetup};
+use super::time_figure::time_figure_s;
+use crate::config::{Fault, JobSpec, PlacedPart};
+use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, FreshPlanner, LimitMet, RehearsalParams};
+use upm_cor_library::Library;
+use upm_core::geometry::Vec2;
+use upm_core::job::Outcome;
+use upm_core::random::Streams;
+use upm_core::time::PlateTime;
+use upm_planner::{FieldPlanner, Independence, PlanningMethod, Reach};
+
+/// Most rehearsals of a job.
+const REHEARSALS: u64 = 5;
+/// Limit on the modelled computing time of all rehearsals, ms; at least one is run.
+const WORK_MS: f64 = 1900.0;
+/// Allowance for the computing time of another rehearsal, relative to the mean of the previous ones.
+const MARGIN: f64 = 1.3;
+
+/// Forecast of a job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecast {
+    /// Planner of the job, with the reason for it.
+    pub planner: PlannerSelection,
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The parts, in the order of the job.
+    pub parts: Vec<PartForecast>,
+    /// Degree to which the planner's motions can move all parts independently at their starts.
+    pub independence: Independence,
+    /// True if the job plans with synthesised fields.
+    pub fields: bool,
+    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, not a strict
+    /// bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the
+    /// steps.
+    pub bound_s: Option<f64>,
+    /// The rehearsals, each with different random numbers.
+    pub rehearsals: Vec<DryRun>,
+    /// Relative standard deviation of the parts' displacements in them: the spread of friction in the rig's file.
+    pub friction_spread: f64,
+}
+
+/// A part of a job and the reach of the library at its places.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartForecast {
+    /// Id: `penny-1`.
+    pub id: String,
+    /// Radius, m.
+    pub radius_m: f64,
+    /// Start.
+    pub start: StartForecast,
+    /// Target at the end of the first rehearsal.
+    pub target: Option<StartForecast>,
+}
+
+/// A position of a part with the reach of the library there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StartForecast {
+    /// Position, and effect of one pulse in the weakest direction.
+    pub place: Place,
+    /// Singular values of the flows of all entries there, larger first; see [`Reach`].
+    pub singular_values: [f64; 2],
+}
+
+impl StartForecast {
+    fn of(library: &Library, position_m: Vec2) -> Self {
+        let reach = Reach::of(library, position_m);
+        Self { place: Place::of(position_m, &reach), singular_values: reach.singular_values }
+    }
+}
+
+/// Prediction from the rehearsals of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanVerdict {
+    /// All rehearsals that were not broken off reach the goal.
+    CanBeDone,
+    /// At least half of them reach the goal, but not all.
+    Likely,
+    /// Fewer than half of them reach the goal, but at least one.
+    Unlikely,
+    /// None of them reaches the goal.
+    CannotBeDone,
+    /// The job is too long for a rehearsal: all were broken off.
+    Undecided,
+}
+
+impl PlanVerdict {
+    /// Stable code of the verdict.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::CanBeDone => "can_be_done",
+            Self::Likely => "likely",
+            Self::Unlikely => "unlikely",
+            Self::CannotBeDone => "cannot_be_done",
+            Self::Undecided => "undecided",
+        }
+    }
+
+    /// True if the job is predicted to fail.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::Unlikely | Self::CannotBeDone)
+    }
+}
+
+/// Progress of the rehearsals of a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RehearsalProgress {
+    /// Number of the current rehearsal, from 1.
+    pub rehearsal: u64,
+    /// Expected number of rehearsals.
+    pub of: u64,
+    /// Plate time in the current rehearsal.
+    pub at: PlateTime,
+    /// Share of all rehearsals that is done, 0 to 1.
+    pub done: f64,
+}
+
+/// Rehearses `job` with `library`; `watch` receives the progress. `Err` if the parts find no places.
+pub fn rehearse(
+    job: &JobSpec,
+    library: &Arc<Library>,
+    watch: &mut dyn FnMut(RehearsalProgress),
+) -> Result<Forecast, Fault> {
+    // only parts and parameters of the bench are used; nothing is played on its rig
+    let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
+    let starts_m = named(&placed, &params);
+    let planner = FreshPlanner::new(params.method, library, params.planner);
+    let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
+    for number in 0..REHEARSALS {
+        let rehearsal = RehearsalParams {
+            starts_m: starts_m.clone(),
+            frame_hz: model.frame_hz,
+            friction_spread: job.rig.raw.friction.spread,
+            streams: Streams::new(job.seed()),
+            number,
+            most_work_ms: WORK_MS - work_ms,
+        };
+        let mut goal = setup::goal(job, library, &placed);
+        let done = control::rehearse(library, &planner, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
+            let done = (number as f64 + progress) / of as f64;
+            watch(RehearsalProgress { rehearsal: number + 1, of, at, done });
+        });
+        work_ms += done.work_ms;
+        rehearsals.push(done);
+        of = affordable(work_ms, number + 1);
+        if of == number + 1 {
+            break;
+        }
+    }
+    let first_targets_m = setup::goal(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
+    let by_fields = params.method == PlanningMethod::SynthesizedField;
+    let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
+    let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
+    let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
+        id: part.id.clone(),
+        radius_m: params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
+        start: StartForecast::of(library, start_m),
+        target: targets_m.get(i).map(|&target_m| StartForecast::of(library, target_m)),
+    });
+    Ok(Forecast {
+        planner: PlannerSelection::of(job),
+        half_side_m: 0.5 * model.plate_side_m,
+        parts: parts.collect(),
+        independence: match &fields {
+            Some(fields) => Independence::of_fields(fields, &starts_m),
+            None => Independence::of_rotations(library, &starts_m),
+        },
+        fields: fields.is_some(),
+        bound_s: time_figure_s(job, library, &params, &starts_m, &first_targets_m),
+        rehearsals,
+        friction_spread: job.rig.raw.friction.spread,
+    })
+}
+
+/// Number of rehearsals that fit if the first `done` of them took `work_ms`. Another one must have time to take
+/// somewhat longer than the previous ones, since one that is broken off has no result.
+fn affordable(work_ms: f64, done: u64) -> u64 {
+    let each_ms = MARGIN * work_ms / done as f64;
+    let more = if each_ms > 0.0 { ((WORK_MS - work_ms).max(0.0) / each_ms) as u64 } else { REHEARSALS };
+    (done + more).min(REHEARSALS)
+}
+
+/// Start of each part in the order of the names that control will give: of one kind, parts without a given place are
+/// named from left to right.
+fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
+    let mut starts_m: Vec<Vec2> = placed.iter().map(|part| part.position_m).collect();
+    for kind in 0..params.kinds.len() {
+        let anywhere = |i: &usize| params.parts[*i].kind == kind && params.parts[*i].expected_m.is_none();
+        let unnamed: Vec<usize> = (0..placed.len().min(params.parts.len())).filter(anywhere).collect();
+        let mut places_m: Vec<Vec2> = unnamed.iter().map(|&i| placed[i].position_m).collect();
+        places_m.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        unnamed.into_iter().zip(places_m).for_each(|(i, place_m)| starts_m[i] = place_m);
+    }
+    starts_m
+}
+
+impl Forecast {
+    /// Verdict of the rehearsals.
+    pub fn verdict(&self) -> PlanVerdict {
+        match (self.completed(), self.decided()) {
+            (_, 0) => PlanVerdict::Undecided,
+            (completed, decided) if completed == decided => PlanVerdict::CanBeDone,
+            (0, _) => PlanVerdict::CannotBeDone,
+            (completed, decided) if 2 * completed >= decided => PlanVerdict::Likely,
+            _ => PlanVerdict::Unlikely,
+        }
+    }
+
+    /// Number of rehearsals that completed.
+    pub fn completed(&self) -> usize {
+        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal)).count()
+    }
+
+    /// Number of rehearsals that completed or failed, that is, were not broken off.
+    pub fn decided(&self) -> usize {
+        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal) || !rehearsal.left_off).count()
+    }
+
+    /// Reasons of the rehearsals' endings, failures first, with the number of each.
+    pub fn endings(&self) -> Vec<(&str, usize)> {
+        let mut endings: Vec<(&str, usize)> = Vec::new();
+        let (completed, failed): (Vec<&DryRun>, Vec<&DryRun>) =
+            self.rehearsals.iter().partition(|rehearsal| is_completed(rehearsal));
+        for DryRun { ending, .. } in failed.into_iter().chain(completed) {
+            match endings.iter_mut().find(|(reason, _)| *reason == ending.reason) {
+                Some((_, times)) => *times += 1,
+                None => endings.push((&ending.reason, 1)),
+            }
+        }
+        endings
+    }
+
+    /// Least, median and largest value of a figure over the completed rehearsals; `None` if none completed.
+    pub fn range(&self, figure: impl Fn(&DryRun) -> f64) -> Option<[f64; 3]> {
+        let completed = self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal));
+        let mut figures: Vec<f64> = completed.map(figure).collect();
+        figures.sort_by(f64::total_cmp);
+        let middle = figures.len() / 2;
+        let median = if figures.len() % 2 == 1 {
+            *figures.get(middle)?
+        } else {
+            0.5 * (figures.get(middle.checked_sub(1)?)? + figures.get(middle)?)
+        };
+        Some([*figures.first()?, median, *figures.last()?])
+    }
+
+    /// Least gap between two parts in any rehearsal.
+    pub fn nearest(&self) -> Option<ClosestApproach> {
+        self.rehearsals.iter().filter_map(|rehearsal| rehearsal.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
+    }
+
+    /// Limits that prevented plans, over all rehearsals, the most frequent first.
+    pub fn limits_met(&self) -> Vec<LimitMet> {
+        let mut all: Vec<LimitMet> = Vec::new();
+        for met in self.rehearsals.iter().flat_map(|rehearsal| &rehearsal.limits_met) {
+            match all.iter_mut().find(|other| other.limit == met.limit) {
+                Some(other) => other.times += met.times,
+                None => all.push(met.clone()),
+            }
+        }
+        all.sort_by_key(|met| std::cmp::Reverse(met.times));
+        all
+    }
+}
+
+fn is_completed(rehearsal: &DryRun) -> bool {
+    rehearsal.ending.outcome == Outcome::Completed
+}
+
+#[cfg(test)]
+mod tests;

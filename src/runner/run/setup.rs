@@ -1,0 +1,345 @@
+use std::sync::Arc;
+
+use super::knocks;
+use super::planner_selection::PlannerSelection;
+use crate::config::{Assignment, Fault, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
+use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
+use upm_cor_library::{Entry, Library};
+use upm_core::geometry::{Pose, Vec2};
+use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::random::Streams;
+use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::time::PlateTime;
+use upm_planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
+use upm_sim::SimRig;
+use upm_sim::faults::FaultSpec;
+use upm_task::{
+    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, InPhase, InPhaseParams, Motions, PartOutline,
+    PathParams, PlusSign, PlusSignParams, Sort, SortParams, Task, Trajectories,
+};
+use upm_viewer::PartLook;
+
+/// Longest step of a part in one cycle, m.
+const LONGEST_STEP_M: f64 = 8e-3;
+/// Longest step of a part, as a share of the reach of the strong entries at the plate's centre.
+const ONE_PULSE: f64 = 0.9;
+/// Share of the tolerance within which a part must be measured to have arrived; the rest allows for the measurement
+/// error.
+pub(super) const MEASURED_SHARE: f64 = 0.9;
+/// Twice the least step that is worth a pulse, m.
+pub(super) const MIN_DISTANCE_M: f64 = 0.3e-3;
+/// Largest lead of a part's reference, m.
+const LEAD_M: f64 = 4e-3;
+/// Time at rest without a detection after which a part is lost, s.
+const LOST_AFTER_S: f64 = 0.4;
+
+/// A job's rig, its goal and the parameters of control.
+pub struct RunSetup<R = SimRig> {
+    /// The rig.
+    pub rig: R,
+    /// True positions of its parts.
+    pub truth: GroundTruthHandle,
+    /// Model of the rig that control knows.
+    pub model: RigModel,
+    /// Goal of the job.
+    pub goal: Box<dyn Task>,
+    /// Limits and parts for control.
+    pub params: ControlParams,
+    /// Parts at their start.
+    pub placed: Vec<PlacedPart>,
+    /// Simulated faults of the rig, and knocks against its plate.
+    pub faults: Vec<FaultSpec>,
+    /// Random streams of the run.
+    pub streams: Streams,
+}
+
+impl RunSetup {
+    /// Places the parts and builds rig, goal and parameters. `Err` if the parts find no places.
+    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
+        let (rig, placed) = simulated_rig(job)?;
+        let (kinds, kind_of_part) = kinds_present(job, &placed);
+        let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
+            ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
+        });
+        let model = job.rig.model.clone();
+        let params = ControlParams {
+            parts: parts.collect(),
+            time_limit_s: job.plate_time_limit_s,
+            endless: job.is_endless(),
+            follows_paths: matches!(job.task, TaskSpec::Trajectories { .. }),
+            tolerance_m: job.tolerance_m,
+            lost_after_frames: lost_after_frames(model.frame_hz),
+            method: PlannerSelection::of(job).method,
+            planner: planner_params_without(&model, job.without_guard.as_deref()),
+            guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
+            kinds,
+        };
+        let goal = goal(job, library, &placed);
+        let streams = Streams::new(job.seed());
+        let knocks = job.rig.raw.simulation.knocks.iter();
+        let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
+        let faults = job.faults.iter().copied().chain(knocks).collect();
+        Ok(Self { truth: rig.probe(), rig, model, goal, params, placed, faults, streams })
+    }
+
+    /// The same bench with the rig that `make` returns for the simulated one.
+    pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
+        let Self { rig, truth, model, goal, params, placed, faults, streams } = self;
+        RunSetup { rig: make(rig), truth, model, goal, params, placed, faults, streams }
+    }
+}
+
+impl<R: Rig> RunSetup<R> {
+    /// Plate time now.
+    pub fn now(&self) -> PlateTime {
+        self.rig.now()
+    }
+
+    /// Handle on the true positions.
+    pub fn truth(&self) -> GroundTruthHandle {
+        self.truth.clone()
+    }
+
+    /// Appearance of the parts in a recording.
+    pub fn part_looks(&self) -> Vec<PartLook> {
+        let look = |part: &ExpectedPart| {
+            let kind = self.params.kinds.get(part.kind);
+            PartLook {
+                id: part.id.clone(),
+                kind: kind.map(|kind| kind.name.clone()).unwrap_or_default(),
+                radius_m: kind.map_or(0.0, |kind| kind.radius_m),
+            }
+        };
+        self.params.parts.iter().map(look).collect()
+    }
+}
+
+/// Number of frames without a detection after which a part is lost; at low frame rates a single bad picture does not
+/// end a run.
+fn lost_after_frames(frame_hz: f64) -> u32 {
+    (LOST_AFTER_S * frame_hz).max(2.0) as u32
+}
+
+/// The simulated rig of a job with its parts at their start.
+pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
+    let streams = Streams::new(job.seed());
+    let placed = place_parts(job, streams)?;
+    let poses = placed.iter().map(|part| (part.params, Pose::at(part.position_m)));
+    let rig = SimRig::new(job.rig.model.clone(), job.rig.sim.clone(), poses.collect(), streams);
+    Ok((rig, placed))
+}
+
+/// Kinds on the plate, and the index of each part into them.
+fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<usize>) {
+    let mut numbers: Vec<usize> = placed.iter().map(|part| part.kind).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let of_part = placed.iter().map(|part| numbers.binary_search(&part.kind).unwrap_or_default()).collect();
+    let kinds = numbers.iter().filter_map(|&number| job.rig.kinds.get(number)).map(|spec| spec.kind.clone());
+    (kinds.collect(), of_part)
+}
+
+/// For each part, true if the job gives its start position.
+fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
+    job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
+}
+
+/// Limits and weights of the planner in every run on a rig.
+pub fn planner_params(model: &RigModel) -> PlannerParams {
+    PlannerParams {
+        half_side_m: 0.5 * model.plate_side_m,
+        edge_margin_m: REST_MARGIN_M,
+        separation_m: REST_GAP_M,
+        min_distance_m: MIN_DISTANCE_M,
+        frame_s: 1.0 / model.frame_hz,
+        exposure_s: model.exposure_s,
+        max_sustain_s: model.max_sustain_s,
+    }
+}
+
+/// As [`planner_params`], with the limit of the guard called `without` moved out of reach, which disables it.
+fn planner_params_without(model: &RigModel, without: Option<&str>) -> PlannerParams {
+    let all = planner_params(model);
+    let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
+    PlannerParams {
+        edge_margin_m: kept("edge_limit", all.edge_margin_m),
+        separation_m: kept("separation", all.separation_m),
+        ..all
+    }
+}
+
+/// Longest step that one pulse can make in most directions; a longer one would take several, each about another centre.
+fn stride_m(library: &Library) -> f64 {
+    let at_center = |entry: &Entry| library.displacement.max_distance(entry.speed_at(Vec2::zeros()));
+    let mut reach_m: Vec<f64> = library.entries.iter().map(at_center).collect();
+    reach_m.sort_by(f64::total_cmp);
+    let strong_m = reach_m.get(reach_m.len() * 9 / 10).copied().unwrap_or_default();
+    LONGEST_STEP_M.min(ONE_PULSE * strong_m)
+}
+
+pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Task> {
+    let half_side_m = 0.5 * job.rig.model.plate_side_m;
+    let arrive_m = MEASURED_SHARE * job.tolerance_m;
+    match &job.task {
+        TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
+            half_side_m,
+            part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
+            edge_margin_m: *edge_margin_m,
+            laps: *laps,
+            arrive_m: job.tolerance_m,
+            stride_m: stride_m(library),
+        })),
+        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, library, paths, *in_phase, discs(placed)),
+        TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
+            half_side_m,
+            motions: motions(job, library),
+            discs: discs(placed),
+            targets_m: targets_m.clone(),
+            exchange: *assignment == Assignment::Optimal,
+            arrive_m,
+        })),
+        TaskSpec::Hold { duration_s } => {
+            // without an end, the limit is the duration: elapsed time is its only progress
+            let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
+            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
+        }
+        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed), motions(job, library)))),
+    }
+}
+
+/// Kind of motion that the job's planner uses.
+fn motions(job: &JobSpec, library: &Library) -> Motions {
+    let parts = job.parts.iter().map(|group| group.count).sum();
+    match PlannerSelection::of(job).method {
+        PlanningMethod::CorSequence => Motions::Rotations {
+            stride_m: RotationPlanner::longest_way_m(parts),
+            effort: Arc::new(RotationEffort(FlowEffort::new(library))),
+        },
+        PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField => Motions::Independent,
+    }
+}
+
+/// The planner's cost of steps, as goals request it.
+#[derive(Debug)]
+struct RotationEffort(FlowEffort);
+
+impl Effort for RotationEffort {
+    fn squared(&self, places_m: &[Vec2], steps_m: &[Vec2], slopes: Option<(&mut [Vec2], &mut [Vec2])>) -> f64 {
+        self.0.squared(places_m, steps_m, slopes)
+    }
+}
+
+fn discs(placed: &[PlacedPart]) -> Vec<PartOutline> {
+    placed.iter().map(|part| PartOutline { kind: part.kind, radius_m: part.params.radius_m }).collect()
+}
+
+fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motions: Motions) -> SortParams {
+    SortParams {
+        half_side_m: 0.5 * job.rig.model.plate_side_m,
+        motions,
+        discs,
+        bins: bins.to_vec(),
+        margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
+    }
+}
+
+fn trajectories(
+    job: &JobSpec,
+    library: &Library,
+    paths: &[PathParams],
+    in_phase: bool,
+    discs: Vec<PartOutline>,
+) -> Box<dyn Task> {
+    if let (true, Some(path)) = (in_phase, paths.first()) {
+        let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
+        return Box::new(InPhase::new(InPhaseParams {
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            motions: motions(job, library),
+            discs,
+            loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
+            period_s,
+            laps: paths.first().map_or(0, |path| path.repeat),
+            lead_m: LEAD_M,
+            stride_m: LONGEST_STEP_M,
+            arrive_m: MEASURED_SHARE * job.tolerance_m,
+        }));
+    }
+    Box::new(Trajectories::new(paths.to_vec(), LEAD_M, job.tolerance_m))
+}
+
+/// Length of a closed path including the segment from its last corner back to its first, m.
+fn lap_m(corners_m: &[Vec2]) -> f64 {
+    let next = corners_m.iter().cycle().skip(1);
+    corners_m.iter().zip(next).map(|(a, b)| (b - a).norm()).sum()
+}
+
+/// Sink that orders the truth as control named the parts; must be the first sink.
+pub struct TruthInJobOrder(GroundTruthHandle);
+
+impl TruthInJobOrder {
+    /// Sink for this truth.
+    pub fn new(truth: GroundTruthHandle) -> Self {
+        Self(truth)
+    }
+}
+
+impl Sink for TruthInJobOrder {
+    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
+        let seen_m: Vec<_> = facts.detections.iter().map(|detection| detection.position_m).collect();
+        self.0.order_by(&seen_m);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    use super::*;
+    use crate::config::Origin;
+
+    #[test]
+    fn a_lap_leads_back_to_its_first_corner() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y) * 0.05);
+        assert!((lap_m(&square) - 0.2).abs() < 1e-12);
+        assert!((lap_m(&[square.as_slice(), &square[..1]].concat()) - 0.2).abs() < 1e-12, "closed already");
+        assert_eq!(lap_m(&[]), 0.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn sort_finds_slots_in_every_bin_that_a_job_may_have(
+            kind in prop::sample::select(&["dime", "penny", "quarter"][..]), count in 1usize..13, width in 30.0..160.0f64,
+        ) {
+            let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+            let job = |height: f64| {
+                let region = json!({"min": [-80.0, -140.0], "max": [width - 80.0, height - 140.0]});
+                let task = json!({"type": "sort", "bins": [{"kinds": [kind], "region_mm": region}]});
+                let parts = json!([{"kind": kind, "count": count}]);
+                let text = json!({"name": "bin", "rig": "rigs/upm-2.json", "parts": parts, "task": task}).to_string();
+                JobSpec::from_json(&text, &origin, None).ok()
+            };
+            let (mut low, mut high) = (0.0, 280.0);
+            prop_assume!(job(high).is_some());
+            for _ in 0..20 {
+                let middle = 0.5 * (low + high);
+                *(if job(middle).is_some() { &mut high } else { &mut low }) = middle;
+            }
+            let smallest = job(high).unwrap();
+            let placed = place_parts(&smallest, Streams::new(1)).unwrap();
+            let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
+            let gaps_m = sort_params(&smallest, bins, discs(&placed), Motions::Independent).gaps_m();
+            // slots are spread by bisection, to less than a micrometre
+            prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
+        }
+    }
+
+    #[test]
+    fn one_bad_picture_loses_no_part() {
+        assert_eq!([0.5, 3.9, 4.0, 60.0].map(lost_after_frames), [2, 2, 2, 24]);
+    }
+}

@@ -1,0 +1,250 @@
+use multiversion::multiversion;
+use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
+
+use super::coverage::PixelCoverage;
+use super::edge::{Blur, REACH, edge_spread};
+use super::exposure::{SubExposureParams, moments};
+use super::tiles::{F32Lanes, LANES, Pixels, Tile};
+use super::view::CameraProjection;
+use upm_core::geometry::{Pose, Vec2, perp};
+
+/// One side of the plate during an exposure.
+///
+/// Motion of a side along itself does not change the picture, so a side has separate glimpses, chosen by its motion
+/// across itself. The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so
+/// that the depth's mean and variance follow exactly at any point.
+#[derive(Clone, Debug)]
+pub(super) struct EdgeOutline {
+    half_side_m: f64,
+    /// Outward normal when the plate rests.
+    outwards: Vec2,
+    shown: Vec<EdgeLine>,
+    next: Vec<EdgeLine>,
+}
+
+/// A glimpse of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct EdgeLine {
+    mean: Vector3<f64>,
+    /// Covariance of the line's coordinates about their mean.
+    spread: Matrix3<f64>,
+    /// Their standard deviations.
+    sd: Vector3<f64>,
+    /// Its share of the exposure.
+    weight: f64,
+}
+
+impl EdgeOutline {
+    /// A side of a plate at rest.
+    pub(super) fn new(outwards: Vec2, half_side_m: f64) -> Self {
+        let rest = Vector3::new(half_side_m, -outwards.x, -outwards.y);
+        let line = EdgeLine { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
+        Self { half_side_m, outwards, shown: vec![line], next: Vec::new() }
+    }
+
+    /// Sets the plate's poses for a new exposure; true if its picture differs from the one shown.
+    pub(super) fn take(
+        &mut self,
+        poses: impl ExactSizeIterator<Item = Pose> + Clone,
+        grain: &SubExposureParams,
+    ) -> bool {
+        let outwards = self.outwards;
+        let lines = poses.map(move |pose| moved(outwards, &pose));
+        let ends =
+            [perp(self.outwards), -perp(self.outwards)].map(|along| at(self.half_side_m * (self.outwards + along)));
+        let across_m = |off: Vector3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(off.dot(end).abs()));
+        let steps_m = lines.clone().zip(lines.clone().skip(1)).map(|(a, b)| across_m(b - a));
+        let together = grain.together(steps_m.fold(0.0, f64::max), lines.len());
+        self.next.clear();
+        let mut first = 0;
+        while first < lines.len() {
+            let group = lines.clone().skip(first).take(together);
+            let weight = group.len() as f64 / lines.len() as f64;
+            let (off, mut spread) = moments(group);
+            if ends.iter().all(|end| grain.is_still(end.dot(&(spread * end)))) {
+                spread.fill(0.0);
+            }
+            self.next.push(self.line(off, spread, weight, grain));
+            first += together;
+        }
+        self.next != self.shown
+    }
+
+    /// Shows the exposure taken last.
+    pub(super) fn swap(&mut self) {
+        std::mem::swap(&mut self.shown, &mut self.next);
+    }
+
+    fn rest(&self) -> Vector3<f64> {
+        Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
+    }
+
+    fn line(&self, off: Vector3<f64>, spread: Matrix3<f64>, weight: f64, grain: &SubExposureParams) -> EdgeLine {
+        let off = Vector3::new(grain.rounded_m(off.x), grain.rounded_turn(off.y), grain.rounded_turn(off.z));
+        EdgeLine { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
+    }
+
+    /// Upper bound by which the reach of the side's blur is extended, in the shown and in the next exposure: a
+    /// constant, m, and a slope by the distance from the resting plate's centre.
+    pub(super) fn reach(&self) -> [f64; 2] {
+        let rest = self.rest();
+        self.shown.iter().chain(&self.next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
+            let off = (line.mean - rest).abs() + REACH * line.sd;
+            [shift_m.max(off.x), turn_rad.max(off.y + off.z)]
+        })
+    }
+
+    /// Bounds of a point's depth inside the side during the exposure, motion within glimpses with its reach included,
+    /// m.
+    pub(super) fn depths_m(&self, p_m: Vec2) -> [f64; 2] {
+        let point = at(p_m);
+        self.shown.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], line| {
+            let (depth_m, reach_m) = (line.mean.dot(&point), REACH * line.sd.dot(&point.abs()));
+            [least.min(depth_m - reach_m), most.max(depth_m + reach_m)]
+        })
+    }
+
+    /// Adds the share inside this side of a tile that no other side is near.
+    pub(super) fn cover(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, shares: &mut PixelCoverage) {
+        let (blur_m2, center, pixels) = (blur.covariance_m2(tile), at(tile.center_m), tile.pixels(view));
+        let mut whole = 0.0;
+        for line in &self.shown {
+            let (depth_m, sd_m) = (line.mean.dot(&center), line.sd_m(&center, &blur_m2));
+            let clear_m = pixels.radius_m + REACH * sd_m;
+            if depth_m >= clear_m {
+                whole += line.weight;
+            } else if depth_m >= -clear_m {
+                cover_inside(&PlateEdge::new(&line.mean, sd_m), line.weight as f32, pixels, blur, shares);
+            }
+        }
+        if whole > 0.0 {
+            shares.add_everywhere(whole as f32);
+        }
+    }
+}
+
+/// Difference of the line's coordinates from those at rest.
+fn moved(outwards: Vec2, pose: &Pose) -> Vector3<f64> {
+    let turned = Rotation2::new(pose.heading_rad) * outwards;
+    Vector3::new(turned.dot(&pose.position_m), outwards.x - turned.x, outwards.y - turned.y)
+}
+
+/// Homogeneous coordinates of a table point, to be multiplied by a line.
+fn at(p_m: Vec2) -> Vector3<f64> {
+    Vector3::new(1.0, p_m.x, p_m.y)
+}
+
+impl EdgeLine {
+    /// Standard deviation, across the line, of the blur and of the motion at a point, m.
+    fn sd_m(&self, point: &Vector3<f64>, blur_m2: &Matrix2<f64>) -> f64 {
+        let normal = self.mean.yz();
+        (normal.dot(&(blur_m2 * normal)) + point.dot(&(self.spread * point))).sqrt()
+    }
+}
+
+/// A side in the blur of one tile: points are `z = zx·x + zy·y + z0` standard deviations inside it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PlateEdge {
+    z0: f32,
+    zx: f32,
+    zy: f32,
+}
+
+impl PlateEdge {
+    /// From a line with depth `line · (1, x, y)` at (x, y), and its standard deviation there.
+    pub(super) fn new(line: &Vector3<f64>, sd_m: f64) -> Self {
+        let [z0, zx, zy] = [line.x, line.y, line.z].map(|coordinate| (coordinate / sd_m) as f32);
+        Self { z0, zx, zy }
+    }
+
+    #[inline(always)]
+    pub(super) fn depths(&self, x_m: &F32Lanes, y_m: &F32Lanes) -> F32Lanes {
+        let mut depths = [0.0; LANES];
+        for ((depth, x), y) in depths.iter_mut().zip(x_m).zip(y_m) {
+            *depth = self.zx * x + self.zy * y + self.z0;
+        }
+        depths
+    }
+}
+
+#[multiversion(targets("x86_64+avx2"))]
+fn cover_inside(side: &PlateEdge, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
+    let depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
+    for (block, depth) in depths.into_iter().enumerate() {
+        if depth >= blur.block_reach {
+            shares.add(block, weight);
+        } else if depth >= -blur.block_reach {
+            let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
+            shares.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HALF_M: f64 = 0.1;
+    const GRAIN: SubExposureParams = SubExposureParams { blur_m: 2e-4, arm_m: 0.2 };
+
+    fn taken(outwards: Vec2, poses: &[Pose]) -> EdgeOutline {
+        let mut side = EdgeOutline::new(outwards, HALF_M);
+        side.take(poses.iter().copied(), &GRAIN);
+        side.swap();
+        side
+    }
+
+    fn moving(step: Pose) -> Vec<Pose> {
+        let at = |k: f64| Pose { position_m: k * step.position_m, heading_rad: k * step.heading_rad };
+        (0..5).map(|k| at(f64::from(k))).collect()
+    }
+
+    #[test]
+    fn only_motion_across_cuts_it() {
+        let glimpses = |x_m, y_m, heading_rad| {
+            let poses = moving(Pose { position_m: Vec2::new(x_m, y_m), heading_rad });
+            taken(Vec2::x(), &poses).shown.len()
+        };
+        assert_eq!(glimpses(0.0, 4e-4, 0.0), 1);
+        assert_eq!([3e-5, 1e-4, 1.4e-4, 4e-4].map(|x_m| glimpses(x_m, 0.0, 0.0)), [1, 2, 3, 5]);
+        assert_eq!([3e-4, 1e-3, 1.4e-3, 4e-3].map(|turn_rad| glimpses(0.0, 0.0, turn_rad)), [1, 2, 3, 5]);
+    }
+
+    #[test]
+    fn what_rests_in_the_picture_rests() {
+        let mut side = EdgeOutline::new(-Vec2::y(), HALF_M);
+        for y_m in [0.0, 1e-9] {
+            let still = Pose { position_m: Vec2::new(1e-3, y_m), heading_rad: 0.0 };
+            assert!(!side.take([still].into_iter(), &GRAIN), "{y_m}");
+        }
+        let moved = Pose { position_m: Vec2::new(0.0, 1e-6), heading_rad: 0.0 };
+        assert!(side.take([moved].into_iter(), &GRAIN));
+    }
+
+    proptest! {
+        #[test]
+        fn mean_and_variance_of_depths_are_those_of_the_snapshots(
+            (x, y, turn) in (-6e-5..6e-5f64, -5e-4..5e-4f64, -3e-4..3e-4f64),
+            along in -HALF_M..HALF_M,
+        ) {
+            let (poses, p) = (moving(Pose { position_m: Vec2::new(x, y), heading_rad: turn }), Vec2::new(HALF_M, along));
+            let side = taken(Vec2::x(), &poses);
+            let depths = poses.iter().map(|pose| HALF_M - pose.apply_inverse(p).x);
+            let mean = depths.clone().sum::<f64>() / 5.0;
+            let square = depths.map(|depth| (depth - mean).powi(2)).sum::<f64>() / 5.0;
+            let ours = side.shown.iter().map(|line| line.weight * line.mean.dot(&at(p))).sum::<f64>();
+            let spread = |line: &EdgeLine| line.sd_m(&at(p), &Matrix2::zeros()).powi(2);
+            let around = |line: &EdgeLine| spread(line) + (line.mean.dot(&at(p)) - ours).powi(2);
+            let ours_square = side.shown.iter().map(|line| line.weight * around(line)).sum::<f64>();
+            prop_assert!((ours - mean).abs() < 1.5e-3 * GRAIN.blur_m, "{ours} {mean}");
+            prop_assert!((ours_square - square).abs() < 2e-3 * GRAIN.blur_m * (square.sqrt() + GRAIN.blur_m));
+            // Motion too small to be visible is left out.
+            let [least, most] = side.depths_m(p);
+            let unseen = 0.02 * GRAIN.blur_m;
+            for depth in poses.iter().map(|pose| HALF_M - pose.apply_inverse(p).x) {
+                prop_assert!((least - unseen..most + unseen).contains(&depth), "{depth} {least} {most}");
+            }
+        }
+    }
+}

@@ -1,0 +1,337 @@
+use super::assignment::assign;
+use super::least_effort::Effort;
+use super::multi_disc::MultiDiscProblem;
+use super::routes::PLANNED_GAP_M;
+use super::staging::{StagedPaths, find_stages};
+use super::turns::RigidMotionProblem;
+use super::{PartOutline, Setpoints};
+use std::sync::Arc;
+use upm_core::geometry::Vec2;
+use upm_core::random::{Rng, Streams};
+
+/// The assignment changes only when another costs less than this fraction of it; otherwise noise in the positions would
+/// make it alternate.
+const CLEARLY_BETTER: f64 = 0.8;
+
+/// Gap between rims for which a chosen route is kept, m: less than the planned one, since parts stray from it.
+const KEPT_GAP_M: f64 = 2.5e-3;
+
+/// Distance within which every part has reached a stage, m.
+const STAGE_REACHED_M: f64 = 1e-3;
+
+/// Cycles after which a new route is searched while a part is boxed in.
+const PATIENCE: usize = 16;
+
+/// Fraction of a stage's initial distance at which the next stage begins, for rotations: they leave the hardest part of
+/// it.
+const STAGE_LEFT: f64 = 0.4;
+
+/// Other assignments tried for parts that are boxed in.
+const EXCHANGES: usize = 3;
+
+/// The kind of motion that moves the parts; it determines which paths are short.
+#[derive(Clone, Debug, Default)]
+pub enum Motions {
+    /// Every part moves independently of the others, as with synthesised fields: the cost of a path is its length.
+    #[default]
+    Independent,
+    /// Rotations: joint motions of all parts cost little, relative motions much.
+    Rotations {
+        /// Longest displacement of a part in one sequence of rotations, m.
+        stride_m: f64,
+        /// Effort of steps.
+        effort: Arc<dyn Effort>,
+    },
+}
+
+/// Steers every part to a place: assigns the places and finds the paths.
+#[derive(Clone, Debug)]
+pub(super) struct PathFollower {
+    motions: Motions,
+    discs: Vec<PartOutline>,
+    half_side_m: f64,
+    places_m: Vec<Vec2>,
+    /// Group of each part; parts of one group may exchange their places.
+    groups: Vec<usize>,
+    /// Index of each part's place.
+    place_of: Vec<usize>,
+    /// Latest position of each part, m.
+    seen_m: Vec<Vec2>,
+    /// Remaining stages, m: positions of all parts; from each to the next they move straight and in step.
+    stages_m: Vec<Vec<Vec2>>,
+    /// Distance of the parts from the present stage when it became the present one, root mean square, m.
+    begun_m: f64,
+    /// True while the routes lead round each other.
+    round: bool,
+    boxed_in: Vec<usize>,
+    /// Cycles since the last search for a route.
+    looks: usize,
+    rng: Rng,
+    /// Sum of the parts' initial distances from their places, m.
+    at_first_m: f64,
+    /// Largest progress so far, 0 to 1.
+    progress: f64,
+}
+
+impl PathFollower {
+    /// Steering to one place for each part; parts with the same number in `groups` may exchange them. A part without a
+    /// place stays where it is first seen.
+    pub(super) fn new(
+        motions: &Motions,
+        discs: &[PartOutline],
+        half_side_m: f64,
+        places_m: &[Vec2],
+        groups: Vec<usize>,
+        parts_in_table_m: &[Vec2],
+    ) -> Self {
+        let parts = parts_in_table_m.len();
+        let seen_m: Vec<Vec2> =
+            parts_in_table_m.iter().map(|part_m| if is_finite(*part_m) { *part_m } else { Vec2::zeros() }).collect();
+        let place = |i: usize| places_m.get(i).copied().unwrap_or(seen_m[i]);
+        let group = |i: usize| if i < places_m.len() { groups.get(i).copied().unwrap_or(i) } else { usize::MAX - i };
+        let mut steering = Self {
+            motions: motions.clone(),
+            discs: (0..parts).map(|i| discs.get(i).copied().unwrap_or_default()).collect(),
+            half_side_m,
+            places_m: (0..parts).map(place).collect(),
+            groups: (0..parts).map(group).collect(),
+            place_of: Vec::new(),
+            seen_m,
+            stages_m: Vec::new(),
+            begun_m: 0.0,
+            round: false,
+            boxed_in: Vec::new(),
+            looks: 0,
+            rng: Streams::new(0).stream("routes"),
+            at_first_m: 0.0,
+            progress: 0.0,
+        };
+        steering.place_of = steering.best_assignment(&steering.seen_m, &[]);
+        if let Motions::Rotations { effort, .. } = motions {
+            steering.place_of = steering.turning_assignment(effort.as_ref());
+        }
+        steering.at_first_m = steering.distances_m().sum();
+        steering
+    }
+
+    /// Records the parts' positions, m; a part keeps its last one when the new one is not finite.
+    pub(super) fn see(&mut self, parts_in_table_m: &[Vec2]) {
+        for (seen, part) in self.seen_m.iter_mut().zip(parts_in_table_m) {
+            if is_finite(*part) {
+                *seen = *part;
+            }
+        }
+    }
+
+    /// Records the parts' positions, m, and updates assignment and route.
+    pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
+        self.see(parts_in_table_m);
+        if matches!(self.motions, Motions::Independent) {
+            self.exchange_places();
+        }
+        if self.at_first_m > 0.0 {
+            let left = self.distances_m().sum::<f64>() / self.at_first_m;
+            self.progress = self.progress.max(1.0 - left);
+        }
+        self.looks += 1;
+        match self.motions.clone() {
+            Motions::Independent if self.keep_way() => {}
+            Motions::Independent => self.find_way(),
+            Motions::Rotations { stride_m, .. } if self.keep_turning_way(stride_m) => {}
+            Motions::Rotations { stride_m, effort } => self.find_turning_way(stride_m, effort.as_ref()),
+        }
+    }
+
+    /// The place assigned to each part at present, m.
+    pub(super) fn targets_m(&self) -> Vec<Vec2> {
+        self.place_of.iter().map(|&place| self.places_m[place]).collect()
+    }
+
+    /// Next position of each part, m: while all go straight there and in step they keep apart.
+    pub(super) fn subgoals_m(&self) -> Vec<Vec2> {
+        self.stages_m.first().unwrap_or(&self.seen_m).clone()
+    }
+
+    /// Output for the cycle when `there` parts have arrived; `to` names their destination in words.
+    pub(super) fn wanted(&self, to: &str, there: usize) -> Setpoints {
+        Setpoints {
+            subgoals_m: self.subgoals_m(),
+            targets_m: self.targets_m(),
+            phase: self.phase(to, there),
+            progress: self.progress,
+            cross_track_m: vec![0.0; self.seen_m.len()],
+            boxed_in: self.boxed_in.clone(),
+            ..Setpoints::default()
+        }
+    }
+
+    /// Present activity in words: destination, kind of path and number of arrived parts. Parts are numbered in the
+    /// order of the job, from 1.
+    fn phase(&self, to: &str, there: usize) -> String {
+        let of = self.seen_m.len();
+        let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
+        let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
+        match round {
+            _ if of == 0 => "no parts".into(),
+            _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} boxed in", numbers.join(", ")),
+            false if !matches!(self.motions, Motions::Independent) => format!("{to}: {there} of {of} there"),
+            false => format!("{to}, straight: {there} of {of} there"),
+            true => format!("{to}, round each other: {there} of {of} there"),
+        }
+    }
+
+    /// Latest position of each part, m.
+    pub(super) fn seen_m(&self) -> &[Vec2] {
+        &self.seen_m
+    }
+
+    /// Distance of each part from its place, m.
+    pub(super) fn distances_m(&self) -> impl Iterator<Item = f64> {
+        self.seen_m.iter().zip(&self.place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm())
+    }
+
+    /// Assignment with the least sum of squared distances from `starts_m`.
+    fn best_assignment(&self, starts_m: &[Vec2], never: &[(usize, usize)]) -> Vec<usize> {
+        assign(starts_m.len(), self.places_m.len(), |part, place| {
+            if self.may((part, &place), never) {
+                (starts_m[part] - self.places_m[place]).norm_squared()
+            } else {
+                f64::INFINITY
+            }
+        })
+    }
+
+    fn may(&self, (part, place): (usize, &usize), never: &[(usize, usize)]) -> bool {
+        self.groups[part] == self.groups[*place] && !never.contains(&(part, *place))
+    }
+
+    fn cost_m2(&self, place_of: &[usize]) -> f64 {
+        self.seen_m.iter().zip(place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm_squared()).sum()
+    }
+
+    fn fleet(&self, place_of: &[usize]) -> MultiDiscProblem {
+        let targets_m = place_of.iter().map(|&place| self.places_m[place]).collect();
+        MultiDiscProblem::new(self.discs.clone(), self.half_side_m, targets_m)
+    }
+
+    /// Adopts a clearly better assignment; on a route round other parts only when the new one can be reached straight,
+    /// so that exchanges terminate.
+    fn exchange_places(&mut self) {
+        let better = self.best_assignment(&self.seen_m, &[]);
+        if self.cost_m2(&better) >= CLEARLY_BETTER * self.cost_m2(&self.place_of) {
+            return;
+        }
+        let fleet = self.fleet(&better);
+        if self.stages_m.len() < 2 || fleet.is_clear(&self.seen_m, fleet.targets_m(), PLANNED_GAP_M) {
+            self.place_of = better;
+            self.stages_m.clear();
+        }
+    }
+
+    /// Advances to the last stage that can be reached straight; false without such a stage.
+    fn keep_way(&mut self) -> bool {
+        if !self.boxed_in.is_empty() && self.looks > PATIENCE {
+            return false;
+        }
+        let fleet = self.fleet(&self.place_of);
+        let clear = |stage_m: &Vec<Vec2>| fleet.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
+        let Some(next) = self.stages_m.iter().rposition(clear) else { return false };
+        self.stages_m.drain(..next);
+        let reached = |stage_m: &Vec<Vec2>| {
+            stage_m.iter().zip(&self.seen_m).all(|(to, from)| (to - from).norm() <= STAGE_REACHED_M)
+        };
+        self.stages_m.len() == 1 || !self.stages_m.first().is_some_and(reached)
+    }
+
+    /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
+    /// further on. False where the path is no longer clear.
+    fn keep_turning_way(&mut self, stride_m: f64) -> bool {
+        if !self.boxed_in.is_empty() && self.looks > PATIENCE {
+            return false;
+        }
+        let Some(present_m) = self.stages_m.first() else { return false };
+        let on_it = self.stages_m.len() == 1 || self.away_m(present_m) > STAGE_LEFT * self.begun_m;
+        if on_it && self.fleet(&self.place_of).is_clear(&self.seen_m, present_m, KEPT_GAP_M) {
+            return true;
+        }
+        !on_it && self.go_on(1, stride_m)
+    }
+
+    /// Advances to the stage a stride from the parts, or to the furthest before it that can be reached straight; false
+    /// where there is none.
+    fn go_on(&mut self, from: usize, stride_m: f64) -> bool {
+        let longest_m = |stage_m: &Vec<Vec2>| {
+            stage_m.iter().zip(&self.seen_m).map(|(to, seen)| (to - seen).norm()).fold(0.0, f64::max)
+        };
+        let ahead = self.stages_m.iter().skip(from).position(|stage_m| longest_m(stage_m) >= stride_m);
+        let ahead = ahead.map_or(self.stages_m.len(), |ahead| from + ahead + 1);
+        let fleet = self.fleet(&self.place_of);
+        let clear = |stage_m: &Vec<Vec2>| fleet.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
+        let Some(next) = self.stages_m[..ahead].iter().skip(from).rposition(clear) else { return false };
+        self.stages_m.drain(..from + next);
+        self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
+        true
+    }
+
+    /// Distance of the parts from a stage, root mean square, m.
+    fn away_m(&self, stage_m: &[Vec2]) -> f64 {
+        let squares: f64 = stage_m.iter().zip(&self.seen_m).map(|(to, seen)| (to - seen).norm_squared()).sum();
+        (squares / self.seen_m.len().max(1) as f64).sqrt()
+    }
+
+    fn turning_assignment(&self, effort: &dyn Effort) -> Vec<usize> {
+        let assign = |starts_m: &[Vec2]| self.best_assignment(starts_m, &[]);
+        let fleet = self.fleet(&self.place_of);
+        RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
+    }
+
+    /// Finds a new path for rotations, and adopts an assignment that takes clearly less effort.
+    fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
+        let better = self.turning_assignment(effort);
+        let cost = |place_of: &[usize]| {
+            RigidMotionProblem { fleet: &self.fleet(place_of), starts_m: &self.seen_m, effort }.straight_effort()
+        };
+        if better != self.place_of && cost(&better) < CLEARLY_BETTER * cost(&self.place_of) {
+            self.place_of = better;
+        }
+        self.find_way();
+        if !self.go_on(0, stride_m) {
+            self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
+        }
+    }
+
+    fn stages(&mut self, place_of: &[usize]) -> StagedPaths {
+        let fleet = self.fleet(place_of);
+        match &self.motions {
+            Motions::Independent => find_stages(&fleet, &self.seen_m, &mut self.rng),
+            Motions::Rotations { effort, .. } => {
+                RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort: effort.as_ref() }
+                    .stages(&mut self.rng)
+            }
+        }
+    }
+
+    /// Finds a new path. Where it leaves parts boxed in, others of their kind may take their places.
+    fn find_way(&mut self) {
+        self.looks = 0;
+        let mut best = self.stages(&self.place_of.clone());
+        let mut never = Vec::new();
+        for _ in 0..EXCHANGES {
+            never.extend(best.boxed_in.iter().map(|&part| (part, self.place_of[part])));
+            let other = self.best_assignment(&self.seen_m, &never);
+            if best.boxed_in.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
+                break;
+            }
+            let found = self.stages(&other);
+            if found.boxed_in.len() < best.boxed_in.len() {
+                (best, self.place_of) = (found, other);
+            }
+        }
+        self.round = best.round;
+        (self.boxed_in, self.stages_m) = (best.boxed_in, best.places_m);
+    }
+}
+
+fn is_finite(p: Vec2) -> bool {
+    p.iter().all(|x| x.is_finite())
+}
