@@ -13,7 +13,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::{AxisScale, Chart};
 use legend::Legend;
-use marks::Frame;
+use marks::PlotFrame;
 use scale::Scale;
 use sheet::{Drawn, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
 
@@ -40,7 +40,7 @@ const MOST_TICKS: usize = 9;
 pub fn svg(chart: &Chart) -> String {
     let chart = chart.in_decades();
     let chart = chart.as_ref();
-    let layout = Layout::of(chart);
+    let layout = ChartLayout::of(chart);
     let (width, height) = (fine(WIDTH_PX) as u32, fine(layout.height_px()) as u32);
     let mut document = String::new();
     let sheet = SVGBackend::with_string(&mut document, (width, height)).into_drawing_area();
@@ -56,7 +56,7 @@ pub fn svg_page(charts: &[Chart]) -> String {
     let (mut page, mut height_px) = (String::new(), 0.0);
     for chart in charts {
         page += &svg(chart).replacen("<svg ", &format!("<svg y=\"{height_px}\" "), 1);
-        height_px += Layout::of(&chart.in_decades()).height_px();
+        height_px += ChartLayout::of(&chart.in_decades()).height_px();
     }
     let open = format!("<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" xmlns=\"http://www.w3.org/2000/svg\">\n");
     open + &page + "</svg>\n"
@@ -70,7 +70,7 @@ fn scale_across(axis: AxisScale, range: [f64; 2], width_px: f64) -> Scale {
 }
 
 /// Layout of the picture.
-struct Layout {
+struct ChartLayout {
     title: Vec<String>,
     x: Scale,
     y: Scale,
@@ -80,7 +80,7 @@ struct Layout {
     legend: Legend,
 }
 
-impl Layout {
+impl ChartLayout {
     fn of(chart: &Chart) -> Self {
         let mut x = range::shown(&chart.x, &chart.layers, 0);
         let mut y = range::shown(&chart.y, &chart.layers, 1);
@@ -128,7 +128,7 @@ impl Layout {
     }
 
     /// Draws axes, grid and labels; returns the frame for the marks.
-    fn draw_axes(&self, chart: &Chart, sheet: &Sheet<'_>) -> Result<Frame, DrawingAreaErrorKind<std::io::Error>> {
+    fn draw_axes(&self, chart: &Chart, sheet: &Sheet<'_>) -> Result<PlotFrame, DrawingAreaErrorKind<std::io::Error>> {
         let mut plot = ChartBuilder::on(sheet)
             .margin_top(fine(self.plot_top_px()))
             .margin_bottom(fine(self.height_px() - self.legend_top_px() + GAP_PX))
@@ -149,6 +149,11 @@ impl Layout {
             .set_all_tick_mark_size(fine(5.0))
             .draw()?;
         let (across, down) = plot.plotting_area().get_pixel_range();
-        Ok(Frame { x: self.x.range, y: self.y.range, across: [across.start, across.end], down: [down.start, down.end] })
+        Ok(PlotFrame {
+            x: self.x.range,
+            y: self.y.range,
+            across: [across.start, across.end],
+            down: [down.start, down.end],
+        })
     }
 }

@@ -1,4 +1,4 @@
-mod covered;
+mod coverage_report;
 mod picture;
 mod plan;
 mod plan_picture;
@@ -13,7 +13,7 @@ use super::args::{CheckArgs, Common};
 use super::lab;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
-use covered::Covered;
+use coverage_report::CoverageReport;
 use plan::Planned;
 use upm_chart::Chart;
 use upm_cor_library::Library;
@@ -21,23 +21,23 @@ use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, 
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
 
 /// Contents of a valid file.
-struct Found {
+struct ValidFile {
     /// Description on one line.
     says: String,
-    covered: Option<Covered>,
+    covered: Option<CoverageReport>,
     /// Forecast of a job, if requested.
     planned: Option<Planned>,
     /// Warnings of tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
 
-impl Found {
+impl ValidFile {
     fn new(says: String) -> Self {
         Self { says, covered: None, planned: None, warnings: Vec::new() }
     }
 
     fn lines(&self) -> Vec<String> {
-        let covered = self.covered.as_ref().map(Covered::lines);
+        let covered = self.covered.as_ref().map(CoverageReport::lines);
         covered.or_else(|| self.planned.as_ref().map(Planned::lines)).unwrap_or_default()
     }
 
@@ -49,7 +49,7 @@ impl Found {
 }
 
 /// Contents of a file, or its faults.
-type Finding = Result<Found, Vec<String>>;
+type CheckFinding = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
@@ -58,8 +58,8 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
     let progress = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
-    let asked = Asked { rig: rig.as_ref(), plan: args.plan, progress };
-    let findings: Vec<(&Path, Finding)> =
+    let asked = CheckRequest { rig: rig.as_ref(), plan: args.plan, progress };
+    let findings: Vec<(&Path, CheckFinding)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, asked))).collect();
     if args.plan {
         check_planned(&findings)?;
@@ -79,8 +79,8 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
 }
 
 /// Exit status for the findings of all files.
-fn status(findings: &[(&Path, Finding)]) -> u8 {
-    let cannot = |finding: &Finding| {
+fn status(findings: &[(&Path, CheckFinding)]) -> u8 {
+    let cannot = |finding: &CheckFinding| {
         let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
         planned.is_some_and(|planned| planned.forecast.verdict().is_failure())
     };
@@ -95,7 +95,7 @@ fn status(findings: &[(&Path, Finding)]) -> u8 {
 
 /// Checks requested besides validity.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct CheckRequest<'a> {
     /// Rig that replaces that of jobs, and that libraries must have been measured on.
     rig: Option<&'a RigSpec>,
     /// True to rehearse jobs.
@@ -104,9 +104,9 @@ struct Asked<'a> {
 }
 
 /// Refuses `--plan` for files other than jobs.
-fn check_planned(findings: &[(&Path, Finding)]) -> Result<(), Failure> {
+fn check_planned(findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
-        if let Ok(Found { planned: None, says, .. }) = finding {
+        if let Ok(ValidFile { planned: None, says, .. }) = finding {
             return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {}, a {says}", file.display())));
         }
     }
@@ -129,7 +129,7 @@ fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
 
 /// Draws the coverage of the one library or the forecast of the one job; nothing if the file is faulty, which is
 /// reported elsewhere.
-fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
+fn draw(path: &Path, findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> {
     for (file, finding) in findings {
         let Ok(found) = finding else { continue };
         let Some(chart) = found.chart() else {
@@ -143,20 +143,20 @@ fn draw(path: &Path, findings: &[(&Path, Finding)]) -> Result<(), Failure> {
     Ok(())
 }
 
-fn row(path: &Path, finding: &Finding) -> Value {
+fn row(path: &Path, finding: &CheckFinding) -> Value {
     let mut row = json!({
         "file": path,
         "valid": finding.is_ok(),
         "says": finding.as_ref().ok().map(|found| &found.says),
         "faults": finding.as_ref().err(),
     });
-    if let Ok(Found { covered: Some(covered), .. }) = finding {
+    if let Ok(ValidFile { covered: Some(covered), .. }) = finding {
         row["coverage"] = covered.json();
     }
-    if let Ok(Found { planned: Some(planned), .. }) = finding {
+    if let Ok(ValidFile { planned: Some(planned), .. }) = finding {
         row["plan"] = planned.json();
     }
-    if let Ok(Found { warnings, .. }) = finding
+    if let Ok(ValidFile { warnings, .. }) = finding
         && !warnings.is_empty()
     {
         row["warnings"] = json!(warnings);
@@ -164,7 +164,7 @@ fn row(path: &Path, finding: &Finding) -> Value {
     row
 }
 
-fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
+fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
     match finding {
         Ok(found) => {
             say!("{}: ok, {}", path.display(), found.says)?;
@@ -177,7 +177,7 @@ fn print(path: &Path, finding: &Finding) -> Result<(), Failure> {
 }
 
 /// Validates a file as the kind that its keys indicate; a library also against the rig given.
-fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
+fn check_file(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
         Some(Document::Library) => return check_library(path, asked.rig),
@@ -194,7 +194,7 @@ fn check_file(path: &Path, asked: Asked<'_>) -> Finding {
         Some(Document::Rig) => check_rig(path)?,
         Some(Document::Job) | None => return check_job(path, asked),
     };
-    Ok(Found::new(says))
+    Ok(ValidFile::new(says))
 }
 
 /// Validates a daemon file with the rigs it names and their libraries.
@@ -219,7 +219,7 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     Ok(format!("rig {}, {:.0} mm plate, {library}", rig.model.name, rig.model.plate_side_m * 1e3))
 }
 
-fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
+fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let job = match asked.rig {
         Some(rig) => JobSpec::load_on(path, rig),
         None => JobSpec::load(path),
@@ -231,17 +231,17 @@ fn check_job(path: &Path, asked: Asked<'_>) -> Finding {
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
     let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(in_words)?;
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
-    Ok(Found { planned, warnings, ..Found::new(says) })
+    Ok(ValidFile { planned, warnings, ..ValidFile::new(says) })
 }
 
-fn check_library(path: &Path, rig: Option<&RigSpec>) -> Finding {
+fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
     let library = Library::load(path).map_err(lines)?;
     let faults = rig.map(|rig| library_faults(&library, &path.display().to_string(), rig)).unwrap_or_default();
     if !faults.is_empty() {
         return Err(lines(faults));
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
-    Ok(Found { covered: Some(Covered::by(&library)), ..Found::new(says) })
+    Ok(ValidFile { covered: Some(CoverageReport::by(&library)), ..ValidFile::new(says) })
 }
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {

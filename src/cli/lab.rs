@@ -15,7 +15,7 @@ use super::progress::LateProgress;
 use super::recording;
 use upm_chart::Chart;
 use upm_lab::{
-    EXPERIMENTS, Experiment, LabFault, LabRig, Outcome, Request, VISION, WAVEFORM_FIT, experiment, vision_of,
+    EXPERIMENTS, Experiment, ExperimentResult, LabFault, LabRig, Request, VISION, WAVEFORM_FIT, experiment, vision_of,
     waveform_fit_of,
 };
 use upm_recording::RerunMode;
@@ -33,7 +33,7 @@ struct Made {
     name: String,
     /// Rig, seed and settings.
     on: String,
-    outcome: Outcome,
+    outcome: ExperimentResult,
     written: Vec<PathBuf>,
 }
 
@@ -201,7 +201,7 @@ fn request(args: &LabArgs) -> Result<Request, Failure> {
 }
 
 /// Rig on which the experiment called `name` was run, and its result.
-fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Outcome), Failure> {
+fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, ExperimentResult), Failure> {
     let (experiment, request) = (named(name)?, request(args)?);
     if args.scenes.is_some() && name != VISION {
         return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
@@ -239,7 +239,7 @@ fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
 }
 
 /// Result of an experiment on the trace file at `path`.
-fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
+fn read_trace(name: &str, path: &Path) -> Result<ExperimentResult, Failure> {
     if name != WAVEFORM_FIT {
         return Err(Failure::bad_input(format!("--trace: expected the experiment {WAVEFORM_FIT}, found {name:?}")));
     }
@@ -248,7 +248,7 @@ fn read_trace(name: &str, path: &Path) -> Result<Outcome, Failure> {
 }
 
 /// Writes plots and the trace into the folder; returns the paths in this order.
-fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
+fn write_files(name: &str, outcome: &ExperimentResult, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
     fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let mut files: Vec<(PathBuf, String)> = outcome
         .charts
@@ -269,10 +269,10 @@ fn write_files(name: &str, outcome: &Outcome, args: &LabArgs) -> Result<Vec<Path
 }
 
 /// The result as data for the viewer.
-fn page(title: &str, outcome: &Outcome) -> upm_viewer::Experiment {
+fn page(title: &str, outcome: &ExperimentResult) -> upm_viewer::ExperimentLook {
     let figures = markdown(title, outcome);
     let (charts, motion) = (outcome.charts.clone(), outcome.motion.clone());
-    upm_viewer::Experiment { title: title.to_owned(), figures, charts, motion }
+    upm_viewer::ExperimentLook { title: title.to_owned(), figures, charts, motion }
 }
 
 /// Refuses SVG output if this build lacks charts.

@@ -1,7 +1,7 @@
 use nalgebra::Vector2;
 
-use super::shaken::{ShakenPlate, steady_motion};
-use super::{Figure, LabFault, LabRig, Outcome, Series};
+use super::shaken::{PlateModel, steady_motion};
+use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_cor_library::{Entry, drive_for};
 use upm_core::geometry::{Twist, Vec2};
@@ -13,41 +13,41 @@ use upm_perception::estimation::nearest_pump;
 const FARTHEST: f64 = 20.0;
 
 /// A motion as read by calibration, and the true one.
-struct Read {
+struct ReadCenter {
     read: Twist,
     truth: Twist,
 }
 
 /// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and
 /// around the plate and reads each through the accelerometers; the simulated plate gives the true ones.
-pub fn cor_map(lab: &LabRig) -> Result<Outcome, LabFault> {
-    let mut plate = ShakenPlate::new(lab);
+pub fn cor_map(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
+    let mut plate = PlateModel::new(lab);
     let (axes, entries) = plate.steer()?;
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
     let arm_m = lab.model.accelerometer_in_plate_m.norm();
     let read = |entry: &Entry| {
         let drive = drive_for(entry.amplitudes, &axes.shapes, &lab.plate_response(), lab.model.base_radps, envelope);
-        Read { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
+        ReadCenter { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
     };
-    let read: Vec<Read> = entries.iter().map(read).collect();
+    let read: Vec<ReadCenter> = entries.iter().map(read).collect();
     let half_side_m = 0.5 * lab.model.plate_side_m;
-    Ok(Outcome {
+    Ok(ExperimentResult {
         figures: figures(&read, half_side_m),
         series: series(&read),
         charts: vec![chart(&read, half_side_m)],
-        ..Outcome::default()
+        ..ExperimentResult::default()
     })
 }
 
 /// Measured and true centres, where both are nearer than [`FARTHEST`].
-fn centers(read: &[Read], half_side_m: f64) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
+fn centers(read: &[ReadCenter], half_side_m: f64) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
     read.iter().filter_map(move |motion| {
         let (read, truth) = (motion.read.center_of_rotation()?, motion.truth.center_of_rotation()?);
         (truth.norm() < FARTHEST * half_side_m).then_some((read, truth))
     })
 }
 
-fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
+fn figures(read: &[ReadCenter], half_side_m: f64) -> Vec<Figure> {
     const TRUTH: &str = "against the simulated plate's true motion";
     let (inside, outside): (Vec<_>, Vec<_>) =
         centers(read, half_side_m).partition(|(_, truth)| truth.amax() <= half_side_m);
@@ -61,7 +61,7 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
     let translations = read.len() - inside.len() - outside.len();
     let outside_rms = rms(&mut outside.iter().map(|c| share(c).powi(2)));
     let wrong = read.iter().filter(|m| is_wrong_way(m)).count();
-    let turned_deg = |motion: &Read| motion.read.velocity_mps.angle(&motion.truth.velocity_mps).to_degrees();
+    let turned_deg = |motion: &ReadCenter| motion.read.velocity_mps.angle(&motion.truth.velocity_mps).to_degrees();
     let straight =
         read.iter().filter(|m| m.truth.center_of_rotation().is_none_or(|c| c.norm() >= FARTHEST * half_side_m));
     vec![
@@ -78,16 +78,16 @@ fn figures(read: &[Read], half_side_m: f64) -> Vec<Figure> {
 }
 
 /// True when the measured motion would send parts backwards.
-fn is_wrong_way(motion: &Read) -> bool {
+fn is_wrong_way(motion: &ReadCenter) -> bool {
     /// Radius at which spin is weighted like velocity, m.
     const REACH_M: f64 = 0.1;
-    let Read { read, truth } = motion;
+    let ReadCenter { read, truth } = motion;
     let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
     along <= 0.0
 }
 
-fn series(read: &[Read]) -> Vec<Series> {
-    let column = |name: &str, of: fn(&Read) -> f64| Series::new(name, read.iter().map(of));
+fn series(read: &[ReadCenter]) -> Vec<Series> {
+    let column = |name: &str, of: fn(&ReadCenter) -> f64| Series::new(name, read.iter().map(of));
     vec![
         column("velocity_x_read_mps", |m| m.read.velocity_mps.x),
         column("velocity_y_read_mps", |m| m.read.velocity_mps.y),
@@ -98,7 +98,7 @@ fn series(read: &[Read]) -> Vec<Series> {
     ]
 }
 
-fn chart(read: &[Read], half_side_m: f64) -> Chart {
+fn chart(read: &[ReadCenter], half_side_m: f64) -> Chart {
     const AROUND: f64 = 2.6;
     /// Enlargement of the errors, which are too small to be seen at scale.
     const ENLARGED: f64 = 20.0;

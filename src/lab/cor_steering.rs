@@ -2,8 +2,8 @@ mod axes;
 mod rows;
 mod vectors;
 
-use self::rows::{ROWS, Read, Reads, compares_with_paper, eq_15, read_rows};
-use super::{Figure, LabFault, LabRig, Outcome, Series};
+use self::rows::{ROWS, ReadRow, Reads, compares_with_paper, eq_15, read_rows};
+use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::{INCH_M, mm_from_m};
@@ -15,9 +15,9 @@ use upm_core::units::{INCH_M, mm_from_m};
 /// # Errors
 ///
 /// A rig whose motors leave no amplitude for the table, or whose traces cannot be read.
-pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
+pub fn cor_steering(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     let Reads { unit, compensated, plain } = read_rows(lab)?;
-    let centers = |reads: &[Read]| reads.iter().map(|read| read.center_m).collect::<Vec<Vec2>>();
+    let centers = |reads: &[ReadRow]| reads.iter().map(|read| read.center_m).collect::<Vec<Vec2>>();
     let (found_m, plain_m) = (centers(&compensated), centers(&plain));
     let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
     let mut figures = figures(lab, &found_m, &plain_m, &expected_m, unit);
@@ -27,7 +27,12 @@ pub fn cor_steering(lab: &LabRig) -> Result<Outcome, LabFault> {
     figures.push(Figure::alone("COR off the perpendiculars, largest", "in", off_m / INCH_M, source));
     let mut charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
     charts.extend(ROWS.iter().zip(&compensated).map(|(row, read)| read.vectors.chart(lab, row.name, read.center_m)));
-    Ok(Outcome { figures, series: series(&found_m, &plain_m, &expected_m), charts, ..Outcome::default() })
+    Ok(ExperimentResult {
+        figures,
+        series: series(&found_m, &plain_m, &expected_m),
+        charts,
+        ..ExperimentResult::default()
+    })
 }
 
 fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
@@ -124,7 +129,7 @@ mod tests {
 
     #[test]
     fn the_papers_readings_stand_beside_those_of_a_plate_like_its_own() {
-        let paper = |outcome: &Outcome| {
+        let paper = |outcome: &ExperimentResult| {
             let layers = outcome.charts[0].layers.iter().filter(|layer| layer.label.contains("in the paper")).count();
             let sources = outcome.figures.iter().filter(|figure| figure.source.contains("paper read")).count();
             (layers, sources)

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use ellip::{ellipe, ellipk};
 
-use super::{Figure, Outcome, Series};
+use super::{ExperimentResult, Figure, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::disc_friction::DiscFriction;
 
@@ -27,7 +27,7 @@ struct Row {
 }
 
 /// Adds the results of the comparison.
-pub(super) fn report(outcome: &mut Outcome) {
+pub(super) fn report(outcome: &mut ExperimentResult) {
     let rows: Vec<Row> = slip_ratios()
         .map(|ratio| Row {
             ratio,

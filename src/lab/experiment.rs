@@ -1,8 +1,8 @@
 use std::f64::consts::TAU;
 
-use super::settings::{Assignment, Setting, SettingInfo, assigned, find, infos};
+use super::settings::{Setting, SettingAssignment, SettingInfo, assigned, find, infos};
 use super::sweep::{Progress, Sweep};
-use super::{LabFault, LabRig, Outcome, feeder, mchip, rock, topple};
+use super::{ExperimentResult, LabFault, LabRig, feeder, mchip, rock, topple};
 
 /// One of the experiments of the papers.
 #[derive(Clone, Copy)]
@@ -37,7 +37,7 @@ impl Experiment {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
     /// Parameters that are set: a single machine with these values is measured.
-    pub assignments: Vec<Assignment>,
+    pub assignments: Vec<SettingAssignment>,
     /// The swept parameter, if any.
     pub sweep: Option<Sweep>,
 }
@@ -52,7 +52,7 @@ pub trait Method: Sync {
     /// # Errors
     ///
     /// A parameter that is not allowed, or a rig that cannot carry out the experiment.
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<Outcome, LabFault>;
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabFault>;
 }
 
 /// The procedure of an experiment on machines of type `M`.
@@ -63,9 +63,9 @@ pub struct Procedure<M: 'static> {
     /// The machine with default values.
     pub usual: fn(&LabRig) -> M,
     /// Measures one machine.
-    pub measure: fn(&M, Progress<'_>) -> Result<Outcome, LabFault>,
+    pub measure: fn(&M, Progress<'_>) -> Result<ExperimentResult, LabFault>,
     /// Reproduces the published experiments.
-    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<Outcome, LabFault>,
+    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<ExperimentResult, LabFault>,
 }
 
 impl<M: Clone + Send + Sync> Method for Procedure<M> {
@@ -73,7 +73,7 @@ impl<M: Clone + Send + Sync> Method for Procedure<M> {
         infos(self.settings, &(self.usual)(rig))
     }
 
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
         let machine = assigned(self.settings, &(self.usual)(rig), &request.assignments)?;
         match &request.sweep {
             Some(sweep) => {

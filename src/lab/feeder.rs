@@ -14,7 +14,7 @@ use self::plate::PlateCycle;
 pub use self::published::reproduce;
 use super::settings::Setting;
 use super::sweep::Progress;
-use super::{Figure, LabFault, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -88,7 +88,7 @@ impl Feeder {
 /// # Errors
 ///
 /// A feeder outside the model.
-pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     feeder.check()?;
     let Feeder { plate, friction, mass_kg, force_n } = *feeder;
     let cycle = feeder.sliding().settled(&plate)?;
@@ -122,7 +122,7 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<Outcome, LabFault> {
         Vec::new()
     };
     let (chart, series) = cycle_chart(&plate, &cycle.events);
-    Ok(Outcome { figures, notes, charts: vec![chart], series, ..Outcome::default() })
+    Ok(ExperimentResult { figures, notes, charts: vec![chart], series, ..ExperimentResult::default() })
 }
 
 /// Velocity of plate and part over a cycle.
@@ -148,10 +148,10 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Assignment, assigned};
+    use crate::settings::{SettingAssignment, assigned};
 
-    fn set(text: &str) -> Result<Outcome, LabFault> {
-        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
         measure(&assigned(SETTINGS, &Feeder::published(), &assignments)?, &|_| ())
     }
 

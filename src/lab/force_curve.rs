@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
-use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump, disc_friction, general_wave};
+use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump, disc_friction, general_wave};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -30,11 +30,11 @@ const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
 
 /// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
 /// rig's own frequency, the acceleration at which its parts begin to slide, and the friction of a disc that spins.
-pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
+pub fn force_curve(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
         return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));
     }
-    let mut outcome = Outcome::default();
+    let mut outcome = ExperimentResult::default();
     report_forces(rig, &mut outcome);
     general_wave::report(rig, &mut outcome);
     report_approach(rig, &mut outcome);
@@ -43,7 +43,7 @@ pub fn force_curve(rig: &LabRig) -> Result<Outcome, LabFault> {
     Ok(outcome)
 }
 
-fn report_forces(rig: &LabRig, outcome: &mut Outcome) {
+fn report_forces(rig: &LabRig, outcome: &mut ExperimentResult) {
     let line = PumpedLine { amplitude_mps: 1.0, base_radps: TAU * PAPER_HZ, second: PUMP, steps: FORCE_STEPS };
     let part = PartParams { friction: FAINT, ..rig.penny };
     let at = |i: u32| coulomb_pump::BELT * f64::from(i) / f64::from(SPEEDS - 1);
@@ -141,7 +141,7 @@ fn rise() -> f64 {
 /// Adds the approach to the belt's speed. The force is above the viscous belt's straight line, so that parts reach 1 -
 /// 1/e of the belt's speed sooner than in 1/k2: the time is compared with the closed-form force integrated, not with
 /// the exponential.
-fn report_approach(rig: &LabRig, outcome: &mut Outcome) {
+fn report_approach(rig: &LabRig, outcome: &mut ExperimentResult) {
     let amplitude_mps = PAPER_PEAK_G * GRAVITY_MPS2 / (TAU * PAPER_HZ);
     let line = PumpedLine { amplitude_mps, base_radps: TAU * PAPER_HZ * FASTER, second: PUMP, steps: BELT_STEPS };
     let part = PartParams { friction: PAPER_FRICTION, ..rig.penny };
@@ -195,7 +195,7 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
 
 /// Adds the approach at the rig's own frequency, where a part's speed changes much within a cycle and the approach
 /// differs from the limit's.
-fn report_rig(rig: &LabRig, outcome: &mut Outcome) {
+fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
     let (friction, base_radps, step_s) = (rig.penny.friction, rig.model.base_radps, rig.sim.step_s);
     let peak = coulomb_pump::peak_acceleration();
     outcome.figures.push(Figure::against(
@@ -224,7 +224,7 @@ mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
 
-    fn figure<'a>(outcome: &'a Outcome, name: &str) -> &'a Figure {
+    fn figure<'a>(outcome: &'a ExperimentResult, name: &str) -> &'a Figure {
         outcome.figures.iter().find(|figure| figure.name == name).unwrap()
     }
 

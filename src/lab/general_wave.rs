@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use super::numerics::bisect;
 use super::pumped::{FAINT, PumpedLine};
-use super::{Figure, LabRig, Outcome, Series};
+use super::{ExperimentResult, Figure, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_sim::PartParams;
 
@@ -21,7 +21,7 @@ const HALVINGS: usize = 16;
 const CURVE: u32 = 180;
 
 /// Adds equilibrium speeds, found as zeros of the mean force, compared with Eq. 28.
-pub(super) fn report(rig: &LabRig, outcome: &mut Outcome) {
+pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
     let part = PartParams { friction: FAINT, ..rig.penny };
     let phase_rad = |i: u32, count: u32| TAU * f64::from(i) / f64::from(count);
     let (mut layers, mut worst) = (Vec::new(), 0.0f64);

@@ -15,16 +15,16 @@ mod resonator;
 mod run;
 mod sweeps;
 
-use self::batch::{Batch, Job, Summary, jams, mean, of_cluster};
+use self::batch::{Batch, BatchJob, Summary, jams, mean, of_cluster};
 use self::device::Device;
-use self::drive::{Drive, Strobe};
+use self::drive::{ResonatorDrive, Strobe};
 use self::measures::{arrivals, samples_from, spectrum};
 use self::part::PartShape;
 pub use self::published::reproduce;
 use self::run::{Run, Setup};
 use super::settings::Setting;
 use super::sweep::Progress;
-use super::{Figure, LabFault, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -117,7 +117,7 @@ impl MChip {
 
     fn setup(&self) -> Setup {
         let strobe = Strobe { spacing: self.spacing as usize, cycles: self.cycles as usize };
-        let drive = Drive {
+        let drive = ResonatorDrive {
             duty: self.duty,
             row_delay: self.row_delay,
             strobe: (self.strobe == 1).then_some(strobe),
@@ -145,13 +145,13 @@ impl MChip {
 ///
 /// # Errors
 /// A rim that does not fit its ridge.
-pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     chip.check()?;
     let (setup, streams) = (chip.setup(), Streams::new(chip.seed.into()));
     let mut batch = Batch::default();
     batch.add_pushed(&setup, chip.starts.into(), chip.time_s, chip.force_n);
     let summaries = batch.summaries(&streams, &|share| progress(0.9 * share));
-    let job = Job { setup, start: 0, until_s: chip.time_s, force_n: chip.force_n };
+    let job = BatchJob { setup, start: 0, until_s: chip.time_s, force_n: chip.force_n };
     let run = job.run(&streams);
     let mut notes = Vec::new();
     let left = summaries.iter().filter(|summary| !summary.stays).count();
@@ -159,12 +159,12 @@ pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<Outcome, LabFault
         notes.push(format!("the part left the array in {left} of {} runs, which end there", summaries.len()));
     }
     progress(1.0);
-    Ok(Outcome {
+    Ok(ExperimentResult {
         figures: figures(&summaries),
         notes,
         series: log_series(&run),
         charts: charts(&run),
-        ..Outcome::default()
+        ..ExperimentResult::default()
     })
 }
 
@@ -270,10 +270,10 @@ fn spectrum_chart(run: &Run) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Assignment, assigned};
+    use crate::settings::{SettingAssignment, assigned};
 
-    fn set(text: &str) -> Result<Outcome, LabFault> {
-        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
         measure(&assigned(SETTINGS, &MChip::published(), &assignments)?, &|_| ())
     }
 

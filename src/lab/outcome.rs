@@ -58,14 +58,14 @@ impl Series {
 
 /// A table of numbers: one row per point.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sheet {
+pub struct DataSheet {
     /// Headings of the columns, with units.
     pub columns: Vec<String>,
     /// Values; NaN for a missing one.
     pub rows: Vec<Vec<f64>>,
 }
 
-impl Sheet {
+impl DataSheet {
     /// A sheet of `rows` with these headings.
     pub(super) fn new<const N: usize>(columns: [&str; N], rows: Vec<Vec<f64>>) -> Self {
         Self { columns: columns.map(str::to_owned).to_vec(), rows }
@@ -88,7 +88,7 @@ impl Sheet {
 
 /// Complete result of an experiment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outcome {
+pub struct ExperimentResult {
     /// Figures of the table.
     pub figures: Vec<Figure>,
     /// The curves behind the figures.
@@ -96,7 +96,7 @@ pub struct Outcome {
     /// Charts.
     pub charts: Vec<Chart>,
     /// Table of the points of a sweep, or of several machines.
-    pub sheet: Option<Sheet>,
+    pub sheet: Option<DataSheet>,
     /// Motion of the parts, for playback.
     pub motion: Option<Playback>,
     /// Findings that need attention, one a line.

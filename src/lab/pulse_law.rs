@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use super::pulses::{EDGE_M, check_carries, envelope, place, saturation, strongest_spin};
-use super::{Figure, LabFault, LabRig, Outcome, Series, coulomb_pump};
+use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::signal::Envelope;
@@ -27,7 +27,7 @@ const OFF: f64 = 0.1;
 const FINE: f64 = 200.0;
 
 /// A part in the middle of a plate that turns about one of its corners.
-struct Bench<'a> {
+struct PivotSetup<'a> {
     rig: &'a LabRig,
     mode: PlateMode,
     cor_m: Vec2,
@@ -35,7 +35,7 @@ struct Bench<'a> {
 }
 
 /// A pulse and the resulting motion.
-struct Played {
+struct PlayedPulse {
     envelope: Envelope,
     t_s: Vec<f64>,
     /// Distance travelled at each instant, m.
@@ -49,22 +49,22 @@ struct Played {
 /// # Errors
 ///
 /// A rig whose motors do not carry the part.
-pub fn pulse_law(rig: &LabRig) -> Result<Outcome, LabFault> {
+pub fn pulse_law(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
     let cor_m = Vec2::new(-inset_m, -inset_m);
     let sustains_s = sustains_s(rig);
     let longest_s = envelope(rig, sustains_s.last().copied().unwrap_or(0.0)).sounding_s();
     let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * longest_s;
-    let exact = |faster: f64| Bench {
+    let exact = |faster: f64| PivotSetup {
         rig,
         mode: PlateMode::Kinematic,
         cor_m,
         spin_radps: faster * gained_mps / coulomb_pump::BELT / cor_m.norm(),
     };
-    let own = Bench { rig, mode: PlateMode::Dynamic, cor_m, spin_radps: strongest_spin(rig, cor_m)? };
+    let own = PivotSetup { rig, mode: PlateMode::Dynamic, cor_m, spin_radps: strongest_spin(rig, cor_m)? };
     check_carries(rig, own.spin_radps, cor_m.norm())?;
     let benches = [(exact(FASTER), "fast plate"), (exact(1.0), "slow plate"), (own, "this rig")];
-    let mut outcome = Outcome::default();
+    let mut outcome = ExperimentResult::default();
     let [short, long] = PERIODS.map(|periods| benches[0].0.play(periods * TAU / rig.model.base_radps));
     let (short, long) = (short?, long?);
     outcome.charts = vec![wave_chart(rig, &short.envelope), speed_chart(&short, &long)];
@@ -97,8 +97,8 @@ struct Row {
     averaged_m: f64,
 }
 
-impl Bench<'_> {
-    fn play(&self, sustain_s: f64) -> Result<Played, LabFault> {
+impl PivotSetup<'_> {
+    fn play(&self, sustain_s: f64) -> Result<PlayedPulse, LabFault> {
         let rig = self.rig;
         let envelope = Envelope { rest_s: REST_S, ..envelope(rig, sustain_s) };
         let pulse = OpenPulse::about(self.cor_m, self.spin_radps, envelope);
@@ -108,7 +108,7 @@ impl Bench<'_> {
         let found = simulate(&rig.sim, self.mode, &part, &[pulse], base_radps, sample_hz)?;
         let way_m = |i: usize| found.parts.first().and_then(|part| place(part, i)).map_or(f64::NAN, |at| at.norm());
         let way_m = (0..found.t_s.len()).map(way_m).collect();
-        Ok(Played { envelope, t_s: found.t_s, way_m })
+        Ok(PlayedPulse { envelope, t_s: found.t_s, way_m })
     }
 
     /// Displacements by pulses with these sustains.
@@ -157,13 +157,13 @@ impl Row {
     }
 }
 
-impl Played {
+impl PlayedPulse {
     fn displacement_m(&self) -> f64 {
         self.way_m.last().copied().unwrap_or(f64::NAN)
     }
 }
 
-fn figures(bench: &Bench<'_>, rows: &[Row], plate: &str) -> Vec<Figure> {
+fn figures(bench: &PivotSetup<'_>, rows: &[Row], plate: &str) -> Vec<Figure> {
     let gained = |row: &Row| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
     let largest = rows.iter().map(Row::over_square_mps2).fold(0.0, f64::max);
     let within = || rows.iter().filter(|row| row.over_square_mps2() > (1.0 - OFF) * largest);
@@ -228,16 +228,16 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
 }
 
 /// Chart of Fig. 9.
-fn speed_chart(short: &Played, long: &Played) -> Chart {
+fn speed_chart(short: &PlayedPulse, long: &PlayedPulse) -> Chart {
     let samples = SAMPLES as usize;
-    let mean = |played: &Played| {
+    let mean = |played: &PlayedPulse| {
         let pairs = played.t_s.iter().zip(&played.way_m).zip(played.t_s.iter().zip(&played.way_m).skip(samples));
         pairs
             .map(|((t0, way0), (t1, way1))| [1e3 * 0.5 * (t0 + t1), (way1 - way0) / (t1 - t0)])
             .map(|[t_ms, mps]| [t_ms, mm_from_m(mps)])
             .collect::<Vec<_>>()
     };
-    let label = |played: &Played| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
+    let label = |played: &PlayedPulse| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
     Chart::plot(
         "pulse-law-speed",
         "Speed of a part, mean over a period (Fig. 9)",

@@ -9,7 +9,7 @@ use super::pulses::{
     EDGE_M, FINER, PLAYBACK_HZ, SATURATION, check_carries, envelope, mm, place, places, saturation, strongest_spin,
     turn,
 };
-use super::{Figure, LabFault, LabRig, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_core::geometry::{Pose, Vec2};
 use upm_sim::{OpenLoopTrajectories, OpenPulse, PlateMode, simulate};
@@ -31,7 +31,7 @@ const MOST_PULSES: usize = 4096;
 const IDEAL: &str = "ideal field, all flow equally far: UPM paper, section 2.1";
 
 /// The field and the starting positions of the coins.
-struct Course {
+struct RaceCourse {
     cor_m: Vec2,
     half_side_m: f64,
     coin_radius_m: f64,
@@ -42,7 +42,7 @@ struct Course {
     pulse_s: f64,
 }
 
-impl Course {
+impl RaceCourse {
     fn on(rig: &LabRig) -> Result<Self, LabFault> {
         let (half_side_m, coin_radius_m) = (0.5 * rig.sim.plate.side_m, rig.penny.radius_m);
         let inset_m = half_side_m - coin_radius_m - EDGE_M;
@@ -131,7 +131,7 @@ impl Lap {
 
 /// The pulses played, up to the last one before a coin would have left its quarter.
 struct Race {
-    course: Course,
+    course: RaceCourse,
     pulses: usize,
     t_s: Vec<f64>,
     laps: Vec<Lap>,
@@ -139,7 +139,7 @@ struct Race {
 
 impl Race {
     fn run(rig: &LabRig) -> Result<Self, LabFault> {
-        let course = Course::on(rig)?;
+        let course = RaceCourse::on(rig)?;
         let mut tried = FIRST_PULSES;
         loop {
             let played = course.play(rig, tried)?;
@@ -181,14 +181,14 @@ impl Race {
 
 /// Shakes the rig's plate about a point near its lower left corner until the first coin has made a quarter turn, and
 /// measures each coin's distance.
-pub fn race_track(rig: &LabRig) -> Result<Outcome, LabFault> {
+pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
-    Ok(Outcome {
+    Ok(ExperimentResult {
         figures: figures(rig, &race),
         series: series(&race),
         charts: vec![map(&race), angles(&race)],
         motion: Some(motion(&race)),
-        ..Outcome::default()
+        ..ExperimentResult::default()
     })
 }
 
@@ -284,7 +284,7 @@ mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
 
-    fn figure(outcome: &Outcome, name: &str) -> f64 {
+    fn figure(outcome: &ExperimentResult, name: &str) -> f64 {
         outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
     }
 

@@ -1,5 +1,5 @@
 use super::spectrum::TraceSpectrum;
-use super::{Figure, LabFault, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, RecordedPulse};
 use upm_core::units::mm_from_m;
@@ -8,7 +8,7 @@ use upm_perception::estimation::{
 };
 
 /// Determines the plate's motion from a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
-pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
+pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<ExperimentResult, LabFault> {
     let fault = |fault| LabFault::Trace { what: "recorded pulse".to_owned(), fault };
     let fit = fit(pulse).map_err(fault)?;
     let window = sustain_window(&pulse.trace, &pulse.envelope, pulse.base_radps).map_err(fault)?;
@@ -44,7 +44,8 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<Outcome, LabFault> {
     };
     let recorded = Some(pulse.clone());
     let charts = vec![chart, velocities];
-    let mut outcome = Outcome { figures: figures(&fit), series, charts, recorded, ..Outcome::default() };
+    let mut outcome =
+        ExperimentResult { figures: figures(&fit), series, charts, recorded, ..ExperimentResult::default() };
     let source = "rms, trapezoids against the fit's coefficients";
     outcome.figures.push(Figure::alone("velocity integral off Eq. 13, largest", "m/s", off_mps, source));
     match TraceSpectrum::of(pulse) {
@@ -168,7 +169,7 @@ mod tests {
         RecordedPulse { trace, envelope, base_radps, accelerometer_in_plate_m: place_m, channel_gain }
     }
 
-    fn figure(outcome: &Outcome, name: &str) -> f64 {
+    fn figure(outcome: &ExperimentResult, name: &str) -> f64 {
         outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
     }
 

@@ -13,12 +13,12 @@ mod wave;
 
 use self::block::Block;
 use self::motion::{End, Motion, Release};
-use self::orbit::Cycle;
+use self::orbit::RockingCycle;
 pub use self::published::reproduce;
 use self::wave::{Square, Wave};
 use super::settings::Setting;
 use super::sweep::Progress;
-use super::{Figure, LabFault, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -72,10 +72,10 @@ impl Rock {
         Self { block, peak_rad: 0.15, from: 1.0, to: 0.6, ramp: 0.1, start: 2.0, time_s: 1.0, ..published }
     }
 
-    fn cycle(&self) -> Cycle {
+    fn cycle(&self) -> RockingCycle {
         let (from_rad, to_rad) = (self.from * self.peak_rad, self.to * self.peak_rad);
         let (block, restitution) = (self.block, self.restitution);
-        Cycle { block, restitution, peaks_rad: [self.peak_rad; 2], from_rad, to_rad }
+        RockingCycle { block, restitution, peaks_rad: [self.peak_rad; 2], from_rad, to_rad }
     }
 
     /// The wave of the steady orbit.
@@ -110,7 +110,7 @@ impl Rock {
 /// # Errors
 ///
 /// A peak beyond the balance, or a window in which no drive compensates the impact's loss.
-pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let drive = rock.drive()?;
     let wave = drive.ramped(rock.ramp);
     let motion = rock.release(rock.start).motion(&wave, rock.time_s);
@@ -128,7 +128,7 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<Outcome, LabFault> {
         wave_chart("rock-table", &wave),
     ];
     let series = Series::columns(["t_s", "tilt_rad"], &motion.track);
-    Ok(Outcome { figures, notes, charts, series, ..Outcome::default() })
+    Ok(ExperimentResult { figures, notes, charts, series, ..ExperimentResult::default() })
 }
 
 /// Parameters of the wave, and its effect near the orbit.
@@ -201,10 +201,10 @@ fn wave_chart(name: &str, wave: &Wave) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Assignment, assigned};
+    use crate::settings::{SettingAssignment, assigned};
 
-    fn set(text: &str) -> Result<Outcome, LabFault> {
-        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
         measure(&assigned(SETTINGS, &Rock::published(), &assignments)?, &|_| ())
     }
 

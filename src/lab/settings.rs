@@ -42,14 +42,14 @@ pub struct SettingInfo {
 
 /// A value for a parameter, as typed on the command line: `duty=0.55`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Assignment {
+pub struct SettingAssignment {
     /// Name of the parameter.
     pub key: String,
     /// Value in the key's unit.
     pub value: f64,
 }
 
-impl FromStr for Assignment {
+impl FromStr for SettingAssignment {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -136,10 +136,10 @@ pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a S
 pub(super) fn assigned<M: Clone>(
     settings: &[Setting<M>],
     machine: &M,
-    assignments: &[Assignment],
+    assignments: &[SettingAssignment],
 ) -> Result<M, LabFault> {
     let mut machine = machine.clone();
-    for Assignment { key, value } in assignments {
+    for SettingAssignment { key, value } in assignments {
         find(settings, key)?.set(&mut machine, *value)?;
     }
     Ok(machine)
@@ -162,7 +162,7 @@ mod tests {
     const PRESS: Press = Press { stroke_m: 0.01, blows: 2 };
 
     fn set(texts: &[&str]) -> Result<Press, String> {
-        let assignments: Result<Vec<Assignment>, String> = texts.iter().map(|text| text.parse()).collect();
+        let assignments: Result<Vec<SettingAssignment>, String> = texts.iter().map(|text| text.parse()).collect();
         assigned(SETTINGS, &PRESS, &assignments?).map_err(|fault| fault.to_string())
     }
 

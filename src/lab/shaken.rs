@@ -22,13 +22,13 @@ const WINDOW_S: f64 = 1.0;
 
 /// A rig without parts whose camera is one pixel, so that simulation takes almost no time.
 #[derive(Debug)]
-pub(super) struct ShakenPlate {
+pub(super) struct PlateModel {
     model: RigModel,
     rig: SimRig,
     frame: Frame,
 }
 
-impl ShakenPlate {
+impl PlateModel {
     pub fn new(lab: &LabRig) -> Self {
         let mut sim = lab.sim.clone();
         sim.camera.size_px = [1, 1];

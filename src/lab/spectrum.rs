@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{Figure, Outcome, Series};
+use super::{ExperimentResult, Figure, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum};
@@ -58,7 +58,7 @@ impl TraceSpectrum {
     }
 
     /// Adds figures, series and chart to `outcome`, whose fit is `fit`.
-    pub fn add_to(&self, outcome: &mut Outcome, fit: &TwistFit) {
+    pub fn add_to(&self, outcome: &mut ExperimentResult, fit: &TwistFit) {
         for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
             for (k, harmonic) in [(1, "w"), (2, "2w")] {
                 let [c, s] = [0, 1].map(|i| fit.accel_mps2[channel][2 * (k - 1) + i]);

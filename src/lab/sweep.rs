@@ -6,7 +6,7 @@ use std::thread;
 
 use parking_lot::Mutex;
 
-use super::{Figure, LabFault, Outcome, Sheet};
+use super::{DataSheet, ExperimentResult, Figure, LabFault};
 use upm_chart::{Chart, Color, Layer, Mark};
 
 /// Most points of a sweep.
@@ -57,9 +57,9 @@ impl Sweep {
     /// The first fault, where no value can be measured.
     pub(super) fn run(
         &self,
-        measure: impl Fn(f64) -> Result<Outcome, LabFault> + Sync,
+        measure: impl Fn(f64) -> Result<ExperimentResult, LabFault> + Sync,
         progress: Progress<'_>,
-    ) -> Result<Outcome, LabFault> {
+    ) -> Result<ExperimentResult, LabFault> {
         let values = self.values();
         let found = parallel(&values, progress, |&value| measure(value));
         let Some(names) = found.iter().flatten().map(|outcome| &outcome.figures).next() else {
@@ -70,11 +70,12 @@ impl Sweep {
             let fault = found.as_ref().err()?;
             Some(format!("{}={value}: {fault}", self.key))
         });
-        let mut sheet = Sheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
+        let mut sheet = DataSheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
         let mut charts = Vec::new();
         for (i, figure) in names.iter().enumerate() {
-            let at =
-                |found: &Result<Outcome, LabFault>| found.as_ref().ok().and_then(|found| found.figures.get(i).cloned());
+            let at = |found: &Result<ExperimentResult, LabFault>| {
+                found.as_ref().ok().and_then(|found| found.figures.get(i).cloned())
+            };
             let column: Vec<Option<Figure>> = found.iter().map(at).collect();
             sheet.add(&heading(figure), column.iter().map(|figure| figure.as_ref().map(|figure| figure.measured)));
             if figure.reference.is_some() {
@@ -84,7 +85,13 @@ impl Sweep {
             charts.push(self.chart(i, figure, &values, &column));
         }
         let series = sheet.series();
-        Ok(Outcome { notes: notes.collect(), charts, series, sheet: Some(sheet), ..Outcome::default() })
+        Ok(ExperimentResult {
+            notes: notes.collect(),
+            charts,
+            series,
+            sheet: Some(sheet),
+            ..ExperimentResult::default()
+        })
     }
 
     fn chart(&self, index: usize, figure: &Figure, values: &[f64], column: &[Option<Figure>]) -> Chart {
@@ -156,7 +163,10 @@ mod tests {
         let sweep = Sweep { key: "x".into(), ends: [0.0, 9.0], points: 10 };
         let measure = |x: f64| match x {
             4.0 => Err(LabFault::Setting("four".into())),
-            x => Ok(Outcome { figures: vec![Figure::against("square", "mm", x * x, x, "line")], ..Outcome::default() }),
+            x => Ok(ExperimentResult {
+                figures: vec![Figure::against("square", "mm", x * x, x, "line")],
+                ..ExperimentResult::default()
+            }),
         };
         let seen = Mutex::new(Vec::new());
         let outcome = sweep.run(measure, &|share| seen.lock().push(share)).unwrap();

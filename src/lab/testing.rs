@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{LabRig, Outcome};
+use super::{ExperimentResult, LabRig};
 use upm_runner::config::RigSpec;
 
 /// The rig of `configs/rigs/<name>.json` with its penny.
@@ -14,7 +14,7 @@ pub(super) fn lab_rig(name: &str) -> LabRig {
 }
 
 /// Panics where a source is longer than fits a table.
-pub(super) fn assert_sources_are_short(outcome: &Outcome) {
+pub(super) fn assert_sources_are_short(outcome: &ExperimentResult) {
     for figure in &outcome.figures {
         assert!(figure.source.chars().count() <= 70, "{}: {}", figure.name, figure.source);
     }

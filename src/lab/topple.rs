@@ -9,10 +9,10 @@ mod trials;
 
 use self::peg::{Peg, Shape, ratio_of_orientations};
 pub use self::published::reproduce;
-use self::trials::{Scatter, band};
+use self::trials::{TrialScatter, band};
 use super::settings::Setting;
 use super::sweep::Progress;
-use super::{Figure, LabFault, Outcome, Series};
+use super::{ExperimentResult, Figure, LabFault, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -24,7 +24,7 @@ pub struct Topple {
     length_m: f64,
     height_m: f64,
     ledge_m: f64,
-    scatter: Scatter,
+    scatter: TrialScatter,
     seed: u32,
 }
 
@@ -51,7 +51,7 @@ pub const SETTINGS: &[Setting<Topple>] = &[
 impl Topple {
     /// A peg of half an inch and the paper's ledge; the scatter is our choice, since the paper prints none.
     pub fn published() -> Self {
-        let scatter = Scatter { belt: 0.01, friction: 0.3, friction_sd: 0.05, way_m: 0.3, way_sd: 0.1 };
+        let scatter = TrialScatter { belt: 0.01, friction: 0.3, friction_sd: 0.05, way_m: 0.3, way_sd: 0.1 };
         Self { cylinder: 1, length_m: 6.35e-3, height_m: 12.7e-3, ledge_m: 0.889e-3, scatter, seed: 1 }
     }
 
@@ -67,7 +67,7 @@ impl Topple {
 /// # Errors
 ///
 /// A ledge as high as the part's centre.
-pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let peg = topple.peg();
     let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
@@ -94,7 +94,7 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<Outcome, LabFault> {
         Series::new("belt_mm_s", band.shares.iter().map(|share| mm_from_m(share[0]))),
         Series::new("share_fallen", band.shares.iter().map(|share| share[1])),
     ];
-    Ok(Outcome { figures, series, charts: vec![chart], ..Outcome::default() })
+    Ok(ExperimentResult { figures, series, charts: vec![chart], ..ExperimentResult::default() })
 }
 
 fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
@@ -121,10 +121,10 @@ fn trials_chart(shares: &[[f64; 2]], exact_mps: f64) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Assignment, assigned};
+    use crate::settings::{SettingAssignment, assigned};
 
-    fn set(text: &str) -> Result<Outcome, LabFault> {
-        let assignments: Vec<Assignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
         measure(&assigned(SETTINGS, &Topple::published(), &assignments)?, &|_| ())
     }
 

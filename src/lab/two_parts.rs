@@ -9,20 +9,21 @@ mod plate_model;
 mod report;
 mod task;
 
-use self::plan::{CENTERS, Places, distances, flow};
+use self::plan::{CENTERS, PartPositions, distances, flow};
 use self::plate_model::{PlateModel, STRONG_SPIN_RADPS};
-use self::task::{StepSeries, Task};
+use self::task::{StepSeries, TwoPartProblem};
 use super::pulses::strongest_spin;
-use super::{LabFault, LabRig, Outcome};
+use super::{ExperimentResult, LabFault, LabRig};
 use upm_core::geometry::Vec2;
 use upm_sim::PlateMode;
 
 /// Makes one large step with two parts about four centres, then the same in more looks: in the ideal field, on a plate
 /// with strong motors and on the rig's own.
-pub fn two_parts(rig: &LabRig) -> Result<Outcome, LabFault> {
-    let task = Task::on(rig);
-    let exactly =
-        |parts: &Places, center: usize, d: f64| Ok(vec![parts.map(|part| flow(task.centers_m[center], part, d))]);
+pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+    let task = TwoPartProblem::on(rig);
+    let exactly = |parts: &PartPositions, center: usize, d: f64| {
+        Ok(vec![parts.map(|part| flow(task.centers_m[center], part, d))])
+    };
     let d_m = distances(&task.centers_m, &task.starts_m, &task.goals_m);
     let d_m = d_m.ok_or_else(|| task.singular(&task.starts_m))?;
     let ideal = StepSeries::of("ideal field", &task, exactly);
@@ -55,11 +56,11 @@ mod tests {
     use super::task::LOOKS;
     use super::*;
 
-    fn series(outcome: &Outcome, name: &str) -> Vec<f64> {
+    fn series(outcome: &ExperimentResult, name: &str) -> Vec<f64> {
         outcome.series.iter().find(|series| series.name == name).unwrap().values.clone()
     }
 
-    fn figure(outcome: &Outcome, name: &str) -> f64 {
+    fn figure(outcome: &ExperimentResult, name: &str) -> f64 {
         outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
     }
 
@@ -81,8 +82,8 @@ mod tests {
     #[test]
     fn one_look_in_the_ideal_field_is_the_field_integrated() {
         let rig = lab_rig("upm-1");
-        let task = Task::on(&rig);
-        let rotate = |parts: &Places, center: usize, d: f64| {
+        let task = TwoPartProblem::on(&rig);
+        let rotate = |parts: &PartPositions, center: usize, d: f64| {
             Ok(vec![parts.map(|part| flow_in_steps(task.centers_m[center], part, d))])
         };
         let integrated_mm = 1e3 * task.go(1, rotate).unwrap().miss_m;

@@ -1,14 +1,14 @@
 //! Tests of the vision against rendered pictures with ground truth.
 
-mod judge;
-mod tally;
+mod verdict_counts;
+mod verdicts;
 
 use super::sweep::parallel;
-use super::{LabFault, LabRig, Outcome, Series};
-use judge::judge;
-use tally::Tally;
+use super::{ExperimentResult, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_scene::{Difficulty, Scene};
+use verdict_counts::VerdictCounts;
+use verdicts::judge;
 
 /// Scenes of each family by default.
 const SCENES: usize = 50;
@@ -18,29 +18,29 @@ const BINS: usize = 40;
 
 /// Locates table and parts without prior knowledge in 50 scenes of every family, starting at the seed. Independent of
 /// the rig.
-pub fn vision(lab: &LabRig) -> Result<Outcome, LabFault> {
+pub fn vision(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     Ok(vision_of(lab.seed, SCENES))
 }
 
 /// The same in `scenes` scenes of every family, of the seeds `seed`, `seed + 1`, ... The result does not depend on the
 /// number of threads.
-pub fn vision_of(seed: u64, scenes: usize) -> Outcome {
+pub fn vision_of(seed: u64, scenes: usize) -> ExperimentResult {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
     let tallies = Difficulty::ALL.map(|family| {
         let verdicts = parallel(&seeds, &|_| (), |&seed| judge(family, &Scene::generate(family, seed)));
-        Tally::new(family, &verdicts)
+        VerdictCounts::new(family, &verdicts)
     });
-    Outcome {
-        figures: tallies.iter().flat_map(Tally::figures).collect(),
+    ExperimentResult {
+        figures: tallies.iter().flat_map(VerdictCounts::figures).collect(),
         series: tallies.iter().flat_map(series).collect(),
         charts: vec![histogram(&tallies)],
-        notes: tallies.iter().flat_map(Tally::notes).collect(),
-        ..Outcome::default()
+        notes: tallies.iter().flat_map(VerdictCounts::notes).collect(),
+        ..ExperimentResult::default()
     }
 }
 
 /// Every centre's error, and the seeds that need attention.
-fn series(tally: &Tally) -> Vec<Series> {
+fn series(tally: &VerdictCounts) -> Vec<Series> {
     let name = tally.family().name();
     let mut series = vec![Series::new(&format!("{name}_center_error_px"), tally.center_errors_px())];
     for (cause, seeds) in tally.failing() {
@@ -50,7 +50,7 @@ fn series(tally: &Tally) -> Vec<Series> {
     series
 }
 
-fn histogram(tallies: &[Tally]) -> Chart {
+fn histogram(tallies: &[VerdictCounts]) -> Chart {
     let layers = tallies.iter().enumerate().map(|(i, tally)| {
         let mut counts = [0usize; BINS];
         let errors_px = tally.center_errors_px();
@@ -75,7 +75,7 @@ fn histogram(tallies: &[Tally]) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::super::testing::assert_sources_are_short;
-    use super::judge::TableVerdict;
+    use super::verdicts::TableVerdict;
     use super::*;
 
     /// Fingers like parts, strips beside the table, plates on bright ground, glints, hands darker than any part: each

@@ -56,7 +56,7 @@ use time_figure::FirstLook;
 
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
-pub use coverage::{Coverage, Gap, Place};
+pub use coverage::{Coverage, CoverageHole, WorstDirection};
 pub use dry_run::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, StartForecast, rehearse};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};

@@ -37,7 +37,7 @@ pub use latch::StopToken;
 pub use plate::{PlateHandle, Requester};
 pub use preview::PreviewPicture;
 pub use setup::{PlateSetup, SharedServices, StandingSetup};
-pub use start::Plates;
+pub use start::PlateSupervisor;
 pub use types::{LastObservation, Pause, PlateCondition, PlateSnapshot, ResetFault, StandingSnapshot};
 pub use validate::fitting_library;
 

@@ -1,16 +1,16 @@
 //! The HTTP API: the server with its guard and limits, the table of operations, and the OpenAPI document generated from
 //! the same table. The only module that uses tokio; its callers see a blocking function.
 //!
-//! The API reaches store and plates only through the trait [`Desk`].
+//! The API reaches store and plates only through the trait [`Backend`].
 
 mod api;
 mod http;
 
 pub use api::{
     AppParts, Asset, Backend, CameraPicture, Checked, EStopped, EventSender, HttpMetrics, JOB_OVER, Job, JobCreated,
-    JobsPage, JobsQuery, Layout, LayoutPart, LayoutPath, PauseCause, Pending, Plate, PlateCondition, Plates, Recording,
-    Refusal, ReplayPage, Requests, ResetRequest, Responder, StandingJob, StreamEvent, StreamStart, Submission, app,
-    kept, pending,
+    JobsPage, JobsQuery, LayoutPart, LayoutPath, LayoutView, PauseCause, Pending, Plate, PlateCondition, Plates,
+    Recording, Refusal, ReplayPage, Requests, ResetRequest, Responder, StandingJob, StreamEvent, StreamStart,
+    Submission, app, kept, pending,
 };
 
 pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};

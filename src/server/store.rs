@@ -2,7 +2,7 @@
 //!
 //! One thread writes and answers only after the commit is on the disk; two threads read. Callers never wait for the
 //! disk: answers arrive by callback. Only two calls of a plate's worker block, the one before it may move
-//! ([`Ledger::claim`]) and the one after it has stopped ([`Ledger::ended`]). Every queue is bounded.
+//! ([`JobStore::claim`]) and the one after it has stopped ([`JobStore::finish`]). Every queue is bounded.
 
 mod ages;
 mod columns;

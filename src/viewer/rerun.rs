@@ -15,19 +15,19 @@ mod camera;
 mod cells;
 mod charts;
 mod destination;
-mod draft;
 mod experiment;
 #[cfg(test)]
 mod experiment_tests;
 mod field;
 mod file;
 mod live;
+mod partial_file;
 
 mod live_server;
 #[cfg(test)]
 mod live_tests;
 mod located;
-mod looks;
+mod log_view;
 mod names;
 mod paint;
 mod picture;
@@ -36,6 +36,7 @@ mod recorder;
 mod repair;
 #[cfg(test)]
 mod repair_tests;
+mod samples;
 mod signals;
 mod sink;
 #[cfg(test)]
@@ -51,7 +52,6 @@ mod titles;
 mod trails;
 mod viewer_proxy;
 mod vision;
-mod words;
 
 pub use experiment::record_experiment;
 pub use live_server::LiveServer;

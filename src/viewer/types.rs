@@ -129,7 +129,7 @@ pub struct Repaired {
 
 /// An experiment as shown on a page of the viewer.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Experiment {
+pub struct ExperimentLook {
     /// Title, the name of the recording.
     pub title: String,
     /// The table of figures, Markdown.

@@ -41,7 +41,7 @@ pub(super) type Px = (i32, i32);
 
 /// Place of a plot on the sheet, and its ranges.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
+pub(super) struct PlotFrame {
     /// Ranges of x and y.
     pub x: [f64; 2],
     pub y: [f64; 2],
@@ -50,7 +50,7 @@ pub(super) struct Frame {
     pub down: [i32; 2],
 }
 
-impl Frame {
+impl PlotFrame {
     fn px(&self, [x, y]: [f64; 2]) -> Px {
         let part = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
         let along = |part: f64, [from, to]: [i32; 2]| from + (part * f64::from(to - from)).round() as i32;
@@ -95,7 +95,7 @@ impl Frame {
 }
 
 /// Draws the part of `layer` that is within the frame.
-pub(super) fn draw(layer: &Layer, frame: &Frame, sheet: &Sheet<'_>) -> Drawn {
+pub(super) fn draw(layer: &Layer, frame: &PlotFrame, sheet: &Sheet<'_>) -> Drawn {
     let Layer { points, mark, color, .. } = layer;
     let seen = || points.iter().copied().filter(|&point| frame.holds(point)).map(|point| frame.px(point));
     match mark {
@@ -205,7 +205,7 @@ pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color:
 /// Draws names beside their discs. A name of a point outside the plot is left out.
 fn names(
     sheet: &Sheet<'_>,
-    frame: &Frame,
+    frame: &PlotFrame,
     points: &[[f64; 2]],
     (texts, radii, colors): (&[String], &[f64], &[Color]),
 ) -> Drawn {
@@ -227,7 +227,7 @@ fn names(
 }
 
 /// Draws text beside a point, on its right and above where `free` says so; omitted where it would leave the plot.
-fn beside(sheet: &Sheet<'_>, frame: &Frame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
+fn beside(sheet: &Sheet<'_>, frame: &PlotFrame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
     let [across, up] = BESIDE_PX.map(fine);
     let wide = across + fine(text_width_px(words, WORD_PX));
     let [left, right] = frame.across;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::covered::{degrees, mm, place_json, rounded};
+use super::coverage_report::{degrees, mm, place_json, rounded};
 use super::plan_table::{self, spots};
 use crate::cli::progress::{LateProgress, ProgressMode};
 use crate::cli::summary::planner_line;

@@ -1,7 +1,7 @@
 //! The table of a plan: what one pulse does at the start and the target of each part. Columns that do not change are
 //! stated once, above it.
 
-use super::covered::{degrees, mm, shown};
+use super::coverage_report::{degrees, mm, shown};
 use upm_runner::run::{PartForecast, StartForecast};
 
 /// Values of a column that differ by less than this share of the largest are stated once.
@@ -15,7 +15,7 @@ pub(super) fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, 
 }
 
 /// A column of numbers.
-struct Column {
+struct PlanColumn {
     head: &'static str,
     /// Name in the line of what does not change.
     name: &'static str,
@@ -26,7 +26,7 @@ struct Column {
     size: f64,
 }
 
-impl Column {
+impl PlanColumn {
     fn new(head: &'static str, name: &'static str, (unit, places): (&'static str, usize), values: Vec<f64>) -> Self {
         let size = values.iter().fold(0.0, |size: f64, value| size.max(value.abs()));
         Self { head, name, unit, places, values, size }
@@ -64,11 +64,11 @@ pub(super) fn lines(parts: &[PartForecast]) -> Vec<String> {
     let rows: Vec<(&str, &str, &StartForecast)> =
         parts.iter().flat_map(|part| spots(part).map(|(name, spot)| (part.id.as_str(), name, spot))).collect();
     // a single row has nothing that it could differ from
-    let is_shown = |column: &Column| rows.len() < 2 || column.changes();
-    let (shown_columns, same): (Vec<Column>, Vec<Column>) = columns(&rows).into_iter().partition(is_shown);
+    let is_shown = |column: &PlanColumn| rows.len() < 2 || column.changes();
+    let (shown_columns, same): (Vec<PlanColumn>, Vec<PlanColumn>) = columns(&rows).into_iter().partition(is_shown);
     let mut lines = Vec::new();
     if !same.is_empty() {
-        let stated: Vec<String> = same.iter().map(Column::stated).collect();
+        let stated: Vec<String> = same.iter().map(PlanColumn::stated).collect();
         lines.push(format!("{:16} {}", "everywhere", stated.join(", ")));
     }
     let has_targets = rows.iter().any(|(_, name, _)| *name == "target");
@@ -77,10 +77,10 @@ pub(super) fn lines(parts: &[PartForecast]) -> Vec<String> {
         let place = if has_targets { format!("  {place:6}") } else { String::new() };
         format!("{part:wide$}{place}  {at:16}{}", cells.concat()).trim_end().to_owned()
     };
-    let width = |column: &Column| {
+    let width = |column: &PlanColumn| {
         column.values.iter().map(|&value| column.text(value).len()).fold(column.head.chars().count(), usize::max)
     };
-    let cell = |column: &Column, text: &str| format!("  {text:>0$}", width(column));
+    let cell = |column: &PlanColumn, text: &str| format!("  {text:>0$}", width(column));
     let heads: Vec<String> = shown_columns.iter().map(|column| cell(column, column.head)).collect();
     lines.push(line("part", "place", if has_targets { "at (mm)" } else { "start (mm)" }, &heads));
     for (i, (part, place, spot)) in rows.iter().enumerate() {
@@ -92,24 +92,29 @@ pub(super) fn lines(parts: &[PartForecast]) -> Vec<String> {
 }
 
 /// The effect of one pulse in the weakest direction at each place.
-fn columns(rows: &[(&str, &str, &StartForecast)]) -> Vec<Column> {
+fn columns(rows: &[(&str, &str, &StartForecast)]) -> Vec<PlanColumn> {
     let of = |value: fn(&StartForecast) -> f64| rows.iter().map(|(.., spot)| value(spot)).collect::<Vec<f64>>();
     let longest = of(|spot| mm(spot.place.longest_step_m));
     let size = longest.iter().copied().fold(0.0, f64::max);
     let mm_2 = (" mm", 2);
     vec![
-        Column::new(
+        PlanColumn::new(
             "weakest (deg)",
             "weakest direction",
             (" deg", 0),
             of(|spot| degrees(spot.place.weakest_direction)),
         ),
-        Column::new("share", "share of the best step", ("", 2), of(|spot| spot.place.share)),
-        Column::new("shortest (mm)", "shortest step", mm_2, of(|spot| spot.place.shortest_step_m.map_or(f64::NAN, mm))),
-        Column::new("longest (mm)", "longest step", mm_2, longest),
-        Column { size, ..Column::new("sd (mm)", "its sd", mm_2, of(|spot| mm(spot.place.longest_sd_m))) },
-        Column::new("sv 1", "first singular value", ("", 2), of(|spot| spot.singular_values[0])),
-        Column::new("sv 2", "second singular value", ("", 2), of(|spot| spot.singular_values[1])),
+        PlanColumn::new("share", "share of the best step", ("", 2), of(|spot| spot.place.share)),
+        PlanColumn::new(
+            "shortest (mm)",
+            "shortest step",
+            mm_2,
+            of(|spot| spot.place.shortest_step_m.map_or(f64::NAN, mm)),
+        ),
+        PlanColumn::new("longest (mm)", "longest step", mm_2, longest),
+        PlanColumn { size, ..PlanColumn::new("sd (mm)", "its sd", mm_2, of(|spot| mm(spot.place.longest_sd_m))) },
+        PlanColumn::new("sv 1", "first singular value", ("", 2), of(|spot| spot.singular_values[0])),
+        PlanColumn::new("sv 2", "second singular value", ("", 2), of(|spot| spot.singular_values[1])),
     ]
 }
 
@@ -117,10 +122,10 @@ fn columns(rows: &[(&str, &str, &StartForecast)]) -> Vec<Column> {
 mod tests {
     use super::*;
     use upm_core::geometry::Vec2;
-    use upm_runner::run::Place;
+    use upm_runner::run::WorstDirection;
 
     fn spot(x_m: f64, longest_step_m: f64, shortest_step_m: Option<f64>) -> StartForecast {
-        let place = Place {
+        let place = WorstDirection {
             position_m: Vec2::new(x_m, 0.0),
             weakest_direction: Vec2::x(),
             share: 0.9,

@@ -8,7 +8,7 @@ use serde::Deserialize;
 const LONGEST_LINE: u64 = 16 << 20;
 
 /// Point in millimetres; a coordinate that was not finite is `None`.
-pub(super) type PointMm = [Option<f64>; 2];
+pub(super) type ExportPointMm = [Option<f64>; 2];
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
@@ -23,19 +23,19 @@ pub(super) enum ExportLine {
 pub(super) struct ExportCycle {
     pub cycle: u64,
     pub observed_at_s: f64,
-    pub observed_mm: Vec<PointMm>,
+    pub observed_mm: Vec<ExportPointMm>,
     pub wanted: ExportSetpoints,
     pub sent: Vec<Sent>,
-    pub predicted_mm: Option<Vec<PointMm>>,
+    pub predicted_mm: Option<Vec<ExportPointMm>>,
     pub ended_at_s: f64,
-    pub result_mm: Vec<PointMm>,
+    pub result_mm: Vec<ExportPointMm>,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct ExportSetpoints {
     pub phase: String,
-    pub subgoals_mm: Vec<PointMm>,
-    pub targets_mm: Vec<PointMm>,
+    pub subgoals_mm: Vec<ExportPointMm>,
+    pub targets_mm: Vec<ExportPointMm>,
     pub cross_track_mm: Vec<Option<f64>>,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct Sent {
 pub(super) struct JournalContents {
     pub pump_mm_s: Option<[Option<f64>; 2]>,
     pub pump_rad_s: Option<f64>,
-    pub cor_mm: Option<PointMm>,
+    pub cor_mm: Option<ExportPointMm>,
     pub rotation: Option<i64>,
     pub direction: Option<[Option<f64>; 2]>,
     pub residual_m_s2: Option<f64>,

@@ -1,6 +1,6 @@
 //! The tables of a run: their columns, and the rows made from journal lines or a report.
 
-use super::journal::{ExportCycle, PointMm, Sent};
+use super::journal::{ExportCycle, ExportPointMm, Sent};
 use super::table::{Column, ExportTable, Kind, TableCell};
 use upm_recording::{PartReport, Quantiles, TimingsReport};
 
@@ -174,6 +174,6 @@ fn real(number: Option<f64>) -> TableCell<'static> {
     number.map_or(TableCell::Empty, TableCell::Real)
 }
 
-fn point(point: Option<&PointMm>) -> [TableCell<'static>; 2] {
+fn point(point: Option<&ExportPointMm>) -> [TableCell<'static>; 2] {
     point.copied().unwrap_or([None; 2]).map(real)
 }

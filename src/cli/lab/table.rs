@@ -1,4 +1,4 @@
-use upm_lab::{COLUMNS, Figure, HEADS, NUMBERS, Outcome, Sheet, number};
+use upm_lab::{COLUMNS, DataSheet, ExperimentResult, Figure, HEADS, NUMBERS, number};
 
 /// The figures as lines of aligned columns under a header; numbers are right-aligned.
 pub(super) fn table(figures: &[Figure]) -> Vec<String> {
@@ -10,7 +10,7 @@ pub(super) fn table(figures: &[Figure]) -> Vec<String> {
 }
 
 /// A table of numbers as lines of aligned columns under a header.
-pub(super) fn columns(sheet: &Sheet) -> Vec<String> {
+pub(super) fn columns(sheet: &DataSheet) -> Vec<String> {
     let rows: Vec<Vec<String>> = std::iter::once(sheet.columns.clone()).chain(cells(sheet)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..sheet.columns.len()).map(width).collect();
@@ -21,19 +21,19 @@ pub(super) fn columns(sheet: &Sheet) -> Vec<String> {
     rows.iter().map(line).collect()
 }
 
-fn cells(sheet: &Sheet) -> impl Iterator<Item = Vec<String>> + '_ {
+fn cells(sheet: &DataSheet) -> impl Iterator<Item = Vec<String>> + '_ {
     sheet.rows.iter().map(|row| row.iter().map(|&value| number(value)).collect())
 }
 
 /// Figures and table of numbers in Markdown under a title.
-pub(super) fn markdown(title: &str, outcome: &Outcome) -> String {
+pub(super) fn markdown(title: &str, outcome: &ExperimentResult) -> String {
     let figures = (!outcome.figures.is_empty()).then(|| of_figures(&outcome.figures));
     let sheet = outcome.sheet.as_ref().map(of_sheet);
     let tables = figures.into_iter().chain(sheet).collect::<Vec<_>>().join("\n\n");
     format!("**{title}**\n\n{tables}")
 }
 
-fn of_sheet(sheet: &Sheet) -> String {
+fn of_sheet(sheet: &DataSheet) -> String {
     let line = |cells: Vec<String>| format!("| {} |", cells.join(" | "));
     let head = [line(sheet.columns.clone()), line(vec!["---:".to_owned(); sheet.columns.len()])];
     head.into_iter().chain(cells(sheet).map(line)).collect::<Vec<_>>().join("\n")
@@ -63,7 +63,7 @@ mod tests {
     #[test]
     fn bars_in_cells_do_not_end_them() {
         let figures = vec![Figure::alone("pulses | steps", "1", 12.0, "counted")];
-        let text = markdown("a title", &Outcome { figures, ..Outcome::default() });
+        let text = markdown("a title", &ExperimentResult { figures, ..ExperimentResult::default() });
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "**a title**");
         assert_eq!(lines[3], "| --- | ---: | ---: | --- | ---: | --- |");
@@ -73,9 +73,9 @@ mod tests {
     #[test]
     fn sheets_are_aligned_and_empty_where_there_is_no_number() {
         let columns = ["duty", "rate (mm/s)"].map(str::to_owned).to_vec();
-        let sheet = Sheet { columns, rows: vec![vec![0.5, 12.0], vec![0.75, f64::NAN]] };
+        let sheet = DataSheet { columns, rows: vec![vec![0.5, 12.0], vec![0.75, f64::NAN]] };
         assert_eq!(super::columns(&sheet), ["  duty  rate (mm/s)", "0.5000        12.00", "0.7500            -"]);
-        let text = markdown("t", &Outcome { sheet: Some(sheet), ..Outcome::default() });
+        let text = markdown("t", &ExperimentResult { sheet: Some(sheet), ..ExperimentResult::default() });
         assert_eq!(text.lines().last(), Some("| 0.7500 | - |"));
     }
 

@@ -2,6 +2,7 @@ use std::f64::consts::{PI, TAU};
 
 use proptest::prelude::*;
 
+use super::kinematic_plate::{OPENING_FRAMES, friction};
 use super::*;
 use crate::{ExpectedPart, plans::PulsePlanner};
 use upm_cor_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
@@ -240,7 +241,7 @@ fn the_least_gap_is_told_with_its_parts() {
     let nearest = done.nearest.unwrap();
     assert!((0.003..0.0052).contains(&nearest.gap_m), "{nearest:?}");
     assert_eq!(nearest.parts, [1, 2]);
-    assert!((kinematic_plate::OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
+    assert!((OPENING_FRAMES as f64 / FRAME_HZ..=done.plate_time_s).contains(&nearest.at_s), "{nearest:?}");
 }
 
 #[test]
@@ -299,7 +300,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
         let before = stage.now();
         stage.play(&pulse, &Along(way_m));
         assert!((stage.now() - before - 0.3).abs() < 1e-9, "15 frames, for 0.29 s");
-        for ((start_m, end_m), friction) in starts_m.iter().zip(&stage.positions_m).zip(kinematic_plate::friction(&how)) {
+        for ((start_m, end_m), friction) in starts_m.iter().zip(&stage.positions_m).zip(friction(&how)) {
             let off_m = end_m - start_m - way_m * friction;
             scattered.push(off_m / disturbance::FIELD_SD_M);
         }
@@ -363,7 +364,7 @@ fn rotation_is_off_its_forecast_by_the_same_share_in_every_pulse_of_an_entry() {
     let mut squares = 0.0;
     for number in 0..200 {
         let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
-        let friction = kinematic_plate::friction(&rehearsal(&[Vec2::zeros()], number))[0];
+        let friction = friction(&rehearsal(&[Vec2::zeros()], number))[0];
         let mut off_m = |entry: usize, reverse: bool| {
             let before_m = stage.positions_m[0];
             let distance_m = if reverse { -0.02 } else { 0.02 };
@@ -388,7 +389,7 @@ proptest! {
     fn opposite_frictions_come_in_pairs(seed in 0u64..1000, pair in 1u64..50, spread in 0.0..0.3f64) {
         let of = |number: u64| {
             let how = RehearsalParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };
-            kinematic_plate::friction(&how)
+            friction(&how)
         };
         prop_assert_eq!(of(0), vec![1.0; 4]);
         for (a, b) in of(2 * pair - 1).into_iter().zip(of(2 * pair)) {

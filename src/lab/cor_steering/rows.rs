@@ -1,7 +1,7 @@
 //! The rows of the UPM paper's Table 1, and their readings by the accelerometers of a rig.
 
 use super::vectors::Vectors;
-use crate::shaken::ShakenPlate;
+use crate::shaken::PlateModel;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
 use upm_cor_library::{AxisShape, drive_for};
@@ -41,7 +41,7 @@ const SUSTAIN_S: f64 = 0.25;
 
 /// Measurement of one row.
 #[derive(Clone, Copy, Debug)]
-pub struct Read {
+pub struct ReadRow {
     pub center_m: Vec2,
     pub vectors: Vectors,
 }
@@ -51,21 +51,21 @@ pub struct Reads {
     /// Amplitude of one unit, counts.
     pub unit: i32,
     /// With the waveforms from calibration.
-    pub compensated: Vec<Read>,
+    pub compensated: Vec<ReadRow>,
     /// With the waveforms of Eq. 8.
-    pub plain: Vec<Read>,
+    pub plain: Vec<ReadRow>,
 }
 
 /// Plays every row with both waveforms.
 pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
-    let mut plate = ShakenPlate::new(lab);
+    let mut plate = PlateModel::new(lab);
     let axes = plate.axes()?;
     let sensors = AccelerometerPair { position_m: lab.model.accelerometer_in_plate_m, gain: axes.accelerometer_gain };
     let unit = unit_within_limits(lab, &axes);
     if unit < 1 {
         return Err(LabFault::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
     }
-    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<Read>, LabFault> {
+    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<ReadRow>, LabFault> {
         ROWS.iter()
             .map(|row| {
                 let amplitudes = row.amplitudes.map(|a| a * unit);
@@ -76,7 +76,7 @@ pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
                     .map_err(|fault| LabFault::Trace { what: what(), fault })?;
                 let center_m =
                     fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{}: no spin", what())))?;
-                Ok(Read { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
+                Ok(ReadRow { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
             })
             .collect()
     };

@@ -1,6 +1,6 @@
 //! A point part on the feeder's plate, simulated from event to event: exact to rounding.
 
-use super::plate::{PlateCycle, Stretch};
+use super::plate::{AccelerationSegment, PlateCycle};
 use crate::LabFault;
 
 /// Cycles after which a part that has not settled is assumed never to settle.
@@ -21,7 +21,7 @@ pub struct Sliding {
 
 /// A part after one cycle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cycle {
+pub struct FeederCycle {
     pub speed_mps: f64,
     pub way_m: f64,
     /// Time and speed at every event, s and m/s.
@@ -30,11 +30,11 @@ pub struct Cycle {
 
 impl Sliding {
     /// One cycle of `plate`, starting at `speed_mps`.
-    pub fn cycle(&self, plate: &PlateCycle, speed_mps: f64) -> Cycle {
+    pub fn cycle(&self, plate: &PlateCycle, speed_mps: f64) -> FeederCycle {
         let no_slip_mps = NO_SLIP * plate.accel_mps2 * plate.period_s;
-        let mut now = Cycle { speed_mps, way_m: 0.0, events: vec![[0.0, speed_mps]] };
+        let mut now = FeederCycle { speed_mps, way_m: 0.0, events: vec![[0.0, speed_mps]] };
         let (mut plate_mps, mut t_s) = (0.0, 0.0);
-        for Stretch { accel_mps2, length_s } in plate.stretches() {
+        for AccelerationSegment { accel_mps2, length_s } in plate.stretches() {
             let mut left_s = length_s;
             // at most: slide, catch up, slide on or ride along
             while left_s > 0.0 {
@@ -75,7 +75,7 @@ impl Sliding {
     /// # Errors
     ///
     /// A part that the external force carries away.
-    pub fn settled(&self, plate: &PlateCycle) -> Result<Cycle, LabFault> {
+    pub fn settled(&self, plate: &PlateCycle) -> Result<FeederCycle, LabFault> {
         let scale_mps = plate.accel_mps2 * plate.period_s;
         let mut speed_mps = 0.0;
         for _ in 0..MOST_CYCLES {

@@ -14,7 +14,7 @@ pub struct PlateCycle {
 
 /// A stretch of constant acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stretch {
+pub struct AccelerationSegment {
     pub accel_mps2: f64,
     pub length_s: f64,
 }
@@ -46,10 +46,10 @@ impl PlateCycle {
     }
 
     /// The cycle from rest, rising.
-    pub fn stretches(&self) -> [Stretch; 4] {
+    pub fn stretches(&self) -> [AccelerationSegment; 4] {
         let (a, flank_s, half_back_s) = (self.accel_mps2, self.flank_s(), 0.5 * self.back_s());
         [(a, flank_s), (0.0, self.top_s()), (-a, flank_s + half_back_s), (a, half_back_s)]
-            .map(|(accel_mps2, length_s)| Stretch { accel_mps2, length_s })
+            .map(|(accel_mps2, length_s)| AccelerationSegment { accel_mps2, length_s })
     }
 }
 
@@ -63,7 +63,7 @@ mod tests {
         fn cycle_ends_at_rest_where_it_began(accel in 1.0..1e3f64, period_s in 1e-3..0.1f64, duty in 0.5..1.0f64) {
             let plate = PlateCycle { accel_mps2: accel, period_s, duty };
             let (mut t_s, mut speed_mps, mut place_m, mut highest_mps) = (0.0, 0.0, 0.0, 0.0f64);
-            for Stretch { accel_mps2, length_s } in plate.stretches() {
+            for AccelerationSegment { accel_mps2, length_s } in plate.stretches() {
                 place_m += (speed_mps + 0.5 * accel_mps2 * length_s) * length_s;
                 speed_mps += accel_mps2 * length_s;
                 t_s += length_s;

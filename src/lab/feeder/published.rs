@@ -11,7 +11,7 @@ use crate::coulomb_pump;
 use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::{Progress, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -46,8 +46,8 @@ const VISCOSITY: f64 = DYN_N / CM;
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
-    let mut outcome = Outcome::default();
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+    let mut outcome = ExperimentResult::default();
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
         rate_against_duty(accel_mps2, saturates, &mut outcome)?;
         progress(0.2 * (i + 1) as f64 / ACCELS_MPS2.len() as f64);
@@ -62,7 +62,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
 }
 
 /// Feed rates over all duties at one acceleration, simulated and by the closed form.
-fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut Outcome) -> Result<(), LabFault> {
+fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let Feeder { plate, friction, .. } = Feeder::published();
     let duties: Vec<f64> = (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)).collect();
     let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
@@ -93,7 +93,7 @@ fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut Outcome) -> 
 }
 
 /// Individual figures of section III-B and III-C.1.
-fn landmarks(outcome: &mut Outcome) {
+fn landmarks(outcome: &mut ExperimentResult) {
     let plate = PlateCycle { duty: DUTY_OPTIMAL, ..Feeder::published().plate };
     let half = quasi_static_mps(&plate) / plate.peak_mps();
     let figure =
@@ -108,7 +108,7 @@ fn landmarks(outcome: &mut Outcome) {
 }
 
 /// The rate under each force, and the line through all of them (Fig. 19).
-fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) {
+fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut ExperimentResult) {
     let plate = PlateCycle { duty, ..FORCED };
     let mass_kg = Feeder::published().mass_kg;
     let cycles = |time_s: f64| (time_s / plate.period_s).round() as usize;
@@ -147,7 +147,7 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Outcome) 
 }
 
 /// The paper's wave at two duties and the pump's two harmonics, all with the same acceleration and period.
-fn drives(rig: &LabRig, outcome: &mut Outcome) {
+fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
     let Feeder { plate, friction, .. } = Feeder::published();
     let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
     let (accel_mps2, period_s) = (plate.accel_mps2, plate.period_s);
@@ -166,7 +166,7 @@ fn drives(rig: &LabRig, outcome: &mut Outcome) {
     let name = "rate of the two harmonics cos wt - ½ cos 2wt";
     outcome.figures.push(Figure::against(name, "cm/s", rate_mps / CM, 0.5 * amplitude_mps / CM, source));
     let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
-    outcome.sheet = Some(Sheet::new(names, rows));
+    outcome.sheet = Some(DataSheet::new(names, rows));
 }
 
 fn duty_chart(series: &[Series]) -> Chart {

@@ -5,8 +5,8 @@ use std::ops::Range;
 use rand::RngExt;
 
 use super::measures::{
-    Arrival, Cluster, Energies, Feed, Spread, arrivals, clusters, height_m, mean_rate_mps, samples_from, spectrum,
-    strongest_line,
+    Arrival, Cluster, Energies, FeedMeasure, Spread, arrivals, clusters, height_m, mean_rate_mps, samples_from,
+    spectrum, strongest_line,
 };
 use super::run::{Run, Setup, Start};
 use crate::sweep::{Progress, parallel};
@@ -21,7 +21,7 @@ const DRIVE_BAND: f64 = 0.02;
 
 /// A run to simulate.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct BatchJob {
     pub setup: Setup,
     /// Number of the random start position.
     pub start: u64,
@@ -39,7 +39,7 @@ pub struct Summary {
     pub angle_rad: f64,
     pub speed_radps: f64,
     pub rate_mps: f64,
-    pub feed: Feed,
+    pub feed: FeedMeasure,
     /// Height above rest, m.
     pub height_m: Spread,
     pub energies: Energies,
@@ -53,7 +53,7 @@ pub struct Summary {
 
 /// Runs to simulate together.
 #[derive(Clone, Debug, Default)]
-pub struct Batch(Vec<Job>);
+pub struct Batch(Vec<BatchJob>);
 
 impl Batch {
     /// Adds a run of `setup` from each of `starts` starts; returns their range among the summaries.
@@ -64,7 +64,7 @@ impl Batch {
     /// The same under a force along the feed, N.
     pub fn add_pushed(&mut self, setup: &Setup, starts: u64, until_s: f64, force_n: f64) -> Range<usize> {
         let from = self.0.len();
-        self.0.extend((0..starts).map(|start| Job { setup: setup.clone(), start, until_s, force_n }));
+        self.0.extend((0..starts).map(|start| BatchJob { setup: setup.clone(), start, until_s, force_n }));
         from..self.0.len()
     }
 
@@ -74,7 +74,7 @@ impl Batch {
     }
 }
 
-impl Job {
+impl BatchJob {
     /// Simulates the run, from its drop to its end.
     pub fn run(&self, streams: &Streams) -> Run {
         let mut rng = streams.numbered("mchip", self.start);
@@ -101,7 +101,7 @@ impl Summary {
             angle_rad: mean(|arrival| arrival.angle_rad),
             speed_radps: mean(|arrival| arrival.speed_radps),
             rate_mps: mean_rate_mps(samples),
-            feed: Feed::of(samples),
+            feed: FeedMeasure::of(samples),
             height_m: height_m(run, samples),
             energies: Energies::of(run, samples),
             bounce_line: strongest_line(&lines, BOUNCE_HZ[0], BOUNCE_HZ[1].min(0.9 * device.drive_hz)),

@@ -39,14 +39,14 @@ pub fn ride(device: &Device, part: &PartShape, ridges: f64, height_m: f64) -> Ri
 
 #[cfg(test)]
 mod tests {
-    use super::super::drive::Drive;
+    use super::super::drive::ResonatorDrive;
     use super::super::measures::{height_m, mean_rate_mps, samples_from};
     use super::super::run::{Run, Setup, Start};
     use super::*;
 
     #[test]
     fn stalling_force_stops_the_simulated_part() {
-        let setup = Setup::published(Drive { duty: 0.36, ..Drive::plain() });
+        let setup = Setup::published(ResonatorDrive { duty: 0.36, ..ResonatorDrive::plain() });
         let rate_mps = |force_n: f64| {
             let mut run = Run::new(setup.clone(), &Start::aligned());
             run.force_n.x = force_n;

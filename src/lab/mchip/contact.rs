@@ -33,7 +33,7 @@ const BOTTOM_COSINE: f64 = 0.95;
 
 /// Outline of a resonator in the plane across its axis, and its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tile {
+pub struct MChipTile {
     /// Row, from 0.
     pub row: usize,
     /// Column, from 0.
@@ -69,7 +69,7 @@ impl Outline {
     /// Appends the contacts of a part with a tile at `angle_rad` to `found`.
     pub fn contacts(
         &self,
-        tile: &Tile,
+        tile: &MChipTile,
         angle_rad: f64,
         part: &PartShape,
         pose: &Isometry3<f64>,
@@ -92,7 +92,7 @@ impl Outline {
     /// Contacts of the rim along y through `at` (x and z from the axis).
     fn rim_contacts(
         &self,
-        tile: &Tile,
+        tile: &MChipTile,
         at: [f64; 2],
         part: &PartShape,
         pose: &Isometry3<f64>,
@@ -126,7 +126,7 @@ impl Outline {
     /// Contacts of the part's bottom corners with the top of the slab.
     fn slab_contacts(
         &self,
-        tile: &Tile,
+        tile: &MChipTile,
         [sine, cosine]: [f64; 2],
         part: &PartShape,
         pose: &Isometry3<f64>,
@@ -180,7 +180,7 @@ mod tests {
     fn contacts(angle_rad: f64, front_m: f64, bottom_m: f64) -> Vec<Contact> {
         let device = Device { rim_radius_m: 1e-6, ..Device::published() };
         let part = PartShape::published();
-        let tile = Tile { row: 0, column: 0, axis_m: Vector3::zeros() };
+        let tile = MChipTile { row: 0, column: 0, axis_m: Vector3::zeros() };
         let center = Vector3::new(device.ridge_place_m + front_m - part.half_m.x, 0.0, bottom_m + part.half_m.z);
         let pose = Isometry3::from_parts(Translation3::from(center), UnitQuaternion::identity());
         let mut found = Vec::new();

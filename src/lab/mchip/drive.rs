@@ -11,7 +11,7 @@ pub struct Strobe {
 
 /// The drive of an array.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drive {
+pub struct ResonatorDrive {
     /// Fraction of a cycle in which the torque is on.
     pub duty: f64,
     /// Delay of a row against the one before it, in cycles.
@@ -22,7 +22,7 @@ pub struct Drive {
     pub on: bool,
 }
 
-impl Drive {
+impl ResonatorDrive {
     /// All rows driven alike, 50 % duty.
     pub fn plain() -> Self {
         Self { duty: 0.5, row_delay: 0.0, strobe: None, on: true }
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn off_rows_run_against_the_feed() {
-        let drive = Drive::strobed();
+        let drive = ResonatorDrive::strobed();
         let off = |cycles: f64| -> Vec<usize> {
             (0..8).filter(|&row| drive.strobe.unwrap().is_off(row, 8, cycles)).collect()
         };
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn delayed_row_follows_the_one_before_it() {
-        let drive = Drive { row_delay: 0.25, ..Drive::plain() };
+        let drive = ResonatorDrive { row_delay: 0.25, ..ResonatorDrive::plain() };
         let pushed =
             |row: usize| (0..4).map(|quarter| drive.pushes(row, 8, 4.0 + 0.25 * quarter as f64)).collect::<Vec<_>>();
         assert_eq!(pushed(0), [true, true, false, false]);

@@ -27,14 +27,14 @@ pub fn mean_rate_mps(samples: &[Sample]) -> f64 {
 
 /// Feed of a part: its rate while it moves, and its stalls.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Feed {
+pub struct FeedMeasure {
     /// Median rate of the windows in which the part moves, m/s.
     pub moving_mps: f64,
     /// Start and length of every stall, s.
     pub stalls_s: Vec<[f64; 2]>,
 }
 
-impl Feed {
+impl FeedMeasure {
     pub fn of(samples: &[Sample]) -> Self {
         let Some(stride) = samples.windows(2).next().map(|pair| pair[1].at_s - pair[0].at_s) else {
             return Self { moving_mps: f64::NAN, stalls_s: Vec::new() };

@@ -12,7 +12,7 @@ pub struct PartShape {
 
 /// A part's pose and velocities.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartState {
+pub struct MChipPart {
     /// Centre of mass, m.
     pub center_m: Vector3<f64>,
     pub turn: UnitQuaternion<f64>,
@@ -41,7 +41,7 @@ impl PartShape {
     }
 
     /// Kinetic energies along x, y, z and about the part's own x, y, z, J.
-    pub fn kinetic_j(&self, state: &PartState) -> [f64; 6] {
+    pub fn kinetic_j(&self, state: &MChipPart) -> [f64; 6] {
         let spin = state.turn.inverse() * state.spin_radps;
         let inertia = self.inertia_kgm2();
         std::array::from_fn(|i| match i {
@@ -51,7 +51,7 @@ impl PartShape {
     }
 }
 
-impl PartState {
+impl MChipPart {
     /// A part at rest with the middle of its bottom at `bottom_m`.
     pub fn resting(shape: &PartShape, bottom_m: Vector3<f64>, turn: UnitQuaternion<f64>) -> Self {
         Self {

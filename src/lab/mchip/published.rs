@@ -3,16 +3,16 @@
 
 use std::ops::Range;
 
-use super::batch::{Batch, Job, Summary, jams, mean, of_cluster};
+use super::batch::{Batch, BatchJob, Summary, jams, mean, of_cluster};
 use super::belt::Belt;
 use super::device::Device;
-use super::drive::{Drive, Strobe};
+use super::drive::{ResonatorDrive, Strobe};
 use super::impact::ImpactLaw;
 use super::run::Setup;
 use super::sweeps::Sweeps;
 use super::{DYN_N, JAM_S, gap_chart, spectrum_chart, track_chart};
 use crate::sweep::Progress;
-use crate::{Figure, LabFault, LabRig, Outcome, Sheet};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -38,7 +38,7 @@ const TABLE: [[f64; 2]; 7] =
 const TABLE_J: f64 = 1e-12;
 
 /// Ranges of the runs of each kind among the summaries.
-struct Places {
+struct RunRanges {
     plain: Range<usize>,
     short_duty: Range<usize>,
     strobed: Range<usize>,
@@ -58,14 +58,14 @@ struct Places {
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let streams = Streams::new(rig.seed);
     let mut batch = Batch::default();
-    let places = Places::new(&mut batch);
+    let places = RunRanges::new(&mut batch);
     let sweeps = Sweeps::new(&mut batch);
     let summaries = batch.summaries(&streams, &|share| progress(0.95 * share));
     let of = |range: &Range<usize>| summaries.get(range.clone()).unwrap_or(&[]);
-    let mut outcome = Outcome::default();
+    let mut outcome = ExperimentResult::default();
     outcome.figures.extend(impacts(of(&places.plain), "50 % duty"));
     outcome.figures.extend(impacts(of(&places.strobed), "50 % duty, strobed"));
     outcome.figures.extend(short_duty(of(&places.short_duty), of(&places.strobed_short_duty)));
@@ -80,23 +80,24 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
 }
 
 /// The paper's drive with this duty.
-fn at_duty(duty: f64, drive: Drive) -> Setup {
-    Setup::published(Drive { duty, ..drive })
+fn at_duty(duty: f64, drive: ResonatorDrive) -> Setup {
+    Setup::published(ResonatorDrive { duty, ..drive })
 }
 
-impl Places {
+impl RunRanges {
     fn new(batch: &mut Batch) -> Self {
-        let (plain, strobed) = (Setup::published(Drive::plain()), Setup::published(Drive::strobed()));
-        let short_duty = at_duty(SHORT_DUTY, Drive::plain());
-        let offset = |row_delay| Setup::published(Drive { row_delay, ..Drive::plain() });
-        let turn = |cycles| Drive { strobe: Some(Strobe { spacing: 4, cycles }), ..Drive::plain() };
-        let nominal = |duty| Setup { device: Device::nominal(), sample_s: 1e-4, ..at_duty(duty, Drive::plain()) };
-        let solid = |duty| Setup { device: Device::solid(), ..at_duty(duty, Drive::plain()) };
+        let (plain, strobed) = (Setup::published(ResonatorDrive::plain()), Setup::published(ResonatorDrive::strobed()));
+        let short_duty = at_duty(SHORT_DUTY, ResonatorDrive::plain());
+        let offset = |row_delay| Setup::published(ResonatorDrive { row_delay, ..ResonatorDrive::plain() });
+        let turn = |cycles| ResonatorDrive { strobe: Some(Strobe { spacing: 4, cycles }), ..ResonatorDrive::plain() };
+        let nominal =
+            |duty| Setup { device: Device::nominal(), sample_s: 1e-4, ..at_duty(duty, ResonatorDrive::plain()) };
+        let solid = |duty| Setup { device: Device::solid(), ..at_duty(duty, ResonatorDrive::plain()) };
         Self {
             plain: batch.add(&plain, STARTS, SHORT_S),
             short_duty: batch.add(&short_duty, STARTS, SHORT_S),
             strobed: batch.add(&strobed, STARTS, SHORT_S),
-            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, Drive::strobed()), STARTS, SHORT_S),
+            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::strobed()), STARTS, SHORT_S),
             plain_long: batch.add(&plain, STARTS, LONG_S),
             short_duty_long: batch.add(&short_duty, STARTS, LONG_S),
             strobed_long: batch.add(&strobed, STARTS, LONG_S),
@@ -153,7 +154,7 @@ fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
 }
 
 /// Rates, jams, and means to free a part.
-fn feed<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+fn feed<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
     let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
     let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s());
@@ -199,7 +200,7 @@ fn bouncing(strobed: &[Summary]) -> Vec<Figure> {
 }
 
 /// Energies per degree of freedom, compared with Table I.
-fn energies(summaries: &[Summary]) -> Sheet {
+fn energies(summaries: &[Summary]) -> DataSheet {
     let columns = [
         "energy (1e-5 dyn cm): 1-3 Lin X Y Z, 4-6 Ang X Y Z, 7 Pot Z, 8 drift along X",
         "here, mean",
@@ -217,11 +218,11 @@ fn energies(summaries: &[Summary]) -> Sheet {
     let potential = [scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)];
     rows.push(vec![7.0, potential[0], potential[1], TABLE[6][0], TABLE[6][1]]);
     rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN]);
-    Sheet::new(columns, rows)
+    DataSheet::new(columns, rows)
 }
 
 /// Other models and devices, for comparison.
-fn beside<'a>(places: &Places, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+fn beside<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
     let rate_against = |name: &str, range: &Range<usize>, paper_mm_s: f64, source: &str| {
         Figure::against(name, "mm/s", rate(range), paper_mm_s, source)
@@ -269,10 +270,10 @@ fn with_belt(mut chart: Chart) -> Chart {
 
 /// Tracks with and without strobing, contacts at both duties, the spectrum.
 fn charts(streams: &Streams) -> Vec<Chart> {
-    let run = |setup: Setup, until_s| Job { setup, start: 0, until_s, force_n: 0.0 }.run(streams);
-    let plain = run(Setup::published(Drive::plain()), LONG_S);
-    let strobed = run(Setup::published(Drive::strobed()), LONG_S);
-    let short = run(at_duty(SHORT_DUTY, Drive::plain()), SHORT_S);
+    let run = |setup: Setup, until_s| BatchJob { setup, start: 0, until_s, force_n: 0.0 }.run(streams);
+    let plain = run(Setup::published(ResonatorDrive::plain()), LONG_S);
+    let strobed = run(Setup::published(ResonatorDrive::strobed()), LONG_S);
+    let short = run(at_duty(SHORT_DUTY, ResonatorDrive::plain()), SHORT_S);
     vec![
         with_belt(track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)])),
         gap_chart("mchip-collisions-50", &strobed),
@@ -291,16 +292,16 @@ mod tests {
     fn figures_of_a_few_runs_are_like_the_papers() {
         let mut batch = Batch::default();
         let ranges = [
-            batch.add(&Setup::published(Drive::plain()), 2, SHORT_S),
-            batch.add(&Setup::published(Drive::strobed()), 2, SHORT_S),
-            batch.add(&at_duty(SHORT_DUTY, Drive::plain()), 2, SHORT_S),
+            batch.add(&Setup::published(ResonatorDrive::plain()), 2, SHORT_S),
+            batch.add(&Setup::published(ResonatorDrive::strobed()), 2, SHORT_S),
+            batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::plain()), 2, SHORT_S),
         ];
         let found = batch.summaries(&Streams::new(3), &|_| ());
         let [plain, strobed, short] = ranges.map(|range| &found[range]);
         let figures =
             [impacts(plain, "50 %"), impacts(strobed, "strobed"), short_duty(short, strobed), bouncing(strobed)];
         let figures = figures.concat();
-        assert_sources_are_short(&Outcome { figures: figures.clone(), ..Outcome::default() });
+        assert_sources_are_short(&ExperimentResult { figures: figures.clone(), ..ExperimentResult::default() });
         let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap().measured;
         assert!(figure("50 %: double bounces that push backward") > 0.9);
         assert!(figure("50 %: angular speed at one over that of others") < 0.4);

@@ -2,11 +2,11 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::contact::{Contact, Feature, Outline, Tile};
+use super::contact::{Contact, Feature, MChipTile, Outline};
 use super::device::Device;
-use super::drive::Drive;
+use super::drive::ResonatorDrive;
 use super::impact::{ImpactLaw, Meeting, Surface};
-use super::part::{PartShape, PartState};
+use super::part::{MChipPart, PartShape};
 use super::resonator::{ExactStep, Rotor, Swing};
 use upm_core::units::GRAVITY_MPS2;
 
@@ -20,7 +20,7 @@ const WARM_UP_CYCLES: f64 = 20.0;
 #[derive(Clone, Debug)]
 pub struct Setup {
     pub device: Device,
-    pub drive: Drive,
+    pub drive: ResonatorDrive,
     pub part: PartShape,
     pub law: ImpactLaw,
     pub step_s: f64,
@@ -30,7 +30,7 @@ pub struct Setup {
 
 impl Setup {
     /// The paper's device, part and step, with `drive`.
-    pub fn published(drive: Drive) -> Self {
+    pub fn published(drive: ResonatorDrive) -> Self {
         Self {
             device: Device::published(),
             drive,
@@ -94,7 +94,7 @@ pub struct Impact {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     pub at_s: f64,
-    pub state: PartState,
+    pub state: MChipPart,
 }
 
 #[derive(Clone, Debug)]
@@ -104,10 +104,10 @@ pub struct Run {
     torque_nm: f64,
     exact: ExactStep,
     outline: Outline,
-    tiles: Vec<Tile>,
+    tiles: Vec<MChipTile>,
     /// Resonators, row by row.
     pub swings: Vec<Swing>,
-    pub state: PartState,
+    pub state: MChipPart,
     steps: u64,
     /// External force on the part's centre, N.
     pub force_n: Vector3<f64>,
@@ -124,10 +124,10 @@ impl Run {
         let bottom_m =
             Vector3::new(start.middle_m[0], start.middle_m[1], device.rest_height_m() + reach_m + start.drop_m);
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), start.yaw_rad);
-        let tiles: Vec<Tile> = (0..device.rows * device.columns)
+        let tiles: Vec<MChipTile> = (0..device.rows * device.columns)
             .map(|index| {
                 let (row, column) = (index / device.columns, index % device.columns);
-                Tile { row, column, axis_m: device.axis_m(row, column) }
+                MChipTile { row, column, axis_m: device.axis_m(row, column) }
             })
             .collect();
         let rotor = device.rotor();
@@ -138,7 +138,7 @@ impl Run {
             outline: Outline::of(device),
             swings: vec![Swing::default(); tiles.len()],
             tiles,
-            state: PartState::resting(&setup.part, bottom_m, turn),
+            state: MChipPart::resting(&setup.part, bottom_m, turn),
             steps: 0,
             force_n: Vector3::zeros(),
             impacts: Vec::new(),
@@ -175,7 +175,7 @@ impl Run {
     }
 
     /// Height of the part's bottom above its rest position, m.
-    pub fn height_m(&self, state: &PartState) -> f64 {
+    pub fn height_m(&self, state: &MChipPart) -> f64 {
         state.center_m.z - self.setup.part.half_m.z - self.setup.device.rest_height_m()
     }
 
@@ -251,7 +251,7 @@ impl Run {
         if rise_m > LEAST_RISE_M {
             self.swings[index].angle_rad -= contact.depth_m / rise_m;
         }
-        let Tile { row, column, .. } = tile;
+        let MChipTile { row, column, .. } = tile;
         let Setup { device, drive, .. } = &self.setup;
         let at_s = self.time_s();
         let driven =
@@ -262,7 +262,7 @@ impl Run {
 
 #[cfg(test)]
 mod tests {
-    use super::super::measures::{Feed, arrivals, clusters, samples_from};
+    use super::super::measures::{FeedMeasure, arrivals, clusters, samples_from};
     use super::*;
 
     impl Run {
@@ -275,7 +275,7 @@ mod tests {
     }
 
     fn resting(device: Device) -> Run {
-        let setup = Setup { device, ..Setup::published(Drive { on: false, ..Drive::plain() }) };
+        let setup = Setup { device, ..Setup::published(ResonatorDrive { on: false, ..ResonatorDrive::plain() }) };
         Run::new(setup, &Start { drop_m: 0.0, ..Start::aligned() })
     }
 
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn equal_starts_give_equal_runs() {
         let run = || {
-            let mut run = Run::new(Setup::published(Drive::plain()), &Start::aligned());
+            let mut run = Run::new(Setup::published(ResonatorDrive::plain()), &Start::aligned());
             run.advance(0.02);
             (run.state, run.impacts.len())
         };
@@ -345,7 +345,8 @@ mod tests {
     #[test]
     fn shorter_duty_removes_double_bounces_and_feeds_faster() {
         let figures = |duty: f64| {
-            let mut run = Run::new(Setup::published(Drive { duty, ..Drive::plain() }), &Start::aligned());
+            let mut run =
+                Run::new(Setup::published(ResonatorDrive { duty, ..ResonatorDrive::plain() }), &Start::aligned());
             run.advance(0.2);
             let clusters = clusters(&arrivals(&run.impacts, 0.05, 0.2), 5_000.0);
             (clusters, super::super::measures::mean_rate_mps(samples_from(&run, 0.05)))
@@ -363,12 +364,12 @@ mod tests {
 
     #[test]
     fn part_jams_at_a_new_row_and_strobing_frees_it() {
-        let stall_s = |drive: Drive| {
+        let stall_s = |drive: ResonatorDrive| {
             let mut run = Run::new(Setup::published(drive), &Start::aligned());
             run.advance(1.0);
-            Feed::of(samples_from(&run, 0.05)).longest_stall_s()
+            FeedMeasure::of(samples_from(&run, 0.05)).longest_stall_s()
         };
-        assert!(stall_s(Drive::plain()) > 0.1);
-        assert!(stall_s(Drive::strobed()) < 0.05);
+        assert!(stall_s(ResonatorDrive::plain()) > 0.1);
+        assert!(stall_s(ResonatorDrive::strobed()) < 0.05);
     }
 }

@@ -7,10 +7,10 @@ use super::batch::{Batch, Summary, mean};
 use super::belt::Belt;
 use super::bounce::ride;
 use super::device::Device;
-use super::drive::Drive;
+use super::drive::ResonatorDrive;
 use super::run::Setup;
 use crate::numerics::line_through;
-use crate::{Figure, Outcome, Series};
+use crate::{ExperimentResult, Figure, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -37,7 +37,7 @@ pub struct Sweeps {
 
 impl Sweeps {
     pub fn new(batch: &mut Batch) -> Self {
-        let setup = |duty| Setup::published(Drive { duty, ..Drive::plain() });
+        let setup = |duty| Setup::published(ResonatorDrive { duty, ..ResonatorDrive::plain() });
         let mut sweep = |values: &[f64], setup: &Setup, set: fn(&mut Setup, f64)| {
             let at = |value: &f64| {
                 let mut setup = setup.clone();
@@ -58,7 +58,7 @@ impl Sweeps {
     }
 
     /// Adds figures, curves and charts.
-    pub fn report<'a>(&self, of: &impl Fn(&Range<usize>) -> &'a [Summary], outcome: &mut Outcome) {
+    pub fn report<'a>(&self, of: &impl Fn(&Range<usize>) -> &'a [Summary], outcome: &mut ExperimentResult) {
         let curve = |ranges: &[Range<usize>], value: fn(&Summary) -> f64| -> Vec<f64> {
             ranges.iter().map(|range| mean(of(range), value)).collect()
         };
@@ -106,7 +106,7 @@ impl Sweeps {
     fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
         let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
         let [intercept, slope] = line_through(&points);
-        let setup = Setup::published(Drive { duty: SHORT_DUTY, ..Drive::plain() });
+        let setup = Setup::published(ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() });
         let height_m = self.forces.first().map_or(f64::NAN, |range| mean(of(range), |summary| summary.height_m.mean));
         // the number of ridges under the part does not enter the force
         let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;

@@ -10,7 +10,7 @@ pub struct Block {
 
 /// Rotation of the block about the corner on which it stands: `tilt` is 0 when it is flat, whichever corner it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Turn {
+pub struct BlockTilt {
     /// Angle of its face above the table, rad.
     pub tilt_rad: f64,
     /// Angular velocity, positive while the face rises, rad/s.
@@ -50,7 +50,7 @@ impl Block {
     }
 
     /// Force of the table on the corner over the block's mass (Eq. 3.3b), along the table and normal to it, m/s².
-    pub fn contact_mps2(&self, turn: Turn, weight_mps2: f64) -> [f64; 2] {
+    pub fn contact_mps2(&self, turn: BlockTilt, weight_mps2: f64) -> [f64; 2] {
         let (sin, cos) = (self.flat_rad() + turn.tilt_rad).sin_cos();
         let accel_radps2 = self.accel_radps2(turn.tilt_rad, weight_mps2);
         let inward = turn.speed_radps.powi(2);
@@ -71,7 +71,7 @@ mod tests {
     fn block_at_balance_feels_no_moment_and_a_long_one_let_go_flat_a_quarter_of_its_weight() {
         assert!(BLOCK.accel_radps2(BLOCK.balance_rad(), GRAVITY_MPS2).abs() < 1e-12);
         let long = Block { length_m: 1.0, height_m: 1e-6 };
-        let [_, normal] = long.contact_mps2(Turn::default(), GRAVITY_MPS2);
+        let [_, normal] = long.contact_mps2(BlockTilt::default(), GRAVITY_MPS2);
         assert!((normal / GRAVITY_MPS2 - 0.25).abs() < 1e-6, "{normal}");
     }
 

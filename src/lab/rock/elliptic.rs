@@ -4,12 +4,12 @@
 use ellip::ellipf;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-use super::block::{Block, Turn};
+use super::block::{Block, BlockTilt};
 
 impl Block {
     /// Time from `from` to the tilt `to_rad`, without a turning point between them, s. `weight_mps2`, not negative, is
     /// `g + ẍ`. `None` for a tilt that the block does not reach.
-    pub fn time_s(&self, from: Turn, to_rad: f64, weight_mps2: f64) -> Option<f64> {
+    pub fn time_s(&self, from: BlockTilt, to_rad: f64, weight_mps2: f64) -> Option<f64> {
         let pull = self.stiffness_pm() * weight_mps2;
         if pull <= 0.0 {
             let time_s = (to_rad - from.tilt_rad) / from.speed_radps;
@@ -25,7 +25,7 @@ impl Block {
     }
 
     /// Angular speed at the tilt `to_rad`, rad/s, by energy; `None` for a tilt that is not reached.
-    pub fn speed_radps(&self, from: Turn, to_rad: f64, weight_mps2: f64) -> Option<f64> {
+    pub fn speed_radps(&self, from: BlockTilt, to_rad: f64, weight_mps2: f64) -> Option<f64> {
         let gained = 2.0 * self.stiffness_pm() * weight_mps2 * self.lift(to_rad, from.tilt_rad);
         let squared = from.speed_radps.powi(2) + gained;
         (squared >= 0.0).then(|| squared.sqrt())
@@ -54,10 +54,10 @@ mod tests {
     use upm_core::units::GRAVITY_MPS2;
 
     /// The same time by stepping the equation of motion until the tilt is passed.
-    fn integrated_s(block: &Block, from: Turn, to_rad: f64, weight_mps2: f64) -> f64 {
+    fn integrated_s(block: &Block, from: BlockTilt, to_rad: f64, weight_mps2: f64) -> f64 {
         let (mut turn, mut t_s, step_s) = (from, 0.0, 1e-4);
         let rises = to_rad > from.tilt_rad;
-        let passes = |turn: Turn| (turn.tilt_rad >= to_rad) == rises;
+        let passes = |turn: BlockTilt| (turn.tilt_rad >= to_rad) == rises;
         loop {
             let next = stepped(block, turn, step_s, |_| weight_mps2);
             if passes(next) {
@@ -85,13 +85,13 @@ mod tests {
             let weight_mps2 = weight * GRAVITY_MPS2;
             let scale_radps = (block.stiffness_pm() * weight_mps2).sqrt();
             // falls from a tilt, initially at rest or not
-            let falls = Turn { tilt_rad: high_rad, speed_radps: -speed * scale_radps };
+            let falls = BlockTilt { tilt_rad: high_rad, speed_radps: -speed * scale_radps };
             let time_s = block.time_s(falls, end * high_rad, weight_mps2).unwrap();
             let exact_s = integrated_s(&block, falls, end * high_rad, weight_mps2);
             prop_assert!((time_s / exact_s - 1.0).abs() < 1e-6, "{time_s} {exact_s}");
             // rises with more speed than it needs, with more energy than at the balance or less
-            let least = block.speed_radps(Turn { tilt_rad: high_rad, speed_radps: 0.0 }, end * high_rad, weight_mps2).unwrap();
-            let rises = Turn { tilt_rad: end * high_rad, speed_radps: least * (1.001 + speed) };
+            let least = block.speed_radps(BlockTilt { tilt_rad: high_rad, speed_radps: 0.0 }, end * high_rad, weight_mps2).unwrap();
+            let rises = BlockTilt { tilt_rad: end * high_rad, speed_radps: least * (1.001 + speed) };
             let time_s = block.time_s(rises, high_rad, weight_mps2).unwrap();
             let exact_s = integrated_s(&block, rises, high_rad, weight_mps2);
             prop_assert!((time_s / exact_s - 1.0).abs() < 1e-6, "{time_s} {exact_s}");
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn tilt_out_of_reach_takes_no_time() {
         let block = Block { length_m: 0.04, height_m: 0.04 };
-        let rises = Turn { tilt_rad: 0.0, speed_radps: 1.0 };
+        let rises = BlockTilt { tilt_rad: 0.0, speed_radps: 1.0 };
         assert_eq!(block.time_s(rises, 0.5, GRAVITY_MPS2), None);
         assert_eq!(block.speed_radps(rises, 0.5, GRAVITY_MPS2), None);
         let weightless = block.time_s(rises, 0.5, 0.0);

@@ -1,7 +1,7 @@
 //! Simulation of a block on a moving table through its equation of motion (Singer and Seering, Eq. 3.3a), from impact
 //! to impact.
 
-use super::block::{Block, Turn};
+use super::block::{Block, BlockTilt};
 use super::wave::Wave;
 use crate::numerics::bisect;
 use upm_core::units::GRAVITY_MPS2;
@@ -49,15 +49,15 @@ pub struct Motion {
     /// Largest ratio of the force along the table to the force on the corner: the required friction.
     pub friction: f64,
     /// State when the time is over or the motion has ended.
-    pub last: Turn,
+    pub last: BlockTilt,
     pub end: End,
 }
 
 /// State of the block `step_s` later, by the fourth-order Runge-Kutta method; `weight_mps2` is `g + ẍ` as a function of
 /// time from the beginning of the step.
-pub fn stepped(block: &Block, turn: Turn, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> Turn {
-    let slope = |at: Turn, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
-    let along = |[speed, accel]: [f64; 2], t_s: f64| Turn {
+pub fn stepped(block: &Block, turn: BlockTilt, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> BlockTilt {
+    let slope = |at: BlockTilt, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
+    let along = |[speed, accel]: [f64; 2], t_s: f64| BlockTilt {
         tilt_rad: turn.tilt_rad + speed * t_s,
         speed_radps: turn.speed_radps + accel * t_s,
     };
@@ -73,11 +73,11 @@ pub fn stepped(block: &Block, turn: Turn, step_s: f64, weight_mps2: impl Fn(f64)
 impl Release {
     /// Motion for `length_s` on a table that moves as `wave`, which is repeated.
     pub fn motion(&self, wave: &Wave, length_s: f64) -> Motion {
-        self.motion_from(Turn { tilt_rad: self.tilt_rad, speed_radps: 0.0 }, wave, length_s)
+        self.motion_from(BlockTilt { tilt_rad: self.tilt_rad, speed_radps: 0.0 }, wave, length_s)
     }
 
     /// The same from a state other than rest.
-    pub fn motion_from(&self, turn: Turn, wave: &Wave, length_s: f64) -> Motion {
+    pub fn motion_from(&self, turn: BlockTilt, wave: &Wave, length_s: f64) -> Motion {
         let motion = Motion {
             track: vec![[0.0, turn.tilt_rad]],
             peaks: Vec::new(),
@@ -105,7 +105,7 @@ impl Release {
 
 struct Rocking<'a> {
     release: &'a Release,
-    turn: Turn,
+    turn: BlockTilt,
     t_s: f64,
     motion: Motion,
 }
@@ -119,9 +119,9 @@ impl Rocking<'_> {
             let step_s = STEP_S.min(until_s - at_s);
             let after = |step_s: f64| stepped(block, self.turn, step_s, |t_s| weight_mps2(at_s + t_s));
             let next = after(step_s);
-            let hits = |turn: Turn| turn.tilt_rad <= 0.0;
-            let peaks = |turn: Turn| self.turn.speed_radps > 0.0 && turn.speed_radps <= 0.0;
-            let happens = |turn: Turn| hits(turn) || peaks(turn);
+            let hits = |turn: BlockTilt| turn.tilt_rad <= 0.0;
+            let peaks = |turn: BlockTilt| self.turn.speed_radps > 0.0 && turn.speed_radps <= 0.0;
+            let happens = |turn: BlockTilt| hits(turn) || peaks(turn);
             let step_s =
                 if happens(next) { bisect([0.0, step_s], HALVINGS, |t_s| happens(after(t_s)))[1] } else { step_s };
             let (next, is_peak) = (after(step_s), peaks(after(step_s)));
@@ -164,7 +164,7 @@ impl Rocking<'_> {
     /// supports the block.
     fn strike(&mut self) {
         self.motion.impacts_s.push(self.t_s);
-        self.turn = Turn { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };
+        self.turn = BlockTilt { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };
     }
 
     fn ended(&self) -> Option<End> {
@@ -180,13 +180,13 @@ impl Rocking<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::wave::Stretch;
+    use super::super::wave::WaveSegment;
     use super::*;
 
     const BLOCK: Block = Block { length_m: 0.03, height_m: 0.04 };
 
     fn still() -> Wave {
-        Wave { stretches: vec![Stretch { length_s: 0.05, accel_mps2: [0.0; 2] }] }
+        Wave { stretches: vec![WaveSegment { length_s: 0.05, accel_mps2: [0.0; 2] }] }
     }
 
     #[test]
@@ -209,10 +209,10 @@ mod tests {
 
     #[test]
     fn block_beyond_balance_topples_and_one_in_a_falling_table_lifts() {
-        let push = Wave { stretches: vec![Stretch { length_s: 1.0, accel_mps2: [0.0; 2] }] };
+        let push = Wave { stretches: vec![WaveSegment { length_s: 1.0, accel_mps2: [0.0; 2] }] };
         let over = Release { block: BLOCK, restitution: 0.9, tilt_rad: BLOCK.balance_rad() + 0.01 };
         assert_eq!(over.motion(&push, 1.0).end, End::Topples);
-        let drop = Wave { stretches: vec![Stretch { length_s: 1.0, accel_mps2: [-GRAVITY_MPS2 - 1.0; 2] }] };
+        let drop = Wave { stretches: vec![WaveSegment { length_s: 1.0, accel_mps2: [-GRAVITY_MPS2 - 1.0; 2] }] };
         assert_eq!(Release { tilt_rad: 0.1, ..over }.motion(&drop, 1.0).end, End::Lifts);
     }
 }

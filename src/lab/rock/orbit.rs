@@ -1,6 +1,6 @@
 //! Square waves that carry a block from one peak to the next in one period (Singer and Seering, section 3.2, Fig. 4).
 
-use super::block::{Block, Turn};
+use super::block::{Block, BlockTilt};
 use super::wave::Square;
 use upm_core::units::GRAVITY_MPS2;
 
@@ -13,7 +13,7 @@ const BEYOND: f64 = 1.01;
 
 /// One cycle of a rocking block, from a peak over an impact to the next peak.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cycle {
+pub struct RockingCycle {
     pub block: Block,
     /// Coefficient of restitution of its centre's normal speed.
     pub restitution: f64,
@@ -39,10 +39,10 @@ struct Fall {
     from_s: f64,
     to_s: f64,
     impact_s: f64,
-    after: Turn,
+    after: BlockTilt,
 }
 
-impl Cycle {
+impl RockingCycle {
     /// The wave for this cycle: equal areas of acceleration upward and downward, and at no time free fall. `None` where
     /// no such wave exists.
     pub fn drive(&self) -> Option<Square> {
@@ -92,7 +92,7 @@ impl Cycle {
 
     /// Times at which the block passes the tilts at which the wave switches, with `low_mps2` for `g + ẍ` downward.
     fn times(&self, low_mps2: f64, ratio: f64) -> Option<Times> {
-        let peak = Turn { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
+        let peak = BlockTilt { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
         let Fall { from_s, to_s, impact_s, after } = self.fall(low_mps2, ratio)?;
         if self.to_rad >= 0.0 {
             return Some(Times { from_s, to_s, period_s: impact_s + self.block.time_s(peak, 0.0, low_mps2)? });
@@ -104,15 +104,15 @@ impl Cycle {
     /// The fall from the peak to the impact.
     fn fall(&self, low_mps2: f64, ratio: f64) -> Option<Fall> {
         let block = &self.block;
-        let falls = |from: Turn, to_rad, weight_mps2| {
+        let falls = |from: BlockTilt, to_rad, weight_mps2| {
             let speed_radps = -block.speed_radps(from, to_rad, weight_mps2)?;
-            Some((block.time_s(from, to_rad, weight_mps2)?, Turn { tilt_rad: to_rad, speed_radps }))
+            Some((block.time_s(from, to_rad, weight_mps2)?, BlockTilt { tilt_rad: to_rad, speed_radps }))
         };
-        let peak = Turn { tilt_rad: self.peaks_rad[0], speed_radps: 0.0 };
+        let peak = BlockTilt { tilt_rad: self.peaks_rad[0], speed_radps: 0.0 };
         let (from_s, turn) = falls(peak, self.from_rad, low_mps2)?;
         let (up_s, turn) = falls(turn, self.to_rad.max(0.0), ratio * low_mps2)?;
         let (rest_s, turn) = if turn.tilt_rad > 0.0 { falls(turn, 0.0, low_mps2)? } else { (0.0, turn) };
-        let after = Turn { tilt_rad: 0.0, speed_radps: -self.restitution * turn.speed_radps };
+        let after = BlockTilt { tilt_rad: 0.0, speed_radps: -self.restitution * turn.speed_radps };
         Some(Fall { from_s, to_s: from_s + up_s, impact_s: from_s + up_s + rest_s, after })
     }
 }
@@ -139,7 +139,7 @@ mod tests {
             let from_rad = from * peak_rad;
             // after the impact little of the energy that the restitution leaves may be removed
             let to_rad = if to >= 0.0 { to * from_rad } else { 0.5 * to * restitution.powi(2) * from_rad };
-            let cycle = Cycle { block, restitution, peaks_rad: [peak_rad; 2], from_rad, to_rad };
+            let cycle = RockingCycle { block, restitution, peaks_rad: [peak_rad; 2], from_rad, to_rad };
             let drive = cycle.drive().unwrap();
             prop_assert!(drive.down_mps2 < GRAVITY_MPS2 && drive.up_mps2 > 0.0);
             let areas = [drive.up_mps2 * (drive.to_s - drive.from_s), drive.down_mps2 * (drive.period_s - drive.to_s + drive.from_s)];
@@ -156,7 +156,8 @@ mod tests {
     fn switching_at_peak_and_impact_needs_accelerations_that_the_restitution_alone_sets() {
         for (height_m, peak_rad) in [(0.02, 0.1), (0.04, 0.2)] {
             let block = Block { length_m: 0.03, height_m };
-            let cycle = Cycle { block, restitution: 0.4, peaks_rad: [peak_rad; 2], from_rad: peak_rad, to_rad: 0.0 };
+            let cycle =
+                RockingCycle { block, restitution: 0.4, peaks_rad: [peak_rad; 2], from_rad: peak_rad, to_rad: 0.0 };
             let drive = cycle.drive().unwrap();
             assert!((drive.up_mps2 / GRAVITY_MPS2 - 0.6 / 0.4).abs() < 1e-9, "{drive:?}");
             assert!((drive.down_mps2 / GRAVITY_MPS2 - 0.6).abs() < 1e-9, "{drive:?}");
@@ -166,7 +167,7 @@ mod tests {
     #[test]
     fn kick_topples_a_block_that_its_drive_only_rocks() {
         let block = Block { length_m: 0.02, height_m: 0.04 };
-        let cycle = Cycle { block, restitution: 0.5, peaks_rad: [0.2; 2], from_rad: 0.16, to_rad: 0.02 };
+        let cycle = RockingCycle { block, restitution: 0.5, peaks_rad: [0.2; 2], from_rad: 0.16, to_rad: 0.02 };
         let drive = cycle.drive().unwrap();
         let kick = cycle.kick(drive.down_mps2).unwrap();
         assert!(kick.up_mps2 > drive.up_mps2);
@@ -178,7 +179,7 @@ mod tests {
     #[test]
     fn window_out_of_order_has_no_drive() {
         let block = Block { length_m: 0.04, height_m: 0.04 };
-        let cycle = |from_rad, to_rad| Cycle { block, restitution: 0.5, peaks_rad: [0.1; 2], from_rad, to_rad };
+        let cycle = |from_rad, to_rad| RockingCycle { block, restitution: 0.5, peaks_rad: [0.1; 2], from_rad, to_rad };
         for (from_rad, to_rad) in [(0.2, 0.0), (0.05, 0.06), (0.05, -0.2), (0.05, -0.04)] {
             assert_eq!(cycle(from_rad, to_rad).drive(), None, "{from_rad} {to_rad}");
         }

@@ -9,7 +9,7 @@ use super::raising::raise;
 use super::selection::{Orientations, Selected};
 use super::{Rock, track_chart, wave_chart};
 use crate::sweep::{Progress, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -32,8 +32,8 @@ const RAISED_FROM_RAD: f64 = 0.1;
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
-    let mut outcome = Outcome::default();
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+    let mut outcome = ExperimentResult::default();
     random_blocks(rig.seed, &|share| progress(0.3 * share), &mut outcome);
     square_wave(&mut outcome)?;
     progress(0.5);
@@ -46,7 +46,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
 }
 
 /// Orbits of random blocks, solved with elliptic integrals and integrated.
-fn random_blocks(seed: u64, progress: Progress<'_>, outcome: &mut Outcome) {
+fn random_blocks(seed: u64, progress: Progress<'_>, outcome: &mut ExperimentResult) {
     let mut rng = Streams::new(seed).stream("rock");
     let rocks: Vec<Rock> = (0..BLOCKS)
         .map(|_| {
@@ -81,7 +81,7 @@ fn random_blocks(seed: u64, progress: Progress<'_>, outcome: &mut Outcome) {
 }
 
 /// Figs. 5 and 6: orbit and instability on the square wave.
-fn square_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
+fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let rock = Rock::published();
     let wave = rock.drive()?.wave();
     let [exact, high] = [1.0, rock.start].map(|share| rock.release(share).motion(&wave, rock.time_s));
@@ -113,7 +113,7 @@ fn square_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
 }
 
 /// Fig. 8, and the range of starts that each kind of wave attracts.
-fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
+fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let rock = Rock::ramped();
     let drive = rock.drive()?;
     let (square, ramped) = (drive.wave(), drive.ramped(rock.ramp));
@@ -140,12 +140,12 @@ fn ramped_wave(outcome: &mut Outcome) -> Result<(), LabFault> {
         vec![mm_from_m(rock.block.length_m), rock.from, rock.to, ramp, release.multiplier(&wave), low, high]
     });
     let columns = ["length (mm)", "from", "to", "ramp (% of period)", "growth", "lowest kept", "highest kept"];
-    outcome.sheet = Some(Sheet::new(columns, rows.collect()));
+    outcome.sheet = Some(DataSheet::new(columns, rows.collect()));
     Ok(())
 }
 
 /// Fig. 9, and the decrease of the difference with the window.
-fn selection(outcome: &mut Outcome) -> Result<(), LabFault> {
+fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let on_drive = |from| SIMILAR.on_drive(from, SELECTION_S).ok_or_else(|| LabFault::Setting("no such drive".into()));
     let Selected { motions: [standing, lying], peaks_rad, .. } = on_drive(WINDOW_FROM)?;
     outcome.figures.extend([
@@ -169,7 +169,7 @@ fn selection(outcome: &mut Outcome) -> Result<(), LabFault> {
 }
 
 /// Amplitude raised until the block topples.
-fn raising(outcome: &mut Outcome) -> Result<(), LabFault> {
+fn raising(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let rock = Rock { peak_rad: RAISED_FROM_RAD, ..Rock::published() };
     let none = || LabFault::Setting("no drive raises the block".to_owned());
     let raised = raise(&rock.cycle()).ok_or_else(none)?;

@@ -1,7 +1,7 @@
 //! Amplitude raised from period to period until the block topples (Singer and Seering, section 3.1).
 
 use super::motion::{Motion, Release};
-use super::orbit::Cycle;
+use super::orbit::RockingCycle;
 use super::wave::Wave;
 
 /// Growth factor of the peak per period.
@@ -22,10 +22,10 @@ pub struct Raised {
 }
 
 /// Raises the peaks of the steady `cycle`, whose window keeps its share of each peak. `None` where no drive exists.
-pub fn raise(cycle: &Cycle) -> Option<Raised> {
-    let &Cycle { block, restitution, peaks_rad: [start_rad, _], from_rad, to_rad } = cycle;
+pub fn raise(cycle: &RockingCycle) -> Option<Raised> {
+    let &RockingCycle { block, restitution, peaks_rad: [start_rad, _], from_rad, to_rad } = cycle;
     let (from, to) = (from_rad / start_rad, to_rad / start_rad);
-    let with_peaks = |[before, after]: [f64; 2]| Cycle {
+    let with_peaks = |[before, after]: [f64; 2]| RockingCycle {
         peaks_rad: [before, after],
         from_rad: from * before,
         to_rad: to * before,
@@ -58,7 +58,7 @@ mod tests {
     fn block_follows_the_raised_peaks_and_topples() {
         let block = Block { length_m: 0.02, height_m: 0.04 };
         let peak_rad = 0.1;
-        let cycle = Cycle { block, restitution: 0.5, peaks_rad: [peak_rad; 2], from_rad: 0.08, to_rad: 0.01 };
+        let cycle = RockingCycle { block, restitution: 0.5, peaks_rad: [peak_rad; 2], from_rad: 0.08, to_rad: 0.01 };
         let raised = raise(&cycle).unwrap();
         assert_eq!(raised.motion.end, End::Topples);
         let wanted = &raised.peaks_rad[1..];

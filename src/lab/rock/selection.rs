@@ -3,7 +3,7 @@
 
 use super::block::Block;
 use super::motion::{Motion, Release};
-use super::orbit::Cycle;
+use super::orbit::RockingCycle;
 
 /// End of the upward acceleration after the impact, as a fraction of the tilt at which it begins, and of the square of
 /// the restitution: a larger one removes energy that it has supplied.
@@ -39,7 +39,8 @@ impl Orientations {
         let lying = Block { length_m: standing.height_m, height_m: standing.length_m };
         let from_rad = from * tilt_rad;
         let to_rad = AFTER * restitution.powi(2) * from_rad;
-        let drive = Cycle { block: standing, restitution, peaks_rad: [tilt_rad; 2], from_rad, to_rad }.drive()?;
+        let drive =
+            RockingCycle { block: standing, restitution, peaks_rad: [tilt_rad; 2], from_rad, to_rad }.drive()?;
         let wave = drive.wave();
         let motions = [standing, lying].map(|block| Release { block, restitution, tilt_rad }.motion(&wave, length_s));
         let first_s = |motion: &Motion| motion.impacts_s.first().copied();

@@ -1,7 +1,7 @@
 //! Stability of a steady orbit: whether a block released elsewhere returns to it (Singer and Seering, Figs. 5, 6 and
 //! 8).
 
-use super::block::Turn;
+use super::block::BlockTilt;
 use super::motion::{End, Release};
 use super::wave::Wave;
 
@@ -19,7 +19,7 @@ impl Release {
         let period_s = wave.length_s();
         let scales = [DEVIATION, DEVIATION / period_s];
         let after = |deviation: [f64; 2]| {
-            let turn = Turn { tilt_rad: self.tilt_rad + deviation[0], speed_radps: deviation[1] };
+            let turn = BlockTilt { tilt_rad: self.tilt_rad + deviation[0], speed_radps: deviation[1] };
             let motion = self.motion_from(turn, wave, period_s);
             (motion.end == End::Rocks).then_some([motion.last.tilt_rad, motion.last.speed_radps])
         };
@@ -57,7 +57,7 @@ fn largest_eigenvalue([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::block::Block;
-    use super::super::orbit::Cycle;
+    use super::super::orbit::RockingCycle;
     use super::*;
 
     /// A block on its orbit, and the wave for it.
@@ -65,7 +65,7 @@ mod tests {
         let block = Block { length_m, height_m: 0.04 };
         let peak_rad = 0.15;
         let (from_rad, to_rad) = (from * peak_rad, to * peak_rad);
-        let cycle = Cycle { block, restitution: 0.5, peaks_rad: [peak_rad; 2], from_rad, to_rad };
+        let cycle = RockingCycle { block, restitution: 0.5, peaks_rad: [peak_rad; 2], from_rad, to_rad };
         (Release { block, restitution: 0.5, tilt_rad: peak_rad }, cycle.drive().unwrap().wave())
     }
 

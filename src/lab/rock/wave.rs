@@ -6,7 +6,7 @@ const POINTS: usize = 64;
 
 /// A time interval in which the acceleration changes linearly from one value to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stretch {
+pub struct WaveSegment {
     pub length_s: f64,
     /// Accelerations at its ends, upward, m/s².
     pub accel_mps2: [f64; 2],
@@ -16,7 +16,7 @@ pub struct Stretch {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wave {
     /// Stretches of one period, or of a whole motion.
-    pub stretches: Vec<Stretch>,
+    pub stretches: Vec<WaveSegment>,
 }
 
 /// Rectangular wave of acceleration: upward in one interval of the period, downward in the rest (Fig. 4).
@@ -45,7 +45,7 @@ impl Square {
         let &Self { up_mps2, down_mps2, from_s, to_s, period_s } = self;
         let (up_s, down_s) = (to_s - from_s, period_s - to_s + from_s);
         let edge_s = (ramp * period_s).min(up_s).min(down_s).max(0.0);
-        let stretch = |length_s, accel_mps2| Stretch { length_s, accel_mps2 };
+        let stretch = |length_s, accel_mps2| WaveSegment { length_s, accel_mps2 };
         let from_edge = [
             stretch(edge_s, [-down_mps2, up_mps2]),
             stretch(up_s - edge_s, [up_mps2; 2]),
@@ -87,7 +87,7 @@ impl Wave {
     fn motion(&self) -> Vec<[f64; 2]> {
         let (mut t_s, mut speed_mps, mut place_m) = (0.0, 0.0, 0.0);
         let mut found = vec![[0.0, 0.0]];
-        for Stretch { length_s, accel_mps2: [first, last] } in &self.stretches {
+        for WaveSegment { length_s, accel_mps2: [first, last] } in &self.stretches {
             let slope = (last - first) / length_s;
             let place = |t: f64| place_m + t * (speed_mps + t * (first / 2.0 + slope * t / 6.0));
             found.extend((1..=POINTS).map(|i| {
@@ -113,7 +113,7 @@ impl Wave {
     }
 }
 
-impl Stretch {
+impl WaveSegment {
     /// The parts before and after `at_s` from its beginning; one of them is empty where `at_s` is outside it.
     fn cut(&self, at_s: f64) -> [Self; 2] {
         let at_s = at_s.clamp(0.0, self.length_s);

@@ -7,7 +7,7 @@ use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::{Progress, parallel};
-use crate::{Figure, LabFault, LabRig, Outcome, Series, Sheet};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -28,7 +28,7 @@ const BLOCK_M: [f64; 3] = [8e-3, 12e-3, 18e-3];
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFault> {
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let streams = Streams::new(rig.seed);
     let mut outcome = orientations();
     let peg = Topple { seed: rig.seed as u32, ..Topple::published() };
@@ -53,7 +53,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
     ];
     let rows = rows.into_iter().collect::<Result<Vec<_>, _>>()?;
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
-    outcome.sheet = Some(Sheet::new(columns, rows));
+    outcome.sheet = Some(DataSheet::new(columns, rows));
     let name = "critical speeds of two pegs, one twice as thick, apart by";
     let source = "two pegs of other size and shape share a speed (Table 1)";
     outcome.figures.push(Figure::against(name, "1", same, 0.0, source));
@@ -67,7 +67,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<Outcome, LabFau
 }
 
 /// The ratio of the critical speeds of a block's two orientations, as a power series.
-fn orientations() -> Outcome {
+fn orientations() -> ExperimentResult {
     let [less, more] = [-DELTA, DELTA].map(ratio_of_orientations);
     let found = [(more - less) / (2.0 * DELTA), (more - 2.0 + less) / (2.0 * DELTA * DELTA)];
     let names = ["ratio of the speeds of b x b(1 + δ): coefficient of δ", "the same: coefficient of δ²"];
@@ -86,7 +86,7 @@ fn orientations() -> Outcome {
         ],
     );
     let series = Series::columns(["delta", "ratio_of_orientations"], &curve);
-    Outcome { figures, charts: vec![chart], series, ..Outcome::default() }
+    ExperimentResult { figures, charts: vec![chart], series, ..ExperimentResult::default() }
 }
 
 /// A cylinder twice as thick as that of `peg` that topples at the same speed.
@@ -103,7 +103,7 @@ fn alike(peg: &Topple) -> Topple {
 }
 
 /// Adds a batch on consecutive ledges.
-fn batch(peg: &Topple, streams: &Streams, outcome: &mut Outcome) -> Result<(), LabFault> {
+fn batch(peg: &Topple, streams: &Streams, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let found = cascade(peg, BLOCK_M, streams)?;
     let [a, b, c] = BLOCK_M.map(mm_from_m);
     for (i, share) in found.flat.iter().enumerate() {

@@ -15,7 +15,7 @@ const SPEEDS: u32 = 80;
 
 /// Scatter of the experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scatter {
+pub struct TrialScatter {
     /// Standard deviation of the belt's speed, as a fraction of it.
     pub belt: f64,
     /// Mean friction between belt and part, and its standard deviation.
@@ -26,7 +26,7 @@ pub struct Scatter {
     pub way_sd: f64,
 }
 
-impl Scatter {
+impl TrialScatter {
     /// Speed at which one part meets the ledge when the belt should move at `belt_mps`: that of the belt, unless
     /// friction has not yet accelerated the part to it.
     pub fn approach_mps(&self, belt_mps: f64, rng: &mut Rng) -> f64 {
@@ -61,7 +61,7 @@ impl Band {
 }
 
 /// The experiment with a part that topples from `critical_mps` on.
-pub fn band(scatter: &Scatter, critical_mps: f64, streams: &Streams) -> Band {
+pub fn band(scatter: &TrialScatter, critical_mps: f64, streams: &Streams) -> Band {
     let mut rng = streams.stream("ledge trials");
     let mut shares = Vec::new();
     for i in 0..SPEEDS {

@@ -13,10 +13,10 @@ pub const CENTERS: usize = 4;
 const SINGULAR: f64 = 1e6;
 
 /// Positions of all parts, m, table frame.
-pub type Places = [Vec2; PARTS];
+pub type PartPositions = [Vec2; PARTS];
 
 /// Φ of Eq. 2, 4×4: column j is τ_j at part 1 (x, y), then at part 2.
-pub fn field_matrix(centers_m: &[Vec2; CENTERS], parts_m: &Places) -> Matrix4<f64> {
+pub fn field_matrix(centers_m: &[Vec2; CENTERS], parts_m: &PartPositions) -> Matrix4<f64> {
     Matrix4::from_fn(|row, column| {
         let field = direction(centers_m[column], parts_m[row / 2]);
         if row % 2 == 0 { field.x } else { field.y }
@@ -31,7 +31,11 @@ pub fn condition(phi: &Matrix4<f64>) -> f64 {
 
 /// The distances d (m) with `Φ d = ΔP` that move the parts from `parts_m` to `goals_m`; `None` where the fields are
 /// dependent.
-pub fn distances(centers_m: &[Vec2; CENTERS], parts_m: &Places, goals_m: &Places) -> Option<[f64; CENTERS]> {
+pub fn distances(
+    centers_m: &[Vec2; CENTERS],
+    parts_m: &PartPositions,
+    goals_m: &PartPositions,
+) -> Option<[f64; CENTERS]> {
     let phi = field_matrix(centers_m, parts_m);
     let condition = condition(&phi);
     if condition.is_nan() || condition > SINGULAR {
@@ -62,7 +66,7 @@ fn direction(center_m: Vec2, part_m: Vec2) -> Vec2 {
 }
 
 /// `E = (1/N) Σ |P'_i - P*_i|`, m.
-pub fn mean_miss(parts_m: &Places, goals_m: &Places) -> f64 {
+pub fn mean_miss(parts_m: &PartPositions, goals_m: &PartPositions) -> f64 {
     parts_m.iter().zip(goals_m).map(|(part, goal)| (part - goal).norm()).sum::<f64>() / PARTS as f64
 }
 

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, saturation, turn};
 use super::super::{LabFault, LabRig};
-use super::plan::{CENTERS, Places};
+use super::plan::{CENTERS, PartPositions};
 use upm_core::geometry::{Pose, Vec2};
 use upm_sim::{OpenLoopTrajectories, OpenPulse, PlateMode, simulate};
 
@@ -139,7 +139,12 @@ impl<'a> PlateModel<'a> {
 
     /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns their
     /// positions at every sample, of which the first is the start and the last is at rest.
-    pub fn rotate(&self, parts_m: &Places, center: usize, distance_m: f64) -> Result<Vec<Places>, LabFault> {
+    pub fn rotate(
+        &self,
+        parts_m: &PartPositions,
+        center: usize,
+        distance_m: f64,
+    ) -> Result<Vec<PartPositions>, LabFault> {
         let (sense, curve) = if distance_m < 0.0 { (-1.0, 1) } else { (1.0, 0) };
         let pulses: Vec<OpenPulse> = self.curves[center][curve]
             .pulses(distance_m.abs())
@@ -152,12 +157,12 @@ impl<'a> PlateModel<'a> {
         let played = self.play(parts_m, &pulses)?;
         let [first, second] = played.parts.as_slice() else { return Ok(vec![*parts_m]) };
         let both = (0..played.t_s.len()).filter_map(|i| Some([place(first, i)?, place(second, i)?]));
-        let way: Vec<Places> = both.collect();
+        let way: Vec<PartPositions> = both.collect();
         self.check_on_plate(&way)?;
         Ok(way)
     }
 
-    fn check_on_plate(&self, way: &[Places]) -> Result<(), LabFault> {
+    fn check_on_plate(&self, way: &[PartPositions]) -> Result<(), LabFault> {
         let half_side_m = 0.5 * self.rig.sim.plate.side_m;
         match way.iter().flatten().find(|place| place.amax() >= half_side_m) {
             None => Ok(()),

@@ -1,10 +1,10 @@
 //! Figures, series, charts and the playback of the experiment with two parts.
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
-use super::super::{Figure, LabRig, Outcome, Series};
+use super::super::{ExperimentResult, Figure, LabRig, Series};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::plate_model::STRONG_SPIN_RADPS;
-use super::task::{LOOKS, PartPath, StepSeries, Task};
+use super::task::{LOOKS, StepSeries, TwoPartPath, TwoPartProblem};
 use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 
 /// Radius of the circle about a start, in half sides of the plate.
@@ -23,7 +23,12 @@ pub struct SideResults {
 }
 
 /// Outcome from the `runs`: ideal field, strong plate, rig's plate.
-pub fn outcome(rig: &LabRig, task: &Task, runs: &[StepSeries; 3], side_results: &SideResults) -> Outcome {
+pub fn outcome(
+    rig: &LabRig,
+    task: &TwoPartProblem,
+    runs: &[StepSeries; 3],
+    side_results: &SideResults,
+) -> ExperimentResult {
     let [ideal, strong, own] = runs;
     let mut figures = of_one_look(task, ideal, side_results);
     for (run, i) in [(strong, 0), (own, 1)] {
@@ -35,16 +40,16 @@ pub fn outcome(rig: &LabRig, task: &Task, runs: &[StepSeries; 3], side_results: 
         Figure::alone("spin, rig's plate", "rad/s", spin, "the largest its motors play about the corners"),
     ]);
     let maps = [("two-parts-ideal", ideal), ("two-parts-strong", strong), ("two-parts-plate", own)];
-    Outcome {
+    ExperimentResult {
         figures,
         series: runs.iter().zip(["ideal_field", "strong_plate", "rigs_plate"]).flat_map(series).collect(),
         charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
         motion: own.first().map(|way| motion(rig, task, way)),
-        ..Outcome::default()
+        ..ExperimentResult::default()
     }
 }
 
-fn of_one_look(task: &Task, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
+fn of_one_look(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
     let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
     let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
     let mut figures = vec![
@@ -95,7 +100,7 @@ fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
     ]
 }
 
-fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Playback {
+fn motion(rig: &LabRig, task: &TwoPartProblem, way: &TwoPartPath) -> Playback {
     let samples: Vec<_> = way.samples.iter().step_by(FINER).collect();
     let track = |i: usize| PlaybackTrack {
         label: format!("part {}", i + 1),
@@ -110,7 +115,7 @@ fn motion(rig: &LabRig, task: &Task, way: &PartPath) -> Playback {
 }
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.
-fn map(name: &str, task: &Task, run: &StepSeries) -> Option<Chart> {
+fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
     let (looks, way) = run.ways.first()?;
     let corners = &way.corners;
     let centers = task.centers_m.map(mm);

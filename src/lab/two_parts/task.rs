@@ -1,7 +1,7 @@
 //! The large step with two parts, and their paths to its goals in one look and in several.
 
 use super::super::{LabFault, LabRig};
-use super::plan::{CENTERS, Places, condition, distances, field_matrix, mean_miss};
+use super::plan::{CENTERS, PartPositions, condition, distances, field_matrix, mean_miss};
 use upm_core::geometry::Vec2;
 
 /// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of
@@ -14,14 +14,14 @@ const GOALS: [[f64; 2]; 2] = [[-0.6, -0.11], [0.3, -0.29]];
 pub const LOOKS: [usize; 4] = [1, 2, 4, 8];
 
 /// The problem on a plate of this size.
-pub struct Task {
+pub struct TwoPartProblem {
     pub half_side_m: f64,
     pub centers_m: [Vec2; CENTERS],
-    pub starts_m: Places,
-    pub goals_m: Places,
+    pub starts_m: PartPositions,
+    pub goals_m: PartPositions,
 }
 
-impl Task {
+impl TwoPartProblem {
     pub fn on(rig: &LabRig) -> Self {
         let half_side_m = 0.5 * rig.sim.plate.side_m;
         let scaled = |[x, y]: [f64; 2]| Vec2::new(x, y) * half_side_m;
@@ -29,7 +29,7 @@ impl Task {
     }
 
     /// Target positions after `done` of `looks` looks: on straight lines to the goals.
-    fn waypoints_m(&self, done: usize, looks: usize) -> Places {
+    fn waypoints_m(&self, done: usize, looks: usize) -> PartPositions {
         let share = done as f64 / looks as f64;
         std::array::from_fn(|i| self.starts_m[i] + (self.goals_m[i] - self.starts_m[i]) * share)
     }
@@ -39,10 +39,10 @@ impl Task {
     pub fn go(
         &self,
         looks: usize,
-        mut rotate: impl FnMut(&Places, usize, f64) -> Result<Vec<Places>, LabFault>,
-    ) -> Result<PartPath, LabFault> {
+        mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
+    ) -> Result<TwoPartPath, LabFault> {
         let mut at = self.starts_m;
-        let mut way = PartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
+        let mut way = TwoPartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
         for look in 1..=looks {
             let wanted = self.waypoints_m(look, looks);
             let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
@@ -57,7 +57,7 @@ impl Task {
         Ok(way)
     }
 
-    pub fn singular(&self, at: &Places) -> LabFault {
+    pub fn singular(&self, at: &PartPositions) -> LabFault {
         let [a, b] = at.map(|part| part * 1e3);
         let number = condition(&field_matrix(&self.centers_m, at));
         LabFault::Rig(format!(
@@ -68,11 +68,11 @@ impl Task {
 }
 
 /// The parts' path.
-pub struct PartPath {
+pub struct TwoPartPath {
     /// Positions initially and after each rotation.
-    pub corners: Vec<Places>,
+    pub corners: Vec<PartPositions>,
     /// Positions at each sample of the simulation.
-    pub samples: Vec<Places>,
+    pub samples: Vec<PartPositions>,
     /// E at the end, m.
     pub miss_m: f64,
 }
@@ -81,7 +81,7 @@ pub struct PartPath {
 pub struct StepSeries {
     pub name: &'static str,
     /// Numbers of looks and the resulting paths.
-    pub ways: Vec<(usize, PartPath)>,
+    pub ways: Vec<(usize, TwoPartPath)>,
     /// Numbers of looks that failed, and the reason: a part fell, or the four fields became dependent.
     pub failed: Vec<(usize, LabFault)>,
 }
@@ -89,8 +89,8 @@ pub struct StepSeries {
 impl StepSeries {
     pub fn of(
         name: &'static str,
-        task: &Task,
-        rotate: impl Fn(&Places, usize, f64) -> Result<Vec<Places>, LabFault>,
+        task: &TwoPartProblem,
+        rotate: impl Fn(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
     ) -> Self {
         let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
         for looks in LOOKS {
@@ -108,7 +108,7 @@ impl StepSeries {
     }
 
     /// The path with the fewest looks.
-    pub fn first(&self) -> Option<&PartPath> {
+    pub fn first(&self) -> Option<&TwoPartPath> {
         self.ways.first().map(|(_, way)| way)
     }
 }

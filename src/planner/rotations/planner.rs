@@ -5,7 +5,7 @@ use super::least_time::{LeastTime, best_paying};
 use super::motion_set::{MotionSet, Pulse};
 use super::order::order;
 use super::refine::Refined;
-use super::rollout::Rollout;
+use super::rollout::SequenceRollout;
 use super::subgoals::Room;
 use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_cor_library::Library;
@@ -379,7 +379,7 @@ impl RotationPlanner {
 
 /// Number of pulses from the first that keep the limits.
 fn safe(refined: &Refined, room: &Room) -> usize {
-    let (rollout, played): (&Rollout, Room) = (&refined.rollout, room.for_playing());
+    let (rollout, played): (&SequenceRollout, Room) = (&refined.rollout, room.for_playing());
     let breaks = |k: &usize| played.shortfall(rollout.at(*k), rollout.at(k + 1)).is_some();
     (0..rollout.pulses()).find(breaks).unwrap_or(rollout.pulses())
 }

@@ -8,7 +8,7 @@
 //! ```
 
 use super::motion_set::{LibraryMotion, MotionSet, Pulse};
-use super::rollout::{Rollout, Slopes};
+use super::rollout::{SequenceRollout, Slopes};
 use super::subgoals::{Room, Shortfall};
 use crate::PartState;
 use upm_core::geometry::Vec2;
@@ -43,7 +43,7 @@ const SLOW: f64 = 0.97;
 pub(super) struct Refined {
     pub pulses: Vec<Pulse>,
     pub motions: Vec<LibraryMotion>,
-    pub rollout: Rollout,
+    pub rollout: SequenceRollout,
     /// Distance left to the subgoals at the end: root of the sum of squares over the parts, m.
     pub left_m: f64,
     /// The limit broken most along the path.
@@ -54,7 +54,7 @@ impl Refined {
     /// Forecast of `pulses` on `parts`.
     pub fn of(belts: &MotionSet, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
         let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
-        let rollout = Rollout::of(&motions, parts);
+        let rollout = SequenceRollout::of(&motions, parts);
         let left_m =
             rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
         let shortfall = (0..pulses.len())

@@ -14,14 +14,14 @@ const LEAST_CHANGE_M: f64 = 2e-5;
 
 /// Positions of all parts before the first pulse and after each.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rollout {
+pub(super) struct SequenceRollout {
     parts: usize,
     places_m: Vec<Vec2>,
     /// Longest coasting time of a part after each pulse, s.
     pub coasts_s: Vec<f64>,
 }
 
-impl Rollout {
+impl SequenceRollout {
     /// Forecast of `motions` on `parts`.
     pub fn of(motions: &[LibraryMotion], parts: &[PartState]) -> Self {
         let mut rollout = Self { parts: parts.len(), ..Self::default() };
@@ -68,7 +68,7 @@ impl Slopes {
         belts: &MotionSet,
         pulses: &[Pulse],
         motions: &[LibraryMotion],
-        rollout: &Rollout,
+        rollout: &SequenceRollout,
         parts: &[PartState],
     ) -> Self {
         let (count, n) = (pulses.len(), parts.len());

@@ -25,7 +25,7 @@ pub struct Coverage {
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// Places at the middles of equal squares that fill the plate, row by row from the top, each from the left.
-    pub places: Vec<Place>,
+    pub places: Vec<WorstDirection>,
     /// Number of places in a row, equal to the number of rows.
     pub columns: usize,
     /// Centres of rotation of all entries that are not translations, m.
@@ -37,7 +37,7 @@ pub struct Coverage {
     /// Number of entries that move the whole plate in nearly one direction.
     pub translations: usize,
     /// Place on the plate farthest from all centres; `None` without centres.
-    pub gap: Option<Gap>,
+    pub gap: Option<CoverageHole>,
     /// Indices of entries that are not the strongest at any place in any direction.
     pub never_strongest: Vec<usize>,
     /// Longest measured step, m.
@@ -46,7 +46,7 @@ pub struct Coverage {
 
 /// Effect of single pulses on a part at one place, in the direction in which they move it least.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct WorstDirection {
     /// Position, m.
     pub position_m: Vec2,
     /// Weakest direction, as a unit vector.
@@ -63,14 +63,14 @@ pub struct Place {
 
 /// A place far from every centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gap {
+pub struct CoverageHole {
     /// Position, m, to a two-hundredth of the plate's side.
     pub position_m: Vec2,
     /// Distance to the nearest centre, m.
     pub distance_m: f64,
 }
 
-impl Place {
+impl WorstDirection {
     /// Share of the longest measured step below which a direction counts as unreachable.
     pub const LEAST_SHARE: f64 = 0.1;
 
@@ -102,7 +102,7 @@ impl Coverage {
         for position_m in grid(half_side_m) {
             let reach = Reach::of(library, position_m);
             reach.strongest.iter().for_each(|&entry| is_strongest[entry] = true);
-            places.push(Place::of(position_m, &reach));
+            places.push(WorstDirection::of(position_m, &reach));
         }
         let far_m = FAR_SIDES * 2.0 * half_side_m;
         let centers = library.entries.iter().filter_map(|entry| entry.center_m());
@@ -123,7 +123,7 @@ impl Coverage {
     }
 
     /// Place whose longest step along its weakest direction is shortest.
-    pub fn weakest(&self) -> Option<&Place> {
+    pub fn weakest(&self) -> Option<&WorstDirection> {
         self.places.iter().min_by(|a, b| a.longest_step_m.total_cmp(&b.longest_step_m))
     }
 
@@ -137,7 +137,7 @@ impl Coverage {
 
     /// Longest step at `place` on the scale of [`Coverage::steps_m`], 0 to 1; the middle where all are equal, and 0
     /// where a direction is out of reach.
-    pub fn shade(&self, place: &Place) -> f64 {
+    pub fn shade(&self, place: &WorstDirection) -> f64 {
         match self.steps_m() {
             _ if !place.is_reached() => 0.0,
             Some([least_m, most_m]) if most_m > least_m => (place.longest_step_m - least_m) / (most_m - least_m),
@@ -157,7 +157,7 @@ fn grid(half_side_m: f64) -> impl Iterator<Item = Vec2> {
     (0..PLACES).flat_map(move |row| (0..PLACES).map(move |column| Vec2::new(at(column), -at(row))))
 }
 
-fn largest_gap(centers_m: &[Vec2], half_side_m: f64) -> Option<Gap> {
+fn largest_gap(centers_m: &[Vec2], half_side_m: f64) -> Option<CoverageHole> {
     if centers_m.is_empty() {
         return None;
     }
@@ -166,5 +166,5 @@ fn largest_gap(centers_m: &[Vec2], half_side_m: f64) -> Option<Gap> {
     let nearest_sq = |place: Vec2| centers_m.iter().map(|c| (c - place).norm_squared()).fold(f64::INFINITY, f64::min);
     let farther = |best: (f64, Vec2), next: (f64, Vec2)| if next.0 > best.0 { next } else { best };
     let (distance_sq, position_m) = places.map(|place| (nearest_sq(place), place)).reduce(farther)?;
-    Some(Gap { position_m, distance_m: distance_sq.sqrt() })
+    Some(CoverageHole { position_m, distance_m: distance_sq.sqrt() })
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::coverage::Place;
+use super::coverage::WorstDirection;
 use super::planner_selection::PlannerSelection;
 use super::setup::{self, RunSetup};
 use super::time_figure::time_figure_s;
@@ -63,7 +63,7 @@ pub struct PartForecast {
 #[derive(Clone, Debug, PartialEq)]
 pub struct StartForecast {
     /// Position, and effect of one pulse in the weakest direction.
-    pub place: Place,
+    pub place: WorstDirection,
     /// Singular values of the flows of all entries there, larger first; see [`Reach`].
     pub singular_values: [f64; 2],
 }
@@ -71,7 +71,7 @@ pub struct StartForecast {
 impl StartForecast {
     fn of(library: &Library, position_m: Vec2) -> Self {
         let reach = Reach::of(library, position_m);
-        Self { place: Place::of(position_m, &reach), singular_values: reach.singular_values }
+        Self { place: WorstDirection::of(position_m, &reach), singular_values: reach.singular_values }
     }
 }
 

@@ -46,7 +46,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Replaces the task of the job by `goal`, which receives the parts in the order of the job and ends the run by
-    /// [`done`](upm_task::Wanted::done). The report then has no verdict, which would be about the task.
+    /// [`done`](upm_task::Setpoints::done). The report then has no verdict, which would be about the task.
     pub fn with_task(mut self, goal: impl Task + 'static) -> Self {
         self.bench.goal = Box::new(goal);
         self.bench.params.endless = false;

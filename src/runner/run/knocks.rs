@@ -39,15 +39,15 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
 
-    use super::super::setup::RunSetup;
     use super::super::job_library;
+    use super::super::setup::RunSetup;
     use super::*;
     use crate::config::JobSpec;
     use upm_control::{CycleFacts, RunIo, Sink};
+    use upm_cor_library::Library;
     use upm_core::job::Outcome;
     use upm_core::rig::Rig;
     use upm_core::time::MonotonicClock;
-    use upm_cor_library::Library;
     use upm_sim::faults::Faulty;
 
     fn hold_4(seed: u64) -> (JobSpec, Arc<Library>) {

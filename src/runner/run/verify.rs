@@ -128,7 +128,7 @@ impl<'a> Repetition<'a> {
     fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
         let recorded: Vec<&str> = recorded
             .split_inclusive('\n')
-            .filter(|line| !EventLine::of(line).is_some_and(|event| event.is_of_recording()))
+            .filter(|line| !StoredEventLine::of(line).is_some_and(|event| event.is_of_recording()))
             .collect();
         let stop = lines_before_stop(&recorded);
         let stopped = stop.is_some();
@@ -185,7 +185,7 @@ impl Write for Repetition<'_> {
 
 /// An event of a journal; events of 0.1.0 have no code.
 #[derive(Deserialize)]
-struct EventLine<'a> {
+struct StoredEventLine<'a> {
     #[serde(rename = "type", borrow)]
     kind: Cow<'a, str>,
     #[serde(borrow)]
@@ -196,7 +196,7 @@ struct EventLine<'a> {
     outcome: Option<Cow<'a, str>>,
 }
 
-impl<'a> EventLine<'a> {
+impl<'a> StoredEventLine<'a> {
     /// `None` if the line is not an event.
     fn of(line: &'a str) -> Option<Self> {
         serde_json::from_str(line).ok().filter(|line: &Self| line.kind == "event")
@@ -223,7 +223,7 @@ impl<'a> EventLine<'a> {
 /// Number of lines before the stop from outside; `None` for a run that was not stopped. The lines after it, the event
 /// and a cycle that never ended, have no counterpart in the repetition.
 fn lines_before_stop(journal: &[&str]) -> Option<usize> {
-    let is_stop = |&at: &usize| EventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
+    let is_stop = |&at: &usize| StoredEventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
     (journal.len().saturating_sub(TAIL_LINES)..journal.len()).find(is_stop)
 }
 

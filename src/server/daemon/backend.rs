@@ -6,7 +6,7 @@ use super::state::{DaemonState, no_job};
 use super::{convert, data_watch, estop, files, health, metrics, page, submit};
 use crate::service::{
     Asset, Backend, Caller, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery,
-    Layout, Pending, Plate, Reason, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, kept,
+    LayoutView, Pending, Plate, Reason, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, kept,
     pending,
 };
 use crate::store::{JobId, JobRow, JobSelection};
@@ -25,7 +25,7 @@ const RESETS_WAITING: usize = 16;
 const FILE_OPENERS: usize = 2;
 const FILES_WAITING: usize = 64;
 
-/// The API's [`Desk`], backed by store and plates.
+/// The API's [`Backend`], backed by store and plates.
 #[derive(Debug)]
 pub(super) struct DaemonBackend {
     pub state: Arc<DaemonState>,
@@ -212,7 +212,7 @@ impl Backend for DaemonBackend {
         })
     }
 
-    fn layout(&self, id: &str) -> Pending<Layout> {
+    fn layout(&self, id: &str) -> Pending<LayoutView> {
         pending(|reply| {
             self.with_job(id, reply, |state, row, reply| reply.send(files::layout(&state.plates, &row)));
         })

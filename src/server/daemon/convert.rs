@@ -2,7 +2,7 @@ use serde_json::{Map, Value};
 
 use crate::plates::{self, JobLayout, Pause, PlateSnapshot};
 use crate::service::{
-    Job, Layout, LayoutPart, LayoutPath, PauseCause, Plate, PlateCondition, Refusal, StandingJob, StreamEvent,
+    Job, LayoutPart, LayoutPath, LayoutView, PauseCause, Plate, PlateCondition, Refusal, StandingJob, StreamEvent,
 };
 use crate::store::{JobRow, StoreFault, StoredEvent};
 use upm_core::geometry::Vec2;
@@ -102,7 +102,7 @@ fn part(part: &plates::LayoutPart) -> LayoutPart {
 }
 
 /// A layout in the API's form, mm.
-pub(super) fn layout(layout: &JobLayout) -> Layout {
+pub(super) fn layout(layout: &JobLayout) -> LayoutView {
     let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
     let bin = |bin: &plates::LayoutBin| RawBin {
         kinds: bin.kinds.clone(),
@@ -110,7 +110,7 @@ pub(super) fn layout(layout: &JobLayout) -> Layout {
     };
     let path =
         |path: &plates::LayoutPath| LayoutPath { waypoints_mm: places_mm(&path.waypoints_m), closed: path.closed };
-    Layout {
+    LayoutView {
         parts: layout.parts.iter().map(part).collect(),
         targets_mm: places_mm(&layout.targets_m),
         bins: layout.bins.iter().map(bin).collect(),

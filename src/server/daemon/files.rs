@@ -3,12 +3,12 @@ use std::path::Path;
 use bytes::Bytes;
 
 use super::convert;
-use crate::plates::Plates;
-use crate::service::{CameraPicture, Layout, Recording, Refusal};
+use crate::plates::PlateSupervisor;
+use crate::service::{CameraPicture, LayoutView, Recording, Refusal};
 use crate::store::{JobRow, JobState, RecordingStatus, RunFileFault, open_run_file};
 
 /// The newest picture of a job that is on a plate.
-pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<CameraPicture, Refusal> {
+pub(super) fn picture(plates: &PlateSupervisor, row: &JobRow) -> Result<CameraPicture, Refusal> {
     let plate = plates.get(&row.plate).filter(|plate| plate.snapshot().job == Some(row.id));
     let plate = plate.ok_or_else(|| Refusal::Unknown("there are pictures of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "there is no picture yet".to_owned(), retry_after_s: 1 };
@@ -17,7 +17,7 @@ pub(super) fn picture(plates: &Plates, row: &JobRow) -> Result<CameraPicture, Re
 }
 
 /// The layout of a job that is on a plate.
-pub(super) fn layout(plates: &Plates, row: &JobRow) -> Result<Layout, Refusal> {
+pub(super) fn layout(plates: &PlateSupervisor, row: &JobRow) -> Result<LayoutView, Refusal> {
     let plate = plates.get(&row.plate).filter(|plate| plate.snapshot().job == Some(row.id));
     let plate = plate.ok_or_else(|| Refusal::Unknown("there is a layout of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "the job is being read".to_owned(), retry_after_s: 1 };

@@ -15,7 +15,7 @@ use super::prepare::{Prepared, tokens_of};
 use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
-use crate::plates::{PlateSetup, Plates, SharedServices, StandingSetup};
+use crate::plates::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use crate::service::{
     AllowedHosts, AppParts, HttpLimits, SharedTokens, ShutdownReport, StopFlag, StopSender, app, joined, serve,
 };
@@ -130,7 +130,7 @@ impl Daemon {
             live_history_bytes: live_history_of(&spec),
             allow_inline_libraries: spec.allow_inline_libraries,
         };
-        let plates = Arc::new(Plates::start(setups.collect(), &around).map_err(StartFault::Plates)?);
+        let plates = Arc::new(PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovery_log::log(&recovery);
         recovery_log::log_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));

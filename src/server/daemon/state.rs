@@ -9,7 +9,7 @@ use serde_json::json;
 use super::convert;
 use super::data_watch::{DataWatch, reason};
 use super::observed::{DiskObserved, Observed, PlateObserved};
-use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, Plates};
+use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, PlateSupervisor};
 use crate::service::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
 use upm_core::time::{Clock, MonotonicClock};
@@ -21,7 +21,7 @@ use upm_runner::config::DaemonSpec;
 pub(super) struct DaemonState {
     pub spec: DaemonSpec,
     pub store: Arc<Store>,
-    pub plates: Arc<Plates>,
+    pub plates: Arc<PlateSupervisor>,
     pub clock: MonotonicClock,
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
@@ -52,7 +52,7 @@ impl DaemonState {
     pub fn new(
         spec: DaemonSpec,
         store: Arc<Store>,
-        plates: Arc<Plates>,
+        plates: Arc<PlateSupervisor>,
         clock: MonotonicClock,
         damage: Option<String>,
         version: &'static str,

@@ -18,7 +18,7 @@ use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
-use super::worker::{PlateWorker, RunContext};
+use super::worker::{PlateWorker, WorkerResources};
 use super::{Pause, PlateSetup, SharedServices};
 use crate::store::Displaced;
 use upm_core::background::{OverflowPolicy, Queue};
@@ -35,7 +35,7 @@ const WAITING: usize = 1024;
 
 /// All plates of the daemon.
 #[derive(Debug)]
-pub struct Plates {
+pub struct PlateSupervisor {
     plates: Vec<PlateHandle>,
     clock: MonotonicClock,
     watchdog: JoinHandle<()>,
@@ -46,7 +46,7 @@ pub struct Plates {
     latches: Latches,
 }
 
-impl Plates {
+impl PlateSupervisor {
     /// Creates the plates and starts their threads. A plate whose latch is stopped stays stopped.
     pub fn start(setups: Vec<PlateSetup>, around: &SharedServices) -> io::Result<Self> {
         let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
@@ -207,7 +207,7 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Shar
 fn plate(shared: Arc<PlateInner>, around: &SharedServices, disk: &Arc<DiskSpace>) -> io::Result<PlateHandle> {
     let (sender, items) = Queue::bounded(WAITING, OverflowPolicy::Wait);
     let SharedServices { runs, clock, record, .. } = around.clone();
-    let place = RunContext { runs, clock, record, disk: Arc::clone(disk) };
+    let place = WorkerResources { runs, clock, record, disk: Arc::clone(disk) };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
     let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
         lower_thread_priority();

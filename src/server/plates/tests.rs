@@ -59,15 +59,20 @@ impl TestPlates {
         Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None, allow_faults: false }
     }
 
-    fn open(&self, paused: Option<&str>) -> Plates {
+    fn open(&self, paused: Option<&str>) -> PlateSupervisor {
         self.open_with(paused, |_| {})
     }
 
-    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> Plates {
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> PlateSupervisor {
         self.open_by(library(), paused, change)
     }
 
-    fn open_by(&self, library: Library, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> Plates {
+    fn open_by(
+        &self,
+        library: Library,
+        paused: Option<&str>,
+        change: impl FnOnce(&mut SharedServices),
+    ) -> PlateSupervisor {
         let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
         let library = Arc::new(library);
         let (paused, live_port, standing) =
@@ -94,7 +99,7 @@ impl TestPlates {
             allow_inline_libraries: false,
         };
         change(&mut around);
-        Plates::start(vec![setup], &around).unwrap()
+        PlateSupervisor::start(vec![setup], &around).unwrap()
     }
 
     fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {

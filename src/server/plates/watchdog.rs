@@ -97,7 +97,7 @@ struct Memory {
     went_on: Duration,
     /// Start of the current second, and the misses counted then.
     second: (Duration, u64),
-    /// The newest frame, as [`Vitals`] has it, and how long the program has run since it was first seen.
+    /// The newest frame, as [`Heartbeat`] has it, and how long the program has run since it was first seen.
     newest: (u64, Duration),
 }
 

@@ -36,7 +36,7 @@ const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// Resources that runs need besides the job.
 #[derive(Clone, Debug)]
-pub(super) struct RunContext {
+pub(super) struct WorkerResources {
     /// Folder of run folders.
     pub runs: PathBuf,
     pub clock: MonotonicClock,
@@ -49,7 +49,7 @@ pub(super) struct RunContext {
 pub(super) struct PlateWorker {
     pub shared: Arc<PlateInner>,
     pub publisher: Queue<Outgoing>,
-    pub place: RunContext,
+    pub place: WorkerResources,
     pub rates: Rates,
 }
 
@@ -207,7 +207,7 @@ impl PlateWorker {
 
     /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
     fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingHandle) -> bool {
-        let RunContext { disk, clock, .. } = &self.place;
+        let WorkerResources { disk, clock, .. } = &self.place;
         let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
         let Err(why) = disk.reserve(id, recording, wanted_bytes, clock.elapsed()) else { return true };
         let text = format!("there is no recording of this job: {why}");

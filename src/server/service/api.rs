@@ -32,7 +32,7 @@ pub use backend::{
 pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
 pub use events::JOB_OVER;
 pub use http_metrics::{HttpMetrics, Requests};
-pub use layout::{Checked, Layout, LayoutPart, LayoutPath};
+pub use layout::{Checked, LayoutPart, LayoutPath, LayoutView};
 pub use query::JobsQuery;
 pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, PlateCondition, Plates, ResetRequest, StandingJob};
 

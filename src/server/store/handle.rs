@@ -20,7 +20,7 @@ use super::{
 use upm_core::files::sync_folder;
 
 /// The job store of one data folder. Callbacks run on its threads, after the commit: they must return at once, and
-/// never call [`Ledger::claim`] or [`Ledger::ended`].
+/// never call [`JobStore::claim`] or [`JobStore::finish`].
 pub struct Store {
     pub(super) queue: WriteQueue,
     pub(super) readers: Readers,

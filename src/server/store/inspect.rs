@@ -8,7 +8,7 @@ use super::{AuditRow, JobId, JobRow, JobSelection, JobState, StoreFault, StoredE
 /// Limits of [`peek`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InspectLimits {
-    /// Most jobs, the newest first; at most [`Page::MOST`].
+    /// Most jobs, the newest first; at most [`JobSelection::MOST`].
     pub jobs: usize,
     /// Most events, the newest first.
     pub events: usize,

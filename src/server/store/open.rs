@@ -19,7 +19,7 @@ use super::recover::{recover, uptime};
 use super::retention::{Retention, StartLock, Sweeper, empty_trash};
 use super::schema::{MIGRATIONS, create_as, is_clean, migrate, refuse_newer};
 use super::space_reserve::SpaceReserve;
-use super::write_queue::{MOST_WAITING, WriteQueue, WriterStatus};
+use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
 use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
 use upm_core::thread_priority::lower_thread_priority;
@@ -65,7 +65,7 @@ impl Store {
         let reading = vec![reading(&dir.db)?, reading(&dir.db)?];
         let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
         let (sender, waiting) = sync_channel(MOST_WAITING);
-        let status = Arc::new(WriterStatus::new(MonotonicClock::new()));
+        let status = Arc::new(StoreWriterStatus::new(MonotonicClock::new()));
         let queue = WriteQueue { sender, status: Arc::clone(&status) };
         let start_lock = StartLock::default();
         let ages = Arc::new(AgeClock::after(uptime(&connection)?, clocks.clone()));

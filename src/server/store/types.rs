@@ -246,7 +246,7 @@ pub enum Deleted {
 pub struct JobSelection {
     /// Only jobs in this state; `None` for all.
     pub state: Option<JobState>,
-    /// Most jobs in the answer; clamped to 1 to [`Page::MOST`].
+    /// Most jobs in the answer; clamped to 1 to [`JobSelection::MOST`].
     pub limit: usize,
     /// Only jobs older than this one, which need not exist.
     pub cursor: Option<JobId>,

@@ -36,7 +36,7 @@ impl fmt::Debug for dyn WriteRequest {
     }
 }
 
-/// A [`Task`] made of two closures.
+/// A [`WriteRequest`] made of two closures.
 struct WriteClosure<T, R, D> {
     run: R,
     done: D,
@@ -87,7 +87,7 @@ pub(super) enum WriterCommand {
 
 /// State of the writer that other threads read, and writes that wait without a callback.
 #[derive(Debug)]
-pub(super) struct WriterStatus {
+pub(super) struct StoreWriterStatus {
     pub clock: MonotonicClock,
     pub pending: DeferredWrites,
     pub waiting: AtomicUsize,
@@ -97,7 +97,7 @@ pub(super) struct WriterStatus {
     fault: Mutex<Option<StoreFault>>,
 }
 
-impl WriterStatus {
+impl StoreWriterStatus {
     pub fn new(clock: MonotonicClock) -> Self {
         Self {
             clock,
@@ -134,7 +134,7 @@ impl WriterStatus {
 #[derive(Clone, Debug)]
 pub(super) struct WriteQueue {
     pub sender: SyncSender<WriterCommand>,
-    pub status: Arc<WriterStatus>,
+    pub status: Arc<StoreWriterStatus>,
 }
 
 impl WriteQueue {

@@ -14,7 +14,7 @@ use super::deferred_writes::Deferred;
 use super::ids::Ids;
 use super::layout::Lock;
 use super::space_reserve::SpaceReserve;
-use super::write_queue::{WriteRequest, WriterCommand, WriterStatus};
+use super::write_queue::{StoreWriterStatus, WriteRequest, WriterCommand};
 use super::write_tx::WriteTx;
 use super::{StoreFault, StoreLimits};
 use upm_core::time::Clock;
@@ -43,7 +43,7 @@ enum Then {
 pub(super) struct Writer {
     pub connection: Connection,
     pub queue: Receiver<WriterCommand>,
-    pub status: Arc<WriterStatus>,
+    pub status: Arc<StoreWriterStatus>,
     pub ids: Ids,
     pub limits: StoreLimits,
     pub runs: PathBuf,

@@ -59,7 +59,7 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
     let written = match known {
         Some(written) => written,
         None => {
-            let mut layout = Layout::default();
+            let mut layout = ViewLayout::default();
             let pages = pages(&mut layout, context);
             let written = layout.written(pages)?;
             let mut made = made();
@@ -103,11 +103,11 @@ pub(super) fn key(context: &RunContext) -> String {
 }
 
 /// The pages in the order of their tabs.
-fn pages(layout: &mut Layout, context: &RunContext) -> Vec<ContainerLike> {
+fn pages(layout: &mut ViewLayout, context: &RunContext) -> Vec<ContainerLike> {
     vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout, context)]
 }
 
-fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
+fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     let above = Horizontal::new([layout.camera(context), layout.table(context)]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
         layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
@@ -120,7 +120,7 @@ fn run(layout: &mut Layout, context: &RunContext) -> ContainerLike {
 }
 
 /// The view of a plan: one bar per rotation, or one per harmonic of a field.
-fn plan(layout: &mut Layout, method: PlanningMethod) -> ContainerLike {
+fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
     let (name, origin) = match method {
         PlanningMethod::SynthesizedField => (HARMONICS, "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
@@ -132,7 +132,7 @@ fn plan(layout: &mut Layout, method: PlanningMethod) -> ContainerLike {
 }
 
 /// The page of the localisation of table and parts in a frame of that size.
-pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> ContainerLike {
+pub(super) fn vision(layout: &mut ViewLayout, frame_size_px: [usize; 2]) -> ContainerLike {
     let [width, height] = frame_size_px.map(|side| side as f64);
     let frame = layout.image("Table and parts as found", "vision/frame", width, height);
     let edges = layout.image("Edges", "vision/edges", width / 2.0, height / 2.0);
@@ -141,7 +141,7 @@ pub(super) fn vision(layout: &mut Layout, frame_size_px: [usize; 2]) -> Containe
     Grid::new([frame, edges, hough, disk]).with_grid_columns(2).with_name("Vision").into()
 }
 
-fn signals(layout: &mut Layout) -> ContainerLike {
+fn signals(layout: &mut ViewLayout) -> ContainerLike {
     let views = [
         layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
         layout.plot("Accelerometer 1, m/s²", "accelerometers/1", Some(TRACE_SPAN_S)),
@@ -150,7 +150,7 @@ fn signals(layout: &mut Layout) -> ContainerLike {
     Vertical::new(views).with_name("Signals").into()
 }
 
-fn errors(layout: &mut Layout, context: &RunContext) -> ContainerLike {
+fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     // fields have no d to sum up, and many tasks no path to keep to
     let shown = |path: &str| match path {
         TOTAL => context.method != PlanningMethod::SynthesizedField,
@@ -164,11 +164,11 @@ fn errors(layout: &mut Layout, context: &RunContext) -> ContainerLike {
 
 /// Collects properties of views while they are built.
 #[derive(Default)]
-pub(super) struct Layout {
+pub(super) struct ViewLayout {
     properties: Vec<(String, Vec<SerializedComponentBatch>)>,
 }
 
-impl Layout {
+impl ViewLayout {
     fn camera(&mut self, context: &RunContext) -> ContainerLike {
         let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
         self.image("Camera", "camera", width, height)

@@ -1,10 +1,10 @@
 use rerun::Color;
 
-use super::looks::Looks;
 use super::names::{self, Names};
 use super::paint::{self, in_half_frame};
 use super::picture;
-use super::tape::{Logged, Tape};
+use super::samples::Samples;
+use super::tape::{LogResult, RunStream};
 use super::task::View;
 use super::trails::Trails;
 use crate::types::RunContext;
@@ -37,7 +37,7 @@ impl CameraView {
         }
     }
 
-    pub(super) fn localised(&mut self, tape: &Tape, table: Table, context: &RunContext) -> Logged {
+    pub(super) fn localised(&mut self, tape: &RunStream, table: Table, context: &RunContext) -> LogResult {
         let outline: Vec<_> = outline_px(&table).map(in_half_frame).collect();
         tape.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))?;
         let label = self.names.label_height();
@@ -46,11 +46,11 @@ impl CameraView {
         Ok(())
     }
 
-    pub(super) fn looks(&mut self, looks: &Looks) {
+    pub(super) fn looks(&mut self, looks: &Samples) {
         looks.image_px.chunks(looks.parts().max(1)).for_each(|look| self.trails.push(look));
     }
 
-    pub(super) fn picture(&mut self, tape: &Tape, frame: &Frame, tracks: &[Track]) -> Logged {
+    pub(super) fn picture(&mut self, tape: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
         let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
         tape.log("camera/image", &image.with_draw_order(-10.0))?;
         let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
@@ -62,7 +62,7 @@ impl CameraView {
     }
 
     /// Logs the targets of the parts in the picture.
-    pub(super) fn wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    pub(super) fn wanted(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
         let Some(table) = &self.table else { return Ok(()) };
         let targets = paint::dots(cycle.wanted.targets_m.iter().map(|&p_m| place(table, p_m)), paint::TARGET, 4.0);
         tape.log("camera/targets", &targets.with_colors(self.colors.clone()))

@@ -7,7 +7,7 @@ use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transfor
 
 use super::cells::Raster;
 use super::paint::{self, thin};
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use upm_chart::{self as chart, AxisScale, Chart, Layer, Mark, log_tick_text, log_ticks};
 
 /// Width and height of the box that a curve is drawn in.
@@ -51,7 +51,7 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs the chart under `root`.
-    pub(super) fn log(&self, tape: &Tape, root: &str) -> Logged {
+    pub(super) fn log(&self, tape: &RunStream, root: &str) -> LogResult {
         self.log_axes(tape, &format!("{root}/axes"))?;
         self.log_legend(tape, &format!("{root}/legend"))?;
         for (i, layer) in self.chart.layers.iter().enumerate() {
@@ -71,7 +71,7 @@ impl<'a> ChartView<'a> {
         [x + (right * self.unit) as f32, y + (below * self.unit) as f32]
     }
 
-    fn log_layer(&self, tape: &Tape, path: &str, layer: &Layer, order: f32) -> Logged {
+    fn log_layer(&self, tape: &RunStream, path: &str, layer: &Layer, order: f32) -> LogResult {
         let (color, points) = (color(layer.color), &layer.points);
         let seen = || points.iter().copied().filter(is_finite).map(|point| self.place(point));
         let strips = |strips: Vec<Vec<[f32; 2]>>| {
@@ -119,7 +119,14 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs the cells as one picture, because boxes cannot be filled.
-    fn log_cells(&self, tape: &Tape, path: &str, layer: &Layer, (side, values): (f64, &[f64]), order: f32) -> Logged {
+    fn log_cells(
+        &self,
+        tape: &RunStream,
+        path: &str,
+        layer: &Layer,
+        (side, values): (f64, &[f64]),
+        order: f32,
+    ) -> LogResult {
         let cells: Vec<([f64; 2], f64)> = layer.points.iter().copied().zip(values.iter().copied()).collect();
         let Some(raster) = Raster::of(&cells, side, layer.color.rgb()) else { return Ok(()) };
         let [x, y] = self.place(raster.top_left);
@@ -136,7 +143,7 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs frame, ticks and axis labels.
-    fn log_axes(&self, tape: &Tape, path: &str) -> Logged {
+    fn log_axes(&self, tape: &RunStream, path: &str) -> LogResult {
         let [[left, right], [below, above]] = self.range;
         let frame = [[left, below], [right, below], [right, above], [left, above], [left, below]];
         let mut strips = vec![frame.map(|corner| self.place(corner)).to_vec()];
@@ -160,7 +167,7 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs the layers' names above the picture, in their colours.
-    fn log_legend(&self, tape: &Tape, path: &str) -> Logged {
+    fn log_legend(&self, tape: &RunStream, path: &str) -> LogResult {
         let named: Vec<&Layer> = self.chart.layers.iter().filter(|layer| !layer.label.is_empty()).collect();
         let ([left, right], above) = (self.range[0], self.range[1][1]);
         let step = (right - left) / named.len().max(1) as f64;

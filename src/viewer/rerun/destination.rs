@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use rerun::SpawnOptions;
 use rerun::external::re_uri::ProxyUri;
 
-use super::draft::Draft;
 use super::file::RrdFile;
-use super::live::{Feed, Live};
+use super::live::{Live, MessageSink};
 use super::live_server::LiveServer;
+use super::partial_file::PartialFile;
 use crate::types::RecordingError;
 use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
@@ -20,10 +20,10 @@ const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
 /// Destination of a recording: a file, and feeds of viewers.
 pub(super) struct Destination {
     out: Option<Box<dyn Write + Send>>,
-    draft: Option<Draft>,
+    draft: Option<PartialFile>,
     path: PathBuf,
     viewer: Option<Live>,
-    feeds: Vec<Feed>,
+    feeds: Vec<MessageSink>,
 }
 
 impl Destination {
@@ -35,8 +35,8 @@ impl Destination {
         if *mode == RerunMode::Off {
             return Ok(Self { out: None, draft: None, path: path.to_owned(), viewer, feeds });
         }
-        let (draft, file): (Draft, File) =
-            Draft::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
+        let (draft, file): (PartialFile, File) = PartialFile::create(path)
+            .map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
         Ok(Self { out: Some(Box::new(file)), path: draft.part().to_owned(), draft: Some(draft), viewer, feeds })
     }
 
@@ -54,7 +54,7 @@ impl Destination {
     /// A destination whose file is a draft at `path` behind `wrap`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
-        let (draft, file) = Draft::create(path).unwrap();
+        let (draft, file) = PartialFile::create(path).unwrap();
         let path = draft.part().to_owned();
         Self { out: Some(Box::new(wrap(file))), path, draft: Some(draft), viewer: None, feeds: Vec::new() }
     }

@@ -5,14 +5,14 @@ use std::path::Path;
 use rerun::blueprint::{ContainerLike, Grid, Horizontal, Spatial2DView, TextDocumentView, Vertical};
 use rerun::{Ellipses2D, LineStrips2D, MediaType, Points2D, TextDocument};
 
-use super::blueprint::Layout;
+use super::blueprint::ViewLayout;
 use super::charts::{self, ChartView};
 use super::file::RrdFile;
 use super::paint::{self, above, thin};
 use super::sink::record;
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use super::titles;
-use crate::types::Experiment;
+use crate::types::ExperimentLook;
 use crate::types::{RecordingError, RecordingStats};
 use upm_chart::{Chart, Playback, PlaybackTrack};
 use upm_core::geometry::Vec2;
@@ -29,16 +29,16 @@ const REACH: f64 = 1.15;
 pub fn record_experiment(
     mode: &RerunMode,
     path: &Path,
-    experiment: &Experiment,
+    experiment: &ExperimentLook,
 ) -> Result<RecordingStats, RecordingError> {
     record(mode, path, |file| log(file, experiment))
 }
 
-fn log(file: RrdFile, experiment: &Experiment) -> Logged {
+fn log(file: RrdFile, experiment: &ExperimentLook) -> LogResult {
     let charts: Vec<(String, ChartView)> =
         experiment.charts.iter().map(|chart| (format!("charts/{}", chart.name), ChartView::new(chart))).collect();
-    let tape = Tape::start(file, experiment.title.clone(), |stream| {
-        let mut layout = Layout::default();
+    let tape = RunStream::start(file, experiment.title.clone(), |stream| {
+        let mut layout = ViewLayout::default();
         let page = page(&mut layout, experiment, &charts);
         layout.send(stream, vec![page])
     })?;
@@ -55,7 +55,7 @@ fn log(file: RrdFile, experiment: &Experiment) -> Logged {
 }
 
 /// The page: motion and charts above, figures below.
-fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartView)]) -> ContainerLike {
+fn page(layout: &mut ViewLayout, experiment: &ExperimentLook, charts: &[(String, ChartView)]) -> ContainerLike {
     let mut views: Vec<ContainerLike> = Vec::new();
     if let Some(motion) = &experiment.motion {
         let reach_mm = mm_from_m(motion.half_side_m) * REACH;
@@ -81,7 +81,7 @@ fn page(layout: &mut Layout, experiment: &Experiment, charts: &[(String, ChartVi
 }
 
 /// Logs the parts as circles over plate time, their paths and the plate.
-fn log_motion(tape: &Tape, motion: &Playback) -> Logged {
+fn log_motion(tape: &RunStream, motion: &Playback) -> LogResult {
     let (h, tracks) = (motion.half_side_m, &motion.tracks);
     let rim = [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]].map(place);
     let plate = LineStrips2D::new([rim]).with_colors([paint::color(paint::FAINT)]).with_radii([thin(1.0)]);

@@ -1,4 +1,4 @@
-mod syncing;
+mod periodic_sync;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -11,9 +11,9 @@ use rerun::external::re_log_encoding::{Encoder, EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
 
-use super::draft::Draft;
-use super::live::Feed;
-use syncing::Syncing;
+use super::live::MessageSink;
+use super::partial_file::PartialFile;
+use periodic_sync::PeriodicSync;
 use upm_recording::RecordingHandle;
 
 /// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
@@ -23,13 +23,13 @@ use upm_recording::RecordingHandle;
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 
 struct State {
-    encoder: Option<Encoder<Counted>>,
-    draft: Option<Draft>,
+    encoder: Option<Encoder<CountingWriter>>,
+    draft: Option<PartialFile>,
     /// `Some` while the file is written.
-    syncing: Option<Syncing>,
+    syncing: Option<PeriodicSync>,
     fault: Option<String>,
     messages: u64,
-    feeds: Vec<Feed>,
+    feeds: Vec<MessageSink>,
 }
 
 impl RrdFile {
@@ -37,14 +37,14 @@ impl RrdFile {
     /// to all `feeds`.
     pub(super) fn new(
         out: Option<Box<dyn Write + Send>>,
-        draft: Option<Draft>,
-        feeds: Vec<Feed>,
+        draft: Option<PartialFile>,
+        feeds: Vec<MessageSink>,
         switch: RecordingHandle,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
         // without it the end of the file reaches the disk later
         let file = draft.as_ref().and_then(|draft| draft.to_sync().ok());
-        let syncing = file.and_then(|file| Syncing::start(move || file.sync_data(), switch.clone()).ok());
+        let syncing = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), switch.clone()).ok());
         let state = State { encoder, draft, syncing, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), switch))
     }
@@ -60,7 +60,7 @@ impl RrdFile {
     }
 
     /// Disconnects all viewers.
-    pub(super) fn hang_up(&self) {
+    pub(super) fn disconnect(&self) {
         self.state().feeds.clear();
     }
 
@@ -72,7 +72,7 @@ impl RrdFile {
         if let Some(mut encoder) = state.encoder.take() {
             let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
             let kept = closed.and_then(|out| {
-                let kept = state.draft.as_ref().map_or(Ok(()), Draft::keep);
+                let kept = state.draft.as_ref().map_or(Ok(()), PartialFile::keep);
                 drop(out); // locked until it has its name
                 kept.map_err(|e| e.to_string())
             });
@@ -123,20 +123,20 @@ impl LogSink for RrdFile {
 }
 
 /// An encoder that writes messages to `out`, the header first.
-fn encoder(out: Box<dyn Write + Send>, switch: &RecordingHandle) -> Result<Encoder<Counted>, String> {
+fn encoder(out: Box<dyn Write + Send>, switch: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
     switch.begin();
-    let out = Counted { out, switch: switch.clone() };
+    let out = CountingWriter { out, switch: switch.clone() };
     let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
     encoder.map_err(|e| e.to_string()).inspect_err(|fault| switch.fail(fault.as_str()))
 }
 
 /// Counts the bytes that pass through.
-struct Counted {
+struct CountingWriter {
     out: Box<dyn Write + Send>,
     switch: RecordingHandle,
 }
 
-impl Write for Counted {
+impl Write for CountingWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes)?;
         self.switch.add_bytes(written as u64);

@@ -13,7 +13,7 @@ pub(super) const VIEWER_QUEUE: usize = 512;
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A function that passes messages of a recording on to viewers. Never blocks.
-pub(super) type Feed = Box<dyn FnMut(LogMsg) + Send>;
+pub(super) type MessageSink = Box<dyn FnMut(LogMsg) + Send>;
 
 /// The thread that feeds a viewer. A gRPC sink blocks forever when its viewer is frozen or absent, so it is fed through
 /// a queue that drops messages when it is full.
@@ -24,7 +24,7 @@ pub(super) struct Live {
 
 impl Live {
     /// Starts feeding the viewer at `uri`.
-    pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, Feed)> {
+    pub(super) fn start(uri: ProxyUri) -> std::io::Result<(Self, MessageSink)> {
         let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
         let thread = BackgroundThread::start("viewer", false, move || {
             let viewer = GrpcSink::new(uri);
@@ -37,7 +37,7 @@ impl Live {
     }
 
     /// Waits briefly for the viewer to take the remaining messages; a stuck thread is abandoned. To be called when
-    /// every [`Feed`] is dropped. Returns the number of lost messages, and whether the viewer has all others.
+    /// every [`MessageSink`] is dropped. Returns the number of lost messages, and whether the viewer has all others.
     pub(super) fn finish(self) -> (u64, bool) {
         let Self { thread, queue } = self;
         let lost = queue.lost();

@@ -17,7 +17,7 @@ use rerun::log::LogMsg;
 use rerun::sink::LogSink;
 use rerun::{MemoryLimit, PlaybackBehavior, ServerOptions};
 
-use super::live::{Feed, VIEWER_QUEUE};
+use super::live::{MessageSink, VIEWER_QUEUE};
 use super::viewer_proxy::ViewerProxy;
 use upm_core::background::{OverflowPolicy, Queue, Receiver};
 use upm_core::thread_priority::lower_thread_priority;
@@ -60,11 +60,11 @@ struct Serving {
     uri: String,
     proxy: ViewerProxy,
     history_bytes: u64,
-    on_show: Mutex<OnShow>,
+    on_show: Mutex<ActiveServer>,
 }
 
-struct OnShow {
-    stage: Arc<Stage>,
+struct ActiveServer {
+    stage: Arc<ServerGeneration>,
     runs: u32,
 }
 
@@ -73,10 +73,10 @@ impl LiveServer {
     /// within about `history_bytes` of memory.
     pub fn start(port: Option<u16>, history_bytes: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
-        let (stage, address) = Stage::start(history_bytes)?;
+        let (stage, address) = ServerGeneration::start(history_bytes)?;
         let proxy = ViewerProxy::start(listener, address)?;
         let uri = ProxyUri::new(Origin::from_scheme_and_socket_addr(Scheme::RerunHttp, proxy.address())).to_string();
-        let on_show = Mutex::new(OnShow { stage, runs: 0 });
+        let on_show = Mutex::new(ActiveServer { stage, runs: 0 });
         Ok(Self(Arc::new(Serving { uri, proxy, history_bytes, on_show })))
     }
 
@@ -92,7 +92,7 @@ impl LiveServer {
     }
 
     /// The feed for one run whose layout depends on `layout` alone.
-    pub(super) fn feed(&self, layout: String) -> Feed {
+    pub(super) fn feed(&self, layout: String) -> MessageSink {
         let mut feed = RunFeed { stage: self.0.stage_of_a_run(), layout, layout_whole: true };
         Box::new(move |message| feed.offer(message))
     }
@@ -105,11 +105,11 @@ impl fmt::Debug for LiveServer {
 }
 
 impl Serving {
-    fn stage_of_a_run(&self) -> Arc<Stage> {
+    fn stage_of_a_run(&self) -> Arc<ServerGeneration> {
         let mut on_show = lock(&self.on_show);
         if on_show.runs >= RUNS_EACH {
-            match self.proxy.replace_when_alone(|| Stage::start(self.history_bytes)) {
-                Ok(Some(stage)) => *on_show = OnShow { stage, runs: 0 },
+            match self.proxy.replace_when_alone(|| ServerGeneration::start(self.history_bytes)) {
+                Ok(Some(stage)) => *on_show = ActiveServer { stage, runs: 0 },
                 Ok(None) => {}
                 Err(fault) => tracing::warn!("the live stream at {} goes on as it was: {fault}", self.uri),
             }
@@ -120,7 +120,7 @@ impl Serving {
 }
 
 /// One of Rerun's servers and the queue to it. It ends with its last run.
-struct Stage {
+struct ServerGeneration {
     queue: Queue<LogMsg>,
     layouts: Mutex<Layouts>,
 }
@@ -133,7 +133,7 @@ struct Layouts {
     shown: Option<String>,
 }
 
-impl Stage {
+impl ServerGeneration {
     /// Starts a server and waits until it answers; also returns its address.
     fn start(history_bytes: u64) -> io::Result<(Arc<Self>, SocketAddr)> {
         let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
@@ -186,7 +186,7 @@ fn hidden_address() -> io::Result<SocketAddr> {
 }
 
 struct RunFeed {
-    stage: Arc<Stage>,
+    stage: Arc<ServerGeneration>,
     layout: String,
     /// False when a part of the layout was dropped.
     layout_whole: bool,
@@ -203,7 +203,7 @@ impl RunFeed {
 
     /// Sends a layout to the server once; after that it is only selected again.
     fn offer_layout(&mut self, message: LogMsg) {
-        let Stage { queue, layouts } = &*self.stage;
+        let ServerGeneration { queue, layouts } = &*self.stage;
         let mut layouts = lock(layouts);
         let told = layouts.told.get(&self.layout).cloned();
         match (message, told) {

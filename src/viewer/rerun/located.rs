@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::blueprint::{self, Layout};
+use super::blueprint::{self, ViewLayout};
 use super::file::RrdFile;
 use super::sink::record;
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use super::vision;
 use crate::types::{RecordingError, RecordingStats};
 use upm_recording::LocalisedRecord;
@@ -23,9 +23,9 @@ pub fn record_located(
     record(mode, path, |file| log(file, title, found, names))
 }
 
-fn log(file: RrdFile, title: &str, found: &LocalisedRecord, names: &[&str]) -> Logged {
-    let tape = Tape::start(file, title.to_owned(), |stream| {
-        let mut layout = Layout::default();
+fn log(file: RrdFile, title: &str, found: &LocalisedRecord, names: &[&str]) -> LogResult {
+    let tape = RunStream::start(file, title.to_owned(), |stream| {
+        let mut layout = ViewLayout::default();
         let page = blueprint::vision(&mut layout, [found.frame.width, found.frame.height]);
         layout.send(stream, vec![page])
     })?;

@@ -1,8 +1,8 @@
 use rerun::{BarChart, Scalars, SeriesLines};
 
-use super::looks::Looks;
 use super::paint;
-use super::tape::{Logged, Tape, nanos};
+use super::samples::Samples;
+use super::tape::{LogResult, RunStream, nanos};
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
@@ -31,7 +31,7 @@ pub(super) struct Plots {
 
 impl Plots {
     /// Logs names and colours of the series.
-    pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
+    pub(super) fn start(tape: &RunStream, context: &RunContext) -> Result<Self, String> {
         let palette = paint::palette(&context.parts);
         for path in BY_PART {
             let names = context.parts.iter().map(|part| part.id.as_str());
@@ -46,7 +46,7 @@ impl Plots {
     }
 
     /// Logs the distance of measured from true positions.
-    pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+    pub(super) fn looks(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
         let (frames, track_us) = looks.tracked();
         self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
         let parts = looks.parts();
@@ -59,7 +59,7 @@ impl Plots {
     }
 
     /// Logs the errors at the look that starts a cycle, and its plan.
-    pub(super) fn planned(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    pub(super) fn planned(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
         log_each(tape, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
         log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
         let pulses = &cycle.plan.pulses;
@@ -84,7 +84,7 @@ impl Plots {
     }
 
     /// Logs the result of a cycle and its timing.
-    pub(super) fn ended(&mut self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    pub(super) fn ended(&mut self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
         log_each(tape, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
         if let Some(predicted_m) = cycle.plan.predicted_m.last() {
             log_each(tape, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;
@@ -97,12 +97,12 @@ impl Plots {
 }
 
 /// Logs bars numbered from 1.
-fn log_bars(tape: &Tape, path: &str, heights: Vec<f64>) -> Logged {
+fn log_bars(tape: &RunStream, path: &str, heights: Vec<f64>) -> LogResult {
     let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
     tape.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
 }
 
-fn log_each(tape: &Tape, path: &str, values: impl IntoIterator<Item = f64>) -> Logged {
+fn log_each(tape: &RunStream, path: &str, values: impl IntoIterator<Item = f64>) -> LogResult {
     tape.log(path, &Scalars::new(values))
 }
 

@@ -3,13 +3,13 @@ use std::time::Duration;
 use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
-use super::looks::Looks;
+use super::log_view::LogView;
 use super::plots::Plots;
+use super::samples::Samples;
 use super::signals::Signals;
 use super::table::TableView;
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use super::vision;
-use super::words::Words;
 use crate::types::RunContext;
 use upm_control::Milestone;
 use upm_core::background::{Queue, Receiver, RecvTimeoutError};
@@ -31,7 +31,7 @@ const LISTEN: Duration = Duration::from_millis(50);
 /// A message from the control loop's thread.
 pub(super) enum Message {
     Localised(Box<LocalisedRecord>),
-    Looks(Looks),
+    Looks(Samples),
     Picture { frame: Frame, tracks: Vec<Track> },
     Pulse(Box<PulseRecord>),
     Cycle(Box<CycleRecord>),
@@ -39,7 +39,7 @@ pub(super) enum Message {
 }
 
 /// Inputs of the recorder thread.
-pub(super) struct Desk {
+pub(super) struct RecorderInput {
     pub(super) messages: Receiver<Message>,
     /// Queue that returns pixel buffers for reuse.
     pub(super) pixels_back: Queue<Vec<u8>>,
@@ -51,13 +51,13 @@ pub(super) struct Desk {
 
 /// The state of the thread that turns facts into log entries.
 pub(super) struct Recorder {
-    tape: Tape,
+    tape: RunStream,
     cycle: u64,
     camera: CameraView,
     table: TableView,
     signals: Signals,
     plots: Plots,
-    words: Words,
+    words: LogView,
     context: RunContext,
     /// True when the early end of the recording was logged.
     end_told: bool,
@@ -67,18 +67,18 @@ impl Recorder {
     /// Opens the stream into `file` and logs the static data.
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
         let name = format!("{}, seed {}", context.name, context.seed);
-        let tape = Tape::start(file, name, |stream| blueprint::send(stream, &context))?;
+        let tape = RunStream::start(file, name, |stream| blueprint::send(stream, &context))?;
         let camera = CameraView::new(&context);
         let table = TableView::start(&tape, &context)?;
         let signals = Signals::start(&tape)?;
         let plots = Plots::start(&tape, &context)?;
-        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: Words::default(), context, end_told: false })
+        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: LogView::default(), context, end_told: false })
     }
 
     /// Logs every message until the sender is gone, or until the recording is stopped and no viewer is connected. After
     /// a fault the remaining messages are discarded, so that the sender never blocks.
-    pub(super) fn run(mut self, desk: &Desk) -> Logged {
-        let Desk { messages, clock, file, .. } = desk;
+    pub(super) fn run(mut self, desk: &RecorderInput) -> LogResult {
+        let RecorderInput { messages, clock, file, .. } = desk;
         let mut recorded = Ok(());
         let mut sent_on_at = clock.elapsed();
         let mut stopped = false;
@@ -94,12 +94,12 @@ impl Recorder {
             let now = clock.elapsed();
             if now.saturating_sub(sent_on_at) >= FLUSH {
                 sent_on_at = now;
-                let send = if desk.run_waits { Tape::flush } else { Tape::send_on };
+                let send = if desk.run_waits { RunStream::flush } else { RunStream::send_on };
                 recorded = recorded.and_then(|()| send(&self.tape));
             }
             if let (Some(reason), false) = (file.switch().stop_request(), stopped) {
                 stopped = true;
-                recorded = recorded.and_then(|()| self.last_words(RecordingReport::stopped(reason).text));
+                recorded = recorded.and_then(|()| self.write_final_event(RecordingReport::stopped(reason).text));
                 file.close().ok(); // the switch reports a failure
             }
             if stopped && !file.has_viewer() {
@@ -107,14 +107,14 @@ impl Recorder {
             }
         }
         if let Some(end) = file.switch().ended_early() {
-            recorded = recorded.and_then(|()| self.last_words(end.text));
+            recorded = recorded.and_then(|()| self.write_final_event(end.text));
         }
         let flushed = self.tape.flush();
         recorded.and(flushed)
     }
 
     /// Logs the reason for the end of the recording, and flushes everything logged into the file.
-    fn last_words(&mut self, text: String) -> Logged {
+    fn write_final_event(&mut self, text: String) -> LogResult {
         if !self.end_told {
             self.end_told = true;
             self.words.warn(&self.tape, text)?;
@@ -122,7 +122,7 @@ impl Recorder {
         self.tape.flush()
     }
 
-    fn record(&mut self, message: Message, pixels_back: &Queue<Vec<u8>>) -> Logged {
+    fn record(&mut self, message: Message, pixels_back: &Queue<Vec<u8>>) -> LogResult {
         match message {
             Message::Localised(found) => {
                 self.tape.at(found.frame.exposed_at, self.cycle);
@@ -161,7 +161,7 @@ impl Recorder {
             Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
                 match self.end_told {
                     true => Ok(()),
-                    false => self.last_words(event.text),
+                    false => self.write_final_event(event.text),
                 }
             }
             Message::Event(event) => {

@@ -12,7 +12,7 @@ use rerun::external::re_log_encoding::{
 };
 use rerun::log::LogMsg;
 
-use super::draft::{Draft, keep, lock, open_regular};
+use super::partial_file::{PartialFile, keep, lock, open_regular};
 use crate::types::{RecordingError, Repaired};
 
 /// Largest length of a message in a recording, packed or unpacked, bytes. A message with a larger length is broken.
@@ -34,7 +34,7 @@ fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
         return Ok(Repaired { messages, cut_bytes: 0, was_whole: true });
     }
     frames.rewind().map_err(words)?;
-    let (draft, copy) = Draft::create_as("repair", out).map_err(words)?;
+    let (draft, copy) = PartialFile::create_as("repair", out).map_err(words)?;
     let messages = frames.copy_into(copy).inspect_err(|_| {
         fs::remove_file(draft.part()).ok(); // a full disk needs the room
     })?;

@@ -1,7 +1,7 @@
 use rerun::{Scalars, SeriesLines, SeriesPoints};
 
 use super::paint;
-use super::tape::{Logged, Tape, nanos};
+use super::tape::{LogResult, RunStream, nanos};
 use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
 use upm_recording::PulseRecord;
@@ -23,7 +23,7 @@ pub(super) struct Signals;
 
 impl Signals {
     /// Logs names and colours of the series.
-    pub(super) fn start(tape: &Tape) -> Result<Self, String> {
+    pub(super) fn start(tape: &RunStream) -> Result<Self, String> {
         let names = ["X1", "X2", "Y1", "Y2"];
         let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
         tape.log_static("motors", &lines)?;
@@ -39,7 +39,7 @@ impl Signals {
         Ok(Self)
     }
 
-    pub(super) fn pulse(&self, tape: &Tape, pulse: &PulseRecord) -> Logged {
+    pub(super) fn pulse(&self, tape: &RunStream, pulse: &PulseRecord) -> LogResult {
         let start_ns = nanos(pulse.started_at);
         let (times_s, counts) = motor_samples(&pulse.drive);
         log_scalars(tape, "motors", start_ns, &times_s, counts, MOTORS)?;
@@ -66,13 +66,13 @@ impl Signals {
 }
 
 fn log_scalars(
-    tape: &Tape,
+    tape: &RunStream,
     path: &str,
     start_ns: i64,
     times_s: &[f64],
     values: impl IntoIterator<Item = f64>,
     series: usize,
-) -> Logged {
+) -> LogResult {
     if times_s.is_empty() {
         return Ok(());
     }

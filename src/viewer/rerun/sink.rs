@@ -8,9 +8,9 @@ use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
 use super::live::Live;
 use super::live_server::LiveServer;
-use super::looks::Looks;
-use super::recorder::{Desk, Message, Recorder};
-use super::tape::Logged;
+use super::recorder::{Message, Recorder, RecorderInput};
+use super::samples::Samples;
+use super::tape::LogResult;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, Unsent};
@@ -58,7 +58,7 @@ struct Running {
     switch: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
-    looks: Looks,
+    looks: Samples,
     last_look: Option<PlateTime>,
 }
 
@@ -102,8 +102,8 @@ impl RerunSink {
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
         let truth = context.truth.clone();
-        let looks = Looks::new(context.parts.len());
-        let desk = Desk { messages, pixels_back, clock, file, run_waits };
+        let looks = Samples::new(context.parts.len());
+        let desk = RecorderInput { messages, pixels_back, clock, file, run_waits };
         let record = move || {
             let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
             close(&desk.file, recorded)
@@ -195,7 +195,7 @@ impl Running {
 
     fn send_looks(&mut self) {
         if !self.looks.is_empty() {
-            let next = Looks::new(self.looks.parts());
+            let next = Samples::new(self.looks.parts());
             let looks = std::mem::replace(&mut self.looks, next);
             self.send(Message::Looks(looks));
         }
@@ -268,7 +268,7 @@ impl Sink for RerunSink {
 pub(super) fn record(
     mode: &RerunMode,
     path: &Path,
-    log: impl FnOnce(RrdFile) -> Logged,
+    log: impl FnOnce(RrdFile) -> LogResult,
 ) -> Result<RecordingStats, RecordingError> {
     if *mode == RerunMode::Off {
         return Ok(RecordingStats::default());
@@ -282,12 +282,12 @@ pub(super) fn record(
 type Closed = Result<(u64, u64), String>;
 
 /// Closes `file` in any case and disconnects its viewer. `Err` with the first fault of writing it or of `recorded`.
-fn close(file: &RrdFile, recorded: Logged) -> Closed {
+fn close(file: &RrdFile, recorded: LogResult) -> Closed {
     if let Err(fault) = &recorded {
         file.switch().fail(fault.as_str());
     }
     let closed = file.close();
-    file.hang_up();
+    file.disconnect();
     closed.and_then(|written| recorded.map(|()| written))
 }
 

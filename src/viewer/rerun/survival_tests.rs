@@ -179,9 +179,9 @@ fn a_write_that_fails_is_told_at_once_and_the_draft_stays() {
 }
 
 /// A file on a disk that hangs while the mutex is held.
-struct Gate(File, Arc<Mutex<()>>);
+struct HangingFile(File, Arc<Mutex<()>>);
 
-impl Write for Gate {
+impl Write for HangingFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         drop(self.1.lock().unwrap());
         self.0.write(bytes)
@@ -197,7 +197,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);
     let keeping = RecordingOptions { recording_overflow: OverflowPolicy::WaitAtMost(most), ..keeping() };
-    let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
+    let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();
@@ -224,7 +224,7 @@ fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let keeping = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
-    let to = Destination::wrapped(&path, |file| Gate(file, Arc::clone(&gate)));
+    let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
     let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();

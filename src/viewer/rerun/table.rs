@@ -1,10 +1,10 @@
 use rerun::{Arrows2D, Color, Ellipses2D, Points2D};
 
 use super::field::{mean_direction, over_a_period};
-use super::looks::Looks;
 use super::names::{self, Names};
 use super::paint::{self, above, thin};
-use super::tape::{Logged, Tape, nanos};
+use super::samples::Samples;
+use super::tape::{LogResult, RunStream, nanos};
 use super::task::View;
 use super::trails::Trails;
 use crate::types::RunContext;
@@ -41,7 +41,7 @@ pub(super) struct TableView {
 
 impl TableView {
     /// Logs the static data: the plate, the library's centres of rotation, sizes and colours of the parts.
-    pub(super) fn start(tape: &Tape, context: &RunContext) -> Result<Self, String> {
+    pub(super) fn start(tape: &RunStream, context: &RunContext) -> Result<Self, String> {
         let half_side_m = context.model.plate_side_m / 2.0;
         let h = half_side_m;
         let rim = [(-h, -h), (h, -h), (h, h), (-h, h), (-h, -h)].map(|(x, y)| above(Vec2::new(x, y)));
@@ -77,7 +77,7 @@ impl TableView {
         })
     }
 
-    pub(super) fn looks(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+    pub(super) fn looks(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
         let parts = looks.parts();
         if parts == 0 || looks.is_empty() {
             return Ok(());
@@ -98,7 +98,7 @@ impl TableView {
     }
 
     /// Logs the names of the parts beside them.
-    fn log_names(&mut self, tape: &Tape, looks: &Looks) -> Logged {
+    fn log_names(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
         let parts = looks.parts();
         let mut places = Vec::with_capacity(looks.measured_m.len());
         for look in looks.measured_m.chunks_exact(parts) {
@@ -110,7 +110,7 @@ impl TableView {
     }
 
     /// Logs the trails of the parts up to now.
-    pub(super) fn trails(&self, tape: &Tape) -> Logged {
+    pub(super) fn trails(&self, tape: &RunStream) -> LogResult {
         let strips = self.measured.strips(above);
         if strips.iter().any(|strip| !strip.is_empty()) {
             let lines = paint::lines(strips, paint::MEASURED, 1.0).with_colors(self.colors.clone());
@@ -123,7 +123,7 @@ impl TableView {
         Ok(())
     }
 
-    pub(super) fn cycle(&self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
+    pub(super) fn cycle(&self, tape: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
         self.log_wanted(tape, cycle)?;
         self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(tape, cycle)?;
@@ -131,7 +131,7 @@ impl TableView {
     }
 
     /// Adds the centre of rotation that the accelerometers read in a rotation's pulse to those of its cycle.
-    pub(super) fn pulse(&mut self, tape: &Tape, pulse: &PulseRecord) -> Logged {
+    pub(super) fn pulse(&mut self, tape: &RunStream, pulse: &PulseRecord) -> LogResult {
         let Ok(PlateFit::Twist(fit)) = &pulse.fit else { return Ok(()) };
         if self.read_m.0 != pulse.cycle {
             self.read_m = (pulse.cycle, Vec::new());
@@ -144,7 +144,7 @@ impl TableView {
 
     /// Logs the forecast of each field of this cycle: an arrow from the start to the end of each part's displacement.
     /// For rotations the centres show it.
-    fn log_forecast(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    fn log_forecast(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
         let steps_m = forecast_steps(cycle);
         if steps_m.is_empty() {
             return Ok(());
@@ -156,7 +156,7 @@ impl TableView {
         tape.log("table/forecast", &arrows)
     }
 
-    fn log_wanted(&self, tape: &Tape, cycle: &CycleRecord) -> Logged {
+    fn log_wanted(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
         let wanted = &cycle.wanted;
         let dots = |points_m: &[Vec2], paint, points| paint::dots(points_m.iter().copied().map(above), paint, points);
         let targets = dots(&wanted.targets_m, paint::TARGET, 4.5).with_colors(self.colors.clone());
@@ -169,7 +169,7 @@ impl TableView {
     }
 
     /// Logs this cycle's centres of rotation, numbered in playing order.
-    fn log_centers(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
+    fn log_centers(&self, tape: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
             let PlannedPulse::Rotation(pulse) = pulse else { return None };
@@ -191,7 +191,7 @@ impl TableView {
 
     /// Logs the sum of the sequence's fields, to first order, or the mean direction of friction in a synthesised one;
     /// the longest arrow spans the grid's pitch.
-    fn log_field(&self, tape: &Tape, pulses: &[PlannedPulse], library: &Library) -> Logged {
+    fn log_field(&self, tape: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
         let pitch_m = 2.0 * self.half_side_m / FIELD as f64;
         let middle = (FIELD as f64 - 1.0) / 2.0;
         let grid =

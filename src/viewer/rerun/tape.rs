@@ -25,17 +25,17 @@ pub(super) const GATHER: Duration = Duration::from_millis(500);
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// A recording stream with the two timelines of a run, whose errors are texts.
-pub(super) struct Tape(RecordingStream);
+pub(super) struct RunStream(RecordingStream);
 
 /// Result of logging, with the error as text.
-pub(super) type Logged = Result<(), String>;
+pub(super) type LogResult = Result<(), String>;
 
-impl Tape {
+impl RunStream {
     /// Opens a recording called `name` into `file`, the layout first.
     pub(super) fn start(
         file: RrdFile,
         name: String,
-        send_layout: impl FnOnce(&RecordingStream) -> Logged,
+        send_layout: impl FnOnce(&RecordingStream) -> LogResult,
     ) -> Result<Self, String> {
         let builder = RecordingStreamBuilder::new(APPLICATION).enabled(true);
         let (_, info, _, _, hooks, _) = builder.into_args();
@@ -54,12 +54,12 @@ impl Tape {
     }
 
     /// Waits until everything logged so far is in the file.
-    pub(super) fn flush(&self) -> Logged {
+    pub(super) fn flush(&self) -> LogResult {
         self.0.flush_blocking().map_err(|e| e.to_string())
     }
 
     /// Starts the writing of everything logged so far, without waiting.
-    pub(super) fn send_on(&self) -> Logged {
+    pub(super) fn send_on(&self) -> LogResult {
         self.0.flush_async().map_err(|e| e.to_string())
     }
 
@@ -69,12 +69,12 @@ impl Tape {
         self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
     }
 
-    pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> Logged {
+    pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> LogResult {
         self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
     /// Logs data that hold for the whole run.
-    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> Logged {
+    pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> LogResult {
         self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
@@ -84,7 +84,7 @@ impl Tape {
         path: &str,
         times_ns: impl IntoIterator<Item = i64>,
         columns: impl IntoIterator<Item = SerializedComponentColumn>,
-    ) -> Logged {
+    ) -> LogResult {
         let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
         self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
     }

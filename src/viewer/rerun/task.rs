@@ -3,7 +3,7 @@
 use rerun::{AsComponents, LineStrips2D, Points2D};
 
 use super::paint::{self, thin};
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use crate::types::{BinLook, RunContext};
 use upm_chart::Palette;
 use upm_core::geometry::Vec2;
@@ -29,7 +29,7 @@ pub(super) struct View<'a, P> {
 impl<P: Fn(Vec2) -> [f32; 2]> View<'_, P> {
     /// Logs the bins with their names and the wanted paths: bins in the colour of their kind, paths in that of their
     /// part.
-    pub(super) fn log(&self, tape: &Tape, context: &RunContext) -> Logged {
+    pub(super) fn log(&self, tape: &RunStream, context: &RunContext) -> LogResult {
         let palette = paint::palette(&context.parts);
         if !context.bins.is_empty() {
             let (bins, names) = self.bins(&context.bins, &palette);
@@ -71,7 +71,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> View<'_, P> {
         pieces(line_m).into_iter().map(&self.place).collect()
     }
 
-    fn put(&self, tape: &Tape, name: &str, what: &impl AsComponents) -> Logged {
+    fn put(&self, tape: &RunStream, name: &str, what: &impl AsComponents) -> LogResult {
         let path = format!("{}/{name}", self.root);
         if self.is_static { tape.log_static(&path, what) } else { tape.log(&path, what) }
     }

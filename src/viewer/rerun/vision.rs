@@ -1,7 +1,7 @@
 use super::names::{self, Names};
 use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use upm_chart::{Ground, Palette};
 use upm_core::signal::Frame;
 use upm_perception::vision::{DebugImages, FloatImage, HoughArray};
@@ -16,7 +16,7 @@ const VOTES_PX: [usize; 2] = [720, 410];
 
 /// Logs the localisation of table and parts: the frame at full size, edges, Hough votes and disk response, each with
 /// its findings. `names` are those of the parts.
-pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
+pub(super) fn log(tape: &RunStream, found: &LocalisedRecord, names: &[&str]) -> LogResult {
     let DebugImages { edges, hough, disk_response } = &found.stages;
     log_frame(tape, found, names)?;
     // a stage that was not kept is empty
@@ -32,7 +32,7 @@ pub(super) fn log(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logge
     Ok(())
 }
 
-fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
+fn log_frame(tape: &RunStream, found: &LocalisedRecord, names: &[&str]) -> LogResult {
     tape.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
     let outline: Vec<_> = outline_px(&found.table).map(in_frame).collect();
     tape.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
@@ -50,12 +50,12 @@ fn log_frame(tape: &Tape, found: &LocalisedRecord, names: &[&str]) -> Logged {
     tape.log("vision/frame/parts", &circles.with_colors(paint::colors(palette.parts())))
 }
 
-fn log_edges(tape: &Tape, edges: &FloatImage, frame: &Frame) -> Logged {
+fn log_edges(tape: &RunStream, edges: &FloatImage, frame: &Frame) -> LogResult {
     let map = edge_map(edges, [frame.width, frame.height], 2);
     tape.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
 }
 
-fn log_hough(tape: &Tape, hough: &HoughArray) -> Logged {
+fn log_hough(tape: &RunStream, hough: &HoughArray) -> LogResult {
     let map = vote_map(hough, VOTES_PX);
     tape.log("vision/hough/votes", &picture::color_png(&map.picture)?.with_draw_order(-10.0))?;
     let degrees = |column: usize| 360.0 * column as f64 / hough.angles.max(1) as f64;
@@ -67,7 +67,7 @@ fn log_hough(tape: &Tape, hough: &HoughArray) -> Logged {
     tape.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
 }
 
-fn log_disk_response(tape: &Tape, response: &FloatImage, found: &LocalisedRecord) -> Logged {
+fn log_disk_response(tape: &RunStream, response: &FloatImage, found: &LocalisedRecord) -> LogResult {
     let map = response_map(response, [found.frame.width, found.frame.height], 2);
     tape.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
     let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));

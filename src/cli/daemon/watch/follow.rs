@@ -54,7 +54,7 @@ impl StreamFollower {
         Self { first_rest: rest, longest_rest: rest, ..self }
     }
 
-    /// The next message; `None` once the job has ended and every event was returned, or after [`Heard::Refused`].
+    /// The next message; `None` once the job has ended and every event was returned, or after [`StreamItem::Refused`].
     pub fn next(&mut self) -> Option<StreamItem> {
         if self.is_given_up {
             return None;

@@ -7,7 +7,7 @@ use crate::fixture::{library, mm, penny, scene};
 use crate::friction::friction_of;
 use crate::pump::{Discs, LANES, Pump};
 use crate::rotations::motion_set::{DialSetting, LibraryMotion, Pulse};
-use crate::rotations::rollout::{Rollout, Slopes};
+use crate::rotations::rollout::{SequenceRollout, Slopes};
 use upm_core::geometry::{Twist, Vec2};
 
 /// Displacement of a point on belts of these speeds after a sustain of `steps`, m.
@@ -106,7 +106,7 @@ proptest! {
         let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
         let play = |pulses: &[Pulse]| {
             let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
-            let rollout = Rollout::of(&motions, &parts);
+            let rollout = SequenceRollout::of(&motions, &parts);
             (motions, rollout)
         };
         let (motions, rollout) = play(&pulses);

@@ -18,12 +18,12 @@ fn endless() -> StandingSetup {
 }
 
 /// Plates that are shut down with their test: a standing job never ends by itself.
-struct ShutDownPlates(Plates);
+struct ShutDownPlates(PlateSupervisor);
 
 impl std::ops::Deref for ShutDownPlates {
-    type Target = Plates;
+    type Target = PlateSupervisor;
 
-    fn deref(&self) -> &Plates {
+    fn deref(&self) -> &PlateSupervisor {
         &self.0
     }
 }

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use tokio::sync::oneshot;
 
 use super::event_queue::{EventSender, ReplayPage, StreamStart};
-use super::layout::{Checked, Layout};
+use super::layout::{Checked, LayoutView};
 use super::query::JobsQuery;
 use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 use crate::service::http::{Caller, Problem, ProblemKind, Reason};
@@ -18,7 +18,7 @@ use upm_runner::config::Fault;
 pub type Pending<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
 
 /// The daemon behind the API. The methods return at once; slow work runs on the threads of store and plates and fulfils
-/// the promise, see [`promise`]. A promise may be dropped before that, when the client disconnects or the answer takes
+/// the promise, see [`pending`]. A promise may be dropped before that, when the client disconnects or the answer takes
 /// too long.
 ///
 /// Ids are 32 hex digits and names of plates plain names; the API rejects anything else first.
@@ -75,7 +75,7 @@ pub trait Backend: Send + Sync {
     fn frame(&self, id: &str) -> Pending<CameraPicture>;
 
     /// The layout of the job, while it is on its plate; [`Refusal::Busy`] while its text is being read.
-    fn layout(&self, id: &str) -> Pending<Layout>;
+    fn layout(&self, id: &str) -> Pending<LayoutView>;
 
     /// The job's recording, opened for reading.
     fn recording(&self, id: &str) -> Pending<Recording>;
@@ -225,7 +225,8 @@ impl<T> Responder<T> {
     }
 }
 
-/// A promise whose [`Reply`] `start` passes to the thread that will fulfil it. A lost reply becomes [`Refusal::Busy`].
+/// A promise whose [`Responder`] `start` passes to the thread that will fulfil it. A lost reply becomes
+/// [`Refusal::Busy`].
 pub fn pending<T: Send + 'static>(start: impl FnOnce(Responder<T>)) -> Pending<T> {
     let (sender, receiver) = oneshot::channel();
     start(Responder(sender));

@@ -56,7 +56,7 @@ pub struct EventSender {
     overrun: Arc<AtomicBool>,
 }
 
-/// The client's end of a [`Feed`].
+/// The client's end of a [`EventSender`].
 #[derive(Debug)]
 pub(super) struct EventReceiver {
     queue: mpsc::Receiver<StreamEvent>,

@@ -4,7 +4,7 @@ use upm_runner::config::RawBin;
 
 /// The layout of a job on its plate, from its file. It never changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Layout {
+pub struct LayoutView {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
     /// Target position of each part, mm; empty for a task without target positions.
@@ -25,7 +25,7 @@ pub struct Checked {
     /// Plate to which it would go.
     pub plate: String,
     /// Its layout.
-    pub layout: Layout,
+    pub layout: LayoutView,
 }
 
 /// A part of a layout, or a kind of part.

@@ -80,7 +80,7 @@ pub(super) struct ResponseSpec {
 /// The future of a response or problem.
 pub(super) type HandlerFuture = Pin<Box<dyn Future<Output = Result<Response, Problem>> + Send>>;
 
-/// Handler of one operation: any function from [`Call`] to a future.
+/// Handler of one operation: any function from [`RequestContext`] to a future.
 pub(super) trait Handler: Send + Sync + 'static {
     fn answer(&self, call: RequestContext) -> HandlerFuture;
 }

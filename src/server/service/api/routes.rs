@@ -1,6 +1,6 @@
 use serde_json::json;
 
-use super::layout::{Checked, Layout};
+use super::layout::{Checked, LayoutView};
 use super::operation::{Handler, HttpMethod, MediaType, Operation, Param, ParamIn, ResponseSpec, schema_of};
 use super::types::{EStopped, Health, Job, JobsPage, Plate, Plates, ResetRequest};
 use super::{events, files, jobs, plates};
@@ -17,7 +17,7 @@ pub(super) fn operations() -> Vec<Operation> {
 fn job_operations() -> Vec<Operation> {
     const JOBS: &[ResponseSpec] = &[answer(200, "A page of jobs.", MediaType::Json(schema_of::<JobsPage>))];
     const JOB: &[ResponseSpec] = &[answer(200, "The job.", MediaType::Json(schema_of::<Job>))];
-    const LAYOUT: &[ResponseSpec] = &[answer(200, "The layout.", MediaType::Json(schema_of::<Layout>))];
+    const LAYOUT: &[ResponseSpec] = &[answer(200, "The layout.", MediaType::Json(schema_of::<LayoutView>))];
     const CHECKED: &[ResponseSpec] = &[answer(200, "It may be queued.", MediaType::Json(schema_of::<Checked>))];
     const DELETED: &[ResponseSpec] = &[answer(204, "The job is deleted.", MediaType::Nothing)];
     let layout = "Parts, targets, bins and paths of a job that is on its plate";

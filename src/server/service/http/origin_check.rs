@@ -167,7 +167,7 @@ impl RequestOrigin {
     }
 }
 
-/// The layer that refuses requests by [`Hosts`], and forbids every answer to be sniffed, cached or embedded.
+/// The layer that refuses requests by [`AllowedHosts`], and forbids every answer to be sniffed, cached or embedded.
 pub async fn guard(State(hosts): State<Arc<AllowedHosts>>, request: Request, next: Next) -> Response {
     let mut response = match hosts.check(&request) {
         Ok(()) => next.run(request).await,

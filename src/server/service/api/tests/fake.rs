@@ -198,8 +198,8 @@ impl Backend for FakeDesk {
         self.say(format!("frame {id}"), id == JOB, picture)
     }
 
-    fn layout(&self, id: &str) -> Pending<Layout> {
-        self.say(format!("layout {id}"), id == JOB, Layout::default())
+    fn layout(&self, id: &str) -> Pending<LayoutView> {
+        self.say(format!("layout {id}"), id == JOB, LayoutView::default())
     }
 
     fn recording(&self, id: &str) -> Pending<Recording> {

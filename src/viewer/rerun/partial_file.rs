@@ -7,12 +7,12 @@ use upm_core::files::sync_folder;
 
 /// A file that gets its name only once it is complete. Until then it is `NAME.part`, locked against other processes, so
 /// that the remains of a killed process are recognised by name.
-pub(super) struct Draft {
+pub(super) struct PartialFile {
     part: PathBuf,
     path: PathBuf,
 }
 
-impl Draft {
+impl PartialFile {
     /// An empty `NAME.part` beside `path`.
     pub(super) fn create(path: &Path) -> io::Result<(Self, File)> {
         Self::create_as("part", path)
@@ -105,11 +105,11 @@ mod tests {
         let path = folder.path().join("run.rrd");
         let part = folder.path().join("run.rrd.part");
         fs::write(&part, "left by a killed process").unwrap();
-        let (draft, mut file) = Draft::create(&path).unwrap();
+        let (draft, mut file) = PartialFile::create(&path).unwrap();
         file.write_all(b"whole").unwrap();
         assert!(part.exists() && !path.exists());
-        assert!(Draft::create(&path).is_err(), "two at once");
-        assert!(Draft::create(folder.path()).is_err(), "could never be kept");
+        assert!(PartialFile::create(&path).is_err(), "two at once");
+        assert!(PartialFile::create(folder.path()).is_err(), "could never be kept");
         draft.keep().unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
         assert!(!part.exists());

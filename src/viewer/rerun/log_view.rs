@@ -1,7 +1,7 @@
 use rerun::{TextLog, TextLogLevel};
 
 use super::field::strongest_speed_mps;
-use super::tape::{Logged, Tape};
+use super::tape::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_control::EventLevel;
 use upm_cor_library::Library;
@@ -12,12 +12,12 @@ use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
 
 /// The log of a run as text.
 #[derive(Default)]
-pub(super) struct Words {
+pub(super) struct LogView {
     phase: String,
 }
 
-impl Words {
-    pub(super) fn localised(&self, tape: &Tape, found: &LocalisedRecord, context: &RunContext) -> Logged {
+impl LogView {
+    pub(super) fn localised(&self, tape: &RunStream, found: &LocalisedRecord, context: &RunContext) -> LogResult {
         let text = format!(
             "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
             found.table.side_px,
@@ -28,7 +28,7 @@ impl Words {
         say(tape, TextLogLevel::INFO, text)
     }
 
-    pub(super) fn planned(&mut self, tape: &Tape, cycle: &CycleRecord, context: &RunContext) -> Logged {
+    pub(super) fn planned(&mut self, tape: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
         if cycle.wanted.phase != self.phase {
             self.phase.clone_from(&cycle.wanted.phase);
             say(tape, TextLogLevel::INFO, self.phase.clone())?;
@@ -44,7 +44,7 @@ impl Words {
         say(tape, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
     }
 
-    pub(super) fn event(&self, tape: &Tape, event: &EventRecord) -> Logged {
+    pub(super) fn event(&self, tape: &RunStream, event: &EventRecord) -> LogResult {
         let level = match event.level {
             EventLevel::Info => TextLogLevel::INFO,
             EventLevel::Warning => TextLogLevel::WARN,
@@ -54,12 +54,12 @@ impl Words {
     }
 
     /// Logs a warning at the time of the last fact.
-    pub(super) fn warn(&self, tape: &Tape, text: String) -> Logged {
+    pub(super) fn warn(&self, tape: &RunStream, text: String) -> LogResult {
         say(tape, TextLogLevel::WARN, text)
     }
 }
 
-fn say(tape: &Tape, level: &str, text: String) -> Logged {
+fn say(tape: &RunStream, level: &str, text: String) -> LogResult {
     tape.log("log", &TextLog::new(text).with_level(level))
 }
 

@@ -8,7 +8,7 @@ const MISPLACED_PX: f64 = 5.0;
 
 /// Verdict on one scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Verdict {
+pub struct SceneVerdict {
     pub seed: u64,
     pub parts: usize,
     pub table: TableVerdict,
@@ -50,8 +50,8 @@ pub struct PartError {
 }
 
 /// Locates table and parts in the scene's picture and compares them with its truth.
-pub fn judge(family: Difficulty, scene: &Scene) -> Verdict {
-    let verdict = |table| Verdict { seed: scene.seed, parts: scene.parts.len(), table };
+pub fn judge(family: Difficulty, scene: &Scene) -> SceneVerdict {
+    let verdict = |table| SceneVerdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {
         Ok(table) => table,

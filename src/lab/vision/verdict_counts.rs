@@ -1,5 +1,5 @@
 use super::super::Figure;
-use super::judge::{PartError, PartsVerdict, TableVerdict, Verdict};
+use super::verdicts::{PartError, PartsVerdict, SceneVerdict, TableVerdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Difficulty;
 
@@ -9,7 +9,7 @@ const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed
 const MOST_SEEDS: usize = 10;
 
 /// Statistics of one family's verdicts.
-pub struct Tally {
+pub struct VerdictCounts {
     family: Difficulty,
     scenes: usize,
     parts: usize,
@@ -24,8 +24,8 @@ pub struct Tally {
     worst_center: Option<(f64, u64)>,
 }
 
-impl Tally {
-    pub fn new(family: Difficulty, verdicts: &[Verdict]) -> Self {
+impl VerdictCounts {
+    pub fn new(family: Difficulty, verdicts: &[SceneVerdict]) -> Self {
         let mut tally = Self {
             family,
             scenes: verdicts.len(),
@@ -41,7 +41,7 @@ impl Tally {
         tally
     }
 
-    fn add(&mut self, verdict: &Verdict) {
+    fn add(&mut self, verdict: &SceneVerdict) {
         let seed = verdict.seed;
         let counts = match &verdict.table {
             TableVerdict::NotFound(fault) => {
@@ -175,9 +175,9 @@ mod tests {
             TableVerdict::Misplaced,
             found(&[0.4], 2),
         ];
-        let verdicts: Vec<Verdict> =
-            tables.into_iter().zip(7..).map(|(table, seed)| Verdict { seed, parts: 3, table }).collect();
-        let tally = Tally::new(Difficulty::Rough, &verdicts);
+        let verdicts: Vec<SceneVerdict> =
+            tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, table }).collect();
+        let tally = VerdictCounts::new(Difficulty::Rough, &verdicts);
         let figures = tally.figures();
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
         for (name, expected) in [

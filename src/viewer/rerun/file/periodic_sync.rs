@@ -11,11 +11,11 @@ const EVERY: Duration = Duration::from_secs(1);
 
 /// A thread that syncs a file to the disk while others write it without waiting for that. It ends when this is dropped,
 /// without being waited for.
-pub(super) struct Syncing {
+pub(super) struct PeriodicSync {
     _alive: SyncSender<()>,
 }
 
-impl Syncing {
+impl PeriodicSync {
     /// Calls `sync` about once a second while the recording of `switch` grows. When `sync` fails, the recording ends as
     /// failed.
     pub(super) fn start(

@@ -5,7 +5,7 @@ use upm_perception::vision::Track;
 
 /// Consecutive looks, thinned out. Every list but `at` has `parts` values per look.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Looks {
+pub(super) struct Samples {
     parts: usize,
     pub(super) at: Vec<PlateTime>,
     pub(super) measured_m: Vec<Vec2>,
@@ -16,7 +16,7 @@ pub(super) struct Looks {
     track_us: f64,
 }
 
-impl Looks {
+impl Samples {
     pub(super) fn new(parts: usize) -> Self {
         Self { parts, ..Self::default() }
     }

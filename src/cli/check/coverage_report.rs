@@ -5,16 +5,16 @@ use serde_json::{Value, json};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_runner::run::{Coverage, Place};
+use upm_runner::run::{Coverage, WorstDirection};
 
 /// Coverage of a library and the plate it was measured on.
-pub(super) struct Covered {
+pub(super) struct CoverageReport {
     /// Name of the rig the library was measured on.
     pub rig_name: String,
     pub coverage: Coverage,
 }
 
-impl Covered {
+impl CoverageReport {
     /// Coverage of the plate that `library` was measured on.
     pub fn by(library: &Library) -> Self {
         Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
@@ -47,7 +47,8 @@ impl Covered {
         let gap = coverage
             .gap
             .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
-        let row = |places: &[Place]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
+        let row =
+            |places: &[WorstDirection]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
         json!({
             "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
             "centres": {
@@ -59,7 +60,7 @@ impl Covered {
             "weakest": weakest,
             "best_step_mm": rounded(mm(coverage.best_step_m)),
             "out_of_reach_share": rounded(coverage.unreached_share()),
-            "out_of_reach_below_share": Place::LEAST_SHARE,
+            "out_of_reach_below_share": WorstDirection::LEAST_SHARE,
             "never_strongest": coverage.never_strongest,
             "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
         })
@@ -84,7 +85,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
         figures.push(("one pulse there", steps(place)));
     }
     let unreached = 100.0 * coverage.unreached_share();
-    let least = mm(Place::LEAST_SHARE * coverage.best_step_m);
+    let least = mm(WorstDirection::LEAST_SHARE * coverage.best_step_m);
     figures.push((
         "out of reach",
         format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
@@ -95,7 +96,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
 }
 
 /// Effect of one pulse at a place, as JSON.
-pub(super) fn place_json(place: &Place) -> Value {
+pub(super) fn place_json(place: &WorstDirection) -> Value {
     json!({
         "position_mm": position(place.position_m),
         "direction_deg": degrees(place.weakest_direction),
@@ -107,7 +108,7 @@ pub(super) fn place_json(place: &Place) -> Value {
 }
 
 /// Effect of one pulse at a place in the weakest direction, as text.
-pub(super) fn steps(place: &Place) -> String {
+pub(super) fn steps(place: &WorstDirection) -> String {
     let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
     match place.shortest_step_m {
         Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
@@ -140,7 +141,7 @@ fn digits(coverage: &Coverage) -> String {
 
 /// Map of the plate from above, one character per place.
 fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
-    let character = move |place: &Place| {
+    let character = move |place: &WorstDirection| {
         let digit = ((10.0 * coverage.shade(place)) as u32).min(9);
         if place.is_reached() { char::from_digit(digit, 10).unwrap_or('?') } else { '!' }
     };
