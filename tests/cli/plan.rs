@@ -187,8 +187,7 @@ fn the_predicted_ways_are_drawn() {
     assert!(stderr.contains("--picture: expected ") && !Path::new(picture).exists(), "{stderr}");
     let hopeless = hardly_along_y(folder.path());
     status(&["check", hopeless.to_str().unwrap(), "--plan", "--picture", picture], 1);
-    let drawn = fs::read_to_string(picture).unwrap();
-    assert!(drawn.contains("cannot be done") && drawn.contains("weakest direction"));
+    assert!(fs::read_to_string(picture).unwrap().contains("cannot be done"));
 }
 
 /// Asserts that the shipped job takes the predicted time within a quarter.
