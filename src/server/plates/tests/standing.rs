@@ -163,6 +163,10 @@ fn failed_standing_job_waits_for_a_person_and_says_why() {
     let plates = ShutDownPlates(house.open(None));
     let why = until(plates.get("one").unwrap(), StandingState::Paused);
     assert!(why.starts_with("its last run failed: plate time limit of 0.5 s reached; "), "{why}");
+    // the plate is paused before its job's end is stored
+    while jobs(&house).iter().any(|(_, state, _)| *state == JobState::Running) {
+        std::thread::yield_now();
+    }
     assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Failed, true)]);
 }
 
