@@ -26,8 +26,9 @@ const DEVIATIONS: f64 = 8.0;
 /// healthy coefficients are up to 8 standard deviations off.
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
-/// Allowed error of the library's response, as a fraction of the planned acceleration. Over two periods or more healthy
-/// pulses are off by up to 0.013 on the strong rig and 0.022 on the weak one, noise included.
+/// Allowed error of the library's response, as a fraction of the planned acceleration, or of the explained one where
+/// that is larger. Over two periods or more healthy pulses are off by up to 0.013 on the strong rig and 0.022 on the
+/// weak one, noise included.
 const RESPONSE_ERROR: f64 = 0.02;
 
 /// Smallest gain error that is attributed to its coil or channel.
@@ -201,7 +202,9 @@ struct PulseJudge<'a> {
     sensors: &'a AccelerometerPair,
     read: TraceReading,
     planned: Felt,
-    /// Inverse square of the tolerance of each coefficient, (m/s²)⁻², harmonic by harmonic.
+    /// Square of the tolerance of each coefficient for noise alone, (m/s²)², harmonic by harmonic.
+    noise: Vec<f64>,
+    /// Inverse square of the tolerance of each coefficient of the planned motion, (m/s²)⁻², harmonic by harmonic.
     weights: Vec<f64>,
 }
 
@@ -209,15 +212,14 @@ impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
         let velocity = expected.velocity(read.variance.len(), &Played::Planned);
         let planned = felt(&velocity, expected.drive.base_radps, sensors.position_m);
-        let coefficients = 2.0 * (CHANNELS * planned.len()) as f64;
-        let response_variance = RESPONSE_ERROR * RESPONSE_ERROR * energy(&planned) / coefficients;
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
         let share = read.noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
-        let weight = |variance: &f64| (deviations * deviations * share * variance + response_variance).recip();
-        let weights = read.variance.iter().map(weight).collect();
-        Self { expected, sensors, read, planned, weights }
+        let noise: Vec<f64> = read.variance.iter().map(|variance| deviations * deviations * share * variance).collect();
+        let response = response_variance(&planned);
+        let weights = noise.iter().map(|noise| (noise + response).recip()).collect();
+        Self { expected, sensors, read, planned, noise, weights }
     }
 
     fn judgement(&self) -> MotionJudgement {
@@ -312,10 +314,13 @@ impl<'a> PulseJudge<'a> {
         (score, MotionVerdict::Channel { channel, kind })
     }
 
+    /// Deviation of the reading from `predicted` in tolerances, root mean square. The response's error grows with the
+    /// motion: a coil that gives more than planned, or the other way, may move the plate farther than planned.
     fn score(&self, predicted: &Felt) -> f64 {
-        let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.weights);
-        let sum: f64 = rows.map(|((a, b), weight)| weight * distance(a, b)).sum();
-        (sum / (2 * CHANNELS * self.weights.len()) as f64).sqrt()
+        let response = response_variance(predicted).max(response_variance(&self.planned));
+        let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.noise);
+        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b) / (noise + response)).sum();
+        (sum / (2 * CHANNELS * self.noise.len()) as f64).sqrt()
     }
 
     /// Score of the plan by the three other channels.
@@ -335,6 +340,11 @@ impl<'a> PulseJudge<'a> {
 /// True for a gain far enough from 1 to be reported as a fault.
 fn is_fault(gain: f64) -> bool {
     (gain - 1.0).abs() >= LEAST_GAIN_ERROR
+}
+
+/// Square of the tolerance of each coefficient for the response's error in the motion `felt`, (m/s²)².
+fn response_variance(felt: &Felt) -> f64 {
+    RESPONSE_ERROR * RESPONSE_ERROR * energy(felt) / (2 * CHANNELS * felt.len()) as f64
 }
 
 fn energy(felt: &Felt) -> f64 {

@@ -164,9 +164,8 @@ fn failed_standing_job_waits_for_a_person_and_says_why() {
     let why = until(plates.get("one").unwrap(), StandingState::Paused);
     assert!(why.starts_with("its last run failed: plate time limit of 0.5 s reached; "), "{why}");
     // the plate is paused before its job's end is stored
-    while jobs(&house).iter().any(|(_, state, _)| *state == JobState::Running) {
-        std::thread::yield_now();
-    }
+    let is_running = || jobs(&house).iter().any(|(_, state, _)| *state == JobState::Running);
+    (0..6000).take_while(|_| is_running()).for_each(|_| std::thread::sleep(Duration::from_millis(10)));
     assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Failed, true)]);
 }
 
