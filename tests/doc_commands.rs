@@ -1,12 +1,14 @@
-//! Commands of README.md, CONTRIBUTING.md, ARCHITECTURE.md and `docs/`: each is typed as a reader would type it, in the
-//! order of its page, in a folder that `upm init .` made. CONTRIBUTING.md says how a page marks its commands.
+//! Commands of README.md, CONTRIBUTING.md, ARCHITECTURE.md and `docs/`: each is run as written, in the order of its page,
+//! in a folder that `upm init .` made. CONTRIBUTING.md says how a page marks its commands.
 #![cfg(all(feature = "daemon", feature = "lab", target_os = "linux"))]
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 #[path = "doc_commands/pages.rs"]
 mod pages;
-#[path = "doc_commands/reader.rs"]
-mod reader;
+#[path = "doc_commands/pages_tests.rs"]
+mod pages_tests;
+#[path = "doc_commands/shell.rs"]
+mod shell;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,10 +18,13 @@ use std::sync::Mutex;
 use std::thread;
 
 use pages::{Block, Inline, Mark, Page, in_one_line};
-use reader::{Ran, Reader, Step, has_words, lacking};
+use shell::{CommandResult, Shell, Step, missing_lines};
 
 /// Most commands that may be marked as not run.
-const MOST_LEFT_OUT: usize = 8;
+const MAX_NOT_RUN: usize = 8;
+
+/// Fewest blocks whose output is compared.
+const MIN_OUTPUTS: usize = 10;
 
 /// Seconds from which a command is printed with its time.
 const SLOW_S: f64 = 2.0;
@@ -47,11 +52,11 @@ fn long(pages: &[Page]) -> Vec<String> {
 /// Runner of a block's commands.
 fn class(page: &Page, block: &Block) -> &'static str {
     match block.mark {
-        Mark::Typed | Mark::Exit(_) | Mark::Background if page.is_slow => "long test",
-        Mark::Typed | Mark::Exit(_) | Mark::Background => "test",
         Mark::Ci => "ci",
         Mark::Minutes => "tool",
         Mark::No(_) => "not run",
+        _ if page.is_slow => "long test",
+        _ => "test",
     }
 }
 
@@ -82,7 +87,7 @@ fn listed(pages: &[Page]) -> Vec<String> {
 }
 
 #[test]
-fn every_command_has_a_runner_and_few_are_left_out() {
+fn every_command_is_run_by_a_test_or_tool() {
     let pages = all_pages();
     let mut faults: Vec<String> = pages.iter().flat_map(|page| page.faults.clone()).collect();
     let codes: BTreeSet<&String> = pages.iter().flat_map(|page| &page.codes).collect();
@@ -94,13 +99,42 @@ fn every_command_has_a_runner_and_few_are_left_out() {
     lines.iter().for_each(|line| *counts.entry(line.split('\t').nth(1).unwrap()).or_insert(0) += 1);
     eprintln!("commands of the pages: {counts:#?}");
     assert!(counts["test"] >= 20 && counts["long test"] >= 20, "commands are found: {counts:?}");
-    assert!(counts["not run"] <= MOST_LEFT_OUT, "too many are not run: {counts:?}");
+    assert!(counts["not run"] <= MAX_NOT_RUN, "too many are not run: {counts:?}");
+    let blocks = pages.iter().flat_map(|page| &page.blocks);
+    let outputs = blocks.filter(|block| block.is_typed() && block.output.is_some()).count();
+    assert!(outputs >= MIN_OUTPUTS, "outputs are compared: {outputs}");
+}
+
+/// True when a line of `.ci/run` is a step that runs `command`: its words are words of the line, in that order, and
+/// neither or both run the ignored tests.
+fn is_step(line: &str, command: &str) -> bool {
+    let has_ignored = |text: &str| text.split_whitespace().any(|word| word == "--ignored");
+    let is_in = |step: &str| {
+        let mut words = step.split_whitespace();
+        command.split_whitespace().all(|word| words.any(|other| other == word))
+    };
+    line.strip_prefix("step ").is_some_and(|step| is_in(step) && has_ignored(step) == has_ignored(command))
+}
+
+#[test]
+fn steps_of_the_script_are_told_apart() {
+    assert!(is_step("step cargo run --locked -- run a.json --out b", "cargo run -- run a.json"));
+    assert!(is_step("step cargo test --locked -- --ignored", "cargo test -- --ignored"));
+    for (line, command) in [
+        ("step cargo test", "cargo test --workspace"),
+        ("step cargo test --locked -- --ignored", "cargo test"),
+        ("step cargo test --locked", "cargo test -- --ignored"),
+        ("# step cargo test", "cargo test"),
+        ("cargo test", "cargo test"),
+    ] {
+        assert!(!is_step(line, command), "{line}: {command}");
+    }
 }
 
 #[test]
 fn commands_left_to_continuous_integration_are_in_its_script() {
     let script = fs::read_to_string(root().join(".ci/run")).unwrap();
-    let is_there = |command: &str| command == ".ci/run" || script.lines().any(|line| has_words(line, command));
+    let is_there = |command: &str| command == ".ci/run" || script.lines().any(|line| is_step(line, command));
     let (mut count, mut missing) = (0, Vec::new());
     for page in all_pages() {
         let blocks = page.blocks.iter().filter(|block| block.mark == Mark::Ci);
@@ -131,59 +165,59 @@ fn steps_of(page: &Page, block: &Block) -> Vec<Step> {
     block.commands.iter().enumerate().map(step).collect()
 }
 
-/// Prints the commands that took long.
-fn print_slow(steps: &[Step], ran: &[Ran]) {
-    for (step, ran) in steps.iter().zip(ran).filter(|(_, ran)| ran.seconds >= SLOW_S) {
-        eprintln!("{:6.1} s  {}", ran.seconds, step.place);
+/// Runs the steps of a page in a shell; `Err` has the fault of the first that fails.
+fn run_steps(steps: &[Step]) -> Result<Vec<CommandResult>, String> {
+    let results = Shell::new().run(steps)?;
+    for (step, result) in steps.iter().zip(&results).filter(|(_, result)| result.seconds >= SLOW_S) {
+        eprintln!("{:6.1} s  {}", result.seconds, step.place);
     }
+    Ok(results)
 }
 
-/// Types a page's commands; returns what is wrong with them.
-fn wrong_with(page: &Page) -> Vec<String> {
-    let is_typed = |block: &&Block| matches!(block.mark, Mark::Typed | Mark::Exit(_) | Mark::Background);
-    let blocks: Vec<&Block> = page.blocks.iter().filter(is_typed).collect();
+/// Runs the typed blocks of a page; returns failed commands and lines that were not printed.
+fn faults_of(page: &Page) -> Vec<String> {
+    let blocks: Vec<&Block> = page.blocks.iter().filter(|block| block.is_typed()).collect();
     let steps: Vec<Step> = blocks.iter().flat_map(|block| steps_of(page, block)).collect();
-    let ran = match Reader::new().types(&steps) {
-        Ok(ran) => ran,
+    let mut results = match run_steps(&steps) {
+        Ok(results) => results.into_iter(),
         Err(fault) => return vec![fault],
     };
-    print_slow(&steps, &ran);
-    let (mut wrong, mut ran) = (Vec::new(), ran.into_iter());
+    let mut faults = Vec::new();
     for block in blocks {
-        let printed: String = ran.by_ref().take(block.commands.len()).map(|ran| ran.output).collect();
-        let shown = block.output.as_deref().unwrap_or_default();
-        let lines = lacking(shown, &printed).into_iter();
-        wrong.extend(lines.map(|line| format!("{}:{}: not printed: {line}", page.name, block.line)));
+        let printed: String = results.by_ref().take(block.commands.len()).map(|result| result.output).collect();
+        let missing = missing_lines(block.output.as_deref().unwrap_or_default(), &printed).into_iter();
+        faults.extend(missing.map(|line| format!("{}:{}: not printed: {line}", page.name, block.line)));
     }
-    wrong
+    faults
 }
 
-/// Types the commands of these pages, two pages at a time.
-fn all_run(pages: Vec<Page>) {
-    let (waiting, wrong) = (Mutex::new(pages), Mutex::new(Vec::new()));
-    let type_pages = || {
+/// Runs pages by `faults_of`, two at a time.
+#[track_caller]
+fn run_pages<T: Send>(pages: Vec<T>, faults_of: impl Fn(T) -> Vec<String> + Sync) {
+    let (waiting, faults) = (Mutex::new(pages), Mutex::new(Vec::new()));
+    let work = || {
         while let Some(page) = { waiting.lock().unwrap().pop() } {
-            let found = wrong_with(&page);
-            wrong.lock().unwrap().extend(found);
+            let found = faults_of(page);
+            faults.lock().unwrap().extend(found);
         }
     };
     thread::scope(|scope| {
-        scope.spawn(type_pages);
-        scope.spawn(type_pages);
+        scope.spawn(work);
+        scope.spawn(work);
     });
-    let wrong = wrong.into_inner().unwrap();
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let faults = faults.into_inner().unwrap();
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]
 fn commands_of_the_pages_run_as_typed() {
-    all_run(all_pages().into_iter().filter(|page| !page.is_slow).collect());
+    run_pages(all_pages().into_iter().filter(|page| !page.is_slow).collect(), |page| faults_of(&page));
 }
 
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn commands_of_slow_pages_run_as_typed() {
-    all_run(all_pages().into_iter().filter(|page| page.is_slow).collect());
+    run_pages(all_pages().into_iter().filter(|page| page.is_slow).collect(), |page| faults_of(&page));
 }
 
 #[test]
@@ -191,22 +225,19 @@ fn commands_of_slow_pages_run_as_typed() {
 fn complete_commands_in_the_prose_run_as_typed() {
     let pages = all_pages();
     let (long, mut seen) = (long(&pages), BTreeSet::new());
-    let mut steps = Vec::new();
-    for page in &pages {
-        let complete = page.inline(&long).filter(|(_, usage)| *usage == Inline::Prose);
-        for (code, _) in complete.filter(|(code, _)| seen.insert(code.to_owned())) {
-            let place = format!("{}: {code}", page.name);
-            steps.push(Step { place, text: code.to_owned(), expected: 0, is_background: false });
-        }
-    }
-    assert!(steps.len() >= 20, "commands are found: {}", steps.len());
-    let ran = Reader::new().types(&steps).unwrap_or_else(|fault| panic!("{fault}"));
-    print_slow(&steps, &ran);
+    let mut steps_of = |page: &Page| -> Vec<Step> {
+        let complete = page.inline(&long).filter(|(_, usage)| *usage == Inline::Prose).map(|(code, _)| code.to_owned());
+        let first = complete.filter(|code| seen.insert(code.clone()));
+        let step = |text| Step { place: format!("{}: {text}", page.name), text, expected: 0, is_background: false };
+        first.map(step).collect()
+    };
+    let steps: Vec<Vec<Step>> = pages.iter().map(&mut steps_of).filter(|steps| !steps.is_empty()).collect();
+    assert!(steps.iter().map(Vec::len).sum::<usize>() >= 20, "commands are found: {}", steps.len());
+    run_pages(steps, |steps| run_steps(&steps).err().into_iter().collect());
 }
 
 #[test]
-#[ignore = "long: `cargo test -- --ignored` runs it"]
-fn tool_finds_the_same_commands() {
+fn tool_and_test_list_equal_commands() {
     let output =
         Command::new("python3").args(["tools/doc_commands.py", "--list"]).current_dir(root()).output().unwrap();
     let printed = String::from_utf8(output.stdout).unwrap();

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Runs commands of the pages that are too long for a test: marked blocks, and complete commands of prose and tables.
+"""Runs the commands of the pages that are longer than a minute: blocks marked `minutes`, and inline code so marked.
 
 usage: doc_commands.py [--upm target/debug/upm] [--page docs/lab.md ...] [--heavy] [--limit SECONDS] [--list]
 
 Pages are README.md, CONTRIBUTING.md, ARCHITECTURE.md and docs/*.md; CONTRIBUTING.md has the rules by which they mark
-their commands, and tests/doc_commands.rs types the short ones. Commands of `upm` run in a folder that `upm init .`
+their commands, and tests/doc_commands.rs runs all shorter ones. Commands of `upm` run in a folder that `upm init .`
 made, all others in the repository, each once. Prints page, seconds, exit status and command; ends with status 1 when a
 command fails.
 
 --heavy  also `cargo ...` and `python3 tools/...` of prose and tables: builds and benchmarks, hours in all.
 --limit  ends a command after so many seconds; it counts as failed.
---list   runs nothing and prints all commands: page, what runs them, command.
+--list   runs nothing and prints all commands: page, runner, command.
 """
 import argparse
 import os
@@ -61,10 +61,11 @@ class Page:
         self.is_slow |= words == "slow"
         if kind == "minutes" and rest:
             self.long.append(rest)
+            return ""
         return kind
 
     def runner(self, mark):
-        """What runs the commands of a block with this mark."""
+        """Runner of a block with this mark."""
         typed = "long test" if self.is_slow else "test"
         return {"ci": "ci", "minutes": "tool", "no": "not run"}.get(mark, typed)
 
@@ -90,7 +91,7 @@ def in_one_line(command):
 
 
 def inline_runner(code, long):
-    """What runs inline code; None when it is no command."""
+    """Runner of inline code; None when it is no command."""
     words = code.split(" ")
     if words[0] not in ("upm", "cargo", "python3") or len(words) < 2:
         return None
@@ -110,7 +111,7 @@ def all_pages():
 
 
 def listed(pages):
-    """Page, what runs it, command in one line, command as a shell takes it."""
+    """Page, runner, command in one line, command as a shell takes it."""
     long = {command for page in pages for command in page.long}
     for page in pages:
         for mark, block in page.blocks:
@@ -120,7 +121,7 @@ def listed(pages):
                 yield page.name, runner, code, code
 
 
-class Desk:
+class Workspace:
     """A folder that `upm init .` made, with the program on the PATH."""
 
     def __init__(self, upm, folder):
@@ -159,12 +160,12 @@ def run_all(rows, upm, limit_s):
     width, failed, done = max(len(page) for page, *_ in rows), 0, set()
     print(f"{'page':{width}}  {'seconds':>8}  status  command", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        desk = Desk(upm, folder)
+        workspace = Workspace(upm, folder)
         for page, _, line, command in rows:
             if line in done:
                 continue
             done.add(line)
-            seconds, status, printed = desk.run(command, limit_s)
+            seconds, status, printed = workspace.run(command, limit_s)
             print(f"{page:{width}}  {seconds:8.1f}  {status!s:>6}  {line}", flush=True)
             if status != 0:
                 failed += 1
@@ -186,7 +187,7 @@ def main():
     if args.list:
         print("\n".join("\t".join(row[:3]) for row in rows))
         return
-    runners = ["tool", "inline, tool", "inline, long test"] + ["inline, tool --heavy"] * args.heavy
+    runners = ["tool", "inline, tool"] + ["inline, tool --heavy"] * args.heavy
     rows = [row for row in rows if row[1] in runners]
     if not rows:
         sys.exit("no command of these pages is for this tool")

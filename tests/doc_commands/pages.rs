@@ -1,5 +1,11 @@
-//! Commands in the pages: blocks with their marks, and inline code. CONTRIBUTING.md has the rules for those who write
-//! pages; `tools/doc_commands.py` reads pages by the same rules.
+//! Parser of the pages: prose, fenced blocks, commands with their marks, and inline code. CONTRIBUTING.md has the rules
+//! for those who write pages; `tools/doc_commands.py` reads pages by the same rules.
+
+/// Languages of fenced blocks; a word after the language is for the test that reads the block.
+const LANGUAGES: [&str; 5] = ["", "json", "sh", "text", "toml"];
+
+/// Beginnings of lines that are commands.
+const COMMANDS: [&str; 4] = ["$ ", "upm ", "cargo ", "python3 "];
 
 /// How a block of commands is run.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +36,13 @@ pub struct Block {
     pub output: Option<String>,
 }
 
+impl Block {
+    /// True for commands that the test types.
+    pub fn is_typed(&self) -> bool {
+        matches!(self.mark, Mark::Typed | Mark::Exit(_) | Mark::Background)
+    }
+}
+
 /// Use of a command in inline code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Inline {
@@ -47,6 +60,10 @@ pub enum Inline {
 #[derive(Debug, Default)]
 pub struct Page {
     pub name: String,
+    /// Text outside fenced blocks, without the marks.
+    pub prose: String,
+    /// Fenced blocks in any language: the words after the fence, and the text.
+    pub fences: Vec<(String, String)>,
     pub blocks: Vec<Block>,
     /// True when the page takes too long for every `cargo test`.
     pub is_slow: bool,
@@ -70,7 +87,7 @@ struct Fence {
 impl Page {
     pub fn read(name: &str, text: &str) -> Self {
         let mut page = Self { name: name.to_owned(), ..Self::default() };
-        let (mut fence, mut mark, mut prose, mut is_below) = (None::<Fence>, None, String::new(), false);
+        let (mut fence, mut mark, mut is_below) = (None::<Fence>, None, false);
         for (i, line) in text.lines().enumerate() {
             let bare = line.trim_start();
             if let Some(mut open) = fence.take() {
@@ -87,7 +104,7 @@ impl Page {
                 let indent = line.len() - bare.len();
                 let language = language.to_owned();
                 fence = Some(Fence { line: i + 2, indent, language, text: String::new(), mark: mark.take() });
-                prose.push('\n');
+                page.prose.push('\n');
                 continue;
             }
             is_below &= bare.is_empty();
@@ -97,21 +114,20 @@ impl Page {
             match bare.strip_prefix("<!-- run: ").map(|rest| rest.strip_suffix(" -->")) {
                 Some(Some(words)) => mark = page.mark(i + 1, words),
                 Some(None) => page.faults.push(format!("{name}:{}: a mark is one line", i + 1)),
-                None => prose = prose + line + "\n",
+                None => page.prose.extend([line, "\n"]),
             }
         }
-        page.codes = codes(&prose);
+        page.codes = codes(&page.prose);
         page
     }
 
-    /// The mark of these words. A mark of the whole page is noted at once; `slow` is one, although it goes before a
-    /// block.
+    /// The mark that these words give to the next block. A mark of the whole page is noted at once.
     fn mark(&mut self, line: usize, words: &str) -> Option<Mark> {
         let (kind, rest) = words.split_once(": ").unwrap_or((words, ""));
         match (kind, rest) {
             ("slow", "") => {
                 self.is_slow = true;
-                Some(Mark::Typed)
+                None
             }
             ("background", "") => Some(Mark::Background),
             ("ci", "") => Some(Mark::Ci),
@@ -134,30 +150,35 @@ impl Page {
 
     /// Takes a block that is closed; true when the next one may be its output.
     fn close(&mut self, fence: Fence, is_below: bool) -> bool {
-        if fence.language == "sh" {
-            let commands = commands(&fence.text);
+        let language = fence.language.split(' ').next().unwrap_or_default();
+        let mut fault = |words: &str| self.faults.push(format!("{}:{}: {words}", self.name, fence.line));
+        if !LANGUAGES.contains(&language) {
+            fault(&format!("expected a block in one of {LANGUAGES:?}, found {language:?}"));
+        }
+        if language == "sh" {
             self.blocks.push(Block {
                 line: fence.line,
                 mark: fence.mark.unwrap_or(Mark::Typed),
-                commands,
+                commands: commands(&fence.text),
                 output: None,
             });
+            self.fences.push((fence.language, fence.text));
             return true;
         }
-        let is_command = |line: &&str| ["$ ", "upm ", "cargo ", "python3 "].iter().any(|begin| line.starts_with(begin));
-        let is_data = ["json", "toml"].iter().any(|language| fence.language.starts_with(language));
-        if let Some(hidden) = fence.text.lines().find(is_command).filter(|_| !is_data) {
-            self.faults.push(format!("{}:{}: a command outside a block of `sh`: {hidden}", self.name, fence.line));
+        let is_command = |line: &&str| COMMANDS.iter().any(|begin| line.starts_with(begin));
+        if let Some(hidden) = fence.text.lines().find(is_command).filter(|_| !["json", "toml"].contains(&language)) {
+            fault(&format!("a command outside a block of `sh`: {hidden}"));
         }
         if fence.mark.is_some() {
-            self.faults.push(format!("{}:{}: a mark at a block without commands", self.name, fence.line));
+            fault("a mark at a block without commands");
         }
-        if fence.language == "text"
+        if language == "text"
             && is_below
             && let Some(block) = self.blocks.last_mut()
         {
-            block.output = Some(fence.text);
+            block.output = Some(fence.text.clone());
         }
+        self.fences.push((fence.language, fence.text));
         false
     }
 
@@ -202,7 +223,7 @@ fn codes(prose: &str) -> Vec<String> {
 }
 
 /// Use of inline code; `None` when it is no command.
-fn usage(code: &str, long: &[String]) -> Option<Inline> {
+pub fn usage(code: &str, long: &[String]) -> Option<Inline> {
     let words: Vec<&str> = code.split(' ').collect();
     if !["upm", "cargo", "python3"].contains(&words[0]) || words.len() < 2 {
         return None;
@@ -224,52 +245,4 @@ fn usage(code: &str, long: &[String]) -> Option<Inline> {
         ["python3", script, ..] if script.starts_with("tools/") => Inline::Heavy,
         _ => Inline::Named,
     })
-}
-
-#[test]
-fn blocks_are_read_with_marks_commands_and_output() {
-    let block = "  upm check a   # which\n\n  cat > b <<'END'\n  # c\n  END\n  upm run \\\n    b\n";
-    let text = format!("`upm schema job`\n\n  <!-- run: exit 2 -->\n  ```sh\n{block}  ```\n\n```text\nbad\n```\n");
-    let page = Page::read("page", &text);
-    assert_eq!(page.faults, Vec::<String>::new());
-    let [block] = &page.blocks[..] else { panic!("{page:?}") };
-    assert_eq!((block.line, &block.mark, block.output.as_deref()), (5, &Mark::Exit(2), Some("bad\n")));
-    let lines: Vec<(usize, String)> =
-        block.commands.iter().map(|(offset, command)| (*offset, in_one_line(command))).collect();
-    let expected = [(0, "upm check a"), (2, "cat > b <<'END'"), (5, "upm run b")];
-    assert_eq!(lines, expected.map(|(offset, command)| (offset, command.to_owned())));
-    assert_eq!(page.codes, ["upm schema job"]);
-}
-
-#[test]
-fn breaches_of_the_rules_are_found() {
-    for (text, fault) in [
-        ("<!-- run: no -->\n```sh\n```\n", "expected a mark"),
-        ("<!-- run: ci -->\n\n```sh\n```\n", "a mark without a block"),
-        ("```console\n$ upm run\n```\n", "a command outside"),
-        ("<!-- run: ci -->\n```text\n```\n", "without commands"),
-        ("<!-- run: no: two\nlines -->\n", "one line"),
-    ] {
-        let page = Page::read("page", text);
-        assert!(page.faults.len() == 1 && page.faults[0].contains(fault), "{text}: {:?}", page.faults);
-    }
-}
-
-#[test]
-fn inline_code_that_a_reader_may_type_is_told_from_names() {
-    let long = ["upm lab mchip".to_owned()];
-    for (code, expected) in [
-        ("upm lab feeder", Some(Inline::Prose)),
-        ("upm lab mchip", Some(Inline::Minutes)),
-        ("upm run", Some(Inline::Named)),
-        ("upm run JOB.json", Some(Inline::Named)),
-        ("upm locate --reference", Some(Inline::Named)),
-        ("cargo test --workspace", Some(Inline::Heavy)),
-        ("cargo test", Some(Inline::Named)),
-        ("cargo install --path .", Some(Inline::Named)),
-        ("python3 tools/faults.py daemon", Some(Inline::Heavy)),
-        ("upm-2", None),
-    ] {
-        assert_eq!(usage(code, &long), expected, "{code}");
-    }
 }

@@ -1,4 +1,4 @@
-//! A reader of the pages: a folder as `upm init .` makes it, and a shell that types commands there one after another.
+//! A shell in a folder as `upm init .` makes it: it runs the commands of a page one after another.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -10,7 +10,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 /// Longest time for the commands of a page, s.
-const PATIENCE_S: u32 = 900;
+const PAGE_TIMEOUT_S: u32 = 900;
 
 /// Pause between two commands beside a daemon, s: people do not type faster, and a queued job begins meanwhile.
 const PAUSE_S: f64 = 0.5;
@@ -18,7 +18,7 @@ const PAUSE_S: f64 = 0.5;
 /// Lines of output in the report of a command that fails.
 const SHOWN_LINES: usize = 15;
 
-/// `cargo` for a reader: the program under test takes the place of a build.
+/// `cargo` of this shell: the program under test takes the place of a build.
 const CARGO: &str = r#"#!/usr/bin/env bash
 if [ "$1" = run ] && [[ " $* " == *" -- "* ]] && [[ " $* " != *" --example "* ]]; then
   while [ "$1" != -- ]; do shift; done
@@ -52,16 +52,19 @@ _until_served() {
 trap 'kill "${_servers[@]}" 2>/dev/null' EXIT
 "#;
 
-/// The end of the script: daemons are asked to end. `tests/daemon.rs` holds the status with which they do.
+/// The end of the script: daemons are asked to end, and one that has ended by itself fails the page. `tests/daemon.rs`
+/// holds the status with which they end.
 const END: &str = r#"
 for _server in "${_servers[@]}"; do
-  kill "$_server" && wait "$_server"
+  kill "$_server" || exit 1
+  wait "$_server"
 done
 _servers=()
 exit 0
 "#;
 
-/// A command to type.
+/// A command to run.
+#[derive(Clone)]
 pub struct Step {
     /// Page and line, for messages.
     pub place: String,
@@ -71,40 +74,40 @@ pub struct Step {
 }
 
 /// An ended command.
-pub struct Ran {
+pub struct CommandResult {
     pub seconds: f64,
     /// All that it printed.
     pub output: String,
 }
 
-/// A reader's folder, with programs, notes of the shell and a port for a daemon.
-pub struct Reader {
+/// A folder with programs, exit notes and a port for a daemon.
+pub struct Shell {
     folder: TempDir,
     port: u16,
 }
 
-impl Reader {
+impl Shell {
     pub fn new() -> Self {
-        let reader = Self { folder: TempDir::new().unwrap(), port: free_port() };
+        let shell = Self { folder: TempDir::new().unwrap(), port: free_port() };
         for folder in ["bin", "notes", "typed"] {
-            fs::create_dir(reader.path(folder)).unwrap();
+            fs::create_dir(shell.path(folder)).unwrap();
         }
-        symlink(env!("CARGO_BIN_EXE_upm"), reader.path("bin/upm")).unwrap();
-        let cargo = reader.path("bin/cargo");
+        symlink(env!("CARGO_BIN_EXE_upm"), shell.path("bin/upm")).unwrap();
+        let cargo = shell.path("bin/cargo");
         fs::write(&cargo, CARGO).unwrap();
         fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();
         let init =
-            Command::new(env!("CARGO_BIN_EXE_upm")).args(["init", "."]).current_dir(reader.path("typed")).output();
+            Command::new(env!("CARGO_BIN_EXE_upm")).args(["init", "."]).current_dir(shell.path("typed")).output();
         assert!(init.as_ref().is_ok_and(|output| output.status.success()), "{init:?}");
-        reader.own_daemon();
-        reader
+        shell.own_daemon();
+        shell
     }
 
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Gives the shipped daemon's file this reader's port and a patient watchdog: tests run side by side.
+    /// Gives the shipped daemon's file this shell's port and a patient watchdog: tests run side by side.
     fn own_daemon(&self) {
         let file = self.path("typed/configs/daemon.json");
         let shipped = fs::read_to_string(&file).unwrap();
@@ -118,33 +121,40 @@ impl Reader {
         fs::write(file, own).unwrap();
     }
 
-    /// Types the commands; `Err` has the first that ends otherwise than expected.
-    pub fn types(&self, steps: &[Step]) -> Result<Vec<Ran>, String> {
+    /// Runs the commands; `Err` has the first that ends otherwise than expected.
+    pub fn run(&self, steps: &[Step]) -> Result<Vec<CommandResult>, String> {
         let script = self.path("script");
         fs::write(&script, script_of(steps)).unwrap();
         let path = std::env::var("PATH").unwrap_or_default();
-        let mut shell = Command::new("timeout");
-        shell.args(["--kill-after=10", &PATIENCE_S.to_string(), "bash"]).arg(&script).current_dir(self.path("typed"));
-        shell.env("PATH", format!("{}:{path}", self.path("bin").display())).env("NOTES", self.path("notes"));
-        shell.env("UPM_URL", format!("http://127.0.0.1:{}", self.port));
-        shell.env_remove("UPM_TOKEN_FILE").env_remove("UPM_DATA");
-        let output = shell.output().unwrap();
-        let ended = self.ended();
+        let mut bash = Command::new("timeout");
+        bash.args(["--kill-after=10", &PAGE_TIMEOUT_S.to_string(), "bash"])
+            .arg(&script)
+            .current_dir(self.path("typed"));
+        bash.env("PATH", format!("{}:{path}", self.path("bin").display())).env("NOTES", self.path("notes"));
+        bash.env("UPM_URL", format!("http://127.0.0.1:{}", self.port));
+        bash.env_remove("UPM_TOKEN_FILE").env_remove("UPM_DATA");
+        let output = bash.output().unwrap();
+        let notes = self.exit_notes();
         if output.status.success() {
-            return Ok((0..steps.len()).map(|i| Ran { seconds: ended[i].seconds, output: self.printed(i) }).collect());
+            return Ok((0..steps.len())
+                .map(|i| CommandResult { seconds: notes[i].seconds, output: self.printed(i) })
+                .collect());
         }
         let expected = |number: usize| steps.get(number).map_or(0, |step| step.expected);
-        let (number, status) = match ended.last() {
+        let (number, status) = match notes.last() {
             Some(last) if last.status != expected(last.number) => (last.number, last.status.to_string()),
-            last => (last.map_or(0, |last| last.number + 1), format!("none within {PATIENCE_S} s, or no daemon")),
+            last => (
+                last.map_or(0, |last| last.number + 1),
+                format!("none within {PAGE_TIMEOUT_S} s, or the daemon ended early"),
+            ),
         };
         let place = steps.get(number).map_or("the end of the page", |step| &step.place);
         let printed = tail(&(self.printed(number) + &String::from_utf8_lossy(&output.stderr)));
         Err(format!("{place}: exit status {status}, expected {}\n{printed}", expected(number)))
     }
 
-    /// The shell's notes of ended commands, in order.
-    fn ended(&self) -> Vec<Ended> {
+    /// Exit notes in the order of the commands.
+    fn exit_notes(&self) -> Vec<ExitNote> {
         let notes = fs::read_to_string(self.path("notes/ended")).unwrap_or_default();
         let mut before_s = None;
         let note = |line: &str| {
@@ -152,7 +162,7 @@ impl Reader {
             let number = words.next()?.parse().ok()?;
             let (status, at_s) = (words.next()?.parse().ok()?, words.next()?.replace(',', ".").parse::<f64>().ok()?);
             let seconds = at_s - before_s.replace(at_s).unwrap_or(at_s);
-            Some(Ended { number, status, seconds })
+            Some(ExitNote { number, status, seconds })
         };
         // the first note is that of the start
         notes.lines().filter_map(note).skip(1).collect()
@@ -164,8 +174,8 @@ impl Reader {
     }
 }
 
-/// The shell's note of an ended command.
-struct Ended {
+/// A line that the script writes when a command has ended.
+struct ExitNote {
     number: usize,
     status: i32,
     seconds: f64,
@@ -198,42 +208,54 @@ fn tail(text: &str) -> String {
     lines[lines.len().saturating_sub(SHOWN_LINES)..].iter().map(|line| format!("  {line}\n")).collect()
 }
 
-/// Lines of `shown` that `printed` lacks. A line of the page holds up to an ellipsis, or to figures of the wall clock.
-pub fn lacking<'a>(shown: &'a str, printed: &str) -> Vec<&'a str> {
+/// Lines of `shown` that `printed` lacks, both read in order. A line of the page holds up to an ellipsis, or to figures
+/// of the wall clock.
+pub fn missing_lines<'a>(shown: &'a str, printed: &str) -> Vec<&'a str> {
     let lasting =
         |line: &'a str| line.split('…').next().unwrap_or_default().split(", run in ").next().unwrap_or_default();
+    let mut left = printed.lines();
+    let mut is_missing = |line: &&str| {
+        let mut ahead = left.clone();
+        let is_found = ahead.any(|other| other.starts_with(line));
+        if is_found {
+            left = ahead;
+        }
+        !is_found
+    };
     let lines = shown.lines().map(lasting).filter(|line| !line.trim().is_empty());
-    lines.filter(|line| !printed.lines().any(|other| other.starts_with(line))).collect()
+    lines.filter(|line| is_missing(line)).collect()
 }
 
-/// Words of `command` are words of `line`, in that order.
-pub fn has_words(line: &str, command: &str) -> bool {
-    let mut words = line.split_whitespace();
-    command.split_whitespace().all(|word| words.any(|other| other == word))
+fn step(text: &str, expected: i32) -> Step {
+    Step { place: format!("page: {text}"), text: text.to_owned(), expected, is_background: false }
 }
 
 #[test]
-fn commands_that_end_otherwise_than_expected_are_named() {
-    let step = |text: &str, expected| Step {
-        place: format!("page: {text}"),
-        text: text.to_owned(),
-        expected,
-        is_background: false,
-    };
-    let reader = Reader::new();
-    let fine = reader.types(&[step("cd configs", 0), step("ls # all", 0), step("upm check nothing.json", 2)]).unwrap();
+fn unexpected_exit_status_names_the_command() {
+    let shell = Shell::new();
+    let fine = shell.run(&[step("cd configs", 0), step("ls # all", 0), step("upm check nothing.json", 2)]).unwrap();
     assert!(fine[1].output.contains("arrange-2.json") && fine[2].output.contains("nothing.json"), "{}", fine[1].output);
-    let wrong = reader.types(&[step("true", 0), step("echo so; false", 0), step("true", 0)]).err().unwrap();
+    let wrong = shell.run(&[step("true", 0), step("echo so; false", 0), step("true", 0)]).err().unwrap();
     assert_eq!(wrong, "page: echo so; false: exit status 1, expected 0\n  so\n");
-    let built = reader.types(&[step("cargo test", 0)]).err().unwrap();
+    let built = shell.run(&[step("cargo test", 0)]).err().unwrap();
     assert!(built.contains("exit status 101") && built.contains("builds nothing"), "{built}");
 }
 
 #[test]
-fn output_of_a_page_holds_up_to_an_ellipsis() {
+fn daemon_that_ends_early_fails_the_page() {
+    let serve = |text: &str| Step { is_background: true, ..step(text, 0) };
+    // stands in for `upm plates`
+    let client = step("upm() { true; }", 0);
+    assert!(Shell::new().run(&[client.clone(), serve("sleep 60 &  # serves"), step("true", 0)]).is_ok());
+    let fault = Shell::new().run(&[client, serve("sleep 0.1 &"), step("sleep 0.5", 0)]).err().unwrap();
+    assert!(fault.starts_with("the end of the page: exit status none"), "{fault}");
+}
+
+#[test]
+fn output_of_a_page_holds_in_order_and_up_to_an_ellipsis() {
     let printed = "job: done\n  plate time   5.2 s, run in 0.3 s\n  work  3\n";
-    assert_eq!(lacking("job: …\n  plate time   5.2 s, run in 9 s\n…\n", printed), Vec::<&str>::new());
-    assert_eq!(lacking("job: done\n  work  4\n", printed), ["  work  4"]);
-    assert!(has_words("step cargo run --locked -- run a.json --out b", "cargo run -- run a.json"));
-    assert!(!has_words("step cargo test", "cargo test --workspace"));
+    let missing = |shown| missing_lines(shown, printed);
+    assert_eq!(missing("job: …\n  plate time   5.2 s, run in 9 s\n…\n"), [""; 0]);
+    assert_eq!(missing("job: done\n  work  4\n  work\n"), ["  work  4"]);
+    assert_eq!(missing("  work  3\njob: done\n"), ["job: done"]);
 }
