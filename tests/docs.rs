@@ -1,4 +1,5 @@
-//! Links of the documentation: every relative link in a Markdown file leads to a file and to a heading in it.
+//! Links and names in the documentation: every relative link in a Markdown file leads to a file and to a heading in it,
+//! and commands, options and scripts that a page names exist.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,6 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+
+#[path = "doc_commands/pages.rs"]
+#[allow(dead_code)] // marks and outputs
+mod parser;
+
+use parser::{Page, in_one_line};
 
 /// Most lines of the front page, which a newcomer should read in three minutes.
 const README_LINES: usize = 150;
@@ -21,24 +28,20 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-/// Lines of a page outside fenced code.
-fn prose(text: &str) -> impl Iterator<Item = &str> {
-    let mut is_code = false;
-    text.lines().filter(move |line| {
-        is_code ^= line.trim_start().starts_with("```");
-        !is_code
-    })
+/// The page in a file.
+fn read(file: &Path) -> Page {
+    Page::read(&file.display().to_string(), &fs::read_to_string(file).unwrap())
 }
 
 /// Destinations of the inline links in a page.
-fn links(text: &str) -> Vec<String> {
-    let after_brackets = prose(text).flat_map(|line| line.split("](").skip(1));
+fn links(page: &Page) -> Vec<String> {
+    let after_brackets = page.prose.split("](").skip(1);
     after_brackets.filter_map(|rest| rest.split_once(')')).map(|(target, _)| target.to_owned()).collect()
 }
 
 /// Anchors of a page's headings by GitHub's rules.
-fn anchors(text: &str) -> BTreeSet<String> {
-    let headings = prose(text).filter(|line| line.starts_with('#'));
+fn anchors(page: &Page) -> BTreeSet<String> {
+    let headings = page.prose.lines().filter(|line| line.starts_with('#'));
     let anchor = |heading: &str| -> String {
         let title = heading.trim_start_matches('#').trim().to_lowercase();
         let kept = title.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
@@ -51,11 +54,10 @@ fn anchors(text: &str) -> BTreeSet<String> {
 fn relative_links_lead_to_files_and_headings() {
     let mut broken = Vec::new();
     for page in pages() {
-        let text = fs::read_to_string(&page).unwrap();
-        for link in links(&text).iter().filter(|link| !link.contains("://")) {
+        for link in links(&read(&page)).iter().filter(|link| !link.contains("://")) {
             let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
             let target = if path.is_empty() { page.clone() } else { page.parent().unwrap().join(path) };
-            let has_anchor = || anchor.is_empty() || anchors(&fs::read_to_string(&target).unwrap()).contains(anchor);
+            let has_anchor = || anchor.is_empty() || anchors(&read(&target)).contains(anchor);
             if !target.exists() || !has_anchor() {
                 broken.push(format!("{}: {link}", page.display()));
             }
@@ -69,29 +71,29 @@ fn readme_is_short_and_leads_to_every_page_of_the_docs() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let readme = fs::read_to_string(root.join("README.md")).unwrap();
     assert!(readme.lines().count() <= README_LINES && readme.split_whitespace().count() <= README_WORDS);
-    let linked = links(&readme);
+    let linked = links(&Page::read("README.md", &readme));
     let docs = pages().into_iter().filter(|page| page.parent().is_some_and(|folder| folder.ends_with("docs")));
     let unlinked = docs.filter(|page| !linked.contains(&format!("docs/{}", page.file_name().unwrap().display())));
     assert_eq!(unlinked.collect::<Vec<_>>(), Vec::<PathBuf>::new(), "pages that the README does not name");
 }
 
-/// Commands of `upm` that a page names: lines of code blocks and inline code.
-fn commands(text: &str) -> Vec<String> {
-    let inline = prose(text).flat_map(|line| line.split('`').skip(1).step_by(2));
-    let prompt = |line| str::trim_start_matches(line, "$ ");
-    let typed = text.lines().map(prompt).flat_map(|line| line.split(" && "));
-    let of_upm = |code: &str| -> Option<String> {
-        let code = code.split(" #").next()?.trim_end_matches('&').trim();
-        let words = code.strip_prefix("upm ").or_else(|| code.strip_prefix("cargo run -- "))?;
-        words.starts_with(|c: char| c.is_ascii_lowercase()).then(|| words.to_owned())
-    };
-    inline.chain(typed).filter_map(of_upm).collect()
+/// Commands that a page has in blocks and inline code, each without what `&&`, a comment or `&` separates from it.
+fn commands(page: &Page) -> Vec<String> {
+    let typed = page.blocks.iter().flat_map(|block| &block.commands).map(|(_, text)| in_one_line(text));
+    let all = page.codes.iter().cloned().chain(typed);
+    all.flat_map(|text| text.split(" && ").map(|part| part.trim_end_matches('&').trim().to_owned()).collect::<Vec<_>>())
+        .collect()
 }
 
-/// Scripts in `tools/` that a page names.
-fn scripts(text: &str) -> BTreeSet<String> {
-    let after_python = text.split("python3 ").skip(1).filter_map(|rest| rest.split([' ', '`', '\n', '\'']).next());
-    after_python.filter(|script| script.starts_with("tools/")).map(str::to_owned).collect()
+/// The words after `upm` in a command; `None` for other commands, and where `upm` has no subcommand.
+fn words_of_upm(command: &str) -> Option<&str> {
+    let words = command.strip_prefix("upm ").or_else(|| command.strip_prefix("cargo run -- "))?;
+    words.starts_with(|c: char| c.is_ascii_lowercase()).then_some(words)
+}
+
+/// The script in `tools/` that a command runs.
+fn script_of(command: &str) -> Option<&str> {
+    command.strip_prefix("python3 ")?.split([' ', '\'']).next().filter(|script| script.starts_with("tools/"))
 }
 
 /// Output of `upm COMMAND --help`; empty where there is no such command.
@@ -103,23 +105,24 @@ fn help_of(command: &str) -> String {
 #[test]
 fn commands_that_pages_name_exist_with_their_options_and_tools_are_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let (mut helps, mut wrong) = (BTreeMap::new(), Vec::new());
-    for page in pages().into_iter().filter(|page| !page.ends_with("CHANGELOG.md")) {
-        let text = fs::read_to_string(&page).unwrap();
-        for typed in commands(&text) {
-            let mut words = typed.split_whitespace();
+    let (mut helps, mut faults) = (BTreeMap::new(), Vec::new());
+    for page in pages().iter().filter(|page| !page.ends_with("CHANGELOG.md")).map(|page| read(page)) {
+        let commands = commands(&page);
+        for called in commands.iter().filter_map(|command| words_of_upm(command)) {
+            let mut words = called.split_whitespace();
             let command = words.next().unwrap().trim_end_matches([',', ';']).to_owned();
             let help: &String = helps.entry(command.clone()).or_insert_with(|| help_of(&command));
             let options = words.filter(|word| word.starts_with("--")).map(|word| word.split('=').next().unwrap());
             let is_there = |option: &str| help.split([' ', ',', '\n']).any(|word| word == option);
-            let lacking: Vec<&str> = options.filter(|option| !is_there(option)).collect();
-            if help.is_empty() || !lacking.is_empty() {
-                wrong.push(format!("{}: upm {typed}: {lacking:?}", page.display()));
+            let missing: Vec<&str> = options.filter(|option| !is_there(option)).collect();
+            if help.is_empty() || !missing.is_empty() {
+                faults.push(format!("{}: upm {called}: {missing:?}", page.name));
             }
         }
-        let missing = scripts(&text).into_iter().filter(|script| !root.join(script).exists());
-        wrong.extend(missing.map(|script| format!("{}: {script}", page.display())));
+        let scripts = commands.iter().filter_map(|command| script_of(command));
+        let missing = scripts.filter(|script| !root.join(script).exists());
+        faults.extend(missing.map(|script| format!("{}: {script}", page.name)));
     }
     assert!(helps.len() > 15, "commands are found: {:?}", helps.keys());
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

@@ -8,6 +8,10 @@ use tempfile::TempDir;
 
 use super::{root, status};
 
+#[path = "../doc_commands/pages.rs"]
+#[allow(dead_code)] // commands and marks
+mod pages;
+
 /// A job on `upm-2` in a new file.
 fn written(folder: &Path, parts: u32, task: Value) -> PathBuf {
     let rig = root().join("configs/rigs/upm-2.json");
@@ -80,23 +84,7 @@ fn letters_that_do_not_fit_are_one_line_with_the_height_that_does() {
     status(&["check", text(84.1).to_str().unwrap()], 2);
 }
 
-/// Fenced blocks of a document: the words after the fence, and the content.
-fn blocks(document: &str) -> Vec<(String, String)> {
-    let mut blocks: Vec<(String, String)> = Vec::new();
-    let mut is_open = false;
-    for line in document.lines() {
-        match line.strip_prefix("```") {
-            Some(info) if !is_open => blocks.push((info.to_owned(), String::new())),
-            Some(_) => {}
-            None if is_open => blocks.last_mut().unwrap().1 += &format!("{line}\n"),
-            None => {}
-        }
-        is_open ^= line.starts_with("```");
-    }
-    blocks
-}
-
-/// A fault's path, value found and allowed values, without the file.
+/// A fault's path, expected and found value, without the file.
 fn without_file<'a>(file: &Path, line: &'a str) -> &'a str {
     line.trim_end().strip_prefix(&format!("upm: {}: ", file.display())).unwrap_or_else(|| panic!("{line}"))
 }
@@ -105,7 +93,7 @@ fn without_file<'a>(file: &Path, line: &'a str) -> &'a str {
 fn every_example_of_the_guide_to_jobs_is_as_it_says() {
     let folder = TempDir::new().unwrap();
     let guide = root().join("docs/jobs.md");
-    let blocks = blocks(&fs::read_to_string(guide).unwrap());
+    let blocks = pages::Page::read("docs/jobs.md", &fs::read_to_string(guide).unwrap()).fences;
     let (mut valid, mut faulty, mut others) = (0, 0, Vec::new());
     for (i, (info, text)) in blocks.iter().enumerate().filter(|(_, (info, _))| info.starts_with("json")) {
         let example: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"));
