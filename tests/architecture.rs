@@ -6,8 +6,8 @@ use std::io;
 use std::path::Path;
 use std::sync::LazyLock;
 
-#[path = "architecture/circles.rs"]
-mod circles;
+#[path = "architecture/cycles.rs"]
+mod cycles;
 #[path = "architecture/layers.rs"]
 mod layers;
 #[path = "architecture/map.rs"]
@@ -67,14 +67,19 @@ fn rooms_import_only_what_they_may() {
 }
 
 #[test]
+fn map_has_each_room_once_and_base_rooms_are_rooms() {
+    none(MAP.faults());
+}
+
+#[test]
 fn map_lists_nothing_that_sources_do_not_need() {
     assert!(MAP.base.len() > 5 && MAP.outside.len() > 20, "the map is read: {MAP:?}");
     none(rules::unused(&SOURCES));
 }
 
 #[test]
-fn files_import_each_other_in_no_circle() {
-    none(rules::circles_in(&SOURCES));
+fn files_have_no_import_cycle() {
+    none(rules::cycles_in(&SOURCES));
 }
 
 #[test]

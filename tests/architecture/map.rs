@@ -99,6 +99,15 @@ impl Map {
         layer.into_iter().for_each(|layer| layer.crates.push(of));
     }
 
+    /// Rooms of one name, which imports could not tell apart, and base rooms that are no rooms.
+    pub fn faults(&self) -> Vec<String> {
+        let is_earlier = |i: usize| self.rooms[..i].iter().any(|room| room.name == self.rooms[i].name);
+        let twice = (0..self.rooms.len()).filter(|&i| is_earlier(i)).map(|i| &self.rooms[i]);
+        let unknown = self.base.iter().filter(|name| self.room(name).is_none());
+        let twice = twice.map(|room| format!("there is another room `{}` than that of `{}`", room.name, room.of));
+        twice.chain(unknown.map(|name| format!("there is no base room `{name}`"))).collect()
+    }
+
     /// The room with this name.
     pub fn room(&self, name: &str) -> Option<&Room> {
         self.rooms.iter().find(|room| room.name == name)
@@ -108,4 +117,12 @@ impl Map {
     pub fn is_one_room(&self, of: &str) -> bool {
         self.room(of).is_some_and(|room| room.of == of)
     }
+}
+
+#[test]
+fn rooms_of_one_name_and_unknown_base_rooms_are_found() {
+    let page =
+        "### Layer 0: a\n\nBase rooms are `rig` and\n`clock`.\n\n- `core/rig`: a.\n- `sim`: b.\n- `runner/rig`: c.\n";
+    let found = Map::read(page).faults();
+    assert_eq!(found, ["there is another room `rig` than that of `runner`", "there is no base room `clock`"]);
 }

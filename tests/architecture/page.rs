@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::map::quoted;
+use super::scan;
 
 /// Most columns of a line outside tables and links to pictures.
 const WIDEST: usize = 120;
@@ -27,8 +28,8 @@ fn is_name(text: &str) -> bool {
     is_plain && text.starts_with(|c: char| c.is_alphabetic()) && !text.starts_with("std::")
 }
 
-/// True if a path leads somewhere from the project's root, or is the end of a source's path or folder: `fields/bank` is
-/// `src/planner/fields/bank.rs`.
+/// True if a path leads somewhere from the project's root, or is the end of a source's path or folder: `fields/seeds` is
+/// `src/planner/fields/seeds.rs`.
 fn exists(path: &str, files: &[(String, String)]) -> bool {
     let path = path.trim_end_matches('/');
     let is_end = |whole: &str| whole.strip_suffix(path).is_some_and(|before| before.ends_with('/'));
@@ -39,11 +40,12 @@ fn exists(path: &str, files: &[(String, String)]) -> bool {
 
 /// Faults of the page, given all sources with their texts.
 pub fn faults(page: &str, files: &[(String, String)]) -> Vec<String> {
-    let texts = files.iter().map(|(_, text)| text.as_str()).chain([include_str!("../../Cargo.toml")]);
-    let words: Vec<&str> = texts.flat_map(|text| text.split(|c| !is_word(c))).filter(|word| !word.is_empty()).collect();
-    let items = words.windows(2).filter(|pair| KEYWORDS.contains(&pair[0])).map(|pair| pair[1]);
-    let (items, words): (BTreeSet<&str>, BTreeSet<&str>) = (items.collect(), words.iter().copied().collect());
-    // Modules and variants are words of some source, types are defined in one.
+    let code: Vec<String> = files.iter().flat_map(|(_, text)| scan::words(text)).collect();
+    let items = code.windows(2).filter(|pair| KEYWORDS.contains(&pair[0].as_str())).map(|pair| pair[1].as_str());
+    let of_manifest = include_str!("../../Cargo.toml").split(|c| !is_word(c));
+    let words: BTreeSet<&str> = code.iter().map(String::as_str).chain(of_manifest).collect();
+    let items: BTreeSet<&str> = items.collect();
+    // Modules and variants are words of the code of some source, types are defined in one.
     let is_known = |name: &str| {
         let item = name.split("::").find(|word| word.starts_with(char::is_uppercase));
         name.split("::").all(|word| words.contains(word)) && item.is_none_or(|item| items.contains(item))
@@ -67,11 +69,12 @@ pub fn faults(page: &str, files: &[(String, String)]) -> Vec<String> {
 
 #[test]
 fn missing_names_and_wide_lines_are_found() {
-    let files = [("src/planner/fields/bank.rs".to_owned(), "struct Bank; // A".to_owned())];
-    let fine = "`src/planner/`, `fields/bank`, `bank.rs`, `Bank`, `Cargo.toml`, `c - js`, `_m`\n| a table |";
+    let source = "struct Seeds; // a type gauge\nconst A: &str = \"dial\";";
+    let files = [("src/planner/fields/seeds.rs".to_owned(), source.to_owned())];
+    let fine = "`src/planner/`, `fields/seeds`, `seeds.rs`, `Seeds`, `Cargo.toml`, `c - js`, `_m`\n| a table |";
     assert_eq!(faults(fine, &files), [""; 0]);
-    let found = faults("`fields/bench`\n`Bank::Row`, `A`\n```\nleast_time\n```\n", &files);
-    let wanted = [(1, "fields/bench"), (2, "Bank::Row"), (2, "A"), (4, "least_time")];
-    assert_eq!(found, wanted.map(|(line, name)| format!("ARCHITECTURE.md:{line}: there is no `{name}`")));
+    let found = faults("`fields/bench`\n`Seeds::Row`, `B`\n```\nleast_time\n```\n`gauge`, `dial`", &files);
+    let expected = [(1, "fields/bench"), (2, "Seeds::Row"), (2, "B"), (4, "least_time"), (6, "gauge"), (6, "dial")];
+    assert_eq!(found, expected.map(|(line, name)| format!("ARCHITECTURE.md:{line}: there is no `{name}`")));
     assert_eq!(faults(&"x".repeat(121), &files), ["ARCHITECTURE.md:1: lines have at most 120 columns"]);
 }

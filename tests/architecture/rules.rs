@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::circles;
+use super::cycles;
 use super::map::{MAP, Room, member_of};
 use super::scan::{Mention, Scan, scan};
 
@@ -10,7 +10,7 @@ use super::scan::{Mention, Scan, scan};
 const LONGEST_FILE: usize = 400;
 
 /// Rooms that neither control nor anything it imports may name, tests included.
-const TRUTH: [&str; 2] = ["sim", "ground_truth"];
+const GROUND_TRUTH: [&str; 2] = ["sim", "ground_truth"];
 
 /// A source file.
 pub struct Source {
@@ -118,10 +118,10 @@ fn imports(sources: &[Source]) -> impl Iterator<Item = Import<'_>> {
 }
 
 /// Import cycles among the sources, tests left out.
-pub fn circles_in(sources: &[Source]) -> Vec<String> {
+pub fn cycles_in(sources: &[Source]) -> Vec<String> {
     let shipped = sources.iter().filter(|source| !source.is_test);
     let shipped: Vec<(&str, &Scan)> = shipped.map(|source| (source.file.as_str(), &source.scan)).collect();
-    circles::circles(&shipped)
+    cycles::cycles(&shipped)
 }
 
 /// True for a mention of `name` itself or of an item in it.
@@ -160,28 +160,28 @@ pub fn faults(sources: &[Source]) -> Vec<String> {
             })),
         }
     }
-    faults.extend(ways_to_the_truth(sources));
+    faults.extend(chains_to_ground_truth(sources));
     faults
 }
 
-/// Chains of imports by which control reaches the truth, tests included.
-fn ways_to_the_truth(sources: &[Source]) -> Vec<String> {
+/// Chains of imports by which control reaches the ground truth, tests included.
+fn chains_to_ground_truth(sources: &[Source]) -> Vec<String> {
     let mut next: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for import in imports(sources).filter(|import| !import.in_test) {
         next.entry(import.room).or_default().extend(import.of.map(|(other, _)| other));
     }
-    let (mut ways, mut queue) = (BTreeMap::from([("control", "control".to_owned())]), vec!["control"]);
+    let (mut chains, mut queue) = (BTreeMap::from([("control", "control".to_owned())]), vec!["control"]);
     while let Some(room) = queue.pop() {
-        for &other in next.get(room).into_iter().flatten().filter(|other| !TRUTH.contains(other)) {
-            let way = format!("{} -> {other}", ways[room]);
-            if ways.insert(other, way).is_none() {
+        for &other in next.get(room).into_iter().flatten().filter(|other| !GROUND_TRUTH.contains(other)) {
+            let chain = format!("{} -> {other}", chains[room]);
+            if chains.insert(other, chain).is_none() {
                 queue.push(other);
             }
         }
     }
     let reached = imports(sources).filter_map(|import| {
-        let (of, _) = import.of.filter(|(of, _)| TRUTH.contains(of))?;
-        Some(format!("{}: control reaches {of}: {} -> {of}", import.at(), ways.get(import.room)?))
+        let (of, _) = import.of.filter(|(of, _)| GROUND_TRUTH.contains(of))?;
+        Some(format!("{}: control reaches {of}: {} -> {of}", import.at(), chains.get(import.room)?))
     });
     reached.collect()
 }

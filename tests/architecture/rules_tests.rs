@@ -74,14 +74,14 @@ fn control_reaches_sim_neither_through_others_nor_in_tests() {
     let files = [
         ("src/control/lib.rs", "use upm_planner::Plan;"),
         ("src/planner/plan.rs", "use upm_cor_library::Library;"),
-        ("src/cor_library/look.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
+        ("src/cor_library/file.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
     ];
     assert_eq!(
         faults_of(&files),
-        ["src/cor_library/look.rs:3: control reaches sim: control -> planner -> cor_library -> sim"]
+        ["src/cor_library/file.rs:3: control reaches sim: control -> planner -> cor_library -> sim"]
     );
     assert_eq!(faults_of(&files[1..]), [""; 0]);
-    let truth = [("src/control/eyes.rs", "use upm_core::ground_truth::GroundTruth;")];
+    let truth = [("src/control/perception.rs", "use upm_core::ground_truth::GroundTruth;")];
     assert_eq!(faults_of(&truth).len(), 2, "not allowed, and within reach of control");
 }
 
@@ -105,13 +105,13 @@ fn outside_crates_have_their_places_and_files_their_length() {
 }
 
 #[test]
-fn circles_are_found_through_names_that_are_handed_on_and_only_outside_tests() {
-    let found = |files: &[(&str, &str)]| rules::circles_in(&sources(files));
+fn import_cycles_are_found_through_re_exports_and_only_outside_tests() {
+    let found = |files: &[(&str, &str)]| rules::cycles_in(&sources(files));
     let room = ("src/task/lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
     let both =
         [room, ("src/task/a.rs", "use super::B; pub struct A;"), ("src/task/b.rs", "use crate::A; pub struct B;")];
-    let circle = "circle of 2 files:\n  src/task/a.rs -> src/task/b.rs: B\n  src/task/b.rs -> src/task/a.rs: A";
-    assert_eq!(found(&both), [circle]);
+    let cycle = "import cycle of 2 files:\n  src/task/a.rs -> src/task/b.rs: B\n  src/task/b.rs -> src/task/a.rs: A";
+    assert_eq!(found(&both), [cycle]);
     let one_way = [room, both[1], ("src/task/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
     assert_eq!(found(&one_way), [""; 0], "tests may");
     let parent = [

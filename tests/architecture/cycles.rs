@@ -123,7 +123,7 @@ fn reached<'a>(imports: &Imports<'a>, from: &'a str) -> BTreeSet<&'a str> {
 }
 
 /// All import cycles among `files` (path and scan; tests left out), each as its imports: `a.rs -> b.rs: Name`.
-pub fn circles(files: &[(&str, &Scan)]) -> Vec<String> {
+pub fn cycles(files: &[(&str, &Scan)]) -> Vec<String> {
     let mut crates: BTreeMap<&str, Crate> = BTreeMap::new();
     for &(file, scan) in files {
         if let Some((of, module)) = module_of(file) {
@@ -142,12 +142,12 @@ pub fn circles(files: &[(&str, &Scan)]) -> Vec<String> {
             if seen.contains(first) {
                 continue;
             }
-            let circle: Vec<&str> = imports.keys().copied().filter(|&file| in_one(first, file)).collect();
-            seen.extend(&circle);
-            let arrows = circle.iter().flat_map(|&from| imports[from].iter().map(move |(to, name)| (from, to, name)));
-            let inside = arrows.filter(|(_, to, _)| circle.contains(*to));
+            let cycle: Vec<&str> = imports.keys().copied().filter(|&file| in_one(first, file)).collect();
+            seen.extend(&cycle);
+            let arrows = cycle.iter().flat_map(|&from| imports[from].iter().map(move |(to, name)| (from, to, name)));
+            let inside = arrows.filter(|(_, to, _)| cycle.contains(*to));
             let lines: Vec<String> = inside.map(|(from, to, name)| format!("  {from} -> {to}: {name}")).collect();
-            found.push(format!("circle of {} files:\n{}", circle.len(), lines.join("\n")));
+            found.push(format!("import cycle of {} files:\n{}", cycle.len(), lines.join("\n")));
         }
     }
     found
