@@ -1,5 +1,6 @@
-//! Runs every program of `examples/` and checks its output. `cargo test` builds them; after `cargo build --examples`
-//! this test runs alone.
+//! Runs `locate_picture`, `plan_and_simulate`, `own_task` and `own_rig` of `examples/` and checks their output;
+//! `tests/student.rs` has the picture that `draw_principle` draws. `cargo test` builds the programs; after
+//! `cargo build --examples` this test runs alone.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::env::consts::EXE_SUFFIX;
@@ -59,8 +60,8 @@ fn forecast_of_a_plan_is_near_the_truth() {
 }
 
 #[test]
-fn goal_of_ones_own_is_reached() {
-    let printed = output_of("own_goal", &[]);
+fn custom_task_is_completed() {
+    let printed = output_of("own_task", &[]);
     assert!(printed.starts_with("completed: 4 of 4 parts on the circle"), "{printed}");
     let radii_mm: Vec<f64> =
         printed.lines().filter(|line| line.contains("from the centre")).map(|line| numbers(line)[2]).collect();
@@ -69,7 +70,7 @@ fn goal_of_ones_own_is_reached() {
 }
 
 #[test]
-fn rig_of_ones_own_logs_every_pulse() {
+fn wrapped_rig_logs_every_pulse() {
     let printed = output_of("own_rig", &[]);
     let logged = printed.lines().filter(|line| line.contains(" s  pulse ")).count();
     let last = numbers(printed.lines().last().unwrap());

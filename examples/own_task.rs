@@ -2,7 +2,7 @@
 //! loop, with the camera, the planner and the guards of every other job.
 //!
 //! ```text
-//! cargo run --example own_goal
+//! cargo run --example own_task
 //! ```
 #![allow(clippy::print_stdout)] // an example talks to its reader
 
