@@ -28,8 +28,8 @@ fn is_name(text: &str) -> bool {
     is_plain && text.starts_with(|c: char| c.is_alphabetic()) && !text.starts_with("std::")
 }
 
-/// True if a path leads somewhere from the project's root, or is the end of a source's path or folder: `fields/seeds` is
-/// `src/planner/fields/seeds.rs`.
+/// True if a path leads somewhere from the project's root, or is the end of a source's path or folder: `fields/seeds`
+/// is `src/planner/fields/seeds.rs`.
 fn exists(path: &str, files: &[(String, String)]) -> bool {
     let path = path.trim_end_matches('/');
     let is_end = |whole: &str| whole.strip_suffix(path).is_some_and(|before| before.ends_with('/'));
