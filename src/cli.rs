@@ -65,7 +65,7 @@ use clap::{CommandFactory, Parser};
 use args::{Cli, Command};
 use output::Failure;
 
-/// Parses the command line and runs the command. Exit status: 0 done, 1 goal not reached, 2 bad usage or a bad file,
+/// Parses the command line and runs the command. Exit status: 0 done, 1 task not completed, 2 bad usage or a bad file,
 /// 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {

@@ -242,7 +242,7 @@ fn shells_offer_the_names_that_commands_take() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_told() {
+fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_reported() {
     for args in [&["completions", "bash"][..], &["schema", "job"], &["check", "configs/plus-sign.json"]] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
         let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))

@@ -79,7 +79,7 @@ export class Order {
   take() {
     const example = this.examples.find((example) => example.name === this.example.value);
     if (!example) return;
-    const fits = this.names.find((name) => example.rig === name) ?? this.names.find((name) => example.rig.startsWith(`${name}-`)) ?? '';
+    const fits = this.names.find((name) => example.rig === name) ?? '';
     this.editor.faults = [];
     this.editor.text = withMember(example.text, 'plate', fits);
     this.forget();

@@ -1,6 +1,7 @@
-//! Logarithmic axes: values in decades, and the ticks between them.
+//! Logarithmic axes: values in decades, and the ticks at them.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use crate::{Axis, AxisScale, Chart, Layer, Mark};
 
@@ -10,9 +11,15 @@ const LEADS: [&[u32]; 4] = [&[1, 2, 3, 4, 5, 6, 7, 8, 9], &[1, 2, 5], &[1, 3], &
 /// Widest axis whose ticks between decades are drawn, decades.
 const WIDEST_WITH_MINOR: f64 = 8.0;
 
+/// Values that a logarithmic axis shows: ratios of any two of them are numbers.
+const SHOWN: RangeInclusive<f64> = 1e-99..=1e99;
+
+/// Rounding of a place, decades.
+const ROUNDING: f64 = 1e-9;
+
 impl Chart {
-    /// The chart with the values of its logarithmic axes as powers of ten. Values that have none (zero and below)
-    /// become NaN, a gap. Radii and sides are lengths in decades there.
+    /// The chart with base-10 logarithms in place of the values of its logarithmic axes. Values that are not positive,
+    /// or outside 1e-99 to 1e99, become NaN, a gap. Radii and sides are lengths in decades there.
     pub fn in_decades(&self) -> Cow<'_, Self> {
         let is_log = [&self.x, &self.y].map(|axis| axis.scale == AxisScale::Log);
         if is_log == [false; 2] {
@@ -39,14 +46,14 @@ fn layer_in_decades(layer: &mut Layer, is_log: [bool; 2]) {
     layer.points.iter_mut().for_each(|point| *point = mapped(*point));
 }
 
-/// The power of ten that is `value`; NaN where there is none.
+/// Base-10 logarithm of `value`; NaN for values that are not positive, or outside [`SHOWN`].
 fn decades(value: f64) -> f64 {
-    if value > 0.0 { value.log10() } else { f64::NAN }
+    if SHOWN.contains(&value) { value.log10() } else { f64::NAN }
 }
 
 /// Ticks of a logarithmic axis.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LogTicks {
+pub(crate) struct LogTicks {
     /// Places of the ticks with a number, in decades, ascending.
     pub major: Vec<f64>,
     /// Places of the lines between them, in decades.
@@ -55,7 +62,7 @@ pub struct LogTicks {
 
 /// At most `most` ticks for an axis over `range`, in decades: at 1 to 9, 1-2-5 or 1-3 times a power of ten, at powers
 /// of ten, or at every few of them. An axis too short for two of these has none; a linear scale suits it.
-pub fn log_ticks(range: [f64; 2], most: usize) -> LogTicks {
+pub(crate) fn log_ticks(range: [f64; 2], most: usize) -> LogTicks {
     let [low, high] = range;
     let span = high - low;
     if !span.is_finite() || span <= 0.0 {
@@ -76,16 +83,15 @@ pub fn log_ticks(range: [f64; 2], most: usize) -> LogTicks {
 /// Places of `leads` times powers of ten, of every so many of them, within `range`, in decades.
 fn ticks_at([low, high]: [f64; 2], leads: &[u32], every: i32) -> Vec<f64> {
     // far more than can be drawn, and no cast overflows
-    let powers = (low.max(-400.0).floor() as i32)..=(high.min(400.0).floor() as i32);
+    let powers = (low.max(-400.0).floor() as i32)..=((high.min(400.0) + ROUNDING).floor() as i32);
     let powers = powers.filter(|power| power.rem_euclid(every) == 0);
     let places = powers.flat_map(|power| leads.iter().map(move |&lead| f64::from(power) + f64::from(lead).log10()));
-    const ROUNDING: f64 = 1e-9;
     places.filter(|&place| low - ROUNDING <= place && place <= high + ROUNDING).collect()
 }
 
 /// The number of a tick at `place`, in decades: `0.02`, `500`, `2e-7`.
-pub fn log_tick_text(place: f64) -> String {
-    let power = (place + 1e-9).floor();
+pub(crate) fn log_tick_text(place: f64) -> String {
+    let power = (place + ROUNDING).floor();
     let lead = 10f64.powf(place - power).round();
     if (-4.0..6.0).contains(&power) {
         let places = (-power).max(0.0) as usize;
@@ -121,10 +127,11 @@ mod tests {
         assert!(numbers([1.1, 1.3], 9).is_empty(), "a linear scale suits it");
         let ticks = log_ticks([0.0, 3.0], 5);
         assert_eq!((ticks.major.len(), ticks.minor.len()), (4, 24));
+        assert_eq!(log_ticks([0.0, 3.0 - 1e-12], 5), ticks, "a range that ends at a decade but for rounding");
     }
 
     #[test]
-    fn what_has_no_logarithm_is_a_gap() {
+    fn nonpositive_values_are_gaps() {
         let line = Layer::new("", Mark::Line, Color::Blue, [[1.0, 10.0], [10.0, 0.0], [100.0, -3.0], [-1.0, 100.0]]);
         let mut chart = Chart::plot("a", "A", ["x", "y"], vec![line]);
         assert!(matches!(chart.in_decades(), Cow::Borrowed(_)));
@@ -134,6 +141,9 @@ mod tests {
         let y: Vec<f64> = shown.layers[0].points.iter().map(|point| point[1]).collect();
         assert!(y[0] == 1.0 && y[1].is_nan() && y[2].is_nan() && y[3] == 2.0, "{y:?}");
         assert_eq!(shown.layers[0].points[3][0], -1.0, "the other axis is linear");
+        chart.layers[0].points = [1e-100, 1e-99, 1e99, 1e100, f64::INFINITY].map(|value| [1.0, value]).to_vec();
+        let y: Vec<f64> = chart.in_decades().layers[0].points.iter().map(|point| point[1]).collect();
+        assert!(y[0].is_nan() && y[1] == -99.0 && y[2] == 99.0 && y[3].is_nan() && y[4].is_nan(), "{y:?}");
     }
 
     #[test]

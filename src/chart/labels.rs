@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Number of directions from a disc in which its label may lie.
-const WAYS: usize = 24;
+const DIRECTIONS: usize = 24;
 
 /// Distances of a label from its disc that are tried, in heights of the label.
 const STEPS: [f64; 12] = [0.0, 0.2, 0.4, 0.7, 1.1, 1.6, 2.2, 3.0, 4.0, 5.5, 7.5, 10.0];
@@ -14,15 +14,15 @@ const ON_LABEL: f64 = 60.0;
 const OUTSIDE: f64 = 40.0;
 
 /// Cost of any overlap, however small.
-const HIT: f64 = 8.0;
+const OVERLAP_COST: f64 = 8.0;
 
 /// Cost of changing to another side of the disc, and of a distance of one label height from it.
-const JUMP: f64 = 0.4;
-const AWAY: f64 = 0.6;
+const SIDE_CHANGE_COST: f64 = 0.4;
+const DISTANCE_COST: f64 = 0.6;
 
 /// A round part with the label to be placed beside it; y points down.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Labelled {
+pub struct LabelledDisc {
     /// Centre of the disc.
     pub center: [f64; 2],
     /// Its radius.
@@ -37,32 +37,35 @@ pub struct LabelPlace {
     /// Middle of the label.
     pub center: [f64; 2],
     /// Number of the direction from its disc.
-    pub way: usize,
+    pub direction: usize,
 }
 
 /// Places of the labels of `parts`, each as near to its disc as it can be without covering a disc or another label, and
 /// within `bounds`, from and to along x and y. A label keeps the side that it has in `before` unless another is better.
-pub fn place_labels(parts: &[Labelled], bounds: [[f64; 2]; 2], before: &[LabelPlace]) -> Vec<LabelPlace> {
+pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2], before: &[LabelPlace]) -> Vec<LabelPlace> {
     let mut placed: Vec<LabelPlace> = Vec::with_capacity(parts.len());
     for (i, part) in parts.iter().enumerate() {
         let height = (2.0 * part.half[1]).max(f64::MIN_POSITIVE);
         let cost = |place: &LabelPlace, steps: f64| {
-            let worth = |weight: f64, depth: f64| if depth > 0.0 { HIT + weight * depth / height } else { 0.0 };
-            let discs = parts.iter().map(|other| worth(ON_DISC, on_disc(place.center, part.half, other)));
-            let labels = placed.iter().zip(parts).map(|(other, of)| worth(ON_LABEL, on_label(place, part, other, of)));
-            let beyond = worth(OUTSIDE, outside(place.center, part.half, bounds));
-            let jump = if before.get(i).is_some_and(|old| old.way != place.way) { JUMP } else { 0.0 };
-            discs.sum::<f64>() + labels.sum::<f64>() + beyond + AWAY * steps + jump
+            let penalty =
+                |weight: f64, depth: f64| if depth > 0.0 { OVERLAP_COST + weight * depth / height } else { 0.0 };
+            let discs = parts.iter().map(|other| penalty(ON_DISC, on_disc(place.center, part.half, other)));
+            let labels =
+                placed.iter().zip(parts).map(|(other, of)| penalty(ON_LABEL, on_label(place, part, other, of)));
+            let beyond = penalty(OUTSIDE, outside(place.center, part.half, bounds));
+            let side_change =
+                if before.get(i).is_some_and(|old| old.direction != place.direction) { SIDE_CHANGE_COST } else { 0.0 };
+            discs.sum::<f64>() + labels.sum::<f64>() + beyond + DISTANCE_COST * steps + side_change
         };
-        let mut best = (LabelPlace { center: part.center, way: 0 }, f64::INFINITY);
+        let mut best = (LabelPlace { center: part.center, direction: 0 }, f64::INFINITY);
         for (place, steps) in candidates(part) {
             // all that follow are farther away
-            if best.1 <= AWAY * steps {
+            if best.1 <= DISTANCE_COST * steps {
                 break;
             }
-            let worth = cost(&place, steps);
-            if worth < best.1 {
-                best = (place, worth);
+            let penalty = cost(&place, steps);
+            if penalty < best.1 {
+                best = (place, penalty);
             }
         }
         placed.push(best.0);
@@ -71,13 +74,13 @@ pub fn place_labels(parts: &[Labelled], bounds: [[f64; 2]; 2], before: &[LabelPl
 }
 
 /// Places of a label around its disc with their distance in label heights, the nearest first, from below on.
-fn candidates(part: &Labelled) -> impl Iterator<Item = (LabelPlace, f64)> {
-    let Labelled { center: [x, y], radius, half: [w, h] } = *part;
+fn candidates(part: &LabelledDisc) -> impl Iterator<Item = (LabelPlace, f64)> {
+    let LabelledDisc { center: [x, y], radius, half: [w, h] } = *part;
     STEPS.into_iter().flat_map(move |steps| {
-        (0..WAYS).map(move |way| {
-            let (sin, cos) = (FRAC_PI_2 + TAU * way as f64 / WAYS as f64).sin_cos();
+        (0..DIRECTIONS).map(move |direction| {
+            let (sin, cos) = (FRAC_PI_2 + TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
             let reach = touching(radius * 1.1, [w, h], [cos, sin]) + steps * 2.0 * h;
-            (LabelPlace { center: [x + reach * cos, y + reach * sin], way }, steps)
+            (LabelPlace { center: [x + reach * cos, y + reach * sin], direction }, steps)
         })
     })
 }
@@ -94,14 +97,14 @@ fn touching(radius: f64, [w, h]: [f64; 2], [cos, sin]: [f64; 2]) -> f64 {
 }
 
 /// Depth to which a label covers a disc.
-fn on_disc([x, y]: [f64; 2], [w, h]: [f64; 2], disc: &Labelled) -> f64 {
+fn on_disc([x, y]: [f64; 2], [w, h]: [f64; 2], disc: &LabelledDisc) -> f64 {
     let [cx, cy] = disc.center;
     let apart = ((cx - x).abs() - w).max(0.0).hypot(((cy - y).abs() - h).max(0.0));
     (disc.radius - apart).max(0.0)
 }
 
 /// Depth to which two labels cover each other.
-fn on_label(a: &LabelPlace, of_a: &Labelled, b: &LabelPlace, of_b: &Labelled) -> f64 {
+fn on_label(a: &LabelPlace, of_a: &LabelledDisc, b: &LabelPlace, of_b: &LabelledDisc) -> f64 {
     let depth = |axis: usize| of_a.half[axis] + of_b.half[axis] - (a.center[axis] - b.center[axis]).abs();
     depth(0).min(depth(1)).max(0.0)
 }
@@ -122,17 +125,17 @@ mod tests {
 
     const BOUNDS: [[f64; 2]; 2] = [[-190.0, 190.0], [-190.0, 190.0]];
 
-    fn penny(center: [f64; 2]) -> Labelled {
-        Labelled { center, radius: 9.5, half: [17.0, 10.0] }
+    fn penny(center: [f64; 2]) -> LabelledDisc {
+        LabelledDisc { center, radius: 9.5, half: [17.0, 10.0] }
     }
 
     /// Up to 24 pennies on a plate of 305 mm, none nearer than 2 mm to another.
-    fn pennies() -> impl Strategy<Value = Vec<Labelled>> {
+    fn pennies() -> impl Strategy<Value = Vec<LabelledDisc>> {
         let place = proptest::array::uniform2(-142.0..142.0f64);
         proptest::collection::vec(place, 1..60).prop_map(|places| {
-            let mut parts: Vec<Labelled> = Vec::new();
+            let mut parts: Vec<LabelledDisc> = Vec::new();
             for [x, y] in places {
-                let free = |part: &Labelled| (part.center[0] - x).hypot(part.center[1] - y) > 21.0;
+                let free = |part: &LabelledDisc| (part.center[0] - x).hypot(part.center[1] - y) > 21.0;
                 if parts.len() < 24 && parts.iter().all(free) {
                     parts.push(penny([x, y]));
                 }
@@ -150,10 +153,10 @@ mod tests {
             prop_assert_eq!(placed.len(), parts.len());
             for (i, place) in placed.iter().enumerate() {
                 for part in &parts {
-                    prop_assert!(on_disc(place.center, parts[i].half, part) < 1e-3, "{i}: {place:?} on {part:?}");
+                    prop_assert!(on_disc(place.center, parts[i].half, part) < 1e-6, "{i}: {place:?} on {part:?}");
                 }
                 for (j, other) in placed.iter().enumerate().take(i) {
-                    prop_assert!(on_label(place, &parts[i], other, &parts[j]) < 1.0, "{i} on {j}: {place:?} {other:?}");
+                    prop_assert!(on_label(place, &parts[i], other, &parts[j]) < 1e-6, "{i} on {j}: {place:?} {other:?}");
                 }
                 prop_assert!(outside(place.center, parts[i].half, BOUNDS) < 1e-9);
             }
@@ -169,15 +172,15 @@ mod tests {
 
     #[test]
     fn a_label_keeps_its_side_until_another_is_better() {
-        let before = [LabelPlace { center: [0.0; 2], way: 12 }];
-        assert_eq!(place_labels(&[penny([0.0, 0.0])], BOUNDS, &before)[0].way, 12);
+        let before = [LabelPlace { center: [0.0; 2], direction: 12 }];
+        assert_eq!(place_labels(&[penny([0.0, 0.0])], BOUNDS, &before)[0].direction, 12);
         let covered = [penny([0.0, 0.0]), penny([0.0, -22.0])];
-        assert_ne!(place_labels(&covered, BOUNDS, &before)[0].way, 12);
+        assert_ne!(place_labels(&covered, BOUNDS, &before)[0].direction, 12);
     }
 
     #[test]
-    fn numbers_that_are_none_do_not_panic() {
-        let odd = Labelled { center: [f64::NAN, 1.0], radius: f64::INFINITY, half: [0.0, 0.0] };
+    fn nonfinite_disc_does_not_panic() {
+        let odd = LabelledDisc { center: [f64::NAN, 1.0], radius: f64::INFINITY, half: [0.0, 0.0] };
         assert_eq!(place_labels(&[odd, penny([0.0; 2])], BOUNDS, &[]).len(), 2);
     }
 }

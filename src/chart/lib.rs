@@ -1,15 +1,18 @@
 //! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
 //! draws one as a picture.
 
+mod bin;
 mod decades;
 mod labels;
 mod palette;
 #[cfg(feature = "svg")]
 mod svg;
+mod ticks;
 
-pub use decades::{LogTicks, log_tick_text, log_ticks};
-pub use labels::{LabelPlace, Labelled, place_labels};
+pub use bin::{bin_label, bin_outline};
+pub use labels::{LabelPlace, LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
+pub use ticks::{AxisTicks, axis_ticks};
 
 #[cfg(feature = "svg")]
 pub use svg::{svg, svg_page};

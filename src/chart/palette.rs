@@ -5,11 +5,18 @@ use std::collections::BTreeMap;
 /// Kinds whose hue is the same in every job, degrees in OKLCH: those of the operator page.
 const COINS: [(&str, f64); 4] = [("penny", 60.0), ("nickel", 255.0), ("dime", 315.0), ("quarter", 180.0)];
 
-/// Hues of other kinds, in the order of their names; repeated as needed.
+/// Hues of the first other kinds, in the order of their names. Each further kind has the middle of the largest gap.
 const OTHERS: [f64; 4] = [5.0, 105.0, 145.0, 285.0];
 
-/// Share of a kind's range of hues that its parts use; the rest separates it from the next kind's.
-const USED: f64 = 0.7;
+/// Share of the hues that parts use; the rest separates the kinds.
+const USED: f64 = 0.8;
+
+/// Least share of the hues between two kinds that the parts of one of them have.
+const LEAST_SHARE: f64 = 0.25;
+
+/// Distances of the hues of a kind's parts from which on one lightness, or three, tell them apart, degrees.
+const ONE_LIGHTNESS_DEG: f64 = 25.0;
+const THREE_LIGHTNESSES_DEG: f64 = 10.0;
 
 /// Chroma in OKLCH; less where the display cannot show it.
 const CHROMA: f64 = 0.15;
@@ -28,17 +35,17 @@ pub enum Ground {
 }
 
 impl Ground {
-    /// Lightness of neighbouring hues in turn, OKLCH.
-    fn lightness(self) -> [f64; 3] {
+    /// Lightness of neighbouring hues in turn, OKLCH: the first, the first three or all, the closer the hues the more.
+    fn lightness(self) -> [f64; 7] {
         match self {
-            Self::Dark => [0.76, 0.69, 0.84],
-            Self::Light => [0.54, 0.45, 0.62],
+            Self::Dark => [0.76, 0.69, 0.84, 0.725, 0.80, 0.88, 0.63],
+            Self::Light => [0.54, 0.45, 0.62, 0.495, 0.58, 0.67, 0.40],
         }
     }
 }
 
-/// Colours of parts and of their kinds. No two parts have the same colour, and the hues of a kind's parts are nearer to
-/// its hue than to another kind's.
+/// Colours of parts and of their kinds. The ranges of hues of two kinds do not overlap. The colours of any two of up to
+/// 24 parts of up to 12 kinds differ by 6 of 255 or more in red, green or blue.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Palette {
     parts: Vec<[u8; 3]>,
@@ -51,15 +58,20 @@ impl Palette {
         let hues = hues_of(kinds);
         let [usual, ..] = ground.lightness();
         let mut parts = vec![[0; 3]; kinds.len()];
-        for (kind, [from, to]) in ranges(&hues) {
+        for (kind, [from, to]) in ranges(&hues, kinds) {
             let members: Vec<usize> = (0..kinds.len()).filter(|&i| kinds[i] == kind).collect();
             let count = members.len();
+            let levels = match (to - from) / count as f64 {
+                _ if count == 1 => 1,
+                apart_deg if apart_deg >= ONE_LIGHTNESS_DEG => 1,
+                apart_deg if apart_deg >= THREE_LIGHTNESSES_DEG => 3,
+                _ => ground.lightness().len(),
+            };
             let stride = coprime_near(STEP * count as f64, count);
             for (k, &i) in members.iter().enumerate() {
                 let slot = k * stride % count;
                 let hue = from + (to - from) * (slot as f64 + 0.5) / count as f64;
-                let lightness = if count > 3 { ground.lightness()[slot % 3] } else { usual };
-                parts[i] = rgb_of(lightness, hue);
+                parts[i] = rgb_of(ground.lightness()[slot % levels], hue);
             }
         }
         let kinds = hues.into_iter().map(|(kind, hue)| (kind.to_owned(), rgb_of(usual, hue))).collect();
@@ -75,38 +87,61 @@ impl Palette {
     pub fn kind(&self, name: &str) -> Option<[u8; 3]> {
         self.kinds.get(name).copied()
     }
+
+    /// Red, green and blue of a bin for parts of `kinds`: those of its kind; `None` for a bin of several.
+    pub fn of_bin(&self, kinds: &[String]) -> Option<[u8; 3]> {
+        match kinds {
+            [kind] => self.kind(kind),
+            _ => None,
+        }
+    }
 }
 
 /// Each kind once, with its hue, degrees.
 fn hues_of<'a>(kinds: &[&'a str]) -> BTreeMap<&'a str, f64> {
     let mut hues: BTreeMap<&str, f64> = kinds.iter().map(|&kind| (kind, 0.0)).collect();
-    let mut others = OTHERS.into_iter().cycle().enumerate();
+    let mut taken: Vec<f64> = COINS.map(|(_, hue)| hue).to_vec();
+    let mut first = OTHERS.into_iter();
     for (kind, hue) in &mut hues {
         let coin = COINS.into_iter().find(|(name, _)| name == kind);
-        // a second round of hues lies between those of the first
-        let next = others.by_ref();
         *hue = match coin {
             Some((_, hue)) => hue,
-            None => next.next().map_or(0.0, |(i, hue)| hue + 20.0 * (i / OTHERS.len()) as f64),
+            None => {
+                let other = first.next().unwrap_or_else(|| middle_of_largest_gap(&mut taken));
+                taken.push(other);
+                other
+            }
         };
     }
     hues
 }
 
-/// Range of hues of each kind, degrees, from and to: half the way to the next hue on either side, reduced to [`USED`].
-/// A single kind has all hues.
-fn ranges<'a>(hues: &BTreeMap<&'a str, f64>) -> Vec<(&'a str, [f64; 2])> {
+/// Middle of the largest gap between hues, degrees; sorts them.
+fn middle_of_largest_gap(hues: &mut [f64]) -> f64 {
+    hues.sort_by(f64::total_cmp);
+    let gap = |i: usize| (hues[(i + 1) % hues.len()] - hues[i]).rem_euclid(360.0);
+    // the first of equal gaps
+    let largest = (0..hues.len()).rev().max_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+    largest.map_or(0.0, |i| (hues[i] + 0.5 * gap(i)).rem_euclid(360.0))
+}
+
+/// Range of hues of each kind of `parts`, degrees, from and to: a share of the way to the next hue on either side that
+/// grows with the number of its parts, reduced to [`USED`]. A single kind has all hues.
+fn ranges<'a>(hues: &BTreeMap<&'a str, f64>, parts: &[&str]) -> Vec<(&'a str, [f64; 2])> {
     let mut sorted: Vec<(&str, f64)> = hues.iter().map(|(&kind, &hue)| (kind, hue.rem_euclid(360.0))).collect();
     sorted.sort_by(|a, b| a.1.total_cmp(&b.1));
     let count = sorted.len();
     if let [(kind, hue)] = sorted[..] {
         return vec![(kind, [hue - 180.0, hue + 180.0])];
     }
+    let number = |kind: &str| parts.iter().filter(|&&other| other == kind).count() as f64;
+    let share =
+        |kind: &str, next: &str| (number(kind) / (number(kind) + number(next))).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
     let range = |i: usize| {
-        let (kind, hue) = sorted[i];
-        let before = (hue - sorted[(i + count - 1) % count].1).rem_euclid(360.0);
-        let after = (sorted[(i + 1) % count].1 - hue).rem_euclid(360.0);
-        (kind, [hue - 0.5 * USED * before, hue + 0.5 * USED * after])
+        let ((kind, hue), before, after) = (sorted[i], sorted[(i + count - 1) % count], sorted[(i + 1) % count]);
+        let back = USED * share(kind, before.0) * (hue - before.1).rem_euclid(360.0);
+        let ahead = USED * share(kind, after.0) * (after.1 - hue).rem_euclid(360.0);
+        (kind, [hue - back, hue + ahead])
     };
     (0..count).map(range).collect()
 }
@@ -144,17 +179,24 @@ fn linear_rgb(lightness: f64, chroma: f64, cos: f64, sin: f64) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
     use proptest::prelude::*;
+
+    /// Largest difference of two colours in red, green or blue.
+    fn difference(a: [u8; 3], b: [u8; 3]) -> u8 {
+        (0..3).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0)
+    }
+
+    fn least_difference(colors: &[[u8; 3]]) -> u8 {
+        let pairs = colors.iter().enumerate().flat_map(|(i, &a)| colors[..i].iter().map(move |&b| difference(a, b)));
+        pairs.min().unwrap_or(u8::MAX)
+    }
 
     #[test]
     fn parts_of_one_kind_use_all_hues_and_neighbours_differ_most() {
         let palette = Palette::of(&["penny"; 24], Ground::Dark);
-        let distance = |a: [u8; 3], b: [u8; 3]| (0..3).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0);
         for pair in palette.parts().windows(2) {
-            assert!(distance(pair[0], pair[1]) > 60, "{pair:?}");
+            assert!(difference(pair[0], pair[1]) > 60, "{pair:?}");
         }
         assert_eq!(palette.kind("penny"), Palette::of(&["penny"], Ground::Dark).kind("penny"));
         assert_eq!(palette.kind("dime"), None);
@@ -168,21 +210,60 @@ mod tests {
         assert!(g > r && b > r, "teal: {r} {g} {b}");
     }
 
+    #[test]
+    fn further_kinds_have_the_middle_of_the_largest_gap() {
+        let names: Vec<String> = (1..=12).map(|i| format!("k{i:02}")).collect();
+        let kinds: Vec<&str> = names.iter().map(String::as_str).collect();
+        let hues = hues_of(&kinds);
+        assert_eq!(["k01", "k02", "k03", "k04", "k05"].map(|kind| hues[kind]), [5.0, 105.0, 145.0, 285.0, 217.5]);
+        let mut all: Vec<f64> = hues.values().copied().chain(COINS.map(|(_, hue)| hue)).collect();
+        all.sort_by(f64::total_cmp);
+        for (i, hue) in all.iter().enumerate() {
+            let gap = (all[(i + 1) % all.len()] - hue).rem_euclid(360.0);
+            assert!((15.0..45.0).contains(&gap), "{gap} in {all:?}");
+        }
+        for ground in [Ground::Dark, Ground::Light] {
+            let palette = Palette::of(&kinds, ground);
+            let colors: Vec<[u8; 3]> = kinds.iter().filter_map(|kind| palette.kind(kind)).collect();
+            assert!(least_difference(&colors) >= 15, "{colors:?}");
+        }
+    }
+
+    #[test]
+    fn bin_has_the_colour_of_its_kind() {
+        let palette = Palette::of(&["penny", "dime"], Ground::Light);
+        let bin = |kinds: &[&str]| palette.of_bin(&kinds.iter().map(|&kind| kind.to_owned()).collect::<Vec<_>>());
+        assert_eq!(bin(&["dime"]), palette.kind("dime"));
+        assert_eq!([bin(&["penny", "dime"]), bin(&["nut"]), bin(&[])], [None; 3]);
+    }
+
+    const KINDS: [&str; 16] =
+        ["penny", "nickel", "dime", "quarter", "nut", "ring", "a", "b", "c", "d", "e", "f", "g", "h", "i", "j"];
+
+    /// Up to 24 parts of up to 12 kinds, more or less evenly spread over them.
+    fn parts() -> impl Strategy<Value = Vec<&'static str>> {
+        let kinds = proptest::sample::subsequence(KINDS.to_vec(), 1..=12);
+        (kinds, proptest::collection::vec((0..12usize, any::<bool>()), 12), any::<bool>()).prop_map(
+            |(kinds, further, is_even)| {
+                let further = further.into_iter().map(|(i, other)| if is_even || other { i } else { 0 });
+                let further: Vec<&str> = further.map(|i| kinds[i % kinds.len()]).collect();
+                [kinds, further].concat()
+            },
+        )
+    }
+
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(512))]
+
         #[test]
-        fn no_two_parts_look_alike_and_kinds_keep_apart(
-            kinds in proptest::collection::vec(proptest::sample::select(vec!["penny", "dime", "quarter", "nut", "ring"]), 1..25),
-            light: bool,
-        ) {
+        fn no_two_parts_look_alike_and_kinds_keep_apart(kinds in parts(), light: bool) {
             let palette = Palette::of(&kinds, if light { Ground::Light } else { Ground::Dark });
-            prop_assert_eq!(palette.parts().iter().collect::<BTreeSet<_>>().len(), kinds.len());
-            let hues = hues_of(&kinds);
-            let all = ranges(&hues);
-            for (kind, [from, to]) in &all {
-                for (other, hue) in hues.iter().filter(|(other, _)| *other != kind) {
-                    let inside = (hue - from).rem_euclid(360.0) < to - from;
-                    prop_assert!(!inside, "{other} lies in the hues of {kind}");
-                }
+            let least = least_difference(palette.parts());
+            prop_assert!(least >= 6, "{least} for {kinds:?}");
+            let all = ranges(&hues_of(&kinds), &kinds);
+            for (i, (kind, [_, to])) in all.iter().enumerate().filter(|_| all.len() > 1) {
+                let (next, [from, _]) = all[(i + 1) % all.len()];
+                prop_assert!((from - to).rem_euclid(360.0) < 120.0, "{kind} overlaps {next}");
             }
         }
     }

@@ -43,7 +43,7 @@ pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) ->
         let batch =
             SeedBatch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted };
         let mut progress = BatchMeter::new(common, clock, seeds.len());
-        let runs = batch.run(|news| progress.show(news));
+        let runs = batch.run(|update| progress.show(update));
         progress.shown.finish();
         runs
     };
@@ -87,8 +87,8 @@ impl BatchMeter {
         Self { shown: LateProgress::new(ProgressMode::on_stderr(common), clock), seeds }
     }
 
-    fn show(&mut self, news: BatchProgress) {
-        match news {
+    fn show(&mut self, update: BatchProgress) {
+        match update {
             BatchProgress::Progress { share, ended } => {
                 let seeds = self.seeds;
                 self.shown.show(share, || format!("{ended} of {seeds} runs have ended"));

@@ -39,8 +39,9 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
         let located =
             if args.reference { look_by_reference(image, &setting) } else { look(image, &name, args, &setting, shown) };
         let made = located.and_then(|located| {
-            let mut written = draw(&located.found, &name, args)?;
-            written.extend(record(&located.found, image, &name, args, &rerun, &setting)?);
+            let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
+            let mut written = draw((&located.found, &kinds), &name, args)?;
+            written.extend(record((&located.found, &kinds), image, &name, args, &rerun)?);
             Ok((written, located))
         });
         match made {
@@ -74,10 +75,10 @@ fn look_by_reference(_: &Path, _: &LocateSetup) -> Result<report::LocatedPicture
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 
-/// Draws the stages if `args` request it; returns the paths.
-fn draw(found: &LocalisedRecord, name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
+/// Draws the stages if `args` request it; `kinds` are those of the parts. Returns the paths.
+fn draw((found, kinds): (&LocalisedRecord, &[&str]), name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
-        Some(folder) => panels::write(&panels::folder_of(folder, name, args), found),
+        Some(folder) => panels::write(&panels::folder_of(folder, name, args), found, kinds),
         None => Ok(Vec::new()),
     }
 }
@@ -97,20 +98,18 @@ fn names_of(images: &[PathBuf]) -> Vec<String> {
 
 /// Makes the recording called `name` according to `rerun`; returns its path.
 fn record(
-    found: &LocalisedRecord,
+    (found, kinds): (&LocalisedRecord, &[&str]),
     image: &Path,
     name: &str,
     args: &LocateArgs,
     rerun: &RerunMode,
-    setting: &LocateSetup,
 ) -> Result<Option<PathBuf>, Failure> {
     if *rerun == RerunMode::Off {
         return Ok(None);
     }
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let path = args.out.join(format!("{name}.rrd"));
-    let kinds: Vec<&str> = found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
-    recording::located(rerun, &path, &image.display().to_string(), found, &kinds)?;
+    recording::located(rerun, &path, &image.display().to_string(), found, kinds)?;
     Ok(Some(path))
 }
 

@@ -58,7 +58,7 @@ pub fn experiments() -> Offered {
 /// The families of drawn scenes.
 pub fn scenes() -> Offered {
     #[cfg(feature = "lab")]
-    let names = upm_scene::Difficulty::ALL.iter().map(|family| family.name());
+    let names = upm_scene::Difficulty::ALL.iter().map(|difficulty| difficulty.name());
     #[cfg(not(feature = "lab"))]
     let names = std::iter::empty();
     Offered(names.collect())

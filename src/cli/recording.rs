@@ -25,15 +25,15 @@ pub(super) fn experiment(mode: &RerunMode, path: &Path, experiment: &ExperimentL
     ended(mode, path, record_experiment(mode, path, experiment))
 }
 
-/// Records how table and parts, of those names, were found in a picture, into `path` and to the viewer of `mode`.
+/// Records how table and parts, of those kinds, were found in a picture, into `path` and to the viewer of `mode`.
 pub(super) fn located(
     mode: &RerunMode,
     path: &Path,
     title: &str,
     found: &LocalisedRecord,
-    names: &[&str],
+    kinds: &[&str],
 ) -> Result<(), Failure> {
-    ended(mode, path, record_located(mode, path, title, found, names))
+    ended(mode, path, record_located(mode, path, title, found, kinds))
 }
 
 fn ended(mode: &RerunMode, path: &Path, made: Result<RecordingStats, RecordingError>) -> Result<(), Failure> {

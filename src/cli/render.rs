@@ -26,7 +26,7 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
     }
     let (frame, truth) = match (&args.job, &args.scene) {
         (Some(job), _) => of_job(job, args.seed)?,
-        (None, Some(family)) => lab::of_scene(family, args)?,
+        (None, Some(difficulty)) => lab::of_scene(difficulty, args)?,
         (None, None) => {
             return Err(Failure::bad_input("render: expected a job or --scene, found neither"));
         }

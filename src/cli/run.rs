@@ -30,7 +30,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         started_utc: utc_now(),
         rerun,
         real_time,
-        keeping: RecordingOptions { has_clock: real_time, ..RecordingOptions::lossless(clock) },
+        recording_options: RecordingOptions { has_clock: real_time, ..RecordingOptions::lossless(clock) },
         live: None,
     };
     let stop = stop_on_interrupt();

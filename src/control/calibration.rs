@@ -52,7 +52,7 @@ pub fn measure_axes(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Axes, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|bench| axes::measure(bench, params))
+    CalibrationSession::new(rig, model, stop, progress).work(|session| axes::measure(session, params))
 }
 
 /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
@@ -64,9 +64,9 @@ pub fn steer(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
-        let axes = axes::measure(bench, params)?;
-        let entries = steering::measure(bench, &axes, params, &wanted(&axes, model, params))?;
+    CalibrationSession::new(rig, model, stop, progress).work(|session| {
+        let axes = axes::measure(session, params)?;
+        let entries = steering::measure(session, &axes, params, &wanted(&axes, model, params))?;
         Ok((axes, entries))
     })
 }
@@ -80,9 +80,9 @@ pub fn measure_fields(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Option<FieldResponse>, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
-        axes::measure(bench, params)?;
-        fields::measure(bench)
+    CalibrationSession::new(rig, model, stop, progress).work(|session| {
+        axes::measure(session, params)?;
+        fields::measure(session)
     })
 }
 
@@ -95,9 +95,9 @@ pub fn measure_resonances(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|bench| {
-        axes::measure(bench, params)?;
-        resonance::measure(bench)
+    CalibrationSession::new(rig, model, stop, progress).work(|session| {
+        axes::measure(session, params)?;
+        resonance::measure(session)
     })
 }
 
@@ -110,36 +110,36 @@ pub fn calibrate(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|bench| measure(bench, fingerprint, params))
+    CalibrationSession::new(rig, model, stop, progress).work(|session| measure(session, fingerprint, params))
 }
 
 fn measure(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     fingerprint: &str,
     params: &CalibrationParams,
 ) -> Result<Library, CalibrationFault> {
-    let half_side_m = 0.5 * bench.model.plate_side_m;
-    let axes = axes::measure(bench, params)?;
-    let plate = resonance::measure(bench)?.as_ref().map(AxisResonance::plate_response);
-    bench.plate = plate.unwrap_or_default();
+    let half_side_m = 0.5 * session.model.plate_side_m;
+    let axes = axes::measure(session, params)?;
+    let plate = resonance::measure(session)?.as_ref().map(AxisResonance::plate_response);
+    session.plate = plate.unwrap_or_default();
     let mut library = Library {
-        rig: bench.model.name.clone(),
+        rig: session.model.name.clone(),
         fingerprint: fingerprint.to_owned(),
-        plate_side_m: bench.model.plate_side_m,
-        base_radps: bench.model.base_radps,
-        attack_s: bench.model.attack_s,
-        rest_s: bench.model.rest_s,
+        plate_side_m: session.model.plate_side_m,
+        base_radps: session.model.base_radps,
+        attack_s: session.model.attack_s,
+        rest_s: session.model.rest_s,
         accelerometer_gain: axes.accelerometer_gain,
         shapes: axes.shapes,
-        entries: steering::measure(bench, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
+        entries: steering::measure(session, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
         displacement: Default::default(),
         fields: None,
         plate,
     };
-    library.displacement = displacement::measure(bench, &library, params)?;
-    library.entries = steering::measure(bench, &axes, params, &wanted(&axes, bench.model, params))?;
-    library.fields = fields::measure(bench)?;
-    closing::check(bench, &axes)?;
+    library.displacement = displacement::measure(session, &library, params)?;
+    library.entries = steering::measure(session, &axes, params, &wanted(&axes, session.model, params))?;
+    library.fields = fields::measure(session)?;
+    closing::check(session, &axes)?;
     Ok(library)
 }
 

@@ -12,7 +12,7 @@ use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
-use super::plans::FreshPlanner;
+use super::pulse_planner::FreshPlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_cor_library::Library;
@@ -54,7 +54,7 @@ pub struct RunIo<'a> {
 pub struct FinalState {
     /// Outcome, cause and reason.
     pub ending: RunEnd,
-    /// The goal's last request; `None` when it was never asked.
+    /// The task's last request; `None` when it was never asked.
     pub wanted: Option<Setpoints>,
     /// Last seen positions of the parts, m; empty when they were never seen.
     pub measured_m: Vec<Vec2>,
@@ -62,8 +62,8 @@ pub struct FinalState {
     pub lost: Vec<usize>,
 }
 
-/// Runs `goal` to its end. Motors are at zero when this returns, also after an error.
-pub fn run(devices: RunIo<'_>, library: &Arc<Library>, goal: &mut dyn Task, params: &ControlParams) -> FinalState {
+/// Runs `task` to its end. Motors are at zero when this returns, also after an error.
+pub fn run(devices: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
     let RunIo { rig, model, sink, clock, stop, give_way } = devices;
     let mut open = || {
         let planner = match FreshPlanner::new(params.method, library, params.planner).plans() {
@@ -74,7 +74,7 @@ pub fn run(devices: RunIo<'_>, library: &Arc<Library>, goal: &mut dyn Task, para
         Continue((planner, Perception::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
     };
     let finish = match open() {
-        Continue((planner, eyes)) => {
+        Continue((planner, perception)) => {
             let mut cycle = ControlCycle {
                 rig: &mut *rig,
                 model,
@@ -83,9 +83,9 @@ pub fn run(devices: RunIo<'_>, library: &Arc<Library>, goal: &mut dyn Task, para
                 stop,
                 give_way,
                 library,
-                goal,
+                task,
                 params,
-                eyes,
+                perception,
                 planning: Planning::new(params, library, planner, 0.5 * model.plate_side_m),
                 conditions: Conditions::default(),
                 played: false,
@@ -118,9 +118,9 @@ struct ControlCycle<'a> {
     stop: &'a AtomicBool,
     give_way: &'a AtomicBool,
     library: &'a Arc<Library>,
-    goal: &'a mut dyn Task,
+    task: &'a mut dyn Task,
     params: &'a ControlParams,
-    eyes: Perception,
+    perception: Perception,
     planning: Planning<'a>,
     conditions: Conditions,
     /// True when the last cycle had pulses and began a new sequence: the rest of a sequence may lead away before it
@@ -142,7 +142,7 @@ struct ControlCycle<'a> {
 impl ControlCycle<'_> {
     fn until_end(&mut self) -> FinalState {
         let mut last_pulse_at = self.rig.now();
-        self.goal.first_seen(&self.eyes.positions_m());
+        self.task.first_seen(&self.perception.positions_m());
         let mut look = self.look_at_rest();
         let ending = loop {
             look = match look {
@@ -157,23 +157,23 @@ impl ControlCycle<'_> {
         // a stopped run ends in the middle: its repetition goes on, and reports no end there
         if !ending.is_external() {
             self.conditions.end_run(self.rig.now(), self.sink);
-            self.eyes.end_run(self.rig.now(), self.sink);
+            self.perception.end_run(self.rig.now(), self.sink);
         }
-        let lost = if self.is_part_lost() { self.eyes.unseen() } else { Vec::new() };
-        FinalState { ending, wanted: self.wanted.take(), measured_m: self.eyes.positions_m(), lost }
+        let lost = if self.is_part_lost() { self.perception.unseen() } else { Vec::new() };
+        FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
     }
 
     /// One cycle, from a look at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> OrEnd<Vec<Vec2>> {
-        if self.eyes.take_relocated() {
+        if self.perception.take_relocated() {
             // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
             self.probe()?;
             return self.look_at_rest();
         }
         let started = self.clock.elapsed();
-        let observed_at = self.eyes.seen_at();
-        let wanted = self.goal.next(observed_at, &observed);
+        let observed_at = self.perception.seen_at();
+        let wanted = self.task.next(observed_at, &observed);
         let is_first = self.wanted.replace(wanted.clone()).is_none();
         if wanted.done {
             return self.finish(wanted.phase);
@@ -193,7 +193,7 @@ impl ControlCycle<'_> {
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
         self.conditions.end_cycle(self.rig.now(), self.sink);
-        self.eyes.end_cycle(self.rig.now(), self.sink);
+        self.perception.end_cycle(self.rig.now(), self.sink);
         self.played = !plan.pulses.is_empty() && !plan.continues;
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
@@ -201,15 +201,15 @@ impl ControlCycle<'_> {
             self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
             *last_pulse_at = self.rig.now();
             self.look_for_missing()?;
-            if self.eyes.invalidates_plan() {
+            if self.perception.invalidates_plan() {
                 break;
             }
         }
         // the last frame of a pulse shows everything at rest: it starts the next cycle, unless a part is missing in it
-        let seen = !plan.pulses.is_empty() && self.eyes.missing_for() == 0;
-        let result = if seen { self.eyes.positions_m() } else { self.look_at_rest()? };
+        let seen = !plan.pulses.is_empty() && self.perception.missing_for() == 0;
+        let result = if seen { self.perception.positions_m() } else { self.look_at_rest()? };
         if plan.pulses.is_empty() {
-            // a goal that advances by time alone asks for no pulse
+            // a task that advances by time alone asks for no pulse
             if wanted.progress > self.furthest {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
@@ -227,7 +227,7 @@ impl ControlCycle<'_> {
             observed_m: &observed,
             wanted: &wanted,
             plan: &plan,
-            ended_at: self.eyes.seen_at(),
+            ended_at: self.perception.seen_at(),
             result_m: &result,
             plan_us,
             cycle_us,
@@ -293,7 +293,7 @@ impl ControlCycle<'_> {
 
     /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
     fn look_for_missing(&mut self) -> OrEnd {
-        if self.eyes.missing_for() > self.params.lost_after_frames && !self.eyes.silenced_pulse() {
+        if self.perception.missing_for() > self.params.lost_after_frames && !self.perception.silenced_pulse() {
             self.look_at_rest()?;
         }
         Continue(())
@@ -303,14 +303,14 @@ impl ControlCycle<'_> {
     fn look_at_rest(&mut self) -> OrEnd<Vec<Vec2>> {
         loop {
             self.check_stop()?;
-            let at_rest = self.eyes.look(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
-            if at_rest && self.eyes.missing_for() == 0 {
-                return Continue(self.eyes.positions_m());
+            let at_rest = self.perception.look(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
+            if at_rest && self.perception.missing_for() == 0 {
+                return Continue(self.perception.positions_m());
             }
             self.check_lost()?;
             if at_rest && self.is_part_lost() {
                 // the guard is off: the run goes on from the part's last seen position
-                return Continue(self.eyes.positions_m());
+                return Continue(self.perception.positions_m());
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Dry run of a job on the library's displacement model, before anything moves: without rig, camera or ground truth.
 //!
-//! The loop is that of a run: ask the goal, plan, play, look again, learn the parts' gains. Parts move exactly as the
+//! The loop is that of a run: ask the task, plan, play, look again, learn the parts' gains. Parts move exactly as the
 //! run's planner forecasts, with a friction unknown to it, on a plate whose motions deviate slightly from the commanded
 //! ones, as in runs. Looks are exact, and parts that meet only push each other aside.
 
@@ -16,7 +16,7 @@ use super::condition::why_not;
 use super::learning::{ForecastDeviation, MORE, PulseObservation};
 use super::params::ControlParams;
 use super::planning::{Planning, STALLED_S};
-use super::plans::FreshPlanner;
+use super::pulse_planner::FreshPlanner;
 use super::run_end::{OrEnd, RunEnd};
 use kinematic_plate::KinematicPlate;
 use thinned_path::ThinnedPath;
@@ -41,12 +41,12 @@ const SQUARE_MS: f64 = 0.15;
 /// Evaluating a look, ms.
 const LOOK_MS: f64 = 0.02;
 
-/// Plays `goal` to its end by `planner` on the displacement model of `library`. `watch` receives the plate time and the
-/// goal's progress, 0 to 1, once per look.
+/// Plays `task` to its end by `planner` on the displacement model of `library`. `watch` receives the plate time and the
+/// task's progress, 0 to 1, once per look.
 pub fn rehearse(
     library: &Arc<Library>,
     planner: &FreshPlanner,
-    goal: &mut dyn Task,
+    task: &mut dyn Task,
     params: &ControlParams,
     rehearsal: &RehearsalParams,
     watch: &mut dyn FnMut(PlateTime, f64),
@@ -68,7 +68,7 @@ pub fn rehearse(
         most_work_ms: rehearsal.most_work_ms,
         limits_met: Vec::new(),
     };
-    let (end, wanted) = player.until_end(goal, watch);
+    let (end, wanted) = player.until_end(task, watch);
     let left_off = end.is_none();
     let played_s = player.stage.now().secs();
     // a job without an end is assumed to go on at its pace until its limit
@@ -125,13 +125,13 @@ struct DryRunLoop<'a> {
 }
 
 impl DryRunLoop<'_> {
-    /// The ending, `None` when the rehearsal is broken off, and the goal's last request.
-    fn until_end(&mut self, goal: &mut dyn Task, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<RunEnd>, Setpoints) {
+    /// The ending, `None` when the rehearsal is broken off, and the task's last request.
+    fn until_end(&mut self, task: &mut dyn Task, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<RunEnd>, Setpoints) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
         let (mut looked, mut played) = (false, false);
         loop {
             let now = self.stage.now();
-            let wanted = goal.next(now, &self.stage.positions_m);
+            let wanted = task.next(now, &self.stage.positions_m);
             watch(now, wanted.progress);
             if wanted.done {
                 return (Some(RunEnd::completed(wanted.phase.clone())), wanted);

@@ -23,7 +23,7 @@ pub struct LocalisedFacts<'a> {
     pub localise_us: f64,
 }
 
-/// A look before a goal counts as reached: table and parts located without prior knowledge, at the places where they
+/// A look before a task counts as reached: table and parts located without prior knowledge, at the places where they
 /// were tracked.
 #[derive(Clone, Copy, Debug)]
 pub struct ConfirmedFacts<'a> {
@@ -98,7 +98,7 @@ pub struct CycleFacts<'a> {
     pub observed_at: PlateTime,
     /// Positions measured then, m.
     pub observed_m: &'a [Vec2],
-    /// The goal's request.
+    /// The task's request.
     pub wanted: &'a Setpoints,
     /// The plan.
     pub plan: &'a Plan,

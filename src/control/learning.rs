@@ -100,9 +100,9 @@ impl GainEstimator {
     }
 
     /// Updates the gains from one pulse.
-    pub(super) fn learn(&mut self, lesson: &PulseObservation<'_>) {
-        let forecasts = lesson.forecast_m.iter().zip(lesson.with_more_m);
-        let each = lesson.before_m.iter().zip(forecasts).zip(lesson.measured_m).take(self.parts).enumerate();
+    pub(super) fn learn(&mut self, observation: &PulseObservation<'_>) {
+        let forecasts = observation.forecast_m.iter().zip(observation.with_more_m);
+        let each = observation.before_m.iter().zip(forecasts).zip(observation.measured_m).take(self.parts).enumerate();
         for (part, ((before, (forecast, with_more)), measured)) in each {
             let per_gain = (with_more - forecast) / MORE;
             let length_m = per_gain.norm();
@@ -111,8 +111,8 @@ impl GainEstimator {
             }
             let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
-                let scatter_m = lesson.scatter.sd_m((forecast - before).norm());
-                let variance = lesson.scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
+                let scatter_m = observation.scatter.sd_m((forecast - before).norm());
+                let variance = observation.scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }
         }

@@ -1,4 +1,4 @@
-//! The control cycle (look, ask the goal, plan, play, look again) and the supervisor that ends a run in good order.
+//! The control cycle (look, ask the task, plan, play, look again) and the supervisor that ends a run in good order.
 //!
 //! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 
@@ -13,8 +13,8 @@ mod learning;
 mod params;
 mod perception;
 mod planning;
-mod plans;
 mod progress;
+mod pulse_planner;
 mod run_end;
 
 pub use condition::{Condition, ConditionChange};
@@ -27,5 +27,5 @@ pub use facts::{
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::{ExpectedPart, FramePurpose, Perception};
-pub use plans::FreshPlanner;
+pub use pulse_planner::FreshPlanner;
 pub use run_end::RunEnd;

@@ -166,7 +166,7 @@ impl Perception {
     pub fn look(
         &mut self,
         rig: &mut dyn Rig,
-        moment: FramePurpose,
+        purpose: FramePurpose,
         sink: &mut dyn Sink,
         clock: &dyn Clock,
     ) -> OrEnd<bool> {
@@ -197,7 +197,7 @@ impl Perception {
             tracks: self.tracker.tracks(),
             sounding: !at_rest,
             blind: blind.is_some(),
-            starts_cycle: is_plain && moment == FramePurpose::Cycle,
+            starts_cycle: is_plain && purpose == FramePurpose::Cycle,
             track_us,
         });
         self.settle_blind(blind, rig, sink)?;

@@ -29,7 +29,7 @@ const CREEP_SHARE: f64 = 0.1;
 
 /// Watches the progress of a run over its cycles with pulses.
 ///
-/// The measures are the distances of all parts from the goal's targets and from its subgoals, each the root of a sum of
+/// The measures are the distances of all parts from the task's targets and from its subgoals, each the root of a sum of
 /// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them has
 /// advanced: a reference waits for its part, and its target may be a whole lap ahead.
 #[derive(Clone, Debug, Default)]

@@ -133,7 +133,7 @@ fn a_harmonic_is_a_line_of_the_file() {
 }
 
 #[test]
-fn values_no_rig_has_are_told() {
+fn values_no_rig_has_are_reported() {
     let good = || library(responses(0.1, [0.0; 6]));
     let told = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
         let mut bad = good();

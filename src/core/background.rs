@@ -148,7 +148,7 @@ type PoolTask = Box<dyn FnOnce() + Send>;
 pub struct WorkerPool(Queue<PoolTask>);
 
 impl WorkerPool {
-    /// Starts `count` threads called `name` with a queue of `waiting` tasks, at lower priority if `step_back`.
+    /// Starts `count` threads called `name` with a queue of `waiting` tasks, at lower priority if `steps_back`.
     pub fn start(name: &str, count: usize, waiting: usize, steps_back: bool) -> io::Result<Self> {
         let (queue, tasks) = Queue::<PoolTask>::bounded(waiting, OverflowPolicy::GiveUp);
         for _ in 0..count {

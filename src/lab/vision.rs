@@ -26,9 +26,9 @@ pub fn vision(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
 /// number of threads.
 pub fn vision_of(seed: u64, scenes: usize) -> ExperimentResult {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
-    let tallies = Difficulty::ALL.map(|family| {
-        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(family, &Scene::generate(family, seed)));
-        VerdictCounts::new(family, &verdicts)
+    let tallies = Difficulty::ALL.map(|difficulty| {
+        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(difficulty, &Scene::generate(difficulty, seed)));
+        VerdictCounts::new(difficulty, &verdicts)
     });
     ExperimentResult {
         figures: tallies.iter().flat_map(VerdictCounts::figures).collect(),
@@ -40,10 +40,10 @@ pub fn vision_of(seed: u64, scenes: usize) -> ExperimentResult {
 }
 
 /// Every centre's error, and the seeds that need attention.
-fn series(tally: &VerdictCounts) -> Vec<Series> {
-    let name = tally.family().name();
-    let mut series = vec![Series::new(&format!("{name}_center_error_px"), tally.center_errors_px())];
-    for (cause, seeds) in tally.failing() {
+fn series(verdict_counts: &VerdictCounts) -> Vec<Series> {
+    let name = verdict_counts.difficulty().name();
+    let mut series = vec![Series::new(&format!("{name}_center_error_px"), verdict_counts.center_errors_px())];
+    for (cause, seeds) in verdict_counts.failing() {
         let seeds = seeds.iter().map(|&seed| seed as f64);
         series.push(Series::new(&format!("{name}_{}_seeds", cause.replace(' ', "_")), seeds));
     }
@@ -51,9 +51,9 @@ fn series(tally: &VerdictCounts) -> Vec<Series> {
 }
 
 fn histogram(tallies: &[VerdictCounts]) -> Chart {
-    let layers = tallies.iter().enumerate().map(|(i, tally)| {
+    let layers = tallies.iter().enumerate().map(|(i, verdict_counts)| {
         let mut counts = [0usize; BINS];
-        let errors_px = tally.center_errors_px();
+        let errors_px = verdict_counts.center_errors_px();
         for error in &errors_px {
             counts[((error / BIN_PX) as usize).min(BINS - 1)] += 1;
         }
@@ -62,7 +62,7 @@ fn histogram(tallies: &[VerdictCounts]) -> Chart {
             let share = 100.0 * count as f64 / all;
             [[bin as f64 * BIN_PX, share], [(bin + 1) as f64 * BIN_PX, share]]
         });
-        Layer::new(tally.family().name(), Mark::Line, Color::nth(i), steps)
+        Layer::new(verdict_counts.difficulty().name(), Mark::Line, Color::nth(i), steps)
     });
     Chart::plot(
         "vision",
@@ -81,17 +81,17 @@ mod tests {
     /// Fingers like parts, strips beside the table, plates on bright ground, glints, hands darker than any part: each
     /// of these pictures was misread by an earlier version.
     #[test]
-    fn pictures_that_misled_the_eyes_are_read() {
+    fn formerly_misread_pictures_are_read() {
         let hard = [20, 42, 138, 190, 272, 312, 373, 388, 422, 433, 434, 485, 525, 663, 934, 935, 961];
         let clean = [8, 23, 30, 140, 187].map(|seed| (Difficulty::Clean, seed));
-        for (family, seed) in hard.map(|seed| (Difficulty::Hard, seed)).into_iter().chain(clean) {
-            let verdict = judge(family, &Scene::generate(family, seed));
+        for (difficulty, seed) in hard.map(|seed| (Difficulty::Hard, seed)).into_iter().chain(clean) {
+            let verdict = judge(difficulty, &Scene::generate(difficulty, seed));
             let TableVerdict::Found { parts, corner_errors_px } = verdict.table else {
-                panic!("{family} {seed}: no table")
+                panic!("{difficulty} {seed}: no table")
             };
-            assert!(corner_errors_px.iter().all(|&error| error < 0.3), "{family} {seed}: {corner_errors_px:?} px");
-            assert_eq!((parts.missed, parts.invented, parts.misnamed), (0, 0, 0), "{family} {seed}");
-            assert!(parts.errors.iter().all(|error| error.center_px < 0.5), "{family} {seed}");
+            assert!(corner_errors_px.iter().all(|&error| error < 0.3), "{difficulty} {seed}: {corner_errors_px:?} px");
+            assert_eq!((parts.missed, parts.invented, parts.misnamed), (0, 0, 0), "{difficulty} {seed}");
+            assert!(parts.errors.iter().all(|error| error.center_px < 0.5), "{difficulty} {seed}");
         }
     }
 
@@ -99,16 +99,16 @@ mod tests {
     fn a_campaign_counts_every_part_and_is_the_same_again() {
         let outcome = vision_of(3, 2);
         assert_sources_are_short(&outcome);
-        for family in Difficulty::ALL {
+        for difficulty in Difficulty::ALL {
             let figure = |name: &str| {
-                let name = format!("{family}: {name}");
+                let name = format!("{difficulty}: {name}");
                 outcome.figures.iter().find(|figure| figure.name == name).unwrap_or_else(|| panic!("{name}")).measured
             };
-            let parts: usize = [3, 4].map(|seed| Scene::generate(family, seed).parts.len()).iter().sum();
+            let parts: usize = [3, 4].map(|seed| Scene::generate(difficulty, seed).parts.len()).iter().sum();
             assert_eq!(figure("parts in all"), parts as f64);
             if figure("tables not found") + figure("tables misplaced") == 0.0 {
                 let errors =
-                    &outcome.series.iter().find(|one| one.name == format!("{family}_center_error_px")).unwrap();
+                    &outcome.series.iter().find(|one| one.name == format!("{difficulty}_center_error_px")).unwrap();
                 assert_eq!(errors.values.len() as f64 + figure("parts missed"), parts as f64);
             }
         }

@@ -59,7 +59,7 @@ impl BackgroundWriter {
     ) -> io::Result<Self> {
         let (lines, waiting) = Queue::bounded(QUEUE, overflow);
         let told = watch.clone();
-        let thread = BackgroundThread::start("scribe", steps_back, move || {
+        let thread = BackgroundThread::start("writer", steps_back, move || {
             let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
             told.go_on();
             written
@@ -87,7 +87,7 @@ impl BackgroundWriter {
         };
         ended.unwrap_or_else(|unfinished| match unfinished {
             NoResult::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
-            NoResult::Died => Err(io::Error::other("the scribe's thread died")),
+            NoResult::Died => Err(io::Error::other("the writer's thread died")),
         })
     }
 
@@ -247,21 +247,21 @@ mod tests {
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
         let disk = RecordedDisk::default();
-        let mut scribe =
+        let mut writer =
             BackgroundWriter::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default())
                 .unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
-        lines.split_inclusive('\n').for_each(|line| scribe.write_all(line.as_bytes()).unwrap());
-        scribe.finish().unwrap();
+        lines.split_inclusive('\n').for_each(|line| writer.write_all(line.as_bytes()).unwrap());
+        writer.finish().unwrap();
         assert_eq!(disk.text(), lines);
         assert_eq!(disk.told().last(), Some(&DiskCall::Committed));
         assert!(disk.told().iter().all(|told| !matches!(told, DiskCall::Written(text) if !text.ends_with('\n'))));
     }
 
     #[test]
-    fn a_line_is_on_the_disk_soon_though_the_scribe_stays_open() {
+    fn line_reaches_the_disk_while_the_writer_stays_open() {
         let disk = RecordedDisk::default();
-        let mut scribe = BackgroundWriter::start(
+        let mut writer = BackgroundWriter::start(
             disk.clone(),
             OverflowPolicy::Wait,
             false,
@@ -269,10 +269,10 @@ mod tests {
             WriterStatus::default(),
         )
         .unwrap();
-        scribe.write_all(b"first\n").unwrap();
+        writer.write_all(b"first\n").unwrap();
         wait_until(|| disk.told().contains(&DiskCall::Committed));
         assert_eq!(disk.told(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
-        scribe.finish().unwrap();
+        writer.finish().unwrap();
     }
 
     #[test]
@@ -302,21 +302,21 @@ mod tests {
     fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
         let disk = RecordedDisk::default();
         let (gate, watch) = (disk.gate.lock().unwrap(), WriterStatus::default());
-        let mut scribe =
+        let mut writer =
             BackgroundWriter::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone())
                 .unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
-            scribe.write_all(b"x\n").err()
+            writer.write_all(b"x\n").err()
         });
         assert_eq!(fault.unwrap().kind(), ErrorKind::WouldBlock);
         assert!(watch.waits_since().is_some());
         assert_eq!(watch.fault(), Some("the disk lags: 256 lines wait to be written"));
         drop(gate);
         wait_until(|| disk.text().len() >= 2 * QUEUE);
-        let again = scribe.write_all(b"late\n").unwrap_err();
+        let again = writer.write_all(b"late\n").unwrap_err();
         assert_eq!(again.kind(), ErrorKind::WouldBlock, "a journal with a gap in it would lie");
-        assert_eq!(scribe.finish().unwrap_err().to_string(), "the disk lags: 256 lines wait to be written");
+        assert_eq!(writer.finish().unwrap_err().to_string(), "the disk lags: 256 lines wait to be written");
         assert!(disk.text().len() >= 2 * QUEUE, "what was taken is written");
     }
 
@@ -325,16 +325,16 @@ mod tests {
         for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
             let watch = WriterStatus::default();
             let disk = RecordedDisk { room_bytes: Some(12), ..RecordedDisk::default() };
-            let mut scribe =
+            let mut writer =
                 BackgroundWriter::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
-            scribe.write_all(b"line one\n").unwrap();
+            writer.write_all(b"line one\n").unwrap();
             wait_until(|| !disk.text().is_empty());
-            assert_eq!((watch.fault(), scribe.write_all(b"line two\n").is_ok()), (None, true));
+            assert_eq!((watch.fault(), writer.write_all(b"line two\n").is_ok()), (None, true));
             wait_until(|| watch.fault().is_some());
-            wait_until(|| scribe.write_all(b"more\n").is_err());
+            wait_until(|| writer.write_all(b"more\n").is_err());
             assert_eq!(watch.waits_since(), None);
-            assert_eq!(scribe.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
-            assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(writer.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
+            assert_eq!(writer.finish().unwrap_err().kind(), ErrorKind::StorageFull);
             assert_eq!(disk.text(), "line one\n");
         }
     }
@@ -342,9 +342,9 @@ mod tests {
     #[test]
     fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
         let disk = RecordedDisk { room_bytes: Some(3), ..RecordedDisk::default() };
-        let mut scribe =
+        let mut writer =
             BackgroundWriter::start(disk, OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default()).unwrap();
-        scribe.write_all(b"line\n").unwrap();
-        assert_eq!(scribe.finish().unwrap_err().kind(), ErrorKind::StorageFull);
+        writer.write_all(b"line\n").unwrap();
+        assert_eq!(writer.finish().unwrap_err().kind(), ErrorKind::StorageFull);
     }
 }

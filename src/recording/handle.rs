@@ -23,7 +23,7 @@ pub enum RecordingState {
     Whole,
 }
 
-/// Status of the recording of one run, and the request to stop it while the run goes on. Clones share one switch. No
+/// Status of the recording of one run, and the request to stop it while the run goes on. Clones share one state. No
 /// call ever blocks.
 #[derive(Clone, Debug, Default)]
 pub struct RecordingHandle(Arc<RecordingCell>);
@@ -117,17 +117,17 @@ mod tests {
 
     #[test]
     fn the_first_end_counts_and_is_told_once() {
-        let switch = RecordingHandle::default();
-        assert_eq!((switch.state(), switch.take_end()), (RecordingState::Off, None));
-        switch.begin();
-        switch.add_bytes(7);
-        assert_eq!((switch.clone().state(), switch.take_end()), (RecordingState::Writing { bytes: 7 }, None));
-        switch.fail("no space");
-        switch.stop("too late");
-        switch.close();
-        assert_eq!(switch.state(), RecordingState::Failed("no space".into()));
-        assert_eq!(switch.clone().take_end().unwrap(), RecordingReport::failed("no space"));
-        assert_eq!(switch.take_end(), None);
+        let handle = RecordingHandle::default();
+        assert_eq!((handle.state(), handle.take_end()), (RecordingState::Off, None));
+        handle.begin();
+        handle.add_bytes(7);
+        assert_eq!((handle.clone().state(), handle.take_end()), (RecordingState::Writing { bytes: 7 }, None));
+        handle.fail("no space");
+        handle.stop("too late");
+        handle.close();
+        assert_eq!(handle.state(), RecordingState::Failed("no space".into()));
+        assert_eq!(handle.clone().take_end().unwrap(), RecordingReport::failed("no space"));
+        assert_eq!(handle.take_end(), None);
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub struct RecordingOptions {
     /// Overflow policy of the recording when it lags. After giving up, the recording ends as failed and the run goes
     /// on.
     pub recording_overflow: OverflowPolicy,
-    /// Status of the recording, and the switch that stops it. One for each run.
+    /// Status of the recording, and the handle that stops it. One for each run.
     pub recording: RecordingHandle,
     /// True for real-time runs: the writer threads then run at lower priority. In other runs a lower priority would
     /// only make them lag.
@@ -52,14 +52,14 @@ pub struct WriterStatus(Arc<WriterCell>);
 
 #[derive(Debug, Default)]
 struct WriterCell {
-    /// Time since which the disk has not answered, ms of the scribe's clock, at least 1; 0 while there is no pending
+    /// Time since which the disk has not answered, ms of the writer's clock, at least 1; 0 while there is no pending
     /// request.
     waits_since_ms: AtomicU64,
     fault: OnceLock<String>,
 }
 
 impl WriterStatus {
-    /// Time since which the scribe has been waiting for the disk, by its clock.
+    /// Time since which the writer has been waiting for the disk, by its clock.
     pub fn waits_since(&self) -> Option<Duration> {
         let since_ms = self.0.waits_since_ms.load(Ordering::Relaxed);
         (since_ms != 0).then(|| Duration::from_millis(since_ms))
@@ -70,13 +70,13 @@ impl WriterStatus {
         self.0.fault.get().map(String::as_str)
     }
 
-    /// The scribe starts to wait for the disk.
+    /// The writer starts to wait for the disk.
     pub(super) fn wait(&self, now: Duration) {
         let now_ms = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
         self.0.waits_since_ms.store(now_ms.max(1), Ordering::Relaxed);
     }
 
-    /// The disk has answered; the scribe goes on.
+    /// The disk has answered; the writer goes on.
     pub(super) fn go_on(&self) {
         self.0.waits_since_ms.store(0, Ordering::Relaxed);
     }

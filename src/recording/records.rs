@@ -73,7 +73,7 @@ pub struct CycleRecord {
     pub observed_at: PlateTime,
     /// Positions measured then, m.
     pub observed_m: Vec<Vec2>,
-    /// The goal's request.
+    /// The task's request.
     pub wanted: Setpoints,
     /// The plan.
     pub plan: Plan,

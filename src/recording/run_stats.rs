@@ -267,15 +267,15 @@ mod tests {
 
     #[test]
     fn counts_and_figures() {
-        let mut tally = RunStats::new(None);
+        let mut stats = RunStats::new(None);
         let mut run = SyntheticRun::new(2);
         run.wall_us = 50.0;
-        run.localise(&mut tally);
-        (0..4).for_each(|_| run.cycle(&mut tally));
+        run.localise(&mut stats);
+        (0..4).for_each(|_| run.cycle(&mut stats));
         let target = Some(Vec2::zeros());
         let parts =
             vec![part(target, Vec2::new(0.0003, 0.0004)), part(target, Vec2::zeros()), part(None, Vec2::zeros())];
-        let report = tally.report(ending(parts));
+        let report = stats.report(ending(parts));
         assert_eq!((report.cycles, report.pulses, report.frames), (4, run.pulses_played, run.frames_taken));
         assert_eq!(
             (report.max_error_mm, report.rms_error_mm, report.mean_error_mm),
@@ -293,9 +293,9 @@ mod tests {
     fn measured_positions_are_held_against_the_truth() {
         let mut run = SyntheticRun::new(2);
         run.sensing_offset_m = Vec2::new(3e-5, 4e-5);
-        let mut tally = RunStats::new(Some(run.truth.clone()));
-        (0..3).for_each(|_| run.cycle(&mut tally));
-        let report = tally.report(ending(vec![part(Some(run.parts_m[0]), Vec2::zeros())]));
+        let mut stats = RunStats::new(Some(run.truth.clone()));
+        (0..3).for_each(|_| run.cycle(&mut stats));
+        let report = stats.report(ending(vec![part(Some(run.parts_m[0]), Vec2::zeros())]));
         assert_eq!(report.sensing_rms_error_mm, Some(0.05));
         assert_eq!(report.sensing_rms_error_at_rest_mm, Some(0.05));
         assert_eq!((report.max_error_mm, report.collisions), (Some(0.0), Some(0)), "truth, not measurement, counts");
@@ -304,9 +304,9 @@ mod tests {
     #[test]
     fn looks_at_another_moment_are_not_compared() {
         let mut run = SyntheticRun::new(1);
-        let mut tally = RunStats::new(Some(Default::default()));
-        run.cycle(&mut tally);
-        assert_eq!(tally.report(ending(Vec::new())).sensing_rms_error_mm, None);
+        let mut stats = RunStats::new(Some(Default::default()));
+        run.cycle(&mut stats);
+        assert_eq!(stats.report(ending(Vec::new())).sensing_rms_error_mm, None);
     }
 
     #[test]

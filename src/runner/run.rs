@@ -1,11 +1,11 @@
-//! Composition of a run: from a validated job it builds rig, goal, control loop and sinks, and leaves a run folder and
+//! Composition of a run: from a validated job it builds rig, task, control loop and sinks, and leaves a run folder and
 //! a report. The command line, the daemon and the tests all run jobs through this module.
 
 mod calibrate;
 mod controls;
 mod coverage;
 mod dry_run;
-mod ending;
+mod end_facts;
 #[cfg(test)]
 mod endless_tests;
 mod error;
@@ -13,6 +13,8 @@ mod error;
 mod fault_tests;
 mod folder;
 mod in_memory;
+#[cfg(test)]
+mod journal_failure_tests;
 mod knocks;
 mod library;
 mod library_output;
@@ -29,15 +31,13 @@ mod simulate;
 mod stop_tests;
 mod time_figure;
 mod tolerance;
-#[cfg(test)]
-mod unwritten_tests;
 mod verify;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::{JobLayout, JobSpec, LayoutBin, LayoutPath, reason};
+use crate::config::{JobLayout, JobSpec, LayoutBin, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_cor_library::Library;
 use upm_core::rig::{Interlock, Rig};
@@ -47,9 +47,9 @@ use upm_recording::{
     report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{BinLook, LiveServer, RerunSink, RunContext};
+use upm_viewer::{BinLook, LiveServer, PathLook, RerunSink, RunContext};
 
-use ending::{ending, unwritten_ending, verdict};
+use end_facts::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
 use paced::{PaceClock, RealTimeRig};
 use time_figure::FirstLook;
@@ -84,7 +84,7 @@ pub struct RunOptions {
     /// True to limit plate time to the speed of the clock.
     pub real_time: bool,
     /// Writers of the journal and the recording.
-    pub keeping: RecordingOptions,
+    pub recording_options: RecordingOptions,
     /// Live stream that shows the run, with or without a recording.
     pub live: Option<LiveServer>,
 }
@@ -113,17 +113,17 @@ pub fn run(
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
     let library = job_library(job).map_err(RunError::Library)?;
     // a job that cannot be run leaves no folder
-    let bench = RunSetup::new(job, &library).map_err(RunError::Job)?;
+    let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
-    let is_broken = || interlock.tripped().is_some() || options.keeping.journal.fault().is_some();
+    let is_broken = || interlock.tripped().is_some() || options.recording_options.journal.fault().is_some();
     let cause = || (!is_broken()).then(ExternalStop::by_operator);
-    let links = RunControls { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
-    let Done { result, written } = Session { job, library, folder, options, clock, links }.run(bench, watcher)?;
+    let controls = RunControls { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
+    let Done { result, written } = Session { job, library, folder, options, clock, controls }.run(setup, watcher)?;
     written.map(|()| result)
 }
 
-/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; `links` let the caller observe and
+/// Runs `job` with `library`, which fits its rig, to its end and writes `folder`; `controls` let the caller observe and
 /// stop the run. The folder in `options` is not used. On return the rig is dropped and the interlock free. A run whose
 /// journal could not be written ends as failed, unless it was stopped from outside; its report is in the result. If
 /// only `report.json` cannot be written, the run still succeeds, with a warning.
@@ -133,13 +133,13 @@ pub fn run_linked(
     folder: RunFolder,
     options: &RunOptions,
     clock: &dyn Clock,
-    links: RunControls<'_>,
+    controls: RunControls<'_>,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
-    let session = Session { job, library, folder, options, clock, links };
+    let session = Session { job, library, folder, options, clock, controls };
     let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
     match checked.and_then(|()| RunSetup::new(job, &session.library).map_err(RunError::Job)) {
-        Ok(bench) => session.run(bench, watcher).map(|done| done.result),
+        Ok(setup) => session.run(setup, watcher).map(|done| done.result),
         Err(error) => {
             session.leave_reason(None, &error);
             Err(error)
@@ -160,69 +160,70 @@ struct Session<'a> {
     folder: RunFolder,
     options: &'a RunOptions,
     clock: &'a dyn Clock,
-    links: RunControls<'a>,
+    controls: RunControls<'a>,
 }
 
 impl Session<'_> {
-    fn run(&self, mut bench: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
-        let fitted = bench.rig.attach(self.links.interlock.clone()).map_err(RunError::Rig);
-        let done = fitted.and_then(|()| self.run_into(&mut bench, watcher));
+    fn run(&self, mut setup: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let fitted = setup.rig.attach(self.controls.interlock.clone()).map_err(RunError::Rig);
+        let done = fitted.and_then(|()| self.run_into(&mut setup, watcher));
         if let Err(error) = &done {
-            self.leave_reason(Some(&bench), error);
+            self.leave_reason(Some(&setup), error);
         }
         done
     }
 
     /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
-    fn leave_reason(&self, bench: Option<&RunSetup>, error: &RunError) {
+    fn leave_reason(&self, setup: Option<&RunSetup>, error: &RunError) {
         if !self.folder.state().report {
             let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
-            self.folder.write_report(&RunStats::default().report(ending(self.job, bench, failed, 0.0))).ok();
+            self.folder.write_report(&RunStats::default().report(ending(self.job, setup, failed, 0.0))).ok();
         }
     }
 
     /// Runs to the end and writes all files of the folder.
-    fn run_into(&self, bench: &mut RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
-        let Self { job, library, folder, options, clock, links } = self;
+    fn run_into(&self, setup: &mut RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let Self { job, library, folder, options, clock, controls } = self;
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
-        let mut journal = Journal::new(folder.journal(&options.keeping)?, Arc::clone(library));
-        let mut tally = RunStats::new(Some(bench.truth()));
-        let mut recorder = start_recording(options, folder, bench, job, library)?;
-        let mut truth_log = TruthLog::of(bench, folder)?;
-        let (mut named, mut first_look) = (TruthInJobOrder::new(bench.truth()), FirstLook::default());
-        let mut unwritten = StopOnJournalFailure { journal: &options.keeping.journal, stop: links.stop, told: false };
+        let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
+        let mut stats = RunStats::new(Some(setup.truth()));
+        let mut recorder = start_recording(options, folder, setup, job, library)?;
+        let mut truth_log = TruthLog::of(setup, folder)?;
+        let (mut named, mut first_look) = (TruthInJobOrder::new(setup.truth()), FirstLook::default());
+        let mut unwritten =
+            StopOnJournalFailure { journal: &options.recording_options.journal, stop: controls.stop, told: false };
         let mut look = |sinks: &mut dyn Sink, at| {
             unwritten.check(sinks, at);
-            report_recording_end(&options.keeping.recording, sinks, at);
+            report_recording_end(&options.recording_options.recording, sinks, at);
         };
         let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
-        sinks = sinks.with(&mut tally).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut look);
-        let missed_before = links.pacing.start_run();
-        let (stop, give_way) = (links.stop, links.give_way);
-        let mut finish = play(bench, library, self.pace(bench), &mut sinks, *clock, stop, give_way);
-        links.explain(&mut finish, &mut sinks, bench.now());
+        sinks = sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut look);
+        let missed_before = controls.pacing.start_run();
+        let (stop, give_way) = (controls.stop, controls.give_way);
+        let mut finish = play(setup, library, self.pace(setup), &mut sinks, *clock, stop, give_way);
+        controls.explain(&mut finish, &mut sinks, setup.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
-        let mut sinks = Fanout::new().with(&mut journal).with(&mut tally).with(watcher);
-        report_recording_end(&options.keeping.recording, &mut sinks, bench.now());
+        let mut sinks = Fanout::new().with(&mut journal).with(&mut stats).with(watcher);
+        report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
             written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
-        let mut ending = ending(job, Some(bench), finish, wall_time_s);
-        ending.bound_s = first_look.time_figure_s(job, library, &bench.params);
+        let mut ending = ending(job, Some(setup), finish, wall_time_s);
+        ending.bound_s = first_look.time_figure_s(job, library, &setup.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
-            misses: links.pacing.misses().saturating_sub(missed_before),
-            worst_frames: links.pacing.worst_frames(),
-            behind: links.pacing.behind(),
+            misses: controls.pacing.misses().saturating_sub(missed_before),
+            worst_frames: controls.pacing.worst_frames(),
+            behind: controls.pacing.behind(),
         });
         if let Err(error) = &written {
             unwritten_ending(&mut ending, error);
         }
-        let recording = options.keeping.recording.ended_early();
-        let mut report = Report { recording, warnings, ..tally.report(ending) };
+        let recording = options.recording_options.recording.ended_early();
+        let mut report = Report { recording, warnings, ..stats.report(ending) };
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -232,13 +233,13 @@ impl Session<'_> {
     }
 
     /// Pacing by the clock, for a run in real time.
-    fn pace(&self, bench: &RunSetup) -> Option<PaceClock<'_>> {
+    fn pace(&self, setup: &RunSetup) -> Option<PaceClock<'_>> {
         self.options.real_time.then_some(PaceClock {
             clock: self.clock,
             nap: &std::thread::park_timeout,
-            stats: self.links.pacing,
-            interlock: self.links.interlock,
-            frame_hz: bench.model.frame_hz,
+            stats: self.controls.pacing,
+            interlock: self.controls.interlock,
+            frame_hz: setup.model.frame_hz,
             deadlines: self.job.deadlines,
         })
     }
@@ -265,7 +266,7 @@ impl StopOnJournalFailure<'_> {
 
 /// Runs the control loop on the bench, at `pace` or at full speed.
 fn play(
-    bench: &mut RunSetup,
+    setup: &mut RunSetup,
     library: &Arc<Library>,
     pace: Option<PaceClock<'_>>,
     sink: &mut dyn Sink,
@@ -273,7 +274,7 @@ fn play(
     stop: &AtomicBool,
     give_way: &AtomicBool,
 ) -> FinalState {
-    let RunSetup { rig, model, goal, params, faults, streams, .. } = bench;
+    let RunSetup { rig, model, task, params, faults, streams, .. } = setup;
     let mut faulty;
     let rig: &mut dyn Rig = if faults.is_empty() {
         rig
@@ -285,9 +286,9 @@ fn play(
         Some(pace) => {
             let mut rig = RealTimeRig::new(rig, pace);
             let devices = RunIo { rig: &mut rig, model, sink, clock, stop, give_way };
-            control::run(devices, library, goal.as_mut(), params)
+            control::run(devices, library, task.as_mut(), params)
         }
-        None => control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, goal.as_mut(), params),
+        None => control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params),
     }
 }
 
@@ -295,7 +296,7 @@ fn play(
 fn start_recording(
     options: &RunOptions,
     folder: &RunFolder,
-    bench: &RunSetup,
+    setup: &RunSetup,
     job: &JobSpec,
     library: &Arc<Library>,
 ) -> Result<RerunSink, RunError> {
@@ -304,19 +305,19 @@ fn start_recording(
         name: job.name.clone(),
         seed: job.seed(),
         library: Arc::clone(library),
-        model: bench.model.clone(),
-        method: bench.params.method,
-        parts: bench.part_looks(),
+        model: setup.model.clone(),
+        method: setup.params.method,
+        parts: setup.part_looks(),
         bins: layout
             .bins
             .into_iter()
             .map(|LayoutBin { kinds, min_m, max_m }| BinLook { kinds, min_m, max_m })
             .collect(),
-        paths_m: layout.paths.iter().map(LayoutPath::line_m).collect(),
-        truth: Some(bench.truth()),
+        paths: layout.paths.iter().map(|path| PathLook { part: path.part, line_m: path.line_m() }).collect(),
+        truth: Some(setup.truth()),
     };
     let path = folder.path().join("run.rrd");
-    let sink = RerunSink::start(&options.rerun, &path, options.live.as_ref(), context, &options.keeping);
+    let sink = RerunSink::start(&options.rerun, &path, options.live.as_ref(), context, &options.recording_options);
     sink.map_err(|error| RunError::Recording(error.to_string()))
 }
 
@@ -324,7 +325,7 @@ fn start_recording(
 fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
     let finished = sink.finish();
-    match (finished, options.keeping.recording.ended_early()) {
+    match (finished, options.recording_options.recording.ended_early()) {
         (_, Some(end)) => Some(end.text),
         (Err(error), None) => Some(error.to_string()),
         (Ok(stats), None) if has_viewer && !stats.viewer_caught_up => {

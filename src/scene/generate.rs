@@ -55,23 +55,23 @@ impl FromStr for Difficulty {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|family| family.name() == name);
+        let found = Self::ALL.into_iter().find(|difficulty| difficulty.name() == name);
         found.ok_or_else(|| format!("expected one of {}, found {name:?}", Self::ALL.map(Self::name).join(", ")))
     }
 }
 
 impl Scene {
     /// The scene of `seed` in a family; equal seeds give equal pictures.
-    pub fn generate(family: Difficulty, seed: u64) -> Self {
+    pub fn generate(difficulty: Difficulty, seed: u64) -> Self {
         let streams = Streams::new(seed);
         let stream = |name: &str| SceneSampler(streams.stream(name));
         let mut scene = Self::plain(seed);
-        match family {
+        match difficulty {
             Difficulty::Clean | Difficulty::Rough => {
                 scene.draw_levels(&mut stream("clean levels"));
                 scene.draw_view(&mut stream("clean view"), [0.6, 0.95], 5.0, [1.5, 3.5]);
                 scene.draw_parts(&mut stream("clean parts"));
-                if family == Difficulty::Rough {
+                if difficulty == Difficulty::Rough {
                     (scene.noise_sd, scene.blur_px, scene.shading) = (8.0, 1.5, 0.4);
                     scene.shading_direction_rad = stream("rough light").within(0.0, TAU);
                 }
@@ -85,13 +85,13 @@ impl Scene {
                 scene.draw_faces(&mut stream("hard faces"));
             }
             Difficulty::Papers => {
-                let mut dice = stream("papers view");
+                let mut sampler = stream("papers view");
                 let [width, height] = scene.size_px.map(|n| n as f64);
                 scene.lens = Lens::ideal(4.0 * width, Vec2::new(0.5 * (width - 1.0), 0.5 * (height - 1.0)));
-                scene.tilt_rad = [0.0, 0.0, dice.around(0.15)];
-                scene.hang(dice.within(0.7, 0.9), [dice.around(1.0), dice.around(1.0)]);
+                scene.tilt_rad = [0.0, 0.0, sampler.around(0.15)];
+                scene.hang(sampler.within(0.7, 0.9), [sampler.around(1.0), sampler.around(1.0)]);
                 (scene.noise_sd, scene.shading) = (2.0, 0.15);
-                scene.shading_direction_rad = dice.within(0.0, TAU);
+                scene.shading_direction_rad = sampler.within(0.0, TAU);
                 scene.draw_pennies(&mut stream("papers parts"), 16);
             }
         }
@@ -99,42 +99,48 @@ impl Scene {
     }
 
     /// Black parts on a white plate on dark ground.
-    fn draw_levels(&mut self, dice: &mut SceneSampler) {
-        self.levels = [dice.within(10.0, 40.0), dice.within(190.0, 230.0), dice.within(20.0, 50.0)];
+    fn draw_levels(&mut self, sampler: &mut SceneSampler) {
+        self.levels = [sampler.within(10.0, 40.0), sampler.within(190.0, 230.0), sampler.within(20.0, 50.0)];
     }
 
     /// Both polarities, any light.
-    fn draw_hard_light(&mut self, dice: &mut SceneSampler) {
-        let white_parts = dice.chance(0.4);
+    fn draw_hard_light(&mut self, sampler: &mut SceneSampler) {
+        let white_parts = sampler.chance(0.4);
         self.levels = if white_parts {
-            let ground = if dice.chance(0.5) { dice.within(95.0, 140.0) } else { dice.within(170.0, 230.0) };
-            [ground, dice.within(15.0, 40.0), dice.within(150.0, 235.0)]
+            let ground = if sampler.chance(0.5) { sampler.within(95.0, 140.0) } else { sampler.within(170.0, 230.0) };
+            [ground, sampler.within(15.0, 40.0), sampler.within(150.0, 235.0)]
         } else {
-            [dice.within(8.0, 60.0), dice.within(150.0, 235.0), dice.within(15.0, 60.0)]
+            [sampler.within(8.0, 60.0), sampler.within(150.0, 235.0), sampler.within(15.0, 60.0)]
         };
-        self.shading = dice.within(0.0, 0.5);
-        self.shading_direction_rad = dice.within(0.0, TAU);
-        self.noise_sd = dice.within(0.0, 8.0);
-        self.blur_px = dice.within(0.6, 1.5);
+        self.shading = sampler.within(0.0, 0.5);
+        self.shading_direction_rad = sampler.within(0.0, TAU);
+        self.noise_sd = sampler.within(0.0, 8.0);
+        self.blur_px = sampler.within(0.6, 1.5);
     }
 
     /// Plate, lens and camera: the table's side as a share of the frame's height, largest tilt, focal length in picture
     /// widths.
-    fn draw_view(&mut self, dice: &mut SceneSampler, side_share: [f64; 2], most_tilt_deg: f64, focal_widths: [f64; 2]) {
-        self.side_m = INCH_M * if dice.chance(0.5) { 8.0 } else { 12.0 };
+    fn draw_view(
+        &mut self,
+        sampler: &mut SceneSampler,
+        side_share: [f64; 2],
+        most_tilt_deg: f64,
+        focal_widths: [f64; 2],
+    ) {
+        self.side_m = INCH_M * if sampler.chance(0.5) { 8.0 } else { 12.0 };
         let [width, height] = self.size_px.map(|n| n as f64);
         let focal_px =
-            width * (focal_widths[0].ln() + dice.within(0.0, 1.0) * (focal_widths[1] / focal_widths[0]).ln()).exp();
-        let principal_px = Vec2::new(0.5 * width + dice.around(10.0), 0.5 * height + dice.around(10.0));
-        let radial = [dice.within(-0.18, 0.06), dice.around(0.03)];
-        let tangential = [dice.around(4e-4), dice.around(4e-4)];
+            width * (focal_widths[0].ln() + sampler.within(0.0, 1.0) * (focal_widths[1] / focal_widths[0]).ln()).exp();
+        let principal_px = Vec2::new(0.5 * width + sampler.around(10.0), 0.5 * height + sampler.around(10.0));
+        let radial = [sampler.within(-0.18, 0.06), sampler.around(0.03)];
+        let tangential = [sampler.around(4e-4), sampler.around(4e-4)];
         self.lens = Lens { focal_px, principal_px, radial, tangential };
-        let (sin, cos) = dice.within(0.0, TAU).sin_cos();
-        let (tilt, turn) = (dice.within(0.0, most_tilt_deg).to_radians(), dice.around(40.0).to_radians());
+        let (sin, cos) = sampler.within(0.0, TAU).sin_cos();
+        let (tilt, turn) = (sampler.within(0.0, most_tilt_deg).to_radians(), sampler.around(40.0).to_radians());
         // Only a table that is hardly turned can fill the frame.
-        let turn = if dice.chance(0.25) { 0.05 * turn } else { turn };
+        let turn = if sampler.chance(0.25) { 0.05 * turn } else { turn };
         self.tilt_rad = [tilt * cos, tilt * sin, turn];
-        self.hang(dice.within(side_share[0], side_share[1]), [dice.around(1.0), dice.around(1.0)]);
+        self.hang(sampler.within(side_share[0], side_share[1]), [sampler.around(1.0), sampler.around(1.0)]);
     }
 
     /// Places the camera so that the mean side is `side_share` of the frame's height, or less where the table would not
@@ -208,21 +214,21 @@ mod tests {
 
     const SEEDS: u64 = 150;
 
-    fn scenes(family: Difficulty) -> impl Iterator<Item = Scene> {
-        (0..SEEDS).map(move |seed| Scene::generate(family, seed))
+    fn scenes(difficulty: Difficulty) -> impl Iterator<Item = Scene> {
+        (0..SEEDS).map(move |seed| Scene::generate(difficulty, seed))
     }
 
     #[test]
     fn the_table_is_wholly_in_the_frame_and_as_large_as_promised() {
-        for (family, least, most_tilt) in
+        for (difficulty, least, most_tilt) in
             [(Difficulty::Clean, 0.55, 5.0), (Difficulty::Hard, 0.4, 10.0), (Difficulty::Papers, 0.7, 0.0)]
         {
             let mut shares = Vec::new();
-            for scene in scenes(family) {
+            for scene in scenes(difficulty) {
                 let [width, height] = scene.size_px.map(|n| n as f64);
                 for p in scene.table_outline_px() {
                     let margin = p.x.min(p.y).min(width - 1.0 - p.x).min(height - 1.0 - p.y);
-                    assert!(margin > 0.012 * height, "{family} {}: {margin} px", scene.seed);
+                    assert!(margin > 0.012 * height, "{difficulty} {}: {margin} px", scene.seed);
                 }
                 let corners = scene.corners_px();
                 let side_px = (0..4).map(|i| (corners[(i + 1) % 4] - corners[i]).norm()).sum::<f64>() / 4.0;
@@ -231,11 +237,11 @@ mod tests {
                 assert!((-axis.z).acos().to_degrees() < most_tilt + 1e-6);
                 let [a, b, c, d] = corners;
                 let right = b - a + c - d;
-                assert!(right.y.atan2(right.x).to_degrees().abs() < 45.0, "{family} {}", scene.seed);
+                assert!(right.y.atan2(right.x).to_degrees().abs() < 45.0, "{difficulty} {}", scene.seed);
             }
             let (smallest, largest) = shares.iter().fold((1.0f64, 0.0f64), |(a, b), &s| (a.min(s), b.max(s)));
-            assert!(smallest > least - 0.005 && smallest < least + 0.1, "{family}: {smallest}");
-            assert!(largest > 0.88 && largest < 0.955, "{family}: {largest}");
+            assert!(smallest > least - 0.005 && smallest < least + 0.1, "{difficulty}: {smallest}");
+            assert!(largest > 0.88 && largest < 0.955, "{difficulty}: {largest}");
         }
     }
 
@@ -253,8 +259,8 @@ mod tests {
 
     #[test]
     fn equal_seeds_give_equal_pictures() {
-        for family in Difficulty::ALL {
-            let draw = |seed| Scene::generate(family, seed);
+        for difficulty in Difficulty::ALL {
+            let draw = |seed| Scene::generate(difficulty, seed);
             assert_eq!(draw(5), draw(5));
             assert_ne!(draw(5), draw(6));
             assert_eq!(draw(5).frame(), draw(5).frame());
@@ -276,8 +282,8 @@ mod tests {
 
     #[test]
     fn families_are_found_by_name() {
-        for family in Difficulty::ALL {
-            assert_eq!(family.to_string().parse(), Ok(family));
+        for difficulty in Difficulty::ALL {
+            assert_eq!(difficulty.to_string().parse(), Ok(difficulty));
         }
         assert_eq!(
             "dirty".parse::<Difficulty>(),

@@ -27,29 +27,29 @@ pub fn kinds() -> Vec<PartKind> {
 
 impl Scene {
     /// 1 to 40 parts of any kind; in most scenes some of them touch.
-    pub(super) fn draw_parts(&mut self, dice: &mut SceneSampler) {
-        let (touching, count) = (dice.chance(0.75), 1 + dice.one_of(MOST_PARTS));
-        self.put_parts(dice, count, touching, |dice| dice.one_of(COINS.len()));
+    pub(super) fn draw_parts(&mut self, sampler: &mut SceneSampler) {
+        let (touching, count) = (sampler.chance(0.75), 1 + sampler.one_of(MOST_PARTS));
+        self.put_parts(sampler, count, touching, |sampler| sampler.one_of(COINS.len()));
     }
 
     /// `count` pennies, some of them touching.
-    pub(super) fn draw_pennies(&mut self, dice: &mut SceneSampler, count: usize) {
-        self.put_parts(dice, count, true, |_| 0);
+    pub(super) fn draw_pennies(&mut self, sampler: &mut SceneSampler, count: usize) {
+        self.put_parts(sampler, count, true, |_| 0);
     }
 
     fn put_parts(
         &mut self,
-        dice: &mut SceneSampler,
+        sampler: &mut SceneSampler,
         count: usize,
         touching: bool,
         kind: impl Fn(&mut SceneSampler) -> usize,
     ) {
         for _ in 0..count {
-            let kind = kind(dice);
+            let kind = kind(sampler);
             let (_, radius_mm, thickness_mm) = COINS[kind];
             let radius_m = radius_mm * 1e-3;
             let place =
-                (0..TRIES).map(|_| self.place(dice, radius_m, touching)).find(|&at_m| self.fits(at_m, radius_m));
+                (0..TRIES).map(|_| self.place(sampler, radius_m, touching)).find(|&at_m| self.fits(at_m, radius_m));
             if let Some(at_m) = place {
                 self.parts.push(SceneDisc { kind, ..SceneDisc::new(at_m, radius_m, thickness_mm * 1e-3) });
             }
@@ -62,18 +62,18 @@ impl Scene {
     }
 
     /// A position beside another part, near the plate's edge or anywhere.
-    fn place(&self, dice: &mut SceneSampler, radius_m: f64, touching: bool) -> Vec2 {
+    fn place(&self, sampler: &mut SceneSampler, radius_m: f64, touching: bool) -> Vec2 {
         let reach_m = self.side_m / 2.0 - radius_m;
-        if touching && !self.parts.is_empty() && (self.parts.len() == 1 || dice.chance(0.6)) {
-            let other = &self.parts[dice.one_of(self.parts.len())];
-            return other.at_m + dice.direction() * (other.radius_m + radius_m + TOUCH_M);
+        if touching && !self.parts.is_empty() && (self.parts.len() == 1 || sampler.chance(0.6)) {
+            let other = &self.parts[sampler.one_of(self.parts.len())];
+            return other.at_m + sampler.direction() * (other.radius_m + radius_m + TOUCH_M);
         }
-        let anywhere = Vec2::new(dice.around(reach_m), dice.around(reach_m));
-        if !dice.chance(0.12) {
+        let anywhere = Vec2::new(sampler.around(reach_m), sampler.around(reach_m));
+        if !sampler.chance(0.12) {
             return anywhere;
         }
-        let edge = (reach_m - dice.within(2e-5, 5e-4)) * if dice.chance(0.5) { 1.0 } else { -1.0 };
-        if dice.chance(0.5) { Vec2::new(edge, anywhere.y) } else { Vec2::new(anywhere.x, edge) }
+        let edge = (reach_m - sampler.within(2e-5, 5e-4)) * if sampler.chance(0.5) { 1.0 } else { -1.0 };
+        if sampler.chance(0.5) { Vec2::new(edge, anywhere.y) } else { Vec2::new(anywhere.x, edge) }
     }
 
     /// True when a part there is wholly on the plate, over no other and clear of objects in front.
@@ -98,18 +98,18 @@ mod tests {
 
     #[test]
     fn parts_lie_on_the_plate_and_beside_one_another() {
-        for family in Difficulty::ALL {
+        for difficulty in Difficulty::ALL {
             let (mut with_touching, mut at_edge, mut parts) = (0, 0, 0);
-            for scene in (0..100).map(|seed| Scene::generate(family, seed)) {
+            for scene in (0..100).map(|seed| Scene::generate(difficulty, seed)) {
                 for (i, part) in scene.parts.iter().enumerate() {
                     let to_edge = scene.side_m / 2.0 - part.at_m.amax() - part.radius_m;
-                    assert!(to_edge >= 0.0, "{family} {}", scene.seed);
+                    assert!(to_edge >= 0.0, "{difficulty} {}", scene.seed);
                     at_edge += usize::from(to_edge < 5e-4);
                     let apart = |other: &SceneDisc| (other.at_m - part.at_m).norm() >= other.radius_m + part.radius_m;
-                    assert!(scene.parts[..i].iter().all(apart), "{family} {}", scene.seed);
+                    assert!(scene.parts[..i].iter().all(apart), "{difficulty} {}", scene.seed);
                     let clear =
                         |cover: &super::super::ClutterShape| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
-                    assert!(scene.covers.iter().all(clear), "{family} {}", scene.seed);
+                    assert!(scene.covers.iter().all(clear), "{difficulty} {}", scene.seed);
                     let kind = &kinds()[part.kind];
                     assert_eq!((part.radius_m, part.thickness_m), (kind.radius_m, kind.thickness_m));
                 }
@@ -117,7 +117,10 @@ mod tests {
                 with_touching += usize::from(touching(&scene) > 0);
                 parts += scene.parts.len();
             }
-            assert!(with_touching >= 50 && at_edge > 30 && parts > 1200, "{family}: {with_touching} {at_edge} {parts}");
+            assert!(
+                with_touching >= 50 && at_edge > 30 && parts > 1200,
+                "{difficulty}: {with_touching} {at_edge} {parts}"
+            );
         }
     }
 }

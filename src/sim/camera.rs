@@ -86,15 +86,15 @@ pub struct Camera {
     view: CameraProjection,
     grid: TileGrid,
     blur: Blur,
-    grain: SubExposureParams,
+    sub_exposure_params: SubExposureParams,
     light: Illumination,
     plate: PlateOutline,
     parts: Vec<DiscOutline>,
     stale: DirtyTiles,
-    /// Shares of plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
+    /// Coverage by plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
     painted: Vec<[[f32; 2]; LANES]>,
-    /// Shares of plate and parts in the tile being painted.
-    shares: [PixelCoverage; 2],
+    /// Coverage by plate and parts in the tile being painted.
+    coverage: [PixelCoverage; 2],
     /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
     clean: Vec<i16>,
     /// Standard deviation of each pixel's noise, laid out as `clean`.
@@ -109,7 +109,7 @@ impl Camera {
         let view = CameraProjection::new(&params);
         let grid = TileGrid::new(&view, params.size_px);
         let blur = Blur::new(&params);
-        let grain = SubExposureParams { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
+        let sub_exposure_params = SubExposureParams { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
         let tiles = grid.tiles.len();
         let mut stale = DirtyTiles::new(tiles);
         (0..tiles).for_each(|index| stale.mark(index));
@@ -124,10 +124,10 @@ impl Camera {
             view,
             grid,
             blur,
-            grain,
+            sub_exposure_params,
             stale,
             painted: vec![[[f32::NAN; 2]; LANES]; tiles],
-            shares: [PixelCoverage::none(), PixelCoverage::none()],
+            coverage: [PixelCoverage::none(), PixelCoverage::none()],
         };
         camera.redraw_dirty();
         camera
@@ -158,9 +158,9 @@ impl Camera {
     }
 
     fn mark_changes(&mut self, exposure: &[Snapshot]) {
-        let Self { view, grid, blur, grain, plate, parts, stale, .. } = self;
+        let Self { view, grid, blur, sub_exposure_params, plate, parts, stale, .. } = self;
         let poses = exposure.iter().map(|snapshot| snapshot.plate_in_table);
-        plate.show(poses, grain, |index| stale.mark(index));
+        plate.show(poses, sub_exposure_params, |index| stale.mark(index));
         let middle = exposure.get(exposure.len() / 2);
         for (index, part) in parts.iter_mut().enumerate() {
             let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied().flatten();
@@ -170,7 +170,7 @@ impl Camera {
             let seen = if in_middle.is_some() { exposure } else { &[] };
             let positions_m =
                 seen.iter().map(|snapshot| pose_in(snapshot).or(in_middle).unwrap_or_default().position_m);
-            part.show(positions_m, grain, (view, grid, blur), |index| stale.mark(index));
+            part.show(positions_m, sub_exposure_params, (view, grid, blur), |index| stale.mark(index));
         }
     }
 
@@ -184,8 +184,8 @@ impl Camera {
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
         let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
-        self.shares.iter_mut().for_each(PixelCoverage::clear);
-        let [on_plate, on_parts] = &mut self.shares;
+        self.coverage.iter_mut().for_each(PixelCoverage::clear);
+        let [on_plate, on_parts] = &mut self.coverage;
         let lens = (&self.view, &self.blur);
         self.plate.cover(tile, lens, on_plate);
         for part in self.parts.iter().filter(|part| part.touches(column, row)) {
@@ -201,8 +201,8 @@ impl Camera {
             }
             let x = column * SIDE + block % BLOCK_SIDE * BLOCK_SIDE;
             let y = row * SIDE + block / BLOCK_SIDE * BLOCK_SIDE;
-            let shares = (&on_plate.of_block(block), &on_parts.of_block(block));
-            let clean = compose_block(levels, self.light.at(x, y), shares);
+            let coverage = (&on_plate.of_block(block), &on_parts.of_block(block));
+            let clean = compose_block(levels, self.light.at(x, y), coverage);
             let sd = self.noise.deviations(&clean);
             let rows = clean.as_chunks::<BLOCK_SIDE>().0.iter().zip(sd.as_chunks::<BLOCK_SIDE>().0);
             for (y, (clean, sd)) in (y..).zip(rows) {

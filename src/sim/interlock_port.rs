@@ -4,7 +4,7 @@ use upm_core::time::PlateTime;
 /// The rig's side of its interlock. A rig without an interlock is never stopped from outside.
 #[derive(Debug, Default)]
 pub(super) struct InterlockPort {
-    fitted: Option<InterlockGuard>,
+    guard: Option<InterlockGuard>,
     driving: bool,
     cut: bool,
 }
@@ -12,14 +12,14 @@ pub(super) struct InterlockPort {
 impl InterlockPort {
     pub(super) fn attach(&mut self, interlock: &Interlock, now: PlateTime) -> Result<(), RigFault> {
         match interlock.attach(now) {
-            Some(fitted) => self.fitted = Some(fitted),
+            Some(guard) => self.guard = Some(guard),
             None => return Err(RigFault::Device("the interlock is fitted to another rig".into())),
         }
         Ok(())
     }
 
     pub(super) fn tripped(&self) -> Option<Trip> {
-        self.fitted.as_ref().and_then(|fitted| fitted.tripped())
+        self.guard.as_ref().and_then(|guard| guard.tripped())
     }
 
     /// Returns `Err` once tripped.
@@ -29,7 +29,7 @@ impl InterlockPort {
 
     /// Marks the start of a pulse; refused once tripped.
     pub(super) fn energize(&mut self) -> Result<(), RigFault> {
-        self.fitted.as_ref().map_or(Ok(()), |fitted| fitted.energize()).map_err(RigFault::Stopped)?;
+        self.guard.as_ref().map_or(Ok(()), |guard| guard.energize()).map_err(RigFault::Stopped)?;
         self.driving = true;
         Ok(())
     }
@@ -41,25 +41,25 @@ impl InterlockPort {
     /// Reports a step at `now` to the interlock; true when the motors must be cut in it.
     #[inline]
     pub(super) fn should_cut(&mut self, now: PlateTime) -> bool {
-        let tripped = self.fitted.as_ref().is_some_and(|fitted| fitted.step(now).is_some());
+        let tripped = self.guard.as_ref().is_some_and(|guard| guard.step(now).is_some());
         tripped && !std::mem::replace(&mut self.cut, true)
     }
 
     /// Trips because the lease expired at `now`; an earlier trip stays in force.
     pub(super) fn lease_expired(&mut self, now: PlateTime) -> Trip {
         self.cut = true;
-        let Some(fitted) = &self.fitted else { return Trip::Lease };
-        fitted.step(now);
-        fitted.trip(Trip::Lease);
-        fitted.tripped().unwrap_or(Trip::Lease)
+        let Some(guard) = &self.guard else { return Trip::Lease };
+        guard.step(now);
+        guard.trip(Trip::Lease);
+        guard.tripped().unwrap_or(Trip::Lease)
     }
 
     /// Reports that the motors are at zero from `now` on.
     pub(super) fn motors_off(&mut self, now: PlateTime) {
         if std::mem::take(&mut self.driving)
-            && let Some(fitted) = &self.fitted
+            && let Some(guard) = &self.guard
         {
-            fitted.motors_off(now);
+            guard.motors_off(now);
         }
     }
 }

@@ -77,14 +77,14 @@ impl Plant {
 
     /// Advances to the end of the first step that is not before `time`; skips time at rest. `guard` is asked before
     /// every step whether to cut the motors in it, and notified when they are silent.
-    pub(super) fn advance_to(&mut self, time: PlateTime, guard: &mut InterlockPort) {
+    pub(super) fn advance_to(&mut self, time: PlateTime, port: &mut InterlockPort) {
         while self.now_ns < time.nanos() {
-            let cut = guard.should_cut(self.now());
+            let cut = port.should_cut(self.now());
             if cut {
                 self.stop();
             }
-            if guard.is_driving() && (cut || self.motors.is_idle()) {
-                guard.motors_off(self.now());
+            if port.is_driving() && (cut || self.motors.is_idle()) {
+                port.motors_off(self.now());
             }
             if self.still {
                 self.now_ns = time.nanos().div_ceil(self.step_ns) * self.step_ns;
@@ -205,12 +205,12 @@ mod tests {
     #[test]
     fn still_time_is_skipped_to_whole_steps() {
         let mut plant = plant(&rig_params());
-        let guard = &mut InterlockPort::default();
-        plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001), guard);
+        let port = &mut InterlockPort::default();
+        plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001), port);
         assert_eq!(plant.now().nanos(), 7_200_000_000_050_000);
         plant.play(drive());
         assert!(!plant.is_still());
-        plant.advance_to(plant.now() + 60.0, guard);
+        plant.advance_to(plant.now() + 60.0, port);
         assert!(plant.is_still());
     }
 

@@ -30,7 +30,7 @@ pub struct SimRig {
     last_frame: u64,
     quiet_at: PlateTime,
     rest_s: f64,
-    guard: InterlockPort,
+    port: InterlockPort,
 }
 
 impl SimRig {
@@ -50,7 +50,7 @@ impl SimRig {
             last_frame: 0,
             quiet_at: PlateTime::ZERO,
             rest_s: 0.0,
-            guard: InterlockPort::default(),
+            port: InterlockPort::default(),
         };
         rig.publish(PlateTime::ZERO, 0.0);
         rig
@@ -58,7 +58,7 @@ impl SimRig {
 
     /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
     pub fn attach(&mut self, interlock: Interlock) -> Result<(), RigFault> {
-        self.guard.attach(&interlock, self.now())
+        self.port.attach(&interlock, self.now())
     }
 
     /// The true camera, for publishing ground truth.
@@ -73,7 +73,7 @@ impl SimRig {
 
     /// Sets the motors to zero and returns `Err` once the interlock has tripped.
     fn stop_if_tripped(&mut self) -> Result<(), RigFault> {
-        let checked = self.guard.check();
+        let checked = self.port.check();
         if checked.is_err() {
             self.stop();
         }
@@ -81,7 +81,7 @@ impl SimRig {
     }
 
     fn advance_to(&mut self, time: PlateTime) {
-        self.plant.advance_to(time, &mut self.guard);
+        self.plant.advance_to(time, &mut self.port);
     }
 
     /// Publishes the state `before_s` ago, at most one step, as the truth at `at`.
@@ -136,7 +136,7 @@ impl Rig for SimRig {
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
         self.stop_if_tripped()?;
         self.check(drive)?;
-        self.guard.energize()?;
+        self.port.energize()?;
         self.quiet_at = self.now() + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         self.plant.play(drive.clone());
@@ -181,18 +181,18 @@ impl Rig for SimRig {
 
     fn stop(&mut self) {
         self.plant.stop();
-        self.guard.motors_off(self.now());
+        self.port.motors_off(self.now());
         self.quiet_at = self.quiet_at.min(self.now() + self.rest_s);
     }
 
     fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
         let lease_ends = self.now() + Interlock::LEASE_S;
-        if !self.guard.is_driving() || until <= lease_ends {
+        if !self.port.is_driving() || until <= lease_ends {
             self.advance_to(until);
             return self.stop_if_tripped();
         }
         self.advance_to(lease_ends);
-        let trip = self.guard.lease_expired(self.now());
+        let trip = self.port.lease_expired(self.now());
         self.stop();
         self.advance_to(until);
         Err(RigFault::Stopped(trip))

@@ -20,7 +20,7 @@ pub struct ArrangeParams {
     pub arrive_m: f64,
 }
 
-/// Goal that arranges parts by [`ArrangeParams`]. It is done when every part is at its target at the same time.
+/// Task that arranges parts by [`ArrangeParams`]. It is done when every part is at its target at the same time.
 #[derive(Clone, Debug)]
 pub struct Arrange {
     params: ArrangeParams,
@@ -80,8 +80,8 @@ mod tests {
     #[test]
     fn parts_of_one_kind_take_the_nearer_places() {
         let parts = [Vec2::new(0.05, 0.05), Vec2::new(-0.05, 0.05), Vec2::new(0.0, 0.05)];
-        let targets = |mut goal: Arrange| goal.next(PlateTime::ZERO, &parts).targets_m;
-        let xs = |goal| targets(goal).iter().map(|target_m| target_m.x).collect::<Vec<_>>();
+        let targets = |mut task: Arrange| task.next(PlateTime::ZERO, &parts).targets_m;
+        let xs = |task| targets(task).iter().map(|target_m| target_m.x).collect::<Vec<_>>();
         assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, true)), [0.05, -0.05, 0.0]);
         assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, false)), [-0.05, 0.0, 0.05]);
         assert_eq!(xs(arrange(&[0, 1, 0], &PLACES, true)), [0.05, 0.0, -0.05]);
@@ -89,8 +89,8 @@ mod tests {
 
     #[test]
     fn it_is_done_when_all_are_there_at_once() {
-        let mut goal = arrange(&[0, 1], &PLACES[..2], true);
-        let mut look = |x: f64| goal.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
+        let mut task = arrange(&[0, 1], &PLACES[..2], true);
+        let mut look = |x: f64| task.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
         let wanted = look(0.04);
         assert_eq!(
             (wanted.phase.as_str(), wanted.done, wanted.progress),
@@ -104,24 +104,24 @@ mod tests {
 
     #[test]
     fn noise_exchanges_no_places() {
-        let mut goal = arrange(&[0, 0], &[(0.0, 0.05), (0.0, -0.05)], true);
+        let mut task = arrange(&[0, 0], &[(0.0, 0.05), (0.0, -0.05)], true);
         let parts = |tilt: f64| [Vec2::new(-0.05, tilt), Vec2::new(0.05, -tilt)];
-        let first = goal.next(PlateTime::ZERO, &parts(1e-4)).targets_m;
-        assert_eq!(goal.next(PlateTime::ZERO, &parts(-1e-4)).targets_m, first);
-        assert_ne!(goal.next(PlateTime::ZERO, &parts(-2e-2)).targets_m, first);
+        let first = task.next(PlateTime::ZERO, &parts(1e-4)).targets_m;
+        assert_eq!(task.next(PlateTime::ZERO, &parts(-1e-4)).targets_m, first);
+        assert_ne!(task.next(PlateTime::ZERO, &parts(-2e-2)).targets_m, first);
     }
 
     #[test]
     fn any_number_of_parts_will_do() {
-        let mut goal = arrange(&[0, 1], &PLACES[..2], true);
+        let mut task = arrange(&[0, 1], &PLACES[..2], true);
         let nowhere = Vec2::new(f64::NAN, 0.0);
         for parts in [&[][..], &[nowhere], &[nowhere, Vec2::zeros(), Vec2::new(0.07, 0.07)]] {
-            let wanted = goal.next(PlateTime::ZERO, parts);
+            let wanted = task.next(PlateTime::ZERO, parts);
             assert_eq!(
                 (wanted.targets_m.len(), wanted.subgoals_m.len(), wanted.done),
                 (parts.len(), parts.len(), false)
             );
         }
-        assert_eq!(goal.next(PlateTime::ZERO, &[nowhere; 3]).targets_m[2], Vec2::new(0.07, 0.07));
+        assert_eq!(task.next(PlateTime::ZERO, &[nowhere; 3]).targets_m[2], Vec2::new(0.07, 0.07));
     }
 }

@@ -51,14 +51,14 @@ fn least_gap_m(discs: &[PartOutline], from_m: &[Vec2], to_m: &[Vec2]) -> f64 {
     least_m
 }
 
-fn run(goal: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64, cycles: usize) -> ClosedLoopResult {
+fn run(task: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64, cycles: usize) -> ClosedLoopResult {
     let mut rng = Streams::new(1).stream("strays");
     let mut parts_m = starts_m.to_vec();
     let mut course =
         ClosedLoopResult { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, boxed_in: Vec::new() };
     for cycle in 0..cycles {
         course.cycles = cycle;
-        let wanted = goal.next(PlateTime::from_secs(0.3 * cycle as f64), &parts_m);
+        let wanted = task.next(PlateTime::from_secs(0.3 * cycle as f64), &parts_m);
         course.boxed_in = wanted.boxed_in;
         if wanted.done {
             return course;
@@ -159,10 +159,10 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
         exchange: true,
         arrive_m: ARRIVE_M,
     };
-    let mut goal = Arrange::new(params);
-    let course = run(&mut goal, &discs, &starts_m, 0.03, 40);
+    let mut task = Arrange::new(params);
+    let course = run(&mut task, &discs, &starts_m, 0.03, 40);
     assert_eq!((course.cycles, course.boxed_in), (usize::MAX, vec![1]));
-    let wanted = goal.next(PlateTime::from_secs(100.0), &starts_m);
+    let wanted = task.next(PlateTime::from_secs(100.0), &starts_m);
     assert_eq!(wanted.boxed_in, [1]);
     assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 boxed in");
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
@@ -187,8 +187,8 @@ fn sorted(discs: &[PartOutline], starts_m: &[Vec2], bins: Vec<BinParams>) -> Clo
         bins: bins.clone(),
         margin_m: 5e-5,
     };
-    let mut goal = Sort::new(params);
-    run(&mut goal, discs, starts_m, 0.03, 150)
+    let mut task = Sort::new(params);
+    run(&mut task, discs, starts_m, 0.03, 150)
 }
 
 /// `count` coins of kinds 0 to `kinds` - 1 in turn.

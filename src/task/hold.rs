@@ -19,7 +19,7 @@ pub struct HoldParams {
     pub arrive_m: f64,
 }
 
-/// Goal that holds parts by [`HoldParams`]. While no part has drifted, every subgoal equals the part's observed
+/// Task that holds parts by [`HoldParams`]. While no part has drifted, every subgoal equals the part's observed
 /// position.
 #[derive(Clone, Debug)]
 pub struct Hold {
@@ -82,19 +82,19 @@ mod tests {
 
     #[test]
     fn parts_moved_between_the_first_look_and_the_first_cycle_are_brought_back() {
-        let (mut goal, home) = (Hold::new(PARAMS), [Vec2::new(0.02, 0.0)]);
-        goal.first_seen(&home);
-        let wanted = goal.next(PlateTime::from_secs(5.0), &[Vec2::new(0.021, 0.0)]);
+        let (mut task, home) = (Hold::new(PARAMS), [Vec2::new(0.02, 0.0)]);
+        task.first_seen(&home);
+        let wanted = task.next(PlateTime::from_secs(5.0), &[Vec2::new(0.021, 0.0)]);
         assert_eq!((wanted.targets_m, wanted.phase.as_str()), (home.to_vec(), "bringing back what drifted"));
     }
 
     #[test]
     fn parts_are_let_be_until_they_drift_and_then_brought_back() {
-        let mut goal = Hold::new(PARAMS);
+        let mut task = Hold::new(PARAMS);
         let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];
         let mut look = |at_s: f64, drift_m: f64| {
             let parts = [home[0], home[1] + Vec2::new(drift_m, 0.0)];
-            let wanted = goal.next(PlateTime::from_secs(at_s), &parts);
+            let wanted = task.next(PlateTime::from_secs(at_s), &parts);
             assert_eq!(wanted.targets_m, home);
             (wanted.subgoals_m == parts, wanted.subgoals_m == home, wanted.done, wanted.progress)
         };

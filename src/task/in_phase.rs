@@ -34,7 +34,7 @@ pub struct InPhaseParams {
     pub arrive_m: f64,
 }
 
-/// Goal that follows [`InPhaseParams`]. First all parts go to the first corners of their loops; from then on one
+/// Task that follows [`InPhaseParams`]. First all parts go to the first corners of their loops; from then on one
 /// reference phase advances for all. A subgoal is the reference's position at the end of the cycle.
 #[derive(Clone, Debug)]
 pub struct InPhase {
@@ -103,13 +103,13 @@ impl InPhase {
         if self.params.laps == 0 { f64::INFINITY } else { f64::from(self.params.laps) }
     }
 
-    /// Goal while parts are on their way to the first corners.
+    /// Task while parts are on their way to the first corners.
     fn approach(&self, steering: &PathFollower) -> Setpoints {
         let there = steering.distances_m().filter(|distance_m| *distance_m <= self.params.arrive_m).count();
         Setpoints { progress: 0.0, ..steering.wanted("to the first corners", there) }
     }
 
-    /// Goal on the loops, `elapsed_s` after the previous observation.
+    /// Task on the loops, `elapsed_s` after the previous observation.
     fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Setpoints {
         let InPhaseParams { period_s, lead_m, stride_m, arrive_m, laps, .. } = self.params;
         let places: Vec<LoopPosition> =
@@ -222,10 +222,10 @@ mod tests {
         let mut rng = Streams::new(3).stream("strays");
         let mut parts = vec![Vec2::new(-0.1, -0.1), Vec2::new(0.1, -0.1), Vec2::new(0.0, 0.1)];
         let mut course = LoopRunResult { gap_m: f64::INFINITY, ..LoopRunResult::default() };
-        let mut goal = InPhase::new(params);
+        let mut task = InPhase::new(params);
         let (mut progress, mut laps, mut on_loops_from_s) = (0.0, 0, None);
         for _ in 0..3000 {
-            let wanted = goal.next(PlateTime::from_secs(course.took_s), &parts);
+            let wanted = task.next(PlateTime::from_secs(course.took_s), &parts);
             assert!(wanted.progress >= progress && wanted.laps >= laps, "{wanted:?}");
             (progress, laps) = (wanted.progress, wanted.laps);
             if wanted.done {
@@ -270,13 +270,13 @@ mod tests {
 
     #[test]
     fn the_other_branch_of_the_crossing_is_not_taken_for_ones_own() {
-        let mut goal = InPhase::new(InPhaseParams { loops_m: vec![eight(0.0)], ..three_on_one_eight(0) });
+        let mut task = InPhase::new(InPhaseParams { loops_m: vec![eight(0.0)], ..three_on_one_eight(0) });
         let firsts = [Vec2::zeros(), Vec2::new(0.1, 0.1), Vec2::new(-0.1, 0.1)];
-        goal.next(PlateTime::ZERO, &firsts);
+        task.next(PlateTime::ZERO, &firsts);
         // half a lap on, the loop passes the same position again
         for (look, x) in (1..).zip([0.001, -0.001, 0.0005]) {
             let seen = [Vec2::new(x, -x), firsts[1], firsts[2]];
-            let wanted = goal.next(PlateTime::from_secs(0.01 * f64::from(look)), &seen);
+            let wanted = task.next(PlateTime::from_secs(0.01 * f64::from(look)), &seen);
             assert!(wanted.phase_error[0].abs() < 0.01 && wanted.phase_error[1..] == [0.0, 0.0], "{wanted:?}");
             assert_eq!(wanted.subgoals_m[1..], firsts[1..]);
         }
@@ -286,9 +286,9 @@ mod tests {
     fn nothing_is_ever_not_a_number() {
         for period_s in [0.0, f64::NAN, f64::INFINITY, -1.0, 1e-300] {
             for parts in [&[][..], &[Vec2::new(f64::NAN, 0.0); 3], &[Vec2::zeros(); 4]] {
-                let mut goal = InPhase::new(InPhaseParams { period_s, arrive_m: 1.0, ..three_on_one_eight(2) });
+                let mut task = InPhase::new(InPhaseParams { period_s, arrive_m: 1.0, ..three_on_one_eight(2) });
                 for look in 0..5 {
-                    let wanted = goal.next(PlateTime::from_secs(f64::from(look)), parts);
+                    let wanted = task.next(PlateTime::from_secs(f64::from(look)), parts);
                     let numbers = wanted.subgoals_m.iter().flat_map(|p| p.iter()).chain(&wanted.cross_track_m);
                     assert!(numbers.chain(&wanted.phase_error).all(|x| x.is_finite()), "{wanted:?}");
                 }

@@ -54,11 +54,11 @@ pub(super) fn effort_of(way_m: &[Vec<Vec2>], effort: &dyn Effort) -> f64 {
 /// penalties.
 pub(super) fn eased(
     way_m: JointPath,
-    fleet: &MultiDiscProblem,
+    problem: &MultiDiscProblem,
     effort: &dyn Effort,
     rounds: usize,
 ) -> (JointPath, f64) {
-    let mut now = Descent::at(way_m, fleet, effort);
+    let mut now = Descent::at(way_m, problem, effort);
     let mut known: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
     for _ in 0..rounds {
         let direction = now.direction(&known);
@@ -70,7 +70,7 @@ pub(super) fn eased(
             if known.is_empty() { FIRST_M / largest(&direction) } else { 1.0_f64.min(MOST_M / largest(&direction)) };
         let mut next = None;
         for _ in 0..HALVINGS {
-            let tried = Descent::at(now.moved(&direction, share), fleet, effort);
+            let tried = Descent::at(now.moved(&direction, share), problem, effort);
             if tried.cost < now.cost + 1e-4 * share * downhill {
                 next = Some(tried);
                 break;
@@ -103,8 +103,8 @@ struct Descent {
 }
 
 impl Descent {
-    fn at(way_m: JointPath, fleet: &MultiDiscProblem, effort: &dyn Effort) -> Self {
-        let (legs, parts) = (way_m.len().saturating_sub(1), fleet.len());
+    fn at(way_m: JointPath, problem: &MultiDiscProblem, effort: &dyn Effort) -> Self {
+        let (legs, parts) = (way_m.len().saturating_sub(1), problem.len());
         let mut by = vec![Vec2::zeros(); way_m.len() * parts];
         let mut cost = 0.0;
         for leg in 0..legs {
@@ -122,10 +122,10 @@ impl Descent {
             // a path that begins or ends near the edge may run along it
             let bounds_m = (0..parts).map(|i| {
                 let along_m = first_m[i].abs().lerp(&last_m[i].abs(), share);
-                along_m.map(|x| x.clamp(fleet.reach_m(i) - EDGE_SPARE_M, fleet.reach_m(i).max(0.0)))
+                along_m.map(|x| x.clamp(problem.reach_m(i) - EDGE_SPARE_M, problem.reach_m(i).max(0.0)))
             });
             let bounds_m: Vec<Vec2> = bounds_m.collect();
-            cost += crowding((places_m, &bounds_m), fleet, &mut by[stage * parts..][..parts]);
+            cost += crowding((places_m, &bounds_m), problem, &mut by[stage * parts..][..parts]);
         }
         let slopes =
             by.get(parts..legs * parts).unwrap_or_default().iter().flat_map(|slope| [slope.x, slope.y]).collect();
@@ -165,7 +165,7 @@ impl Descent {
 }
 
 /// Penalty of parts that are too near to each other or to the edge; adds its slopes to `slopes`.
-fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &MultiDiscProblem, slopes: &mut [Vec2]) -> f64 {
+fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), problem: &MultiDiscProblem, slopes: &mut [Vec2]) -> f64 {
     let mut cost = 0.0;
     for i in 0..places_m.len() {
         for axis in 0..2 {
@@ -177,7 +177,7 @@ fn crowding((places_m, bounds_m): (&[Vec2], &[Vec2]), fleet: &MultiDiscProblem, 
         }
         for j in 0..i {
             let apart = places_m[i] - places_m[j];
-            let missing_m = fleet.least_m(i, j, PLANNED_GAP_M + SPARE_M) - apart.norm();
+            let missing_m = problem.least_m(i, j, PLANNED_GAP_M + SPARE_M) - apart.norm();
             if missing_m > 0.0 {
                 cost += PENALTY * missing_m * missing_m;
                 let push = apart.try_normalize(0.0).unwrap_or_else(Vec2::x) * (2.0 * PENALTY * missing_m);

@@ -1,4 +1,4 @@
-//! Goals: where the parts should go, in the table's frame, independent of plates and motors.
+//! Tasks: where the parts should go, in the table's frame, independent of plates and motors.
 
 mod arrange;
 mod assignment;
@@ -30,7 +30,7 @@ pub use trajectories::{PathParams, Trajectories};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// A part as goals see it: a disc.
+/// A part as tasks see it: a disc.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PartOutline {
     /// Kind number; parts of one kind are interchangeable.
@@ -39,7 +39,7 @@ pub struct PartOutline {
     pub radius_m: f64,
 }
 
-/// Output of a goal for one cycle.
+/// Output of a task for one cycle.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Setpoints {
     /// Next position of each part, m. It may be further than one cycle reaches: while all parts go straight there and

@@ -131,10 +131,11 @@ mod tests {
         assert!(go(a, up).keeps_from(&go(b, up), 0.05) && go(a, -up).keeps_from(&SynchronousMove::rest(b), 0.05));
         assert!(!go(a, Vec2::new(1e-4, 0.0)).keeps_from(&SynchronousMove::rest(b), 0.05));
         let discs = vec![PartOutline { kind: 0, radius_m: 0.01 }; 2];
-        let fleet = MultiDiscProblem::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
+        let problem = MultiDiscProblem::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
         assert!(
-            (fleet.least_m(0, 1, 0.003) - 0.0215).abs() < 1e-15 && (fleet.least_m(0, 1, 0.001) - 0.021).abs() < 1e-15
+            (problem.least_m(0, 1, 0.003) - 0.0215).abs() < 1e-15
+                && (problem.least_m(0, 1, 0.001) - 0.021).abs() < 1e-15
         );
-        assert!((fleet.reach_m(0) - 0.0885).abs() < 1e-15);
+        assert!((problem.reach_m(0) - 0.0885).abs() < 1e-15);
     }
 }

@@ -209,7 +209,7 @@ impl PathFollower {
         self.seen_m.iter().zip(place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm_squared()).sum()
     }
 
-    fn fleet(&self, place_of: &[usize]) -> MultiDiscProblem {
+    fn problem(&self, place_of: &[usize]) -> MultiDiscProblem {
         let targets_m = place_of.iter().map(|&place| self.places_m[place]).collect();
         MultiDiscProblem::new(self.discs.clone(), self.half_side_m, targets_m)
     }
@@ -221,8 +221,8 @@ impl PathFollower {
         if self.cost_m2(&better) >= CLEARLY_BETTER * self.cost_m2(&self.place_of) {
             return;
         }
-        let fleet = self.fleet(&better);
-        if self.stages_m.len() < 2 || fleet.is_clear(&self.seen_m, fleet.targets_m(), PLANNED_GAP_M) {
+        let problem = self.problem(&better);
+        if self.stages_m.len() < 2 || problem.is_clear(&self.seen_m, problem.targets_m(), PLANNED_GAP_M) {
             self.place_of = better;
             self.stages_m.clear();
         }
@@ -233,8 +233,8 @@ impl PathFollower {
         if !self.boxed_in.is_empty() && self.looks > PATIENCE {
             return false;
         }
-        let fleet = self.fleet(&self.place_of);
-        let clear = |stage_m: &Vec<Vec2>| fleet.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
+        let problem = self.problem(&self.place_of);
+        let clear = |stage_m: &Vec<Vec2>| problem.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
         let Some(next) = self.stages_m.iter().rposition(clear) else { return false };
         self.stages_m.drain(..next);
         let reached = |stage_m: &Vec<Vec2>| {
@@ -251,7 +251,7 @@ impl PathFollower {
         }
         let Some(present_m) = self.stages_m.first() else { return false };
         let on_it = self.stages_m.len() == 1 || self.away_m(present_m) > STAGE_LEFT * self.begun_m;
-        if on_it && self.fleet(&self.place_of).is_clear(&self.seen_m, present_m, KEPT_GAP_M) {
+        if on_it && self.problem(&self.place_of).is_clear(&self.seen_m, present_m, KEPT_GAP_M) {
             return true;
         }
         !on_it && self.go_on(1, stride_m)
@@ -265,8 +265,8 @@ impl PathFollower {
         };
         let ahead = self.stages_m.iter().skip(from).position(|stage_m| longest_m(stage_m) >= stride_m);
         let ahead = ahead.map_or(self.stages_m.len(), |ahead| from + ahead + 1);
-        let fleet = self.fleet(&self.place_of);
-        let clear = |stage_m: &Vec<Vec2>| fleet.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
+        let problem = self.problem(&self.place_of);
+        let clear = |stage_m: &Vec<Vec2>| problem.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
         let Some(next) = self.stages_m[..ahead].iter().skip(from).rposition(clear) else { return false };
         self.stages_m.drain(..from + next);
         self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
@@ -281,15 +281,15 @@ impl PathFollower {
 
     fn turning_assignment(&self, effort: &dyn Effort) -> Vec<usize> {
         let assign = |starts_m: &[Vec2]| self.best_assignment(starts_m, &[]);
-        let fleet = self.fleet(&self.place_of);
-        RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
+        let problem = self.problem(&self.place_of);
+        RigidMotionProblem { problem: &problem, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
     }
 
     /// Finds a new path for rotations, and adopts an assignment that takes clearly less effort.
     fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
         let better = self.turning_assignment(effort);
         let cost = |place_of: &[usize]| {
-            RigidMotionProblem { fleet: &self.fleet(place_of), starts_m: &self.seen_m, effort }.straight_effort()
+            RigidMotionProblem { problem: &self.problem(place_of), starts_m: &self.seen_m, effort }.straight_effort()
         };
         if better != self.place_of && cost(&better) < CLEARLY_BETTER * cost(&self.place_of) {
             self.place_of = better;
@@ -301,11 +301,11 @@ impl PathFollower {
     }
 
     fn stages(&mut self, place_of: &[usize]) -> StagedPaths {
-        let fleet = self.fleet(place_of);
+        let problem = self.problem(place_of);
         match &self.motions {
-            Motions::Independent => find_stages(&fleet, &self.seen_m, &mut self.rng),
+            Motions::Independent => find_stages(&problem, &self.seen_m, &mut self.rng),
             Motions::Rotations { effort, .. } => {
-                RigidMotionProblem { fleet: &fleet, starts_m: &self.seen_m, effort: effort.as_ref() }
+                RigidMotionProblem { problem: &problem, starts_m: &self.seen_m, effort: effort.as_ref() }
                     .stages(&mut self.rng)
             }
         }

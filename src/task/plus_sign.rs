@@ -66,12 +66,12 @@ impl PathSegment {
     }
 }
 
-/// Goal that follows [`PlusSignParams`]. It steers the first part; others keep their first position as subgoal.
+/// Task that follows [`PlusSignParams`]. It steers the first part; others keep their first position as subgoal.
 #[derive(Clone, Debug)]
 pub struct PlusSign {
     params: PlusSignParams,
     stage: Phase,
-    stretch: PathSegment,
+    segment: PathSegment,
     /// Latest position of each part, m.
     seen_m: Vec<Vec2>,
     /// First position of each part, m.
@@ -85,7 +85,7 @@ impl PlusSign {
     pub fn new(params: PlusSignParams) -> Self {
         let nowhere = PathSegment { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
         let (seen_m, first_seen_m) = (Vec::new(), Vec::new());
-        Self { params, stage: Phase::CentreAlongX, stretch: nowhere, seen_m, first_seen_m, furthest: 0.0 }
+        Self { params, stage: Phase::CentreAlongX, segment: nowhere, seen_m, first_seen_m, furthest: 0.0 }
     }
 
     /// Distance of the part's centre from the plate's centre at the end of a branch, m.
@@ -107,15 +107,15 @@ impl PlusSign {
         self.first_seen_m.extend(self.seen_m.iter().skip(self.first_seen_m.len()).copied());
         if begins {
             let start = self.seen_m.first().copied().unwrap_or_default();
-            self.stretch = PathSegment { from_m: start, to_m: Vec2::new(0.0, start.y) };
+            self.segment = PathSegment { from_m: start, to_m: Vec2::new(0.0, start.y) };
         }
     }
 
     fn arrived(&self, part_m: Vec2) -> bool {
         let arrive_m = self.params.arrive_m;
-        let there = self.stretch.along_m(part_m) >= self.stretch.length_m() - arrive_m;
+        let there = self.segment.along_m(part_m) >= self.segment.length_m() - arrive_m;
         match self.stage {
-            Phase::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.stretch.to_m).norm() <= arrive_m,
+            Phase::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.segment.to_m).norm() <= arrive_m,
             Phase::Done => false,
             _ => there,
         }
@@ -132,7 +132,7 @@ impl PlusSign {
             Phase::Back { lap, branch } => Phase::Out { lap, branch: branch + 1 },
             Phase::Done => Phase::Done,
         };
-        self.stretch = match self.stage {
+        self.segment = match self.stage {
             Phase::CentreAlongX | Phase::CentreAlongY => PathSegment { from_m: Vec2::new(0.0, part_m.y), to_m: centre },
             Phase::Out { branch, .. } => PathSegment { from_m: centre, to_m: self.tip_m(branch) },
             Phase::Back { branch, .. } => PathSegment { from_m: self.tip_m(branch), to_m: centre },
@@ -187,7 +187,7 @@ impl PlusSign {
 
     fn cross_track_m(&self, part_m: Vec2) -> f64 {
         match self.stage {
-            Phase::Out { .. } | Phase::Back { .. } => cross(self.stretch.direction(), part_m).abs(),
+            Phase::Out { .. } | Phase::Back { .. } => cross(self.segment.direction(), part_m).abs(),
             Phase::CentreAlongX | Phase::CentreAlongY | Phase::Done => 0.0,
         }
     }
@@ -205,8 +205,8 @@ impl Task for PlusSign {
                 self.advance(part_m);
             }
         }
-        let length_m = self.stretch.length_m();
-        let along = if length_m > 0.0 { (self.stretch.along_m(part_m) / length_m).clamp(0.0, 1.0) } else { 0.0 };
+        let length_m = self.segment.length_m();
+        let along = if length_m > 0.0 { (self.segment.along_m(part_m) / length_m).clamp(0.0, 1.0) } else { 0.0 };
         self.furthest = self.furthest.max(along);
         let mut wanted = Setpoints {
             subgoals_m: self.first_seen_m.clone(),
@@ -218,8 +218,8 @@ impl Task for PlusSign {
             done: self.stage == Phase::Done,
             ..Setpoints::default()
         };
-        wanted.subgoals_m[0] = self.stretch.carrot_m(part_m, self.params.stride_m);
-        wanted.targets_m[0] = self.stretch.to_m;
+        wanted.subgoals_m[0] = self.segment.carrot_m(part_m, self.params.stride_m);
+        wanted.targets_m[0] = self.segment.to_m;
         wanted.cross_track_m[0] = self.cross_track_m(part_m);
         wanted
     }
@@ -243,13 +243,13 @@ mod tests {
 
     /// Follows a plus sign until it is done; returns the ends of the branches' stretches and the number of cycles.
     fn follow(params: PlusSignParams, start_m: Vec2, mut step: impl FnMut(Vec2, Vec2) -> Vec2) -> (Vec<Vec2>, usize) {
-        let (mut goal, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
-        let (mut stage, mut progress) = (goal.stage, 0.0);
+        let (mut task, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
+        let (mut stage, mut progress) = (task.stage, 0.0);
         let mut cycle = 0;
         loop {
             assert!(cycle < 5000, "not done: {stage:?}");
-            let wanted = goal.next(PlateTime::ZERO, &[part_m]);
-            let before = std::mem::replace(&mut stage, goal.stage);
+            let wanted = task.next(PlateTime::ZERO, &[part_m]);
+            let before = std::mem::replace(&mut stage, task.stage);
             if before != stage && matches!(before, Phase::Out { .. } | Phase::Back { .. }) {
                 ends.push(part_m);
             }
@@ -283,8 +283,8 @@ mod tests {
 
     #[test]
     fn phases_are_said_in_words() {
-        let mut goal = PlusSign::new(PARAMS);
-        let mut phase = |x: f64, y: f64| goal.next(PlateTime::ZERO, &[Vec2::new(x, y)]).phase;
+        let mut task = PlusSign::new(PARAMS);
+        let mut phase = |x: f64, y: f64| task.next(PlateTime::ZERO, &[Vec2::new(x, y)]).phase;
         assert_eq!(phase(0.05, -0.03), "to the centre, along x");
         assert_eq!(phase(0.0, -0.03), "to the centre, along y");
         assert_eq!(phase(0.0, 0.0), "lap 1 of 2: branch -x, outwards");
@@ -294,24 +294,24 @@ mod tests {
 
     #[test]
     fn without_an_end_it_goes_on() {
-        let mut goal = PlusSign::new(PlusSignParams { laps: 0, ..PARAMS });
+        let mut task = PlusSign::new(PlusSignParams { laps: 0, ..PARAMS });
         let mut part_m = Vec2::new(0.01, 0.01);
         for _ in 0..2000 {
-            let wanted = goal.next(PlateTime::ZERO, &[part_m]);
+            let wanted = task.next(PlateTime::ZERO, &[part_m]);
             assert!(!wanted.done && wanted.progress == 0.0);
             part_m = wanted.subgoals_m[0];
         }
-        assert!(goal.next(PlateTime::ZERO, &[part_m]).laps >= 20);
+        assert!(task.next(PlateTime::ZERO, &[part_m]).laps >= 20);
     }
 
     #[test]
     fn other_parts_are_told_to_stay() {
-        let mut goal = PlusSign::new(PARAMS);
+        let mut task = PlusSign::new(PARAMS);
         let other = Vec2::new(-0.05, 0.05);
-        goal.next(PlateTime::ZERO, &[Vec2::new(0.05, 0.0), other]);
-        let wanted = goal.next(PlateTime::ZERO, &[Vec2::new(0.04, 0.0), other + Vec2::new(0.001, 0.0)]);
+        task.next(PlateTime::ZERO, &[Vec2::new(0.05, 0.0), other]);
+        let wanted = task.next(PlateTime::ZERO, &[Vec2::new(0.04, 0.0), other + Vec2::new(0.001, 0.0)]);
         assert_eq!((wanted.subgoals_m[1], wanted.targets_m[1]), (other, other));
-        assert_eq!(goal.next(PlateTime::ZERO, &[]).subgoals_m.len(), 0);
+        assert_eq!(task.next(PlateTime::ZERO, &[]).subgoals_m.len(), 0);
     }
 
     proptest! {
@@ -334,15 +334,15 @@ mod tests {
         #[test]
         fn subgoals_stay_on_the_branch_and_within_a_stride(positions in proptest::collection::vec(
             prop_oneof![(-0.1..0.1f64, -0.1..0.1f64), (Just(f64::NAN), Just(0.0)), (Just(0.0), Just(f64::INFINITY))], 1..60)) {
-            let mut goal = PlusSign::new(PARAMS);
+            let mut task = PlusSign::new(PARAMS);
             for (x, y) in positions {
-                let wanted = goal.next(PlateTime::ZERO, &[Vec2::new(x, y)]);
-                let (subgoal, stretch) = (wanted.subgoals_m[0], goal.stretch);
-                let part = goal.seen_m[0];
-                let foot = stretch.from_m + stretch.direction() * stretch.along_m(part).clamp(0.0, stretch.length_m());
+                let wanted = task.next(PlateTime::ZERO, &[Vec2::new(x, y)]);
+                let (subgoal, segment) = (wanted.subgoals_m[0], task.segment);
+                let part = task.seen_m[0];
+                let foot = segment.from_m + segment.direction() * segment.along_m(part).clamp(0.0, segment.length_m());
                 prop_assert!((subgoal - foot).norm() <= PARAMS.stride_m + 1e-12);
-                prop_assert!(cross(stretch.direction(), subgoal - stretch.from_m).abs() < 1e-12);
-                prop_assert!((subgoal - stretch.to_m).norm() <= stretch.length_m() + 1e-12);
+                prop_assert!(cross(segment.direction(), subgoal - segment.from_m).abs() < 1e-12);
+                prop_assert!((subgoal - segment.to_m).norm() <= segment.length_m() + 1e-12);
                 prop_assert!(wanted.cross_track_m[0] >= 0.0 && wanted.cross_track_m[0] <= part.norm() + 1e-12);
                 prop_assert!(subgoal.iter().chain(wanted.targets_m[0].iter()).all(|x| x.is_finite()) && wanted.progress.is_finite());
             }

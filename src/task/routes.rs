@@ -28,11 +28,11 @@ pub(super) struct PathSet {
     pub(super) blocked: Vec<usize>,
 }
 
-/// Search for routes from the starts to the fleet's targets on which no two parts come too near to each other. Routes
+/// Search for routes from the starts to the problem's targets on which no two parts come too near to each other. Routes
 /// are assigned one part after another; a part that finds none comes first in the next order (prioritised planning,
 /// Erdmann and Lozano-Pérez 1987, with the restarts of Bennewitz et al. 2002).
 pub(super) struct PrioritizedPlanner<'a> {
-    fleet: &'a MultiDiscProblem,
+    problem: &'a MultiDiscProblem,
     starts_m: &'a [Vec2],
     /// Search nodes left.
     effort: usize,
@@ -42,8 +42,8 @@ pub(super) struct PrioritizedPlanner<'a> {
 }
 
 impl<'a> PrioritizedPlanner<'a> {
-    pub(super) fn new(fleet: &'a MultiDiscProblem, starts_m: &'a [Vec2]) -> Self {
-        Self { fleet, starts_m, effort: MAX_EXPANSIONS.1, boxed_in: Vec::new(), failed: vec![false; fleet.len()] }
+    pub(super) fn new(problem: &'a MultiDiscProblem, starts_m: &'a [Vec2]) -> Self {
+        Self { problem, starts_m, effort: MAX_EXPANSIONS.1, boxed_in: Vec::new(), failed: vec![false; problem.len()] }
     }
 
     /// Routes of all parts; those of boxed-in parts end where they begin.
@@ -86,26 +86,26 @@ impl<'a> PrioritizedPlanner<'a> {
 
     /// Order of precedence with the fewest conflicts of straight routes first, so that parts with a free one keep it.
     fn first_order(&self) -> Vec<usize> {
-        let mut conflicts = vec![0; self.fleet.len()];
-        for (a, b) in self.fleet.conflicts(self.starts_m, self.fleet.targets_m(), PLANNED_GAP_M) {
+        let mut conflicts = vec![0; self.problem.len()];
+        for (a, b) in self.problem.conflicts(self.starts_m, self.problem.targets_m(), PLANNED_GAP_M) {
             conflicts[a] += 1;
             conflicts[b] += 1;
         }
-        let mut order: Vec<usize> = (0..self.fleet.len()).filter(|part| !self.boxed_in.contains(part)).collect();
+        let mut order: Vec<usize> = (0..self.problem.len()).filter(|part| !self.boxed_in.contains(part)).collect();
         order.sort_by_key(|&part| conflicts[part]);
         order
     }
 
     /// Routes in this order of precedence, or the first part that has none.
     fn ways(&mut self, order: &[usize], (pitch_m, grace): (f64, usize)) -> Result<Vec<Vec<Vec2>>, usize> {
-        let mut ways_m: Vec<Vec<Vec2>> = vec![Vec::new(); self.fleet.len()];
+        let mut ways_m: Vec<Vec<Vec2>> = vec![Vec::new(); self.problem.len()];
         for &part in &self.boxed_in {
             ways_m[part] = vec![self.starts_m[part]];
         }
         let moments = self.moments(pitch_m);
         for &part in order {
             let obstacle = |other: usize| {
-                let least_m = self.fleet.least_m(part, other, PLANNED_GAP_M);
+                let least_m = self.problem.least_m(part, other, PLANNED_GAP_M);
                 if ways_m[other].is_empty() {
                     MovingObstacle { way_m: &self.starts_m[other..=other], least_m, gone_from: grace }
                 } else {
@@ -113,11 +113,11 @@ impl<'a> PrioritizedPlanner<'a> {
                 }
             };
             let obstacles: Vec<MovingObstacle<'_>> =
-                (0..self.fleet.len()).filter(|&other| other != part).map(obstacle).collect();
+                (0..self.problem.len()).filter(|&other| other != part).map(obstacle).collect();
             let query = PathQuery {
                 start_m: self.starts_m[part],
-                target_m: self.fleet.targets_m()[part],
-                reach_m: self.fleet.reach_m(part),
+                target_m: self.problem.targets_m()[part],
+                reach_m: self.problem.reach_m(part),
                 obstacles: &obstacles,
                 pitch_m,
                 horizon: 4 * moments + 60,
@@ -138,14 +138,14 @@ impl<'a> PrioritizedPlanner<'a> {
 
     /// Moments that the longest straight route takes.
     fn moments(&self, pitch_m: f64) -> usize {
-        let ways = self.starts_m.iter().zip(self.fleet.targets_m()).map(|(start, target)| (target - start).norm());
+        let ways = self.starts_m.iter().zip(self.problem.targets_m()).map(|(start, target)| (target - start).norm());
         (ways.fold(0.0, f64::max) / pitch_m).ceil() as usize
     }
 
     /// Declares a part boxed in: of those that failed to find a route, the one furthest from its target.
     fn give_one_up(&mut self) {
-        let way_m = |part: usize| (self.fleet.targets_m()[part] - self.starts_m[part]).norm();
-        let left = (0..self.fleet.len()).filter(|part| !self.boxed_in.contains(part));
+        let way_m = |part: usize| (self.problem.targets_m()[part] - self.starts_m[part]).norm();
+        let left = (0..self.problem.len()).filter(|part| !self.boxed_in.contains(part));
         let furthest = left.max_by(|&a, &b| self.failed[a].cmp(&self.failed[b]).then(way_m(a).total_cmp(&way_m(b))));
         self.boxed_in.extend(furthest);
         self.failed.fill(false);

@@ -79,7 +79,7 @@ impl SortParams {
     }
 }
 
-/// Goal that sorts parts by [`SortParams`]. It is done as soon as every part's rim is inside its bin.
+/// Task that sorts parts by [`SortParams`]. It is done as soon as every part's rim is inside its bin.
 #[derive(Clone, Debug)]
 pub struct Sort {
     params: SortParams,
@@ -229,15 +229,15 @@ mod tests {
 
     #[test]
     fn it_is_done_when_every_rim_is_inside_wherever_the_slots_are() {
-        let mut goal = Sort::new(penny_bin((0.0, -0.05), (0.1, 0.05), 2));
+        let mut task = Sort::new(penny_bin((0.0, -0.05), (0.1, 0.05), 2));
         let first = Vec2::new(0.06, 0.03);
         let at = |x: f64| [first, Vec2::new(x, 0.0)];
-        let wanted = goal.next(PlateTime::ZERO, &at(-0.05));
+        let wanted = task.next(PlateTime::ZERO, &at(-0.05));
         assert_eq!((wanted.done, wanted.phase.as_str()), (false, "into the bins, straight: 1 of 2 there"));
-        assert!(!goal.next(PlateTime::ZERO, &at(PENNY_M)).done);
-        let wanted = goal.next(PlateTime::ZERO, &at(PENNY_M + 1e-4));
+        assert!(!task.next(PlateTime::ZERO, &at(PENNY_M)).done);
+        let wanted = task.next(PlateTime::ZERO, &at(PENNY_M + 1e-4));
         assert_eq!((wanted.done, wanted.targets_m, wanted.progress), (true, at(PENNY_M + 1e-4).to_vec(), 1.0));
-        assert!(!goal.next(PlateTime::ZERO, &[]).done);
+        assert!(!task.next(PlateTime::ZERO, &[]).done);
     }
 
     #[test]

@@ -23,17 +23,17 @@ pub(super) struct StagedPaths {
     pub(super) cost: f64,
 }
 
-/// The stages from `starts_m` to the fleet's targets: a single one where all can go straight, else the best of a few
+/// The stages from `starts_m` to the problem's targets: a single one where all can go straight, else the best of a few
 /// routes round each other.
-pub(super) fn find_stages(fleet: &MultiDiscProblem, starts_m: &[Vec2], rng: &mut Rng) -> StagedPaths {
-    if fleet.is_clear(starts_m, fleet.targets_m(), PLANNED_GAP_M) {
-        return StagedPaths { places_m: vec![fleet.targets_m().to_vec()], ..StagedPaths::default() };
+pub(super) fn find_stages(problem: &MultiDiscProblem, starts_m: &[Vec2], rng: &mut Rng) -> StagedPaths {
+    if problem.is_clear(starts_m, problem.targets_m(), PLANNED_GAP_M) {
+        return StagedPaths { places_m: vec![problem.targets_m().to_vec()], ..StagedPaths::default() };
     }
-    let mut search = PrioritizedPlanner::new(fleet, starts_m);
-    let mut best = stages(fleet, search.routes(rng));
+    let mut search = PrioritizedPlanner::new(problem, starts_m);
+    let mut best = stages(problem, search.routes(rng));
     for _ in 1..TRIES {
         let Some(routes) = search.other_routes(rng) else { break };
-        let other = stages(fleet, routes);
+        let other = stages(problem, routes);
         if other.cost < best.cost {
             best = other;
         }
@@ -43,14 +43,14 @@ pub(super) fn find_stages(fleet: &MultiDiscProblem, starts_m: &[Vec2], rng: &mut
 
 /// Shortens routes: replaces a part's route between two moments by a straight line wherever that is clear of the other
 /// parts.
-pub(super) fn straighten(fleet: &MultiDiscProblem, routes: &mut PathSet) {
+pub(super) fn straighten(problem: &MultiDiscProblem, routes: &mut PathSet) {
     let last = routes.ways_m.first().map_or(0, |way_m| way_m.len().saturating_sub(1));
     let mut span = last;
     while span > 1 {
-        for part in 0..fleet.len() {
+        for part in 0..problem.len() {
             let mut from = 0;
             while from < last {
-                straighten_between(fleet, routes, part, from, (from + span).min(last));
+                straighten_between(problem, routes, part, from, (from + span).min(last));
                 from += (span / 2).max(1);
             }
         }
@@ -58,15 +58,15 @@ pub(super) fn straighten(fleet: &MultiDiscProblem, routes: &mut PathSet) {
     }
 }
 
-fn straighten_between(fleet: &MultiDiscProblem, routes: &mut PathSet, part: usize, from: usize, to: usize) {
+fn straighten_between(problem: &MultiDiscProblem, routes: &mut PathSet, part: usize, from: usize, to: usize) {
     let way_m = &routes.ways_m[part];
     let (from_m, to_m) = (way_m[from], way_m[to]);
     let at = |k: usize| from_m.lerp(&to_m, (k - from) as f64 / (to - from) as f64);
     if (from..=to).all(|k| (way_m[k] - at(k)).norm() < ROUNDING_M) {
         return;
     }
-    let free = (0..fleet.len()).filter(|&other| other != part).all(|other| {
-        let least_m = fleet.least_m(part, other, PLANNED_GAP_M);
+    let free = (0..problem.len()).filter(|&other| other != part).all(|other| {
+        let least_m = problem.least_m(part, other, PLANNED_GAP_M);
         let others_m = &routes.ways_m[other];
         (from..to).all(|k| {
             let step = SynchronousMove { from_m: at(k), to_m: at(k + 1) };
@@ -80,8 +80,8 @@ fn straighten_between(fleet: &MultiDiscProblem, routes: &mut PathSet, part: usiz
 }
 
 /// Stages on straightened routes: the moments between which all parts can move straight and in step at the least cost.
-fn stages(fleet: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
-    straighten(fleet, &mut routes);
+fn stages(problem: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
+    straighten(problem, &mut routes);
     let moments = routes.ways_m.first().map_or(0, Vec::len);
     let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
     let all: Vec<Vec<Vec2>> = (0..moments).map(at).collect();
@@ -95,7 +95,7 @@ fn stages(fleet: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
         let (mut least_m, mut before) = (best[to - 1].0 + cost_m(to - 1, to), to - 1);
         for from in 0..to - 1 {
             let through_m = best[from].0 + cost_m(from, to);
-            if through_m < least_m && fleet.is_clear(&all[from], &all[to], PLANNED_GAP_M) {
+            if through_m < least_m && problem.is_clear(&all[from], &all[to], PLANNED_GAP_M) {
                 (least_m, before) = (through_m, from);
             }
         }
@@ -145,8 +145,8 @@ mod tests {
             let mut rng = Streams::new(seed).stream("scene");
             let (starts_m, targets_m) = (scattered(count, &mut rng), scattered(count, &mut rng));
             let discs = vec![PartOutline { kind: 0, radius_m: 0.0095 }; count];
-            let fleet = MultiDiscProblem::new(discs, 0.1524, targets_m.clone());
-            let StagedPaths { places_m, boxed_in, .. } = find_stages(&fleet, &starts_m, &mut rng);
+            let problem = MultiDiscProblem::new(discs, 0.1524, targets_m.clone());
+            let StagedPaths { places_m, boxed_in, .. } = find_stages(&problem, &starts_m, &mut rng);
             prop_assert_eq!(boxed_in, Vec::<usize>::new());
             prop_assert_eq!(places_m.last(), Some(&targets_m));
             let mut from_m = &starts_m;

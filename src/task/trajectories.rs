@@ -14,7 +14,7 @@ pub struct PathParams {
     pub repeat: u32,
 }
 
-/// Goal that moves every part on its own path at its own speed. A reference point runs ahead on each path; it waits at
+/// Task that moves every part on its own path at its own speed. A reference point runs ahead on each path; it waits at
 /// the first waypoint until the part has arrived, and wherever the part lags by more than the lead.
 #[derive(Clone, Debug)]
 pub struct Trajectories {
@@ -26,7 +26,7 @@ pub struct Trajectories {
 }
 
 impl Trajectories {
-    /// Goal with path `i` for part `i`. `lead_m` is the largest distance from a part to its reference, `arrive_m` the
+    /// Task with path `i` for part `i`. `lead_m` is the largest distance from a part to its reference, `arrive_m` the
     /// distance within which a part has arrived.
     pub fn new(paths: Vec<PathParams>, lead_m: f64, arrive_m: f64) -> Self {
         Self { paths, lead_m, arrive_m, followers: Vec::new(), looked_at: None }
@@ -262,12 +262,12 @@ mod tests {
 
     /// Runs a task to its end, with parts moving as `step` returns; returns the time it took, s.
     fn run(paths: Vec<PathParams>, starts: Vec<Vec2>, mut step: impl FnMut(usize, Vec2, Vec2) -> Vec2) -> f64 {
-        let (mut goal, mut parts, mut progress) = (Trajectories::new(paths, LEAD_M, ARRIVE_M), starts, 0.0);
+        let (mut task, mut parts, mut progress) = (Trajectories::new(paths, LEAD_M, ARRIVE_M), starts, 0.0);
         let mut cycle = 0;
         loop {
-            assert!(cycle < 4000, "not done: {:?}", goal.followers);
+            assert!(cycle < 4000, "not done: {:?}", task.followers);
             let at = PlateTime::from_secs(f64::from(cycle) * CYCLE_S);
-            let wanted = goal.next(at, &parts);
+            let wanted = task.next(at, &parts);
             assert!(wanted.progress >= progress && wanted.progress <= 1.0, "{wanted:?} after {progress}");
             progress = wanted.progress;
             if wanted.done {
@@ -298,9 +298,9 @@ mod tests {
     #[test]
     fn laps_are_counted_and_round_trips_have_no_end() {
         let paths = vec![PathParams { waypoints_m: square(0.01), speed_mps: 0.01, repeat: 0 }];
-        let (mut goal, mut part) = (Trajectories::new(paths, LEAD_M, ARRIVE_M), Vec2::zeros());
+        let (mut task, mut part) = (Trajectories::new(paths, LEAD_M, ARRIVE_M), Vec2::zeros());
         for cycle in 0..=400 {
-            let wanted = goal.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[part]);
+            let wanted = task.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[part]);
             part = wanted.subgoals_m[0];
             assert!(!wanted.done && wanted.progress == 0.0 && wanted.cross_track_m[0] < 1e-12 + 0.0025);
             let around = f64::from(cycle) * CYCLE_S * 0.01 / 0.04;
@@ -311,10 +311,10 @@ mod tests {
     #[test]
     fn the_reference_waits_for_a_part_that_is_stuck() {
         let paths = vec![PathParams { waypoints_m: square(0.04), speed_mps: 0.01, repeat: 1 }];
-        let mut goal = Trajectories::new(paths, LEAD_M, ARRIVE_M);
+        let mut task = Trajectories::new(paths, LEAD_M, ARRIVE_M);
         let stuck = Vec2::new(-0.02, 0.0);
         for cycle in 0..100 {
-            let wanted = goal.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[stuck]);
+            let wanted = task.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[stuck]);
             assert!((wanted.subgoals_m[0] - stuck).norm() <= LEAD_M + 1e-12);
         }
     }
@@ -322,9 +322,9 @@ mod tests {
     #[test]
     fn cross_track_is_the_distance_from_the_path() {
         let paths = vec![PathParams { waypoints_m: square(0.04), speed_mps: 0.01, repeat: 1 }];
-        let mut goal = Trajectories::new(paths, LEAD_M, ARRIVE_M);
-        goal.next(PlateTime::ZERO, &[Vec2::zeros()]);
-        let wanted = goal.next(PlateTime::from_secs(0.4), &[Vec2::new(0.002, 0.001)]);
+        let mut task = Trajectories::new(paths, LEAD_M, ARRIVE_M);
+        task.next(PlateTime::ZERO, &[Vec2::zeros()]);
+        let wanted = task.next(PlateTime::from_secs(0.4), &[Vec2::new(0.002, 0.001)]);
         assert!((wanted.cross_track_m[0] - 0.001).abs() < 1e-12, "{wanted:?}");
     }
 
@@ -332,9 +332,9 @@ mod tests {
     fn parts_without_a_path_stay() {
         let still = Vec2::new(0.03, 0.03);
         let paths = vec![PathParams { waypoints_m: square(0.01), speed_mps: 0.01, repeat: 0 }, PathParams::default()];
-        let mut goal = Trajectories::new(paths, LEAD_M, ARRIVE_M);
+        let mut task = Trajectories::new(paths, LEAD_M, ARRIVE_M);
         for cycle in 0..20 {
-            let wanted = goal.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[Vec2::zeros(), still, -still]);
+            let wanted = task.next(PlateTime::from_secs(f64::from(cycle) * CYCLE_S), &[Vec2::zeros(), still, -still]);
             assert_eq!(wanted.subgoals_m[1..], [still, -still]);
             assert_eq!(wanted.cross_track_m[1..], [0.0, 0.0]);
         }
@@ -371,10 +371,10 @@ mod tests {
             seen in proptest::collection::vec(prop_oneof![Just(f64::NAN), Just(f64::INFINITY), -0.1..0.1f64], 24),
         ) {
             let paths = paths.into_iter().map(|path| PathParams { speed_mps, ..path }).collect();
-            let mut goal = Trajectories::new(paths, LEAD_M, ARRIVE_M);
+            let mut task = Trajectories::new(paths, LEAD_M, ARRIVE_M);
             for (cycle, six) in (0u32..).zip(seen.chunks(6)) {
                 let parts: Vec<Vec2> = six.chunks(2).map(|p| Vec2::new(p[0], p[1])).collect();
-                let wanted = goal.next(PlateTime::from_secs(f64::from(cycle)), &parts);
+                let wanted = task.next(PlateTime::from_secs(f64::from(cycle)), &parts);
                 for p in wanted.subgoals_m.iter().chain(&wanted.targets_m) {
                     prop_assert!(is_finite(*p));
                 }

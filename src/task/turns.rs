@@ -32,7 +32,7 @@ const LEAST_GAP_M: f64 = PLANNED_GAP_M - 0.3e-3;
 /// Motion task for rotations: parts, targets and effort.
 #[derive(Clone, Copy)]
 pub(super) struct RigidMotionProblem<'a> {
-    pub(super) fleet: &'a MultiDiscProblem,
+    pub(super) problem: &'a MultiDiscProblem,
     pub(super) starts_m: &'a [Vec2],
     pub(super) effort: &'a dyn Effort,
 }
@@ -89,11 +89,11 @@ impl RigidRotation {
 }
 
 impl RigidMotionProblem<'_> {
-    /// Stages a few millimetres apart to the fleet's targets: of the paths in a few frames, straight and round each
+    /// Stages a few millimetres apart to the problem's targets: of the paths in a few frames, straight and round each
     /// other, the one with the least effort after optimisation.
     pub(super) fn stages(&self, rng: &mut Rng) -> StagedPaths {
         let still = RigidRotation::default();
-        let nearest = RigidRotation::between(self.starts_m, self.fleet.targets_m());
+        let nearest = RigidRotation::between(self.starts_m, self.problem.targets_m());
         let mut frames = vec![nearest, still];
         if nearest.angle_rad.abs() > EITHER_WAY_RAD {
             frames.push(nearest.other_way_round());
@@ -104,15 +104,15 @@ impl RigidMotionProblem<'_> {
             ways.extend(self.round_each_other_in(frame, rng).into_iter().map(|way_m| (way_m, true)));
         }
         let roughly = |(way_m, round): (JointPath, bool)| {
-            let (way_m, cost) = eased(way_m, self.fleet, self.effort, ROUGH_ROUNDS);
+            let (way_m, cost) = eased(way_m, self.problem, self.effort, ROUGH_ROUNDS);
             (way_m, cost, round)
         };
         let mut ways: Vec<(JointPath, f64, bool)> = ways.into_iter().map(roughly).collect();
         ways.sort_by(|a, b| a.1.total_cmp(&b.1));
         let finished = ways.into_iter().filter_map(|(way_m, _, round)| self.eased(way_m, round)).take(FINISHED);
         finished.min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or_else(|| {
-            let mut routes = PrioritizedPlanner::new(self.fleet, self.starts_m).routes(rng);
-            straighten(self.fleet, &mut routes);
+            let mut routes = PrioritizedPlanner::new(self.problem, self.starts_m).routes(rng);
+            straighten(self.problem, &mut routes);
             let moments = routes.ways_m.first().map_or(0, Vec::len);
             let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
             let way_m: JointPath = (0..moments).map(at).collect();
@@ -122,15 +122,15 @@ impl RigidMotionProblem<'_> {
 
     /// The stages of a path after optimisation, if parts keep apart on it.
     fn eased(&self, way_m: JointPath, round: bool) -> Option<StagedPaths> {
-        let (way_m, _) = eased(way_m, self.fleet, self.effort, ROUNDS);
-        let clear = way_m.windows(2).all(|pair| self.fleet.is_clear(&pair[0], &pair[1], LEAST_GAP_M));
+        let (way_m, _) = eased(way_m, self.problem, self.effort, ROUNDS);
+        let clear = way_m.windows(2).all(|pair| self.problem.is_clear(&pair[0], &pair[1], LEAST_GAP_M));
         let cost = clear.then(|| effort_of(&way_m, self.effort))?;
         Some(StagedPaths { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
     }
 
     /// Effort of straight paths in the frame of all parts, ignoring collisions.
     pub(super) fn straight_effort(&self) -> f64 {
-        let frame = RigidRotation::between(self.starts_m, self.fleet.targets_m());
+        let frame = RigidRotation::between(self.starts_m, self.problem.targets_m());
         effort_of(&self.straight_in(&frame), self.effort)
     }
 
@@ -139,8 +139,8 @@ impl RigidMotionProblem<'_> {
     pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2]) -> Vec<usize>) -> Vec<usize> {
         let chosen_m = |place_of: &[usize]| -> Vec<Vec2> { place_of.iter().map(|&place| places_m[place]).collect() };
         let effort = |place_of: &[usize]| {
-            let fleet = self.fleet.with_targets(chosen_m(place_of));
-            RigidMotionProblem { fleet: &fleet, ..*self }.straight_effort()
+            let problem = self.problem.with_targets(chosen_m(place_of));
+            RigidMotionProblem { problem: &problem, ..*self }.straight_effort()
         };
         let mut best = assign(self.starts_m);
         let mut least = effort(&best);
@@ -166,15 +166,15 @@ impl RigidMotionProblem<'_> {
     }
 
     fn straight_in(&self, frame: &RigidRotation) -> JointPath {
-        let ends_m = self.fleet.targets_m().iter().map(|&target| frame.undo(target));
+        let ends_m = self.problem.targets_m().iter().map(|&target| frame.undo(target));
         let ways_m: Vec<Vec<Vec2>> = self.starts_m.iter().zip(ends_m).map(|(&start, end)| vec![start, end]).collect();
         self.in_table(frame, &ways_m)
     }
 
     /// Paths round each other in a frame that cannot be crossed straight.
     fn round_each_other_in(&self, frame: &RigidRotation, rng: &mut Rng) -> Vec<JointPath> {
-        let ends_m = self.fleet.targets_m().iter().map(|&target| frame.undo(target)).collect();
-        let framed = self.fleet.with_targets(ends_m);
+        let ends_m = self.problem.targets_m().iter().map(|&target| frame.undo(target)).collect();
+        let framed = self.problem.with_targets(ends_m);
         if framed.is_clear(self.starts_m, framed.targets_m(), PLANNED_GAP_M) {
             return Vec::new();
         }
@@ -204,12 +204,12 @@ impl RigidMotionProblem<'_> {
                 let place = share * legs as f64;
                 let leg = (place as usize).min(legs.saturating_sub(1));
                 let in_frame = way_m[leg].lerp(way_m.get(leg + 1).unwrap_or(&way_m[leg]), place - leg as f64);
-                let reach_m = self.fleet.reach_m(part);
+                let reach_m = self.problem.reach_m(part);
                 frame.carry(in_frame, share).map(|x| x.clamp(-reach_m, reach_m))
             };
             way_m.push(ways_m.iter().enumerate().map(at).collect());
         }
-        way_m.push(self.fleet.targets_m().to_vec());
+        way_m.push(self.problem.targets_m().to_vec());
         way_m
     }
 }

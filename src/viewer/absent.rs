@@ -73,7 +73,7 @@ pub fn record_located(
     _path: &Path,
     _title: &str,
     _found: &LocalisedRecord,
-    _names: &[&str],
+    _kinds: &[&str],
 ) -> Result<RecordingStats, RecordingError> {
     refuse(mode)
 }

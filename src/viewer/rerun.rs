@@ -36,13 +36,13 @@ mod recorder;
 mod repair;
 #[cfg(test)]
 mod repair_tests;
+mod run_stream;
 mod samples;
 mod signals;
 mod sink;
 #[cfg(test)]
 mod survival_tests;
 mod table;
-mod tape;
 mod task;
 #[cfg(test)]
 mod task_tests;

@@ -26,8 +26,8 @@ pub struct RunContext {
     pub parts: Vec<PartLook>,
     /// The bins that parts are sorted into.
     pub bins: Vec<BinLook>,
-    /// Paths that parts shall follow, as lines, m: one for each part, or several for a single part.
-    pub paths_m: Vec<Vec<Vec2>>,
+    /// Paths that parts shall follow.
+    pub paths: Vec<PathLook>,
     /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
 }
@@ -41,6 +41,15 @@ pub struct PartLook {
     pub kind: String,
     /// Its outline, m.
     pub radius_m: f64,
+}
+
+/// A path that parts shall follow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathLook {
+    /// The part that follows it, an index into the parts; `None` for several.
+    pub part: Option<usize>,
+    /// The path as a line, m.
+    pub line_m: Vec<Vec2>,
 }
 
 /// A rectangle for the parts of some kinds.

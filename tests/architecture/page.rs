@@ -16,7 +16,7 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// True for text in the form of a path: `control/plans.rs`, `docs/`, `Cargo.toml`.
+/// True for text in the form of a path: `control/pulse_planner.rs`, `docs/`, `Cargo.toml`.
 fn is_path(text: &str) -> bool {
     let is_plain = text.chars().all(|c| is_word(c) || "-./".contains(c));
     is_plain && (text.contains('/') || [".rs", ".md", ".toml"].iter().any(|end| text.ends_with(end)))

@@ -88,11 +88,11 @@ fn control_reaches_sim_neither_through_others_nor_in_tests() {
 #[test]
 fn outside_crates_have_their_places_and_files_their_length() {
     assert_eq!(
-        faults_of(&[("src/control/plans.rs", "use clarabel::solver;")]),
-        ["src/control/plans.rs:1: `clarabel` is named in qp only"]
+        faults_of(&[("src/control/pulse_planner.rs", "use clarabel::solver;")]),
+        ["src/control/pulse_planner.rs:1: `clarabel` is named in qp only"]
     );
     assert_eq!(faults_of(&[("src/task/plus_sign.rs", "#[derive(serde::Serialize)] struct S;")]).len(), 1);
-    assert_eq!(faults_of(&[("src/control/plans.rs", "use std::{env, fmt};")]).len(), 1);
+    assert_eq!(faults_of(&[("src/control/pulse_planner.rs", "use std::{env, fmt};")]).len(), 1);
     assert_eq!(
         faults_of(&[("src/qp/lib.rs", "use clarabel::solver;"), ("src/cor_library/file.rs", "use serde::Serialize;")]),
         [""; 0]

@@ -16,7 +16,7 @@ fn coverage(args: &[&str]) -> Value {
 }
 
 #[test]
-fn coverage_of_the_shipped_libraries_is_told() {
+fn coverage_of_the_shipped_libraries_is_reported() {
     for (name, side_mm, motions) in [("upm-1", 203.2, 337), ("upm-2", 304.8, 410)] {
         let (library, rig) = (format!("assets/libraries/{name}.json"), format!("configs/rigs/{name}.json"));
         let known = coverage(&[&library, "--rig", &rig]);

@@ -163,7 +163,7 @@ fn a_malformed_trace_and_a_misplaced_one_are_refused() {
 }
 
 #[test]
-fn the_eyes_are_judged_in_as_many_scenes_as_asked_for() {
+fn vision_is_evaluated_in_the_requested_number_of_scenes() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().to_str().unwrap();
     let (json, _) = status(&["lab", "vision", "--scenes", "1", "--seed", "4", "--out", out, "--json"], 0);

@@ -179,7 +179,7 @@ fn the_predicted_ways_are_drawn() {
     status(&["check", "configs/trajectories.json", "--plan", "--picture", picture], 0);
     let drawn = fs::read_to_string(picture).unwrap();
     assert!(drawn.starts_with("<svg ") && drawn.trim_end().ends_with("</svg>"));
-    for words in ["trajectories on upm-2", "predicted way", "start", "target", "wanted path", "penny-1", "penny-2"] {
+    for words in ["trajectories on upm-2", "predicted path", "start", "target", "wanted path", "penny-1", "penny-2"] {
         assert!(drawn.contains(words), "{words}");
     }
     fs::remove_file(picture).unwrap();

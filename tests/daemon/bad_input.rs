@@ -169,7 +169,7 @@ fn assert_closed(slow: Vec<TcpStream>) {
 }
 
 #[test]
-fn a_body_that_does_not_come_is_told() {
+fn a_body_that_does_not_come_is_reported() {
     let served = Served::start();
     let mut in_body = connect(served.address());
     let request = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";

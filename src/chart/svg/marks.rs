@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 use super::clip;
 use super::range::drawable;
 use super::sheet::{Drawn, FINE, Sheet, fine, font, paint, plain_text, text_width_px};
-use crate::{Color, Labelled, Layer, Mark, place_labels};
+use crate::{Color, LabelledDisc, Layer, Mark, place_labels};
 
 /// Width of lines, px.
 const LINE_PX: f64 = 1.8;
@@ -211,12 +211,12 @@ fn names(
 ) -> Drawn {
     let px_per_unit = f64::from((frame.across[1] - frame.across[0]).abs()) / (frame.x[1] - frame.x[0]);
     let given = points.iter().zip(texts).zip(radii).zip(colors).filter(|(((point, _), _), _)| frame.holds(**point));
-    let (discs, words): (Vec<Labelled>, Vec<(&String, Color)>) = given
+    let (discs, words): (Vec<LabelledDisc>, Vec<(&String, Color)>) = given
         .map(|(((&point, text), radius), &color)| {
             let (x, y) = frame.px(point);
             let half = [0.5 * text_width_px(text, WORD_PX), 0.65 * WORD_PX].map(|px| FINE * px);
             let radius = if drawable(*radius) { radius.abs() * px_per_unit } else { 0.0 };
-            (Labelled { center: [f64::from(x), f64::from(y)], radius, half }, (text, color))
+            (LabelledDisc { center: [f64::from(x), f64::from(y)], radius, half }, (text, color))
         })
         .unzip();
     let bounds = [frame.across, frame.down].map(|[from, to]| [f64::from(from.min(to)), f64::from(from.max(to))]);

@@ -85,7 +85,7 @@ impl SeedBatch<'_> {
             started_utc: self.started_utc.clone(),
             rerun: self.rerun.clone(),
             real_time: false,
-            keeping: RecordingOptions::lossless(self.clock),
+            recording_options: RecordingOptions::lossless(self.clock),
             live: None,
         };
         let stop = AtomicBool::new(false);

@@ -28,7 +28,7 @@ impl CoverageReport {
         let unreached = coverage.unreached_share();
         match coverage.steps_m() {
             // one number says as much as a map of equal ones
-            Some([least_m, most_m]) if step_text(least_m) == step_text(most_m) && unreached == 0.0 => {
+            Some([_, most_m]) if coverage.is_even() && unreached == 0.0 => {
                 lines.push(format!("longest step in the weakest direction: {} mm everywhere", step_text(most_m)));
             }
             _ => {
@@ -124,7 +124,7 @@ fn step_text(step_m: f64) -> String {
 /// Range of the longest steps in the weakest direction: `26.15 to 26.88 mm`.
 pub(super) fn scale(coverage: &Coverage) -> String {
     match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
-        Some([least, most]) if least == most => format!("{most} mm everywhere"),
+        Some([_, most]) if coverage.is_even() => format!("{most} mm everywhere"),
         Some([least, most]) => format!("{least} to {most} mm"),
         None => "none".into(),
     }
@@ -133,22 +133,21 @@ pub(super) fn scale(coverage: &Coverage) -> String {
 /// Meaning of the digits of the map.
 fn digits(coverage: &Coverage) -> String {
     match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
-        Some([least, most]) if least == most => format!("5 for {most} mm"),
+        Some([_, most]) if coverage.is_even() => format!("5 for {most} mm"),
         Some([least, most]) => format!("from 0 for {least} mm to 9 for {most} mm"),
         None => "nowhere every direction".into(),
     }
 }
 
 /// Map of the plate from above, one character per place.
-fn map(coverage: &Coverage) -> impl Iterator<Item = String> {
-    let character = move |place: &WorstDirection| {
-        let digit = ((10.0 * coverage.shade(place)) as u32).min(9);
+fn map(coverage: &Coverage) -> Vec<String> {
+    let character = |(place, shade): (&WorstDirection, f64)| {
+        let digit = ((10.0 * shade) as u32).min(9);
         if place.is_reached() { char::from_digit(digit, 10).unwrap_or('?') } else { '!' }
     };
-    coverage.places.chunks(coverage.columns).map(move |row| {
-        let row: Vec<String> = row.iter().map(|place| character(place).to_string()).collect();
-        format!("  {}", row.join(" "))
-    })
+    let characters: Vec<String> =
+        coverage.places.iter().zip(coverage.shades()).map(|place| character(place).to_string()).collect();
+    characters.chunks(coverage.columns).map(|row| format!("  {}", row.join(" "))).collect()
 }
 
 pub(super) fn mm(length_m: f64) -> f64 {
@@ -172,4 +171,48 @@ pub(super) fn shown(position_m: Vec2) -> String {
 /// Direction modulo its opposite, whole degrees, 0 to 179.
 pub(super) fn degrees(direction: Vec2) -> f64 {
     direction.y.atan2(direction.x).to_degrees().round().rem_euclid(180.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coverage whose places have these longest steps, m, one row of them.
+    fn coverage(steps_m: &[f64]) -> Coverage {
+        let place = |&longest_step_m: &f64| WorstDirection {
+            position_m: Vec2::zeros(),
+            weakest_direction: Vec2::x(),
+            share: longest_step_m / 0.02,
+            longest_step_m,
+            longest_sd_m: 0.0,
+            shortest_step_m: None,
+        };
+        Coverage {
+            half_side_m: 0.1,
+            places: steps_m.iter().map(place).collect(),
+            columns: steps_m.len(),
+            centers_m: Vec::new(),
+            inside: 0,
+            outside: 0,
+            translations: 2,
+            gap: None,
+            never_strongest: Vec::new(),
+            best_step_m: 0.02,
+        }
+    }
+
+    #[test]
+    fn scale_map_and_digits_agree_on_an_even_plate() {
+        // the difference is rounding noise, and lies at the edge of two texts
+        let even = coverage(&[0.014_145, 0.014_145 + 1e-9, 0.014_145 - 1e-9]);
+        assert_eq!(scale(&even), "14.15 mm everywhere");
+        assert_eq!(digits(&even), "5 for 14.15 mm");
+        assert_eq!(map(&even), ["  5 5 5"]);
+        let report = CoverageReport { rig_name: "a".into(), coverage: even }.lines();
+        assert_eq!(report.last().unwrap(), "longest step in the weakest direction: 14.15 mm everywhere");
+        let uneven = coverage(&[0.012, 0.014, 0.0135, 0.0001]);
+        assert_eq!((scale(&uneven), map(&uneven)), ("12.00 to 14.00 mm".into(), vec!["  0 9 7 !".to_owned()]));
+        let holed = CoverageReport { rig_name: "a".into(), coverage: coverage(&[0.012, 0.012, 0.0001]) }.lines();
+        assert_eq!(holed[holed.len() - 2], "longest step in the weakest direction, 5 for 12.00 mm, ! out of reach:");
+    }
 }

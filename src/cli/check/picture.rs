@@ -30,8 +30,7 @@ fn coverage_layers(coverage: &Coverage) -> Vec<Layer> {
     let pitch_mm = 2.0 * mm_from_m(coverage.half_side_m) / coverage.columns as f64;
     let part = |place: &WorstDirection| if strongest_m > 0.0 { place.longest_step_m / strongest_m } else { 0.0 };
     let at = |place: &WorstDirection| at_mm(place.position_m);
-    let values = coverage.places.iter().map(|place| coverage.shade(place)).collect();
-    let cells = Mark::Cells { side: pitch_mm, values };
+    let cells = Mark::Cells { side: pitch_mm, values: coverage.shades() };
     let centers = coverage.centers_m.iter().map(|&center| at_mm(center));
     let unreached = coverage.places.iter().filter(|place| !place.is_reached());
     let arrows = coarse(coverage).map(|place| {

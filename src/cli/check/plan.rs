@@ -20,6 +20,8 @@ pub(super) struct Planned {
     pub rig: String,
     /// Bins, paths and kinds in the job's file.
     pub layout: JobLayout,
+    /// True if the job's rig is knocked, which rehearsals leave out.
+    pub is_knocked: bool,
     pub forecast: Forecast,
 }
 
@@ -35,6 +37,7 @@ impl Planned {
             job: job.name.clone(),
             rig: job.rig.model.name.clone(),
             layout: JobLayout::of(job),
+            is_knocked: job.rig.raw.simulation.knocks.is_some(),
             forecast: forecast?,
         })
     }
@@ -52,6 +55,9 @@ impl Planned {
             "all of it predicted by the planner's own forecasts; friction drawn with {:.0} % spread",
             100.0 * forecast.friction_spread
         ));
+        if self.is_knocked {
+            lines.push("the knocks of the rig (simulation.knocks) are not rehearsed".into());
+        }
         lines
     }
 
@@ -160,4 +166,22 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("all together", text));
     }
     figures
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+    use upm_runner::run::job_library;
+
+    #[test]
+    fn plan_on_a_knocked_rig_says_that_knocks_are_not_rehearsed() {
+        let said = |job: &str| {
+            let job = JobSpec::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job)).unwrap();
+            let library = job_library(&job).unwrap();
+            let lines = Planned::of(&job, &library, ProgressMode::Hidden).unwrap().lines();
+            lines.iter().filter(|line| line.contains("knocks") && line.contains("not rehearsed")).count()
+        };
+        assert_eq!([said("hold-4.json"), said("arrange-2.json")], [1, 0]);
+    }
 }

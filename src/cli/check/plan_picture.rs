@@ -1,12 +1,11 @@
-//! Picture of the plan of a job: what its file asks for and the predicted ways of its parts.
+//! Picture of the plan of a job: bins, wanted paths and the predicted paths of its parts.
 
 use std::collections::BTreeMap;
 
 use super::picture::{at_mm, weakest_directions};
 use super::plan::Planned;
 use super::plan_table::SAME;
-use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette};
-use upm_core::geometry::Vec2;
+use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
 use upm_core::units::mm_from_m;
 use upm_runner::config::{JobLayout, LayoutBin};
 use upm_runner::run::{PartForecast, PlanVerdict};
@@ -17,8 +16,8 @@ const PLAN_REACH: f64 = 1.08;
 /// Half the length of the line in a part's weakest direction, in radii of the part.
 const REACH: f64 = 1.7;
 
-/// Chart of the plate from above: bins, wanted paths, starts, targets, and the ways in the first rehearsal. A part has
-/// one colour, parts of one kind similar ones.
+/// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first rehearsal.
+/// A part has one colour, parts of one kind similar ones.
 pub(super) fn plan_chart(planned: &Planned) -> Chart {
     let Planned { forecast, layout, .. } = planned;
     let half_side_mm = mm_from_m(forecast.half_side_m);
@@ -28,9 +27,9 @@ pub(super) fn plan_chart(planned: &Planned) -> Chart {
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(bins(layout, &palette));
     let trails = forecast.rehearsals.first().map_or(&[][..], |rehearsal| &rehearsal.trails_m);
-    let ways = trails.iter().enumerate();
-    layers.extend(ways.map(|(i, way_m)| Layer::new("", Mark::Line, color(i), way_m.iter().copied().map(at_mm))));
-    layers.extend(paths(layout));
+    let predicted = trails.iter().enumerate();
+    layers.extend(predicted.map(|(i, path_m)| Layer::new("", Mark::Line, color(i), path_m.iter().copied().map(at_mm))));
+    layers.extend(paths(layout, &color));
     layers.extend(forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(part, color(i))));
     if weakness_changes(&forecast.parts) {
         layers.push(weakest_directions(forecast.parts.iter().map(|PartForecast { start, radius_m, .. }| {
@@ -68,20 +67,17 @@ fn weakness_changes(parts: &[PartForecast]) -> bool {
 fn bins(layout: &JobLayout, palette: &Palette) -> impl Iterator<Item = Layer> {
     layout.bins.iter().map(|bin| {
         let LayoutBin { kinds, min_m, max_m } = bin;
-        // a bin for several kinds has the colour of none
-        let color = match &kinds[..] {
-            [kind] => palette.kind(kind).map_or(Color::Gray, Color::Rgb),
-            _ => Color::Gray,
-        };
-        let corners = [*min_m, Vec2::new(max_m.x, min_m.y), *max_m, Vec2::new(min_m.x, max_m.y), *min_m];
-        Layer::new(&format!("bin: {}", kinds.join(", ")), Mark::Line, color, corners.map(at_mm))
+        let color = palette.of_bin(kinds).map_or(Color::Gray, Color::Rgb);
+        Layer::new(&bin_label(kinds), Mark::Line, color, bin_outline(at_mm(*min_m), at_mm(*max_m)))
     })
 }
 
-/// The wanted paths, above the ways that follow them.
-fn paths(layout: &JobLayout) -> impl Iterator<Item = Layer> {
-    let lines = layout.paths.iter().map(|path| path.line_m().into_iter().map(at_mm));
-    lines.map(|line| Layer::new("", Mark::Dashes, Color::Gray, line))
+/// The wanted paths, each in the colour of its part.
+fn paths(layout: &JobLayout, color: impl Fn(usize) -> Color) -> impl Iterator<Item = Layer> {
+    layout.paths.iter().map(move |path| {
+        let color = path.part.map_or(Color::Gray, &color);
+        Layer::new("", Mark::Dashes, color, path.line_m().into_iter().map(at_mm))
+    })
 }
 
 /// Outline at the start and target of a part.
@@ -123,7 +119,7 @@ fn legend(planned: &Planned, palette: &Palette) -> Vec<Layer> {
     };
     let mut entries: Vec<Layer> = kinds.into_iter().map(entry).collect();
     let mut of_all = |label: &str, mark: Mark| entries.push(Layer::new(label, mark, Color::Gray, []));
-    of_all("predicted way", Mark::Line);
+    of_all("predicted path", Mark::Line);
     if forecast.parts.iter().any(|part| part.target.is_some()) {
         of_all("target", Mark::Crosses);
     }
@@ -142,10 +138,14 @@ mod tests {
     use upm_runner::run::job_library;
 
     fn chart(job: &str) -> Chart {
+        plan_chart(&planned(job))
+    }
+
+    fn planned(job: &str) -> Planned {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job);
         let job = JobSpec::load(&path).unwrap();
         let library = job_library(&job).unwrap();
-        plan_chart(&Planned::of(&job, &library, ProgressMode::Hidden).unwrap())
+        Planned::of(&job, &library, ProgressMode::Hidden).unwrap()
     }
 
     fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {
@@ -169,10 +169,34 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_of_paths_shows_them_with_the_ways_that_follow_them() {
+    fn wanted_paths_have_the_colours_of_the_parts_that_follow_them() {
         let chart = chart("trajectories.json");
-        let dashed = chart.layers.iter().filter(|layer| layer.mark == Mark::Dashes && !layer.points.is_empty());
-        assert_eq!(dashed.count(), 2);
+        let colors = |mark: Mark| -> Vec<Color> {
+            let drawn = chart.layers.iter().filter(|layer| layer.mark == mark && layer.label.is_empty());
+            drawn.map(|layer| layer.color).collect()
+        };
+        let dashed = colors(Mark::Dashes);
+        assert!(dashed.len() == 2 && dashed[0] != dashed[1] && !dashed.contains(&Color::Gray), "{dashed:?}");
+        assert_eq!(dashed, colors(Mark::Line), "the predicted paths");
         named(&chart, "wanted path");
+        named(&chart, "predicted path");
+    }
+
+    #[test]
+    fn weakest_directions_are_drawn_where_they_differ() {
+        let mut planned = planned("trajectories.json");
+        let share = planned.forecast.parts[0].start.place.share;
+        planned.forecast.parts[1].start.place.share = share * (1.0 + 0.5 * SAME);
+        assert!(plan_chart(&planned).layers.iter().all(|layer| layer.label != "weakest direction"), "alike");
+        planned.forecast.parts[1].start.place.share = share * (1.0 + 2.0 * SAME);
+        let chart = plan_chart(&planned);
+        let arrows = named(&chart, "weakest direction");
+        let Mark::Arrows { vectors } = &arrows.mark else { panic!("arrows: {arrows:?}") };
+        assert_eq!((arrows.points.len(), vectors.len()), (4, 4), "two ways for each part");
+        for (i, part) in planned.forecast.parts.iter().enumerate() {
+            assert_eq!(arrows.points[2 * i], at_mm(part.start.place.position_m));
+            let length_mm = vectors[2 * i][0].hypot(vectors[2 * i][1]);
+            assert!((length_mm - 1e3 * REACH * part.radius_m).abs() < 1e-9, "{length_mm}");
+        }
     }
 }

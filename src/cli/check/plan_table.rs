@@ -7,6 +7,9 @@ use upm_runner::run::{PartForecast, StartForecast};
 /// Values of a column that differ by less than this share of the largest are stated once.
 pub(super) const SAME: f64 = 0.05;
 
+/// Directions that differ by less than this from the first one are stated once, degrees.
+const SAME_DIRECTION_DEG: f64 = 5.0;
+
 /// Start and, where there is one, target of a part.
 pub(super) fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &StartForecast)> {
     [("start", Some(&part.start)), ("target", part.target.as_ref())]
@@ -21,15 +24,24 @@ struct PlanColumn {
     name: &'static str,
     unit: &'static str,
     places: usize,
+    /// One value per row, NaN where there is none.
     values: Vec<f64>,
-    /// Size of the quantity that a change of the values is held against.
-    size: f64,
+    /// Difference of two values from which on the column changes.
+    tolerance: f64,
+    /// Period of the values, 180 deg for directions; `None` for a quantity.
+    period: Option<f64>,
 }
 
 impl PlanColumn {
     fn new(head: &'static str, name: &'static str, (unit, places): (&'static str, usize), values: Vec<f64>) -> Self {
         let size = values.iter().fold(0.0, |size: f64, value| size.max(value.abs()));
-        Self { head, name, unit, places, values, size }
+        Self { head, name, unit, places, values, tolerance: SAME * size, period: None }
+    }
+
+    /// A column of directions modulo their opposites, degrees.
+    fn of_directions(head: &'static str, name: &'static str, values: Vec<f64>) -> Self {
+        let column = Self::new(head, name, (" deg", 0), values);
+        Self { tolerance: SAME_DIRECTION_DEG, period: Some(180.0), ..column }
     }
 
     fn text(&self, value: f64) -> String {
@@ -39,21 +51,30 @@ impl PlanColumn {
         }
     }
 
-    /// Least and largest value.
-    fn range(&self) -> [f64; 2] {
-        let least = self.values.iter().copied().fold(f64::INFINITY, f64::min);
-        [least, self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+    /// Least and largest value; `None` for a column without values.
+    fn range(&self) -> Option<[f64; 2]> {
+        let known = || self.values.iter().copied().filter(|value| !value.is_nan());
+        let least = known().reduce(f64::min)?;
+        Some([least, known().fold(least, f64::max)])
     }
 
     fn changes(&self) -> bool {
-        let [least, most] = self.range();
-        let known = self.values.iter().filter(|value| !value.is_nan()).count();
-        (known > 0 && known < self.values.len()) || most - least > SAME * self.size
+        let Some([least, most]) = self.range() else { return false };
+        if self.values.iter().any(|value| value.is_nan()) {
+            return true;
+        }
+        match self.period {
+            None => most - least > self.tolerance,
+            // directions on both sides of 0 are near each other, but have no range to state
+            Some(period) if most - least > 0.5 * period => true,
+            Some(_) => self.values.iter().any(|value| (value - self.values[0]).abs() > self.tolerance),
+        }
     }
 
-    /// The values as they are stated once: `longest step 26.15 to 26.77 mm`.
+    /// The values as they are stated once: `longest step 26.15 to 26.77 mm`, or `no shortest step`.
     fn stated(&self) -> String {
-        let [least, most] = self.range().map(|value| self.text(value));
+        let Some(range) = self.range() else { return format!("no {}", self.name) };
+        let [least, most] = range.map(|value| self.text(value));
         let range = if least == most { least } else { format!("{least} to {most}") };
         format!("{} {range}{}", self.name, self.unit)
     }
@@ -98,10 +119,9 @@ fn columns(rows: &[(&str, &str, &StartForecast)]) -> Vec<PlanColumn> {
     let size = longest.iter().copied().fold(0.0, f64::max);
     let mm_2 = (" mm", 2);
     vec![
-        PlanColumn::new(
+        PlanColumn::of_directions(
             "weakest (deg)",
             "weakest direction",
-            (" deg", 0),
             of(|spot| degrees(spot.place.weakest_direction)),
         ),
         PlanColumn::new("share", "share of the best step", ("", 2), of(|spot| spot.place.share)),
@@ -112,7 +132,11 @@ fn columns(rows: &[(&str, &str, &StartForecast)]) -> Vec<PlanColumn> {
             of(|spot| spot.place.shortest_step_m.map_or(f64::NAN, mm)),
         ),
         PlanColumn::new("longest (mm)", "longest step", mm_2, longest),
-        PlanColumn { size, ..PlanColumn::new("sd (mm)", "its sd", mm_2, of(|spot| mm(spot.place.longest_sd_m))) },
+        // small beside the step, so that its changes are held against the step
+        PlanColumn {
+            tolerance: SAME * size,
+            ..PlanColumn::new("sd (mm)", "its sd", mm_2, of(|spot| mm(spot.place.longest_sd_m)))
+        },
         PlanColumn::new("sv 1", "first singular value", ("", 2), of(|spot| spot.singular_values[0])),
         PlanColumn::new("sv 2", "second singular value", ("", 2), of(|spot| spot.singular_values[1])),
     ]
@@ -168,5 +192,34 @@ mod tests {
         let two = [part("a-1", spot(0.0, 0.02, None), None), part("a-2", spot(0.0, 0.02, Some(1e-4)), None)];
         let two = lines(&two);
         assert!(two[1].contains("shortest (mm)") && !two[1].contains("longest (mm)"), "{two:?}");
+    }
+    #[test]
+    fn step_that_no_part_has_is_said_in_words() {
+        let parts = [part("a-1", spot(0.0, 0.02, None), None), part("a-2", spot(0.0, 0.02, None), None)];
+        let lines = lines(&parts);
+        assert!(lines[0].contains(", no shortest step, longest step 20.00 mm,"), "{lines:?}");
+        assert!(!lines.concat().contains("inf"), "{lines:?}");
+    }
+
+    #[test]
+    fn directions_are_compared_modulo_their_opposites() {
+        let table = |first_deg: f64, second_deg: f64| {
+            let towards = |deg: f64| {
+                let mut spot = spot(0.0, 0.02, None);
+                let (sin, cos) = deg.to_radians().sin_cos();
+                spot.place.weakest_direction = Vec2::new(cos, sin);
+                spot
+            };
+            lines(&[part("a-1", towards(first_deg), None), part("a-2", towards(second_deg), None)])
+        };
+        let near = table(1.0, 2.0);
+        assert!(near[0].contains("weakest direction 1 to 2 deg") && !near[1].contains("weakest"), "{near:?}");
+        for (first_deg, second_deg) in [(170.0, 178.0), (179.0, 1.0)] {
+            let table = table(first_deg, second_deg);
+            assert!(!table[0].contains("weakest") && table[1].contains("weakest (deg)"), "{table:?}");
+            for (row, deg) in table[2..].iter().zip([first_deg, second_deg]) {
+                assert!(row.ends_with(&format!("  {deg}")), "{row}");
+            }
+        }
     }
 }

@@ -13,9 +13,9 @@ use upm_scene::{Scene, kinds};
 const SEED: u64 = 1;
 
 /// Picture and ground truth of a rendered scene; also writes its rig file if requested.
-pub(crate) fn of_scene(family: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
-    let family = family.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
-    let scene = Scene::generate(family, args.seed.unwrap_or(SEED));
+pub(crate) fn of_scene(difficulty: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
+    let difficulty = difficulty.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
+    let scene = Scene::generate(difficulty, args.seed.unwrap_or(SEED));
     if let Some(path) = &args.rig_out {
         let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(Failure::failed)?;
         fs::write(path, format!("{rig}\n")).map_err(|error| Failure::write(path, error))?;

@@ -8,6 +8,7 @@ use image::{DynamicImage, GrayImage, RgbImage};
 use super::canvas::Canvas;
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
+use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_perception::vision::{DebugImages, HoughArray};
@@ -21,19 +22,16 @@ const VOTES_WIDE_PX: u32 = 1080;
 const FOUND: [u8; 3] = [90, 225, 120];
 /// Colour of peaks, visible on yellow.
 const PEAK: [u8; 3] = [30, 130, 255];
-/// Colours of parts, by kind; visible on black and on white.
-const KINDS: [[u8; 3]; 6] =
-    [[70, 160, 255], [255, 150, 30], [190, 110, 255], [255, 75, 110], [0, 190, 190], [200, 170, 0]];
 
 /// Folder of a picture's panels: a subfolder if there are several pictures.
 pub(super) fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
     if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
 }
 
-/// Writes the panels into `folder`; returns the paths.
-pub(super) fn write(folder: &Path, found: &LocalisedRecord) -> Result<Vec<PathBuf>, Failure> {
+/// Writes the panels into `folder`; `kinds` are those of the parts. Returns the paths.
+pub(super) fn write(folder: &Path, found: &LocalisedRecord, kinds: &[&str]) -> Result<Vec<PathBuf>, Failure> {
     let size = [found.frame.width, found.frame.height];
-    let overlay = overlay(found, DynamicImage::from(picture(&found.frame)).into_rgb8());
+    let overlay = overlay(found, kinds, DynamicImage::from(picture(&found.frame)).into_rgb8());
     let response = response(found, response_map(&found.stages.disk_response, size, 1));
     let mut panels = begun(&found.frame, &found.stages);
     panels.push(("4-disk-response.png", response.into()));
@@ -91,7 +89,8 @@ fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
 }
 
 /// Overlay of the table's outline and corners, and of each part's outline and centre in its kind's colour.
-fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
+fn overlay(found: &LocalisedRecord, kinds: &[&str], picture: RgbImage) -> RgbImage {
+    let palette = Palette::of(kinds, Ground::Dark);
     let mut canvas = Canvas::new(picture);
     for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {
         canvas.line(a, b, FOUND);
@@ -99,8 +98,8 @@ fn overlay(found: &LocalisedRecord, picture: RgbImage) -> RgbImage {
     for corner in found.table.corners_px {
         canvas.circle(corner, 4.0 * canvas.line_px, FOUND);
     }
-    for part in &found.detections {
-        let color = KINDS[part.kind % KINDS.len()];
+    for (part, kind) in found.detections.iter().zip(kinds) {
+        let color = palette.kind(kind).unwrap_or(FOUND);
         canvas.circle(part.center_px, part.radius_px, color);
         canvas.cross(part.center_px, 0.25 * part.radius_px, color);
     }

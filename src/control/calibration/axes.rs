@@ -59,10 +59,10 @@ fn axis_amplitudes(axis: usize, counts: i32) -> ([i32; 4], f64) {
 }
 
 pub(super) fn measure(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     params: &CalibrationParams,
 ) -> Result<Axes, CalibrationFault> {
-    let sustain_s = params.read_sustain_s.max(0.25).min(bench.model.max_sustain_s);
+    let sustain_s = params.read_sustain_s.max(0.25).min(session.model.max_sustain_s);
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
     let mut shown = Vec::new();
@@ -70,40 +70,41 @@ pub(super) fn measure(
     for pass in 0..PASSES {
         let mut responses = [AxisPhasors::default(); 3];
         for axis in 0..3 {
-            bench.report("axes", 3 * pass + axis, 3 * PASSES);
-            let headroom = bench.headroom(axis_amplitudes(axis, TRIAL_COUNTS).0, &shapes);
+            session.report("axes", 3 * pass + axis, 3 * PASSES);
+            let headroom = session.headroom(axis_amplitudes(axis, TRIAL_COUNTS).0, &shapes);
             let counts = EFFORT * params.effort * headroom * f64::from(TRIAL_COUNTS);
             let (amplitudes, amplitude) = axis_amplitudes(axis, counts as i32);
-            let drive = bench.drive(amplitudes, &shapes, sustain_s);
-            let (pulse, [there, back]) = AxisPulse::play(bench, axis, drive)?;
+            let drive = session.drive(amplitudes, &shapes, sustain_s);
+            let (pulse, [there, back]) = AxisPulse::play(session, axis, drive)?;
             shown.push(pulse.shown);
             pulses[axis] = pulse;
             responses[axis] = per_count(&there.axes[axis], &back.axes[axis], amplitude);
             twist_from_counts.set_column(axis, &((there.pump - back.pump) * (0.5 / amplitude)).vector());
         }
-        bench.sensors.gain = relative_gains(&shown, bench.sensors.position_m);
-        check(bench, &pulses, &shapes, &responses)?;
+        session.sensors.gain = relative_gains(&shown, session.sensors.position_m);
+        check(session, &pulses, &shapes, &responses)?;
         if pass + 1 < PASSES {
-            shapes =
-                std::array::from_fn(|axis| mended(shapes[axis], &responses[axis], free_mass_speed(axis, bench.model)));
+            shapes = std::array::from_fn(|axis| {
+                mended(shapes[axis], &responses[axis], free_mass_speed(axis, session.model))
+            });
         }
     }
-    Ok(Axes { shapes, twist_from_counts, accelerometer_gain: bench.sensors.gain, opening: pulses })
+    Ok(Axes { shapes, twist_from_counts, accelerometer_gain: session.sensors.gain, opening: pulses })
 }
 
 /// Refuses channels and coils that contradict the rig file. Channels are checked first because they measure the coils.
 /// A resonance that is too high distorts the coils' gains, but not the detection of dead, reversed or exchanged ones.
 fn check(
-    bench: &CalibrationSession<'_>,
+    session: &CalibrationSession<'_>,
     pulses: &[AxisPulse; 3],
     shapes: &[AxisShape; 3],
     responses: &[AxisPhasors; 3],
 ) -> Result<(), CalibrationFault> {
-    check_channels_alike(&pulses.each_ref().map(|pulse| pulse.shown), bench.sensors.position_m)?;
-    let [first, second] = CoilGains::read(pulses, &bench.sensors, bench.model);
+    check_channels_alike(&pulses.each_ref().map(|pulse| pulse.shown), session.sensors.position_m)?;
+    let [first, second] = CoilGains::read(pulses, &session.sensors, session.model);
     second.check_working()?;
     for axis in 0..3 {
-        refuse_resonance(axis, shapes[axis], &responses[axis], bench.model)?;
+        refuse_resonance(axis, shapes[axis], &responses[axis], session.model)?;
     }
     second.check_gains(&first)
 }

@@ -17,21 +17,21 @@ pub(super) struct AxisPulse {
 impl AxisPulse {
     /// Plays `drive` in both directions; the pulse and both readings.
     pub fn play(
-        bench: &mut CalibrationSession<'_>,
+        session: &mut CalibrationSession<'_>,
         axis: usize,
         drive: Drive,
     ) -> Result<(Self, [TwistFit; 2]), CalibrationFault> {
-        let read = |bench: &mut CalibrationSession<'_>, drive: &Drive| {
-            bench.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
+        let read = |session: &mut CalibrationSession<'_>, drive: &Drive| {
+            session.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
                 CalibrationFault::Trace { fault: FitFault::TooWeak { found_mps2, needed_mps2 }, .. } => {
                     CalibrationFault::Still { axis: NAMES[axis], found_mps2, needed_mps2 }
                 }
                 other => other,
             })
         };
-        let there = read(bench, &drive)?;
-        let back = read(bench, &drive.clone().reversed())?;
-        let shown = half_difference(&there, &back, &bench.sensors.gain);
+        let there = read(session, &drive)?;
+        let back = read(session, &drive.clone().reversed())?;
+        let shown = half_difference(&there, &back, &session.sensors.gain);
         Ok((Self { drive, shown }, [there, back]))
     }
 }

@@ -11,11 +11,11 @@ use upm_perception::estimation::Coefficients;
 const ALLOWED: f64 = 0.03;
 
 /// Plays the opening pulses again and refuses a rig that has changed since.
-pub(super) fn check(bench: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
+pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
     let mut closing: [AxisPulse; 3] = Default::default();
     for (axis, opening) in axes.opening.iter().enumerate() {
-        bench.report("closing", axis, closing.len());
-        closing[axis] = AxisPulse::play(bench, axis, opening.drive.clone())?.0;
+        session.report("closing", axis, closing.len());
+        closing[axis] = AxisPulse::play(session, axis, opening.drive.clone())?.0;
     }
     let change = |axis: usize| {
         let (before, now) = (axes.opening[axis].shown, closing[axis].shown);
@@ -26,7 +26,7 @@ pub(super) fn check(bench: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(
     let Some((axis, change)) = worst.filter(|(_, change)| *change > ALLOWED) else { return Ok(()) };
     let (component, change) = channel(&axes.opening, &closing)
         .map(|(channel, change)| (RigComponent::Channel(channel), change))
-        .or_else(|| coil(bench, &axes.opening, &closing))
+        .or_else(|| coil(session, &axes.opening, &closing))
         .unwrap_or((RigComponent::Axis(NAMES[axis]), change));
     Err(CalibrationFault::Changed { component, change, allowed: ALLOWED })
 }
@@ -45,11 +45,11 @@ fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize,
 
 /// The coil that changed and its relative change, if it is the only one.
 fn coil(
-    bench: &CalibrationSession<'_>,
+    session: &CalibrationSession<'_>,
     opening: &[AxisPulse; 3],
     closing: &[AxisPulse; 3],
 ) -> Option<(RigComponent, f64)> {
-    let [before, now] = [opening, closing].map(|pulses| CoilGains::read(pulses, &bench.sensors, bench.model));
+    let [before, now] = [opening, closing].map(|pulses| CoilGains::read(pulses, &session.sensors, session.model));
     now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (RigComponent::Coil(coil), change))
 }
 

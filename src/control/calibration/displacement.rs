@@ -54,24 +54,32 @@ impl Sink for SilentSink {}
 /// Moves the coins to and fro with every entry of `library` and fits the displacement model to the camera's
 /// measurements.
 pub(super) fn measure(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
     let (kinds, coins) = (&params.kinds, &params.coins);
     let guards = Guards::without("parts_jumped");
-    let opened =
-        Perception::open(bench.rig, bench.model, kinds, coins, guards, &mut SilentSink, &StoppedClock, bench.stop);
-    let mut eyes = into_result(opened)?;
-    let (sustain_s, opening) = choose_sustains(bench, &mut eyes, library, params)?;
+    let opened = Perception::open(
+        session.rig,
+        session.model,
+        kinds,
+        coins,
+        guards,
+        &mut SilentSink,
+        &StoppedClock,
+        session.stop,
+    );
+    let mut perception = into_result(opened)?;
+    let (sustain_s, opening) = choose_sustains(session, &mut perception, library, params)?;
     let motions = library.entries.len();
     let mut samples = Vec::new();
     for (k, &sustain) in sustain_s.iter().enumerate() {
         let turns = if sustain_s.len() < MANY { 1 } else { TURNS };
         for entry in (0..motions).filter(|entry| (entry + k) % turns == 0) {
-            bench.report("displacement", k * motions + entry, motions * sustain_s.len());
+            session.report("displacement", k * motions + entry, motions * sustain_s.len());
             for reversed in [false, true] {
-                samples.extend(pulse(bench, &mut eyes, library, params, (entry, reversed), (k, sustain))?);
+                samples.extend(pulse(session, &mut perception, library, params, (entry, reversed), (k, sustain))?);
             }
         }
     }
@@ -118,12 +126,12 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> 
 /// Lengthens the pulse until a coin moves as far as the model must cover. Returns sustains spaced evenly up to there,
 /// and the steps in the longest of those pulses.
 fn choose_sustains(
-    bench: &mut CalibrationSession<'_>,
-    eyes: &mut Perception,
+    session: &mut CalibrationSession<'_>,
+    perception: &mut Perception,
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<(Vec<f64>, Vec<DisplacementSample>), CalibrationFault> {
-    let longest_s = bench.model.max_sustain_s;
+    let longest_s = session.model.max_sustain_s;
     let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
     let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
     let entry = library.entries.iter().enumerate().max_by(by_speed).map_or(0, |(entry, _)| entry);
@@ -134,7 +142,7 @@ fn choose_sustains(
         let sustain_s = longest_s * f64::from(step) / 12.0;
         steps.clear();
         for reversed in [false, true] {
-            steps.extend(pulse(bench, eyes, library, params, (entry, reversed), (0, sustain_s))?);
+            steps.extend(pulse(session, perception, library, params, (entry, reversed), (0, sustain_s))?);
         }
         farthest = steps.iter().map(|sample| sample.distance_m).fold(farthest, f64::max);
         if farthest >= params.longest_m {
@@ -143,40 +151,40 @@ fn choose_sustains(
         }
     }
     if farthest < STILL_M {
-        let peak_mps2 = bench.peak_mps2();
+        let peak_mps2 = session.peak_mps2();
         return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
     }
-    let periods = top_s * bench.model.base_radps / TAU;
+    let periods = top_s * session.model.base_radps / TAU;
     let last = (periods * SUSTAINS_A_PERIOD).ceil().min(params.sustains as f64 - 1.0).max(1.0);
     Ok(((0..=last as usize).map(|k| top_s * k as f64 / last).collect(), steps))
 }
 
 /// Plays one pulse and measures every coin. Plays nothing, and has no samples, where a coin could go over the edge.
 fn pulse(
-    bench: &mut CalibrationSession<'_>,
-    eyes: &mut Perception,
+    session: &mut CalibrationSession<'_>,
+    perception: &mut Perception,
     library: &Library,
     params: &CalibrationParams,
     (entry, reversed): (usize, bool),
     (sustain, sustain_s): (usize, f64),
 ) -> Result<Vec<DisplacementSample>, CalibrationFault> {
-    let before = look_at_rest(bench, eyes)?;
+    let before = look_at_rest(session, perception)?;
     let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
         return Ok(Vec::new());
     };
     let pump = if reversed { -motion.pump } else { motion.pump };
-    let reach = 0.5 * bench.model.plate_side_m - EDGE_M - params.kinds.first().map_or(0.0, |kind| kind.radius_m);
+    let reach = 0.5 * session.model.plate_side_m - EDGE_M - params.kinds.first().map_or(0.0, |kind| kind.radius_m);
     let leaves = |p: &Vec2| (p + pump.direction_at(*p) * (FARTHEST * params.longest_m)).amax() > reach;
     let outwards = |p: &Vec2| p.dot(&pump.direction_at(*p)) > 0.0;
     if before.iter().any(|p| leaves(p) && outwards(p)) {
         return Ok(Vec::new());
     }
-    bench.rig.play(&if reversed { drive.reversed() } else { drive })?;
-    while bench.rig.now() < bench.rig.settled_at() {
-        bench.stop_check()?;
-        into_result(eyes.look(bench.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
+    session.rig.play(&if reversed { drive.reversed() } else { drive })?;
+    while session.rig.now() < session.rig.settled_at() {
+        session.stop_check()?;
+        into_result(perception.look(session.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
     }
-    let after = look_at_rest(bench, eyes)?;
+    let after = look_at_rest(session, perception)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
         let middle = 0.5 * (a + b);
         let distance_m = (b - a).dot(&pump.direction_at(middle));
@@ -185,13 +193,17 @@ fn pulse(
     Ok(before.iter().zip(&after).map(sample).collect())
 }
 
-fn look_at_rest(bench: &mut CalibrationSession<'_>, eyes: &mut Perception) -> Result<Vec<Vec2>, CalibrationFault> {
+fn look_at_rest(
+    session: &mut CalibrationSession<'_>,
+    perception: &mut Perception,
+) -> Result<Vec<Vec2>, CalibrationFault> {
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
-        bench.stop_check()?;
-        let is_at_rest = into_result(eyes.look(bench.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
-        if is_at_rest && eyes.missing_for() == 0 {
-            return Ok(eyes.positions_m());
+        session.stop_check()?;
+        let is_at_rest =
+            into_result(perception.look(session.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
+        if is_at_rest && perception.missing_for() == 0 {
+            return Ok(perception.positions_m());
         }
     }
     Err(CalibrationFault::Look("a coin was lost during calibration".into()))

@@ -16,14 +16,14 @@ const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
 
 /// Plays every harmonic of the rig's synthesised motions on every axis, in both directions, and reads the plate's
 /// response on all three; `None` where the rig makes none.
-pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
-    let Some(fields) = bench.model.fields else { return Ok(None) };
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
+    let Some(fields) = session.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
     for k in 1..=fields.harmonics {
         let mut response = Matrix3::zeros();
         for axis in 0..3 {
-            bench.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
-            response.set_column(axis, &answer(bench, &fields, k, axis)?);
+            session.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
+            response.set_column(axis, &answer(session, &fields, k, axis)?);
         }
         response.try_inverse().ok_or(CalibrationFault::Singular)?;
         twist_from_counts.push(response);
@@ -32,33 +32,33 @@ pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<Field
         base_radps: fields.base_radps,
         attack_s: fields.attack_s,
         rest_s: fields.rest_s,
-        limit_counts: bench.model.count_limit,
+        limit_counts: session.model.count_limit,
         twist_from_counts,
     }))
 }
 
 /// Velocity phasors of x, y and spin for one count of `axis` at harmonic `k`.
 fn answer(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     fields: &FieldDriveModel,
     k: usize,
     axis: usize,
 ) -> Result<Vector3<Complex<f64>>, CalibrationFault> {
-    let unit = pulse(bench, fields, k, axis, 1.0);
-    let counts = EFFORT * bench.model.count_limit / unit.peak_counts();
-    let drive = pulse(bench, fields, k, axis, counts);
+    let unit = pulse(session, fields, k, axis, 1.0);
+    let counts = EFFORT * session.model.count_limit / unit.peak_counts();
+    let drive = pulse(session, fields, k, axis, counts);
     let what = format!("{}, harmonic {k}", NAMES[axis]);
-    let there = bench.read_twist(&what, &drive)?;
-    let back = bench.read_twist(&what, &drive.reversed())?;
+    let there = session.read_twist(&what, &drive)?;
+    let back = session.read_twist(&what, &drive.reversed())?;
     let read = |fit: &TwistFit, axis: usize| if k == 1 { fit.axes[axis].first } else { fit.axes[axis].second };
     Ok(Vector3::from_fn(|moved, _| (read(&there, moved) - read(&back, moved)) / Complex::from(2.0 * counts)))
 }
 
 /// `counts · cos kwt` on one axis, written as the second harmonic of half its frequency: the read-out of two harmonics
 /// then sees twice the periods and needs only eight samples in each. As a first harmonic its period would be too long.
-fn pulse(bench: &CalibrationSession<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
+fn pulse(session: &CalibrationSession<'_>, fields: &FieldDriveModel, k: usize, axis: usize, counts: f64) -> Drive {
     let read_s = std::f64::consts::TAU * MAX_PERIODS as f64 / fields.base_radps;
-    let sustain_s = SUSTAIN_S.max(read_s).min(bench.model.max_sustain_s);
+    let sustain_s = SUSTAIN_S.max(read_s).min(session.model.max_sustain_s);
     let envelope = Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s };
     let axis_counts = Vector3::from_fn(|i, _| Complex::from(if i == axis { counts } else { 0.0 }));
     let forces = motor_harmonics(&axis_counts);

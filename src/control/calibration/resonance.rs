@@ -50,10 +50,10 @@ impl AxisResonance {
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
 /// sustain holds too few periods to resolve them.
-pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
     let mut found = Vec::with_capacity(3);
     for axis in 0..3 {
-        match measure_axis(bench, axis) {
+        match measure_axis(session, axis) {
             Ok(resonance) => found.push(resonance),
             Err(CalibrationFault::Trace { fault: FitFault::Undetermined { .. }, .. }) => return Ok(None),
             Err(fault) => return Err(fault),
@@ -62,27 +62,32 @@ pub(super) fn measure(bench: &mut CalibrationSession<'_>) -> Result<Option<[Axis
     Ok(found.try_into().ok())
 }
 
-fn measure_axis(bench: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
-    let mut drive = multisine(bench, axis);
+fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
+    let mut drive = multisine(session, axis);
     for _ in 0..HALVINGS {
-        match average(bench, axis, &drive) {
+        match average(session, axis, &drive) {
             Err(CalibrationFault::Trace { fault: FitFault::Clipped { .. }, .. }) => drive = drive.scaled(0.5),
             answer => return answer,
         }
     }
-    average(bench, axis, &drive)
+    average(session, axis, &drive)
 }
 
 /// Plays `drive` in both directions [`REPEATS`] times; half the difference removes everything that does not change sign
 /// with it.
-fn average(bench: &mut CalibrationSession<'_>, axis: usize, drive: &Drive) -> Result<AxisResonance, CalibrationFault> {
+fn average(
+    session: &mut CalibrationSession<'_>,
+    axis: usize,
+    drive: &Drive,
+) -> Result<AxisResonance, CalibrationFault> {
     let fault = |fault| CalibrationFault::Trace { what: NAMES[axis].to_owned(), fault };
     let mut accel = vec![Complex::default(); LINES];
     for repeat in 0..REPEATS {
-        bench.report("resonance", REPEATS * axis + repeat, REPEATS * NAMES.len());
+        session.report("resonance", REPEATS * axis + repeat, REPEATS * NAMES.len());
         for (drive, sign) in [(drive.clone(), 1.0), (drive.clone().reversed(), -1.0)] {
-            let trace = bench.play(&drive)?;
-            let lines = axis_lines(&trace, &drive.envelope, drive.base_radps, LINES, &bench.sensors).map_err(fault)?;
+            let trace = session.play(&drive)?;
+            let lines =
+                axis_lines(&trace, &drive.envelope, drive.base_radps, LINES, &session.sensors).map_err(fault)?;
             let share = sign / (2 * REPEATS) as f64;
             accel.iter_mut().zip(&lines[axis]).for_each(|(sum, line)| *sum += line * share);
         }
@@ -97,9 +102,9 @@ fn average(bench: &mut CalibrationSession<'_>, axis: usize, drive: &Drive) -> Re
 /// The multisine, as strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line
 /// of a free plate has the same speed: slow lines stay within the travel, fast ones keep friction and rounding from
 /// acting on slow ones. Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970), which keep the peak low.
-fn multisine(bench: &CalibrationSession<'_>, axis: usize) -> Drive {
-    let model = bench.model;
-    let trace = bench.rig.trace();
+fn multisine(session: &CalibrationSession<'_>, axis: usize) -> Drive {
+    let model = session.model;
+    let trace = session.rig.trace();
     let base_radps = base_radps(PERIOD_S.min(model.max_sustain_s), trace.sample_hz);
     // a flank as long as a period: shorter ones would need more force than the sustain
     let envelope = Envelope {

@@ -25,7 +25,7 @@ const MISS: f64 = 0.01;
 
 /// Plays every wanted motion as strongly as the motors allow and records the plate's measured twist.
 pub(super) fn measure(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     axes: &Axes,
     params: &CalibrationParams,
     wanted: &[SteeringMotion],
@@ -33,13 +33,13 @@ pub(super) fn measure(
     let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationFault::Singular)?;
     let mut entries = Vec::with_capacity(wanted.len());
     for (i, SteeringMotion { direction, top_mps }) in wanted.iter().enumerate() {
-        bench.report("centres", i, wanted.len());
+        session.report("centres", i, wanted.len());
         let mut aim = direction.vector();
-        let mut entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
-        let miss = miss(&entry.pump, direction, 0.5 * bench.model.plate_side_m);
+        let mut entry = play(session, axes, params, counts_from_twist * aim, *top_mps)?;
+        let miss = miss(&entry.pump, direction, 0.5 * session.model.plate_side_m);
         if miss.norm() > MISS * aim.norm() {
             aim -= miss;
-            entry = play(bench, axes, params, counts_from_twist * aim, *top_mps)?;
+            entry = play(session, axes, params, counts_from_twist * aim, *top_mps)?;
         }
         entries.push(entry);
     }
@@ -49,22 +49,22 @@ pub(super) fn measure(
 /// Plays axis amplitudes `counts` (any scale) as strongly as motors and `top_mps` allow, in both directions, and reads
 /// the plate's twist.
 fn play(
-    bench: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     axes: &Axes,
     params: &CalibrationParams,
     counts: Vector3<f64>,
     top_mps: f64,
 ) -> Result<Entry, CalibrationFault> {
     let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
-    let strongest = trial * (params.effort * bench.headroom(amplitudes(trial), &axes.shapes));
+    let strongest = trial * (params.effort * session.headroom(amplitudes(trial), &axes.shapes));
     let expected = axes.twist_from_counts * strongest;
-    let corner_m = bench.model.plate_side_m * FRAC_1_SQRT_2;
+    let corner_m = session.model.plate_side_m * FRAC_1_SQRT_2;
     let fastest_mps = expected.xy().norm() + expected.z.abs() * corner_m;
     let amplitudes = amplitudes(strongest * (top_mps / fastest_mps).min(1.0));
-    let drive = bench.drive(amplitudes, &axes.shapes, params.read_sustain_s);
+    let drive = session.drive(amplitudes, &axes.shapes, params.read_sustain_s);
     let what = format!("amplitudes {amplitudes:?}");
-    let there = bench.read_twist(&what, &drive)?;
-    let back = bench.read_twist(&what, &drive.reversed())?;
+    let there = session.read_twist(&what, &drive)?;
+    let back = session.read_twist(&what, &drive.reversed())?;
     Ok(Entry { amplitudes, pump: (there.pump - back.pump) * 0.5 })
 }
 

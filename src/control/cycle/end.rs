@@ -8,7 +8,7 @@ use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 
-/// How often a goal may seem reached without a second look confirming it.
+/// How often a task may seem reached without a second look confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
 
 impl ControlCycle<'_> {
@@ -47,7 +47,7 @@ impl ControlCycle<'_> {
 
     fn looks_agree(&mut self) -> OrEnd<bool> {
         let looks_twice = self.params.guards.has_code("two_looks");
-        Continue(!looks_twice || self.eyes.confirm(self.rig, self.sink, self.clock, self.stop)?)
+        Continue(!looks_twice || self.perception.confirm(self.rig, self.sink, self.clock, self.stop)?)
     }
 
     /// Ends the run as completed if two more looks, with the table located anew, confirm the goal; otherwise the run
@@ -56,8 +56,8 @@ impl ControlCycle<'_> {
         self.check_limits()?;
         if self.looks_agree()? {
             // motion of parts while the plate swings out counts, too
-            let (at, places_m) = (self.eyes.seen_at(), self.eyes.positions_m());
-            if self.goal.next(at, &places_m).done {
+            let (at, places_m) = (self.perception.seen_at(), self.perception.positions_m());
+            if self.task.next(at, &places_m).done {
                 return Break(RunEnd::completed(reason));
             }
         }
@@ -70,7 +70,7 @@ impl ControlCycle<'_> {
     }
 
     pub(super) fn is_part_lost(&self) -> bool {
-        self.eyes.plainly_missing_for() > self.params.lost_after_frames
+        self.perception.plainly_missing_for() > self.params.lost_after_frames
     }
 
     pub(super) fn check_lost(&self) -> OrEnd {
@@ -78,8 +78,8 @@ impl ControlCycle<'_> {
     }
 
     fn lost(&self) -> RunEnd {
-        let places = self.eyes.positions_m();
-        let each = self.eyes.unseen().into_iter().map(|part| {
+        let places = self.perception.positions_m();
+        let each = self.perception.unseen().into_iter().map(|part| {
             let id = self.params.id(part);
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)

@@ -19,24 +19,24 @@ use upm_planner::PlannedPulse;
 impl ControlCycle<'_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `moment` gives the purpose of that
     /// frame.
-    pub(super) fn play(&mut self, planned: &PlannedPulse, moment: FramePurpose) -> OrEnd {
+    pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
         let drive = match drive_of(self.library, planned) {
             Ok(drive) => drive,
             Err(reason) => return Break(RunEnd::failed(reason)),
         };
         let started_at = self.rig.now();
-        let (all_seen, before_m) = (self.eyes.missing_for() == 0, self.eyes.positions_m());
+        let (all_seen, before_m) = (self.perception.missing_for() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
-        self.eyes.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
+        self.perception.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
         flow(self.rig.play(&drive))?;
-        let followed = self.follow(moment);
+        let followed = self.follow(purpose);
         let trace = self.rig.trace();
         let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
-        let after_m = self.eyes.positions_m();
-        let all_seen = all_seen && self.eyes.missing_for() == 0;
-        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.eyes.silenced_pulse());
+        let after_m = self.perception.positions_m();
+        let all_seen = all_seen && self.perception.missing_for() == 0;
+        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.silenced_pulse());
         let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulseDisplacements {
             before_m: &before_m,
             after_m: &after_m,
@@ -73,7 +73,7 @@ impl ControlCycle<'_> {
             });
             self.tell_slow_parts();
         }
-        if self.eyes.silenced_pulse() {
+        if self.perception.silenced_pulse() {
             return Continue(());
         }
         let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
@@ -81,17 +81,17 @@ impl ControlCycle<'_> {
     }
 
     /// Tracks the parts until a frame shows everything at rest.
-    pub(super) fn follow(&mut self, moment: FramePurpose) -> OrEnd {
+    pub(super) fn follow(&mut self, purpose: FramePurpose) -> OrEnd {
         loop {
-            let at_rest = self.eyes.look(self.rig, moment, self.sink, self.clock)?;
+            let at_rest = self.perception.look(self.rig, purpose, self.sink, self.clock)?;
             if at_rest {
                 return Continue(());
             }
             self.check_stop()?;
             self.check_lost()?;
-            if 2 * self.eyes.plainly_missing_for() > self.params.lost_after_frames {
+            if 2 * self.perception.plainly_missing_for() > self.params.lost_after_frames {
                 // a part blurred by motion becomes visible once the plate is still
-                self.eyes.silence(self.rig);
+                self.perception.silence(self.rig);
             }
         }
     }
@@ -138,8 +138,11 @@ impl ControlCycle<'_> {
         sensors: &'a AccelerometerPair,
         went: Option<Went>,
     ) -> PulseReading<'a> {
-        let (went, swing) =
-            if self.eyes.is_relocated() { (None, SwingSeen::Unclear) } else { (went, self.eyes.swing_seen()) };
+        let (went, swing) = if self.perception.is_relocated() {
+            (None, SwingSeen::Unclear)
+        } else {
+            (went, self.perception.swing_seen())
+        };
         PulseReading { fit, sensors, went, swing }
     }
 
@@ -164,7 +167,7 @@ impl ControlCycle<'_> {
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
     pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> OrEnd {
-        let Some(late) = (if is_as_planned { self.eyes.late() } else { None }) else { return Continue(()) };
+        let Some(late) = (if is_as_planned { self.perception.late() } else { None }) else { return Continue(()) };
         let reason = match late {
             Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
             Late::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
@@ -188,7 +191,7 @@ impl ControlCycle<'_> {
             wave,
             envelope: drive.envelope,
             half_side_m: 0.5 * self.model.plate_side_m,
-            px_per_m: self.eyes.px_per_m(),
+            px_per_m: self.perception.px_per_m(),
         }
     }
 

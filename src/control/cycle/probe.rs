@@ -24,10 +24,10 @@ impl ControlCycle<'_> {
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
-            if !self.eyes.invalidates_plan() {
+            if !self.perception.invalidates_plan() {
                 return self.judge_probe(&expected, &fit);
             }
-            if !self.eyes.silenced_pulse() {
+            if !self.perception.silenced_pulse() {
                 // the camera's view of the swing is lost; the readings of coils and channels are not
                 let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
                 self.report(found)?;
@@ -40,8 +40,8 @@ impl ControlCycle<'_> {
     fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitFault>> {
         let drive = expected.drive;
         let planned = PlannedPulse::Field(FieldPulse { wave: expected.wave(), sustain_s: drive.envelope.sustain_s });
-        let (started_at, before_m) = (self.rig.now(), self.eyes.positions_m());
-        self.eyes.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
+        let (started_at, before_m) = (self.rig.now(), self.perception.positions_m());
+        self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
         flow(self.rig.play(drive))?;
         let followed = self.follow(FramePurpose::Pulse);
         let trace = self.rig.trace();
@@ -70,7 +70,7 @@ impl ControlCycle<'_> {
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
-        if is_as_planned && !self.eyes.has_changed() && self.params.guards.has_code("camera_still") {
+        if is_as_planned && !self.perception.has_changed() && self.params.guards.has_code("camera_still") {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             self.warn(Condition::CameraFrozen, reason.clone());
             return Break(RunEnd::guarded(Condition::CameraFrozen, reason));

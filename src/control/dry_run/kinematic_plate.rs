@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::disturbance::{ModelDisturbance, normal};
 use super::{ClosestApproach, RehearsalParams};
 use crate::ControlParams;
-use crate::plans::PulsePlanner;
+use crate::pulse_planner::PulsePlanner;
 use upm_cor_library::Library;
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::time::PlateTime;

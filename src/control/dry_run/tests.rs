@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::kinematic_plate::{OPENING_FRAMES, friction};
 use super::*;
-use crate::{ExpectedPart, plans::PulsePlanner};
+use crate::{ExpectedPart, pulse_planner::PulsePlanner};
 use upm_cor_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
@@ -95,8 +95,8 @@ fn to(targets_m: &[Vec2]) -> Trajectories {
     Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
 }
 
-fn play(library: &Arc<Library>, goal: &mut dyn Task, params: &ControlParams, how: &RehearsalParams) -> DryRun {
-    rehearse(library, &FreshPlanner::new(params.method, library, params.planner), goal, params, how, &mut |_, _| ())
+fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how: &RehearsalParams) -> DryRun {
+    rehearse(library, &FreshPlanner::new(params.method, library, params.planner), task, params, how, &mut |_, _| ())
 }
 
 /// A goal that wants parts to stay where they are; done after a time, or never.

@@ -28,7 +28,7 @@ pub struct DryRun {
     pub ending: RunEnd,
     /// True when it was broken off, neither at the goal nor failed.
     pub left_off: bool,
-    /// The goal's progress at the end, 0 to 1.
+    /// The task's progress at the end, 0 to 1.
     pub progress: f64,
     /// Modelled computing time, ms: equal for equal jobs.
     pub work_ms: f64,

@@ -1,4 +1,4 @@
-//! Repeated localisation of table and parts: after a knock, and before a goal counts as reached.
+//! Repeated localisation of table and parts: after a knock, and before a task counts as reached.
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
@@ -22,7 +22,7 @@ const SHAPE_OF_WAY: f64 = 0.02;
 const MOVED: u32 = 6;
 /// Largest difference between looks that show the same displacement of a corner, px.
 const SAME_PLACE_PX: f64 = 0.3;
-/// Number of looks with the table located anew before a goal counts as reached.
+/// Number of looks with the table located anew before a task counts as reached.
 const CONFIRMING_LOOKS: usize = 2;
 /// Number of consecutive looks at a still plate before these.
 const STILL_LOOKS: usize = 2;

@@ -62,22 +62,23 @@ pub struct StopTimes {
 }
 
 /// Keeps motors silent once tripped. Any thread can trip it at any time, without going through other layers; the rig it
-/// is fitted to checks it before every step and cuts its motors within that step.
+/// is attached to checks it before every step and cuts its motors within that step.
 ///
 /// Tripping takes no lock and never waits for the rig, nor the rig for the tripping thread. The one lock is for threads
 /// that wait for silence: they hold it while they check, the rig for a moment once its motors have fallen silent after
 /// a trip.
 ///
-/// An interlock belongs to a plate, not to a run. The owner of the plate creates it, keeps it for life and fits it to
-/// the rig of each run in turn; a run without a plate creates one for itself. A rig holds it ([`InterlockGuard`]) from
-/// [`Interlock::attach`] until the rig is dropped. A trip stays while a rig is fitted: a run that was stopped can only
-/// end. After that [`Interlock::release`] clears the trip; otherwise the next rig finds it tripped and plays nothing.
+/// An interlock belongs to a plate, not to a run. The owner of the plate creates it, keeps it for life and attaches it
+/// to the rig of each run in turn; a run without a plate creates one for itself. A rig holds it ([`InterlockGuard`])
+/// from [`Interlock::attach`] until the rig is dropped. A trip stays while a rig is attached: a run that was stopped
+/// can only end. After that [`Interlock::release`] clears the trip; otherwise the next rig finds it tripped and plays
+/// nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Interlock(Arc<InterlockState>);
 
 #[derive(Default)]
 struct InterlockState {
-    /// Trip, fitted, sounding and the plate time of the trip, in one word, so that each change sees all of them.
+    /// Trip, attached, sounding and the plate time of the trip, in one word, so that each change sees all of them.
     word: AtomicU64,
     now_ns: AtomicU64,
     silent_at_ns: AtomicU64,
@@ -93,7 +94,7 @@ struct InterlockState {
 struct StateWord(u64);
 
 impl StateWord {
-    const FITTED: u64 = 1 << 63;
+    const ATTACHED: u64 = 1 << 63;
     const SOUNDING: u64 = 1 << 62;
     const TRIP_SHIFT: u32 = 59;
     const TRIP: u64 = 0b111 << Self::TRIP_SHIFT;
@@ -124,7 +125,7 @@ impl StateWord {
 
     #[inline]
     fn released(self) -> Self {
-        Self(self.0 & (Self::FITTED | Self::SOUNDING))
+        Self(self.0 & (Self::ATTACHED | Self::SOUNDING))
     }
 
     #[inline]
@@ -146,7 +147,7 @@ impl Interlock {
     /// Trips the interlock. True when that changed anything: the first trip remains, but an emergency stop replaces
     /// others.
     ///
-    /// Never blocks: it retries only when a pulse starts or ends, a rig is fitted or dropped, or another thread trips
+    /// Never blocks: it retries only when a pulse starts or ends, a rig is attached or dropped, or another thread trips
     /// it at the same moment.
     pub fn trip(&self, why: Trip) -> bool {
         let shared = &*self.0;
@@ -171,24 +172,27 @@ impl Interlock {
         self.0.word(Ordering::Acquire).trip()
     }
 
-    /// The plate time of the rig it is fitted to, or of the last such rig.
+    /// The plate time of the rig it is attached to, or of the last such rig.
     #[inline]
     pub fn now(&self) -> PlateTime {
         PlateTime::from_nanos(self.0.now_ns.load(Ordering::Relaxed))
     }
 
-    /// Clears a trip for `why`. False while a rig is fitted, and when it is not tripped for that cause.
+    /// Clears a trip for `why`. False while a rig is attached, and when it is not tripped for that cause.
     #[inline]
     pub fn release(&self, why: Trip) -> bool {
-        let free = |word: StateWord| !word.has(StateWord::FITTED) && word.trip() == Some(why);
+        let free = |word: StateWord| !word.has(StateWord::ATTACHED) && word.trip() == Some(why);
         self.0.change(|word| free(word).then(|| word.released())).is_ok()
     }
 
-    /// Fits it to a rig whose time is `now` and whose motors are silent; `None` while it is fitted to another rig.
+    /// Attaches it to a rig whose time is `now` and whose motors are silent; `None` while it is attached to another
+    /// rig.
     #[inline]
     pub fn attach(&self, now: PlateTime) -> Option<InterlockGuard> {
         let shared = &*self.0;
-        shared.change(|word| (!word.has(StateWord::FITTED)).then_some(StateWord(word.0 | StateWord::FITTED))).ok()?;
+        shared
+            .change(|word| (!word.has(StateWord::ATTACHED)).then_some(StateWord(word.0 | StateWord::ATTACHED)))
+            .ok()?;
         shared.now_ns.store(now.nanos(), Ordering::Relaxed);
         shared.silent_at_ns.store(now.nanos(), Ordering::Relaxed);
         Some(InterlockGuard(self.clone()))
@@ -287,7 +291,7 @@ impl fmt::Debug for InterlockState {
         let word = self.word(Ordering::Acquire);
         f.debug_struct("Interlock")
             .field("trip", &word.trip())
-            .field("fitted", &word.has(StateWord::FITTED))
+            .field("attached", &word.has(StateWord::ATTACHED))
             .field("sounding", &word.has(StateWord::SOUNDING))
             .finish_non_exhaustive()
     }
@@ -311,7 +315,7 @@ impl Drop for InterlockGuard {
     fn drop(&mut self) {
         let shared = &*self.0.0;
         self.0.motors_off(self.0.now());
-        shared.word.fetch_and(!StateWord::FITTED, Ordering::AcqRel);
+        shared.word.fetch_and(!StateWord::ATTACHED, Ordering::AcqRel);
     }
 }
 

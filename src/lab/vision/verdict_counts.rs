@@ -10,7 +10,7 @@ const MOST_SEEDS: usize = 10;
 
 /// Statistics of one family's verdicts.
 pub struct VerdictCounts {
-    family: Difficulty,
+    difficulty: Difficulty,
     scenes: usize,
     parts: usize,
     counts: [usize; CAUSES.len()],
@@ -25,9 +25,9 @@ pub struct VerdictCounts {
 }
 
 impl VerdictCounts {
-    pub fn new(family: Difficulty, verdicts: &[SceneVerdict]) -> Self {
-        let mut tally = Self {
-            family,
+    pub fn new(difficulty: Difficulty, verdicts: &[SceneVerdict]) -> Self {
+        let mut verdict_counts = Self {
+            difficulty,
             scenes: verdicts.len(),
             parts: verdicts.iter().map(|verdict| verdict.parts).sum(),
             counts: [0; CAUSES.len()],
@@ -37,8 +37,8 @@ impl VerdictCounts {
             errors: Vec::new(),
             worst_center: None,
         };
-        verdicts.iter().for_each(|verdict| tally.add(verdict));
-        tally
+        verdicts.iter().for_each(|verdict| verdict_counts.add(verdict));
+        verdict_counts
     }
 
     fn add(&mut self, verdict: &SceneVerdict) {
@@ -74,8 +74,8 @@ impl VerdictCounts {
         self.errors.extend(&parts.errors);
     }
 
-    pub fn family(&self) -> Difficulty {
-        self.family
+    pub fn difficulty(&self) -> Difficulty {
+        self.difficulty
     }
 
     pub fn center_errors_px(&self) -> Vec<f64> {
@@ -91,7 +91,7 @@ impl VerdictCounts {
     /// located correctly are neither missed nor measured.
     pub fn figures(&self) -> Vec<Figure> {
         const TRUTH: &str = "rendered scenes, against the truth";
-        let name = |what: &str| format!("{}: {what}", self.family);
+        let name = |what: &str| format!("{}: {what}", self.difficulty);
         let figure = |what: &str, unit: &str, measured: f64, bar: Option<f64>| match bar {
             // a bar is not a published figure: being below it is not an error
             Some(bar) if bar > 0.0 => {
@@ -100,7 +100,7 @@ impl VerdictCounts {
             Some(none) => Figure::against(name(what), unit, measured, none, "rendered scenes; none allowed"),
             None => Figure::alone(name(what), unit, measured, TRUTH),
         };
-        let (center_bar, corner_bar) = match self.family {
+        let (center_bar, corner_bar) = match self.difficulty {
             Difficulty::Clean => (Some(0.03), Some(0.05)),
             Difficulty::Rough => (Some(0.10), Some(0.15)),
             Difficulty::Hard | Difficulty::Papers => (None, None),
@@ -133,11 +133,11 @@ impl VerdictCounts {
         let line = |(cause, seeds): (&str, &[u64])| {
             let shown: Vec<String> = seeds.iter().take(MOST_SEEDS).map(u64::to_string).collect();
             let more = if seeds.len() > MOST_SEEDS { ", ..." } else { "" };
-            let (family, all, few) = (self.family, self.scenes, shown.join(", "));
-            format!("{family}: {cause}: {} of {all} scenes, seeds {few}{more}", seeds.len())
+            let (difficulty, all, few) = (self.difficulty, self.scenes, shown.join(", "));
+            format!("{difficulty}: {cause}: {} of {all} scenes, seeds {few}{more}", seeds.len())
         };
         let worst =
-            self.worst_center.map(|(px, seed)| format!("{}: worst centre: {px:.3} px, seed {seed}", self.family));
+            self.worst_center.map(|(px, seed)| format!("{}: worst centre: {px:.3} px, seed {seed}", self.difficulty));
         faults.chain(causes).map(line).chain(worst).collect()
     }
 }
@@ -177,8 +177,8 @@ mod tests {
         ];
         let verdicts: Vec<SceneVerdict> =
             tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, table }).collect();
-        let tally = VerdictCounts::new(Difficulty::Rough, &verdicts);
-        let figures = tally.figures();
+        let verdict_counts = VerdictCounts::new(Difficulty::Rough, &verdicts);
+        let figures = verdict_counts.figures();
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
         for (name, expected) in [
             ("centre rms", (0.125f64).sqrt()),
@@ -198,7 +198,7 @@ mod tests {
         }
         assert_eq!(figure("centre rms").source, "bar 0.1 px; rendered scenes");
         assert_eq!(
-            tally.notes(),
+            verdict_counts.notes(),
             [
                 "rough: no four lines make a square that is lighter or darker than the ground: 1 of 4 scenes, seeds 8",
                 "rough: tables misplaced: 1 of 4 scenes, seeds 9",

@@ -50,7 +50,7 @@ pub struct PartError {
 }
 
 /// Locates table and parts in the scene's picture and compares them with its truth.
-pub fn judge(family: Difficulty, scene: &Scene) -> SceneVerdict {
+pub fn judge(difficulty: Difficulty, scene: &Scene) -> SceneVerdict {
     let verdict = |table| SceneVerdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {
@@ -62,15 +62,15 @@ pub fn judge(family: Difficulty, scene: &Scene) -> SceneVerdict {
     if !corner_errors_px.iter().all(|&off| off < MISPLACED_PX) {
         return verdict(TableVerdict::Misplaced);
     }
-    let kinds = kinds_of(family);
+    let kinds = kinds_of(difficulty);
     let found = CoinFinder::new(&table, scene.size_px, &kinds, scene.dark_parts()).find(&frame);
     verdict(TableVerdict::Found { corner_errors_px, parts: compare(&scene.truth(), &found) })
 }
 
 /// The kinds searched for.
-fn kinds_of(family: Difficulty) -> Vec<PartKind> {
+fn kinds_of(difficulty: Difficulty) -> Vec<PartKind> {
     let kinds = kinds();
-    match family {
+    match difficulty {
         Difficulty::Papers => kinds.into_iter().take(1).collect(),
         Difficulty::Clean | Difficulty::Rough | Difficulty::Hard => kinds,
     }

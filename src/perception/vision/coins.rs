@@ -37,7 +37,7 @@ const SETTLED_PX: f64 = 0.1;
 /// frame.
 pub struct CoinFinder {
     table: Table,
-    judge: PartClassifier,
+    classifier: PartClassifier,
     /// Disk of each kind, px.
     disks: Vec<DiskKernel>,
     /// Reach of each kind's disk, cells.
@@ -90,7 +90,7 @@ impl CoinFinder {
         let binned: Vec<DiskKernel> = radii.iter().map(|radius| DiskKernel::new(radius / bin as f64)).collect();
         Self {
             table: table.clone(),
-            judge: PartClassifier::new(kinds, dark_parts),
+            classifier: PartClassifier::new(kinds, dark_parts),
             disks: radii.iter().map(|&radius| DiskKernel::new(radius)).collect(),
             reaches: binned.iter().map(|disk| disk.reach() as f64).collect(),
             frame_size,
@@ -148,9 +148,9 @@ impl CoinFinder {
 
     /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.
     fn load_darkness(&mut self, picture: &BinnedImage) {
-        let Self { plate, judge, responder, inverse, .. } = self;
-        let shading = Shading::fit(picture, plate, judge.dark_parts);
-        let sign = if judge.dark_parts { 1.0f32 } else { -1.0 };
+        let Self { plate, classifier, responder, inverse, .. } = self;
+        let shading = Shading::fit(picture, plate, classifier.dark_parts);
+        let sign = if classifier.dark_parts { 1.0f32 } else { -1.0 };
         let unit = 1.0 / f32::from(UNITS);
         responder.load(|row, darkness| {
             darkness.fill(0.0);
@@ -231,23 +231,23 @@ impl CoinFinder {
     ) -> Option<CandidatePart> {
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
-        let foot_m = self.judge.foot_below(&self.table, kind, center_px);
+        let foot_m = self.classifier.foot_below(&self.table, kind, center_px);
         let close = |kind: usize, foot_m| {
             let reach_px = reach_px(self.disks[kind].reach() as f64);
-            self.judge.rim::<9>(sampler, &self.table, kind, foot_m, reach_px)
+            self.classifier.rim::<9>(sampler, &self.table, kind, foot_m, reach_px)
         };
         let wide = || {
             let reach_px = (0.2 * self.disks[kind].reach() as f64).max(5.0);
-            self.judge.rim::<25>(sampler, &self.table, kind, foot_m, reach_px)
+            self.classifier.rim::<25>(sampler, &self.table, kind, foot_m, reach_px)
         };
         let first = close(kind, foot_m).or_else(wide)?;
         let (kind, fit) = self.settled(first, close)?;
-        let radius_m = self.judge.kinds.get(kind)?.radius_m;
+        let radius_m = self.classifier.kinds.get(kind)?.radius_m;
         let variance_px2 = fit.covariance_px2.symmetric_eigenvalues().max();
         if variance_px2 > LARGEST_VARIANCE_PX2 || (fit.radius_m / radius_m - 1.0).abs() > RADIUS_TOLERANCE {
             return None;
         }
-        let part = self.judge.detection(frame, &fit, kind, &self.disks[kind])?;
+        let part = self.classifier.detection(frame, &fit, kind, &self.disks[kind])?;
         let on_plate = self.table.holds(part.position_m, 0.75 * radius_m);
         let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
         let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
@@ -279,7 +279,7 @@ impl CoinFinder {
     fn is_filled(&self, place_m: Vec2, parts: &[Detection]) -> bool {
         let margin_m = FILLED_WITHIN_PX / self.table.mean_px_per_m();
         let covers = |part: &Detection| {
-            let radius_m = self.judge.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
+            let radius_m = self.classifier.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
             (part.position_m - place_m).norm() < radius_m + margin_m
         };
         !self.table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
@@ -289,11 +289,11 @@ impl CoinFinder {
     /// centre that is off, or rays that end too near the rim, the plate on one side and the part on the other are too
     /// near the end of the window.
     fn settled(&self, first: RimFit, close: impl Fn(usize, Vec2) -> Option<RimFit>) -> Option<(usize, RimFit)> {
-        let (mut fit, mut kind) = (first, self.judge.nearest_kind(first.radius_m)?);
+        let (mut fit, mut kind) = (first, self.classifier.nearest_kind(first.radius_m)?);
         for _ in 0..5 {
             let again = close(kind, fit.foot_m)?;
             let moved_px = (again.center_px - fit.center_px).norm();
-            let seen_as = self.judge.nearest_kind(again.radius_m)?;
+            let seen_as = self.classifier.nearest_kind(again.radius_m)?;
             if seen_as == kind && moved_px < SETTLED_PX {
                 return Some((kind, again));
             }

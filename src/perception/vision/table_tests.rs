@@ -144,7 +144,7 @@ fn without_a_table_there_is_a_fault() {
 }
 
 #[test]
-fn misuse_is_told() {
+fn misuse_is_reported() {
     let (frame, lens) = (Frame::new(64, 64), Lens::ideal(100.0, Vec2::zeros()));
     assert_eq!(locate_table(&frame, &lens, -1.0).unwrap_err(), TableFault::BadSide { side_m: -1.0 });
     assert_eq!(locate_table(&frame, &Lens { focal_px: 0.0, ..lens }, 0.2).unwrap_err(), TableFault::BadLens);
@@ -152,7 +152,7 @@ fn misuse_is_told() {
 }
 
 #[test]
-fn a_table_that_leaves_the_picture_is_told() {
+fn a_table_that_leaves_the_picture_is_reported() {
     for shift in [Vec2::new(140.0, 0.0), Vec2::new(260.0, 0.0), Vec2::new(0.0, -120.0), Vec2::new(300.0, 200.0)] {
         let mut scene = Scene::plain(1);
         scene.size_px = [1000, 960];

@@ -1,4 +1,4 @@
-//! Tracking of parts in rendered films.
+//! Tracking of parts in rendered sequences.
 
 use super::{CoinFinder, Detection, Table, Tracker, locate_table};
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ fn pennies() -> Vec<PartKind> {
     vec![PartKind { name: "penny".into(), radius_m: PENNY_M, thickness_m: 1.52e-3 }]
 }
 
-/// Half as many pixels a side as the full scenes: films are long.
+/// Half as many pixels a side as the full scenes: sequences are long.
 fn small_scene(seed: u64) -> Scene {
     let mut scene = Scene { blur_px: 1.0, noise_sd: 4.0, shading: 0.3, ..Scene::plain(seed) };
     scene.size_px = [640, 512];

@@ -58,13 +58,13 @@ impl HarmonicBasis {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
         let samples = (STEPS * harmonics).max(FEWEST) * STRIDE + 1;
         let phase = |q: usize| TAU * q as f64 / samples as f64;
-        let waves = |q: usize| {
+        let basis = |q: usize| {
             (1..=harmonics).map(move |k| {
                 let (sin, cos) = (k as f64 * phase(q)).sin_cos();
                 [cos, sin]
             })
         };
-        let table = (0..=samples / 2).flat_map(waves).collect();
+        let table = (0..=samples / 2).flat_map(basis).collect();
         Self { base_radps, half_side_m, harmonics, samples, table }
     }
 
@@ -132,9 +132,9 @@ impl HarmonicBasis {
     /// harmonic k.
     pub fn sums(&self, factors: &[[Lanes; 2]]) -> Vec<Lanes> {
         let mut sums = vec![Lanes::ZERO; self.samples];
-        for (q, waves) in self.table.chunks_exact(self.harmonics).enumerate() {
+        for (q, basis) in self.table.chunks_exact(self.harmonics).enumerate() {
             let (mut even, mut odd) = (Lanes::ZERO, Lanes::ZERO);
-            for ([by_cos, by_sin], [cos, sin]) in factors.iter().zip(waves) {
+            for ([by_cos, by_sin], [cos, sin]) in factors.iter().zip(basis) {
                 even += *by_cos * Lanes::splat(*cos);
                 odd += *by_sin * Lanes::splat(*sin);
             }
@@ -153,11 +153,11 @@ impl HarmonicBasis {
         };
         let folded: Vec<[Lanes; 2]> = (0..=self.samples / 2).map(folded).collect();
         let projection = |k: usize| {
-            let waves = self.table.iter().skip(k).step_by(self.harmonics);
+            let basis = self.table.iter().skip(k).step_by(self.harmonics);
             let sum = |[cos_sum, sin_sum]: [Lanes; 2], ([even, odd], [cos, sin]): (&[Lanes; 2], &[f64; 2])| {
                 [cos_sum + *even * Lanes::splat(*cos), sin_sum + *odd * Lanes::splat(*sin)]
             };
-            folded.iter().zip(waves).fold([Lanes::ZERO; 2], sum)
+            folded.iter().zip(basis).fold([Lanes::ZERO; 2], sum)
         };
         (0..self.harmonics).map(projection).collect()
     }

@@ -25,19 +25,19 @@ pub(super) struct MotorEffort {
 
 impl MotorEffort {
     /// Effort under the response `fields`; `None` when a harmonic moves the plate along fewer than three axes.
-    pub fn new(waves: &HarmonicBasis, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
+    pub fn new(basis: &HarmonicBasis, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
         let scaled = |response: &Matrix3<Complex<f64>>| {
             let mut response = *response;
             response.row_mut(2).scale_mut(half_side_m);
             response.try_inverse()
         };
         let counts_from_motion: Vec<_> =
-            fields.twist_from_counts.iter().take(waves.harmonics).map(scaled).collect::<Option<_>>()?;
+            fields.twist_from_counts.iter().take(basis.harmonics).map(scaled).collect::<Option<_>>()?;
         let price = |j: usize| {
-            let column = counts_from_motion[waves.harmonic_of(j) - 1].column(j / waves.per_axis()).into_owned();
+            let column = counts_from_motion[basis.harmonic_of(j) - 1].column(j / basis.per_axis()).into_owned();
             motor_harmonics(&column).iter().map(|h| h.cos * h.cos + h.sin * h.sin).sum::<f64>()
         };
-        let weights = (0..waves.len()).map(price).collect();
+        let weights = (0..basis.len()).map(price).collect();
         let envelope = Envelope { attack_s: fields.attack_s, ..Envelope::default() };
         Some(Self { counts_from_motion, limit_counts: fields.limit_counts, envelope, weights })
     }
@@ -50,8 +50,8 @@ impl MotorEffort {
 
     /// Scales the motion to its share of the motors' limit.
     #[inline]
-    pub fn fill(&self, waves: &HarmonicBasis, coefficients: &mut [f64]) {
-        let peak = self.peak_counts(waves, coefficients);
+    pub fn fill(&self, basis: &HarmonicBasis, coefficients: &mut [f64]) {
+        let peak = self.peak_counts(basis, coefficients);
         if peak > 0.0 {
             let scale = EFFORT * self.limit_counts / peak;
             coefficients.iter_mut().for_each(|c| *c *= scale);
@@ -59,21 +59,21 @@ impl MotorEffort {
     }
 
     /// Largest sample of any motor in a pulse, its flanks included, counts.
-    fn peak_counts(&self, waves: &HarmonicBasis, coefficients: &[f64]) -> f64 {
-        let n = waves.per_axis();
+    fn peak_counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> f64 {
+        let n = basis.per_axis();
         let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
                 |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
             let motors = motor_harmonics(&(counts * Vector3::new(phasor(0), phasor(1), phasor(2))));
             let forces = motors.map(|harmonic| [harmonic.cos, harmonic.sin]);
-            let momenta = forces.map(|force| waves.integral(force, k));
+            let momenta = forces.map(|force| basis.integral(force, k));
             [0, 1].map(|i| {
                 let [[a, b, c, d], [e, f, g, h]] = [forces, momenta].map(|of_motors| of_motors.map(|parts| parts[i]));
                 Lanes::from([a, b, c, d, e, f, g, h])
             })
         };
         let factors: Vec<[Lanes; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
-        waves.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
+        basis.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
     }
 
     /// The larger of `peak` and the highest count that a sample with these four forces and four momenta can reach,

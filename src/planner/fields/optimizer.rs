@@ -38,18 +38,18 @@ const GOOD: f64 = 0.02;
 /// Problem of the search: the motions, the parts and their steps.
 #[derive(Clone, Copy)]
 pub(super) struct ShootingProblem<'a> {
-    pub waves: &'a HarmonicBasis,
-    pub strength: &'a MotorEffort,
+    pub basis: &'a HarmonicBasis,
+    pub effort: &'a MotorEffort,
     pub discs: &'a [RolloutDisc],
     /// Wanted step of every part, x and y in turn, m.
     pub steps_m: &'a DVector<f64>,
     pub envelope: &'a Envelope,
     /// Directions in which parts must keep their distance.
     pub guards: &'a [SeparationPenalty],
-    pub spare: &'a RolloutPool,
+    pub pool: &'a RolloutPool,
 }
 
-/// Pool of courses no longer in use, kept to reuse their large buffers.
+/// Pool of rollouts no longer in use, kept to reuse their large buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RolloutPool(RefCell<Vec<Rollout>>);
 
@@ -58,8 +58,8 @@ impl RolloutPool {
         self.0.borrow_mut().pop().unwrap_or_default()
     }
 
-    pub fn keep(&self, shot: Iterate) {
-        self.0.borrow_mut().push(shot.course);
+    pub fn keep(&self, iterate: Iterate) {
+        self.0.borrow_mut().push(iterate.rollout);
     }
 }
 
@@ -67,7 +67,7 @@ impl RolloutPool {
 #[derive(Clone, Debug)]
 pub(super) struct Iterate {
     pub coefficients: Vec<f64>,
-    pub course: Rollout,
+    pub rollout: Rollout,
     went_m: DVector<f64>,
     /// Sum of the squared remaining steps, guards included, m².
     cost: f64,
@@ -82,69 +82,70 @@ impl Iterate {
 
 impl ShootingProblem<'_> {
     /// Iterate of `start` scaled to the motors' limit.
-    pub fn shot(&self, start: &[f64]) -> Iterate {
+    pub fn iterate(&self, start: &[f64]) -> Iterate {
         let mut coefficients = start.to_vec();
-        self.strength.fill(self.waves, &mut coefficients);
-        let mut course = self.spare.take();
-        course.run(self.waves, &coefficients, self.envelope, self.discs);
-        let went = course.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
+        self.effort.fill(self.basis, &mut coefficients);
+        let mut rollout = self.pool.take();
+        rollout.run(self.basis, &coefficients, self.envelope, self.discs);
+        let went =
+            rollout.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
         let went_m = DVector::from_iterator(self.steps_m.len(), went);
         let missing_m = self.steps_m - &went_m;
         let guarded: f64 = self.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
-        Iterate { coefficients, course, cost: missing_m.norm_squared() + guarded, went_m }
+        Iterate { coefficients, rollout, cost: missing_m.norm_squared() + guarded, went_m }
     }
 
     /// Iterate of `start`, weakened where it carries parts too far or backwards. A motion without even harmonics
     /// retraces in the second half of a period its path of the first and carries parts nowhere; net displacement is
     /// therefore roughly proportional to the even harmonics.
     pub fn regularized_step(&self, start: &[f64]) -> Iterate {
-        let shot = self.shot(start);
-        let share = shot.went_m.dot(self.steps_m) / shot.went_m.norm_squared();
+        let iterate = self.iterate(start);
+        let share = iterate.went_m.dot(self.steps_m) / iterate.went_m.norm_squared();
         if share.is_nan() || share > SOFTEN {
-            return shot;
+            return iterate;
         }
-        let even = |j: usize| self.waves.harmonic_of(j).is_multiple_of(2);
+        let even = |j: usize| self.basis.harmonic_of(j).is_multiple_of(2);
         let soft = |(j, c): (usize, &f64)| if even(j) { c * share.max(0.0) } else { *c };
-        let softened = self.shot(&start.iter().enumerate().map(soft).collect::<Vec<f64>>());
-        self.cheaper(softened, shot)
+        let softened = self.iterate(&start.iter().enumerate().map(soft).collect::<Vec<f64>>());
+        self.cheaper(softened, iterate)
     }
 
     fn cheaper(&self, a: Iterate, b: Iterate) -> Iterate {
         let (cheaper, other) = if a.cost < b.cost { (a, b) } else { (b, a) };
-        self.spare.keep(other);
+        self.pool.keep(other);
         cheaper
     }
 
-    /// Improves `shot` in at most `rounds` rounds.
-    pub fn improved(&self, mut shot: Iterate, rounds: usize) -> Iterate {
+    /// Improves `iterate` in at most `rounds` rounds.
+    pub fn improved(&self, mut iterate: Iterate, rounds: usize) -> Iterate {
         let good = (GOOD * self.steps_m.norm()).powi(2);
         let mut reach = REACH;
         let mut slopes = None;
         let mut raised = RAISED;
         for _ in 0..rounds {
-            if shot.cost < good || reach < NARROWEST {
+            if iterate.cost < good || reach < NARROWEST {
                 break;
             }
-            let of_shot = slopes.get_or_insert_with(|| self.slopes(&shot));
-            let Some(change) = self.change(of_shot, &shot, reach, &mut raised) else { break };
-            let changed: Vec<f64> = shot.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
-            let next = self.shot(&changed);
-            if next.cost < shot.cost {
+            let of_shot = slopes.get_or_insert_with(|| self.slopes(&iterate));
+            let Some(change) = self.change(of_shot, &iterate, reach, &mut raised) else { break };
+            let changed: Vec<f64> = iterate.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
+            let next = self.iterate(&changed);
+            if next.cost < iterate.cost {
                 slopes = None;
                 reach = (WIDER * reach).min(WIDEST);
             } else {
                 reach *= NARROWER;
             }
-            shot = self.cheaper(next, shot);
+            iterate = self.cheaper(next, iterate);
         }
-        shot
+        iterate
     }
 
     /// Slopes of the remaining error, guards included, by motor counts, one column for each.
-    fn slopes(&self, shot: &Iterate) -> DMatrix<f64> {
-        let (n, ends) = (self.waves.len(), self.steps_m.len());
-        let mut slopes = shot.course.slopes(self.waves).resize_horizontally(ends + self.guards.len(), 0.0);
-        for (mut row, weight) in slopes.row_iter_mut().zip(&self.strength.weights) {
+    fn slopes(&self, iterate: &Iterate) -> DMatrix<f64> {
+        let (n, ends) = (self.basis.len(), self.steps_m.len());
+        let mut slopes = iterate.rollout.slopes(self.basis).resize_horizontally(ends + self.guards.len(), 0.0);
+        for (mut row, weight) in slopes.row_iter_mut().zip(&self.effort.weights) {
             row /= weight.sqrt();
         }
         for (k, guard) in self.guards.iter().enumerate() {
@@ -156,13 +157,13 @@ impl ShootingProblem<'_> {
 
     /// The least damped change of the motion that follows the slopes and is no longer than `reach` times the motion.
     /// `raised` is the number of times damping was raised, carried over from the previous change.
-    fn change(&self, slopes: &DMatrix<f64>, shot: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
-        let missing_m = self.steps_m - &shot.went_m;
-        let guarded = self.guards.iter().map(|guard| guard.missing(shot.went_m.as_slice()));
+    fn change(&self, slopes: &DMatrix<f64>, iterate: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
+        let missing_m = self.steps_m - &iterate.went_m;
+        let guarded = self.guards.iter().map(|guard| guard.missing(iterate.went_m.as_slice()));
         let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(guarded));
         let normal = slopes.tr_mul(slopes);
         let least = DAMPING * normal.trace() / normal.nrows() as f64;
-        let longest = reach * self.strength.norm(&shot.coefficients);
+        let longest = reach * self.effort.norm(&iterate.coefficients);
         let damped = |raised: i32| {
             let mut damped = normal.clone();
             let damping = least * MORE_DAMPING.powi(raised);
@@ -185,6 +186,6 @@ impl ShootingProblem<'_> {
             *raised -= 1;
             change = longer;
         }
-        Some(change.iter().zip(&self.strength.weights).map(|(d, w)| d / w.sqrt()).collect())
+        Some(change.iter().zip(&self.effort.weights).map(|(d, w)| d / w.sqrt()).collect())
     }
 }

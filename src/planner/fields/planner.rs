@@ -15,7 +15,8 @@ use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 
-/// Motions of the bank that are tried beside the last one; rounds of improvement of each, and of the best of them.
+/// Motions of the seed library that are tried beside the last one; rounds of improvement of each, and of the best of
+/// them.
 const STARTS: usize = 1;
 const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
@@ -27,7 +28,7 @@ const PUSH_M: f64 = 2e-3;
 const ATTEMPTS: usize = 5;
 /// The last plan failed when its error exceeds this fraction of the remaining steps.
 const BROKEN_PROMISE: f64 = 0.5;
-/// Skipped motions of the bank after which the best are tried again.
+/// Skipped motions of the seed library after which the best are tried again.
 const MOST_PASSED_OVER: usize = 64 * STARTS;
 /// Root mean square of the steps aimed at with a pulse of full length: at first and at least, and at most.
 const REACH_M: f64 = 20e-3;
@@ -49,9 +50,9 @@ pub struct FieldPlanner {
     params: PlannerParams,
     attack_s: f64,
     rest_s: f64,
-    waves: HarmonicBasis,
-    strength: MotorEffort,
-    bank: SeedLibrary,
+    basis: HarmonicBasis,
+    effort: MotorEffort,
+    seeds: SeedLibrary,
     friction: f64,
     /// Largest root mean square of the steps aimed at, m.
     reach_m: f64,
@@ -60,9 +61,9 @@ pub struct FieldPlanner {
     last: Option<Vec<f64>>,
     /// Final positions forecast by the last plan, m; empty when there was none.
     promised_m: Vec<Vec2>,
-    /// Number of the bank's best motions that are skipped.
+    /// Number of the seed library's best motions that are skipped.
     passed_over: usize,
-    spare: RolloutPool,
+    pool: RolloutPool,
 }
 
 /// Failed attempt at a plan.
@@ -77,25 +78,25 @@ impl FieldPlanner {
     pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
         let fields = library.fields.as_ref()?;
         let half_side_m = params.half_side_m;
-        let waves = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
-        let strength = MotorEffort::new(&waves, fields, half_side_m)?;
-        let bank = SeedLibrary::new(&waves, half_side_m);
+        let basis = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
+        let effort = MotorEffort::new(&basis, fields, half_side_m)?;
+        let seeds = SeedLibrary::new(&basis, half_side_m);
         let friction = friction_of(library)?;
         let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
         Some(Self {
             params,
             attack_s,
             rest_s,
-            waves,
-            strength,
-            bank,
+            basis,
+            effort,
+            seeds,
             friction,
             reach_m: REACH_M,
             near_m: REACH_M,
             last: None,
             promised_m: Vec::new(),
             passed_over: 0,
-            spare: RolloutPool::default(),
+            pool: RolloutPool::default(),
         })
     }
 
@@ -142,7 +143,7 @@ impl FieldPlanner {
         }
     }
 
-    /// Drops the last motion and advances to the next start motions of the bank.
+    /// Drops the last motion and advances to the next start motions of the seed library.
     fn restart_from_seed(&mut self) {
         self.last = None;
         self.passed_over = (self.passed_over + STARTS) % MOST_PASSED_OVER;
@@ -151,15 +152,15 @@ impl FieldPlanner {
     /// Pushes of all start motions on parts at rest at `positions_m`: for each motion the mean direction of the slip, a
     /// vector of length at most 1.
     pub fn mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
-        self.bank.all_pushes(positions_m)
+        self.seeds.all_pushes(positions_m)
     }
 
     /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
-        let mut course = Rollout::default();
-        let coefficients = self.waves.coefficients(&pulse.wave);
-        course.run(&self.waves, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
-        course.ends_m
+        let mut rollout = Rollout::default();
+        let coefficients = self.basis.coefficients(&pulse.wave);
+        rollout.run(&self.basis, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
+        rollout.ends_m
     }
 
     /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else
@@ -179,28 +180,28 @@ impl FieldPlanner {
         let envelope = self.envelope(self.sustain_s(wanted_m));
         let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = ShootingProblem {
-            waves: &self.waves,
-            strength: &self.strength,
+            basis: &self.basis,
+            effort: &self.effort,
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
             guards: &near,
-            spare: &self.spare,
+            pool: &self.pool,
         };
-        let shot = match again {
+        let iterate = match again {
             Some(motion) => free.improved(free.regularized_step(&motion), ROUNDS),
-            None => self.best_shot(&free, parts, &steps),
+            None => self.best_iterate(&free, parts, &steps),
         };
-        let motion = shot.coefficients.clone();
-        let shot = self.cleared(shot, &free, parts).map_err(|by| AttemptFailed { by, motion })?;
-        let left = shot.left(&steps_m);
-        let predicted_m = vec![shot.course.ends_m.clone()];
-        self.promised_m.clone_from(&shot.course.ends_m);
-        let wave = self.waves.wave(&shot.coefficients);
+        let motion = iterate.coefficients.clone();
+        let iterate = self.cleared(iterate, &free, parts).map_err(|by| AttemptFailed { by, motion })?;
+        let left = iterate.left(&steps_m);
+        let predicted_m = vec![iterate.rollout.ends_m.clone()];
+        self.promised_m.clone_from(&iterate.rollout.ends_m);
+        let wave = self.basis.wave(&iterate.coefficients);
         let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
         self.learn_reach(wanted_m, left);
-        self.last = Some(shot.coefficients.clone());
-        self.spare.keep(shot);
+        self.last = Some(iterate.coefficients.clone());
+        self.pool.keep(iterate);
         Ok(Plan {
             status: PlanStatus::Solved,
             pulses: vec![pulse],
@@ -210,12 +211,12 @@ impl FieldPlanner {
         })
     }
 
-    /// `shot`, changed until it keeps the limits, with guards where necessary.
-    fn cleared(&self, mut shot: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
+    /// `iterate`, changed until it keeps the limits, with guards where necessary.
+    fn cleared(&self, mut iterate: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
         let clearances = Clearances::of(parts, &self.params);
         let mut guards = free.guards.to_vec();
         for tried in 0.. {
-            let Some(limit) = self.broken(&clearances, &shot.course, parts) else { break };
+            let Some(limit) = self.broken(&clearances, &iterate.rollout, parts) else { break };
             if tried == MOST_GUARDED {
                 return Err(limit);
             }
@@ -224,10 +225,10 @@ impl FieldPlanner {
                 None => guards.extend(SeparationPenalty::of_limit(limit, parts, free.steps_m.as_slice())),
             }
             let guarded = ShootingProblem { guards: &guards, ..*free };
-            shot = guarded.improved(guarded.shot(&shot.coefficients), GUARDED_ROUNDS);
+            iterate = guarded.improved(guarded.iterate(&iterate.coefficients), GUARDED_ROUNDS);
         }
-        if shot.left(free.steps_m) < 1.0 {
-            return Ok(shot);
+        if iterate.left(free.steps_m) < 1.0 {
+            return Ok(iterate);
         }
         // a detour is acceptable only when the destination itself is allowed
         let largest_m = free.steps_m.as_slice().chunks_exact(2).map(|step| step[0].hypot(step[1])).fold(0.0, f64::max);
@@ -235,38 +236,41 @@ impl FieldPlanner {
         match most_violated(&nearby, free.steps_m.as_slice()) {
             Some(limit) => Err(limit),
             None if guards.is_empty() => Err(Limit::Unreachable),
-            None => Ok(shot),
+            None => Ok(iterate),
         }
     }
 
-    /// Improves the last motion and a few of the bank, then the best of them further.
-    fn best_shot(&self, range: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
+    /// Improves the last motion and a few of the seed library, then the best of them further.
+    fn best_iterate(&self, problem: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let starts = self.bank.best(&self.waves, &positions, steps, self.passed_over + STARTS);
+        let starts = self.seeds.best(&self.basis, &positions, steps, self.passed_over + STARTS);
         let others = starts.iter().skip(self.passed_over);
-        let shots =
-            self.last.iter().chain(others).map(|start| range.improved(range.regularized_step(start), FIRST_ROUNDS));
-        let best = shots.reduce(|best, shot| {
-            let (best, other) =
-                if shot.left(range.steps_m) < best.left(range.steps_m) { (shot, best) } else { (best, shot) };
-            self.spare.keep(other);
+        let iterates =
+            self.last.iter().chain(others).map(|start| problem.improved(problem.regularized_step(start), FIRST_ROUNDS));
+        let best = iterates.reduce(|best, iterate| {
+            let (best, other) = if iterate.left(problem.steps_m) < best.left(problem.steps_m) {
+                (iterate, best)
+            } else {
+                (best, iterate)
+            };
+            self.pool.keep(other);
             best
         });
-        range.improved(best.unwrap_or_else(|| range.shot(&vec![0.0; self.waves.len()])), ROUNDS)
+        problem.improved(best.unwrap_or_else(|| problem.iterate(&vec![0.0; self.basis.len()])), ROUNDS)
     }
 
-    /// The first limit broken along the course, or at its end, where sway no longer applies.
-    fn broken(&self, clearances: &Clearances, course: &Rollout, parts: &[PartState]) -> Option<Limit> {
+    /// The first limit broken along the rollout, or at its end, where sway no longer applies.
+    fn broken(&self, clearances: &Clearances, rollout: &Rollout, parts: &[PartState]) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
-        let every = self.waves.steps_a_period() / LOOKS;
-        for places_m in course.places_m(every) {
+        let every = self.basis.steps_a_period() / LOOKS;
+        for places_m in rollout.places_m(every) {
             if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M) {
                 return Some(limit);
             }
             before_m = places_m;
         }
-        clearances.broken_after(&start_m, &course.ends_m, &course.ends_m, 0.0)
+        clearances.broken_after(&start_m, &rollout.ends_m, &rollout.ends_m, 0.0)
     }
 
     /// Sustain for steps of `wanted_m`, s: distance grows with the square of the time.

@@ -11,7 +11,7 @@
 //! keeps the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
-//! the cost of one course. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
+//! the cost of one rollout. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
 //! slope.
 
 use nalgebra::DMatrix;
@@ -81,13 +81,13 @@ struct RolloutState {
 }
 
 impl Rollout {
-    /// Computes the course of `discs` under the motion `coefficients` of `waves` and `envelope`.
-    pub fn run(&mut self, waves: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) {
-        let motion = waves.motion(coefficients);
-        let dt = waves.step_s();
+    /// Computes the rollout of `discs` under the motion `coefficients` of `basis` and `envelope`.
+    pub fn run(&mut self, basis: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) {
+        let motion = basis.motion(coefficients);
+        let dt = basis.step_s();
         let count = (envelope.sounding_s() / dt).round() as usize;
         self.steps.clear();
-        self.steps.extend(waves.phases().take(count).enumerate().map(|(k, phase)| {
+        self.steps.extend(basis.phases().take(count).enumerate().map(|(k, phase)| {
             let height = envelope.at((k as f64 + 0.5) * dt);
             PlateStep { phase, height, plate: motion[phase] * height }
         }));
@@ -99,7 +99,7 @@ impl Rollout {
         }
     }
 
-    /// Positions of all parts along the course, every `every` steps, and at its end.
+    /// Positions of all parts along the rollout, every `every` steps, and at its end.
     pub fn places_m(&self, every: usize) -> impl Iterator<Item = Vec<Vec2>> + '_ {
         let at = move |step: usize| {
             let offset_m = self.steps[step].plate.offset_m;
@@ -113,14 +113,14 @@ impl Rollout {
     }
 
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
-    pub fn slopes(&self, waves: &HarmonicBasis) -> DMatrix<f64> {
-        let mut slopes = DMatrix::zeros(waves.len(), 2 * self.ends_m.len());
-        let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; waves.samples]);
+    pub fn slopes(&self, basis: &HarmonicBasis) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
+        let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; basis.samples]);
         for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
             for axis in 0..2 {
                 by_motion.iter_mut().for_each(|series| series.fill(Lanes::ZERO));
-                group.adjoint(axis, &self.steps, waves.step_s(), &mut by_motion);
-                for (j, of_parts) in waves.slopes(&by_motion).enumerate() {
+                group.adjoint(axis, &self.steps, basis.step_s(), &mut by_motion);
+                for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
                     ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
                 }

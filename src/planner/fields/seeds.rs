@@ -59,7 +59,7 @@ pub(super) struct SeedLibrary {
     pushes: Vec<[[Lanes; 2]; EIGHTS]>,
 }
 
-/// A motion of the bank under one symmetry and direction, with its expected score.
+/// A motion of the seed library under one symmetry and direction, with its expected score.
 struct SeedScore {
     score: f64,
     motion: usize,
@@ -74,16 +74,16 @@ impl SeedScore {
 }
 
 impl SeedLibrary {
-    /// The bank for these harmonics; deterministic, equal for equal harmonics.
-    pub fn new(waves: &HarmonicBasis, half_side_m: f64) -> Self {
+    /// The seed library for these harmonics; deterministic, equal for equal harmonics.
+    pub fn new(basis: &HarmonicBasis, half_side_m: f64) -> Self {
         let mut rng = Streams::new(0).stream("field bank");
         let mut draw = || {
             use rand::RngExt as _;
             rng.random_range(-1.0..1.0)
         };
-        let mut random = || (0..waves.len()).map(|j| draw() / waves.harmonic_of(j) as f64).collect::<Vec<f64>>();
+        let mut random = || (0..basis.len()).map(|j| draw() / basis.harmonic_of(j) as f64).collect::<Vec<f64>>();
         let motions: Vec<Vec<f64>> = (0..MOTIONS).map(|_| random()).collect();
-        let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(waves, motion, half_side_m)).collect();
+        let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(basis, motion, half_side_m)).collect();
         let pushes = |node: usize| {
             std::array::from_fn(|k| {
                 let eight = |axis: usize| std::array::from_fn::<f64, 8, _>(|lane| tables[8 * k + lane][node][axis]);
@@ -94,7 +94,7 @@ impl SeedLibrary {
     }
 
     /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
-    pub fn best(&self, waves: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
+    pub fn best(&self, basis: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
         let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
         for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
             promises.extend(self.promises(symmetry, positions_m, steps_m));
@@ -106,7 +106,7 @@ impl SeedLibrary {
         promises.select_nth_unstable_by(count - 1, SeedScore::order);
         promises.truncate(count);
         promises.sort_by(SeedScore::order);
-        promises.iter().map(|promise| self.transformed(waves, promise)).collect()
+        promises.iter().map(|promise| self.transformed(basis, promise)).collect()
     }
 
     /// Scores of all motions under `symmetry`.
@@ -164,8 +164,8 @@ impl SeedLibrary {
     }
 
     /// Coefficients of the motion with its symmetry and direction applied.
-    fn transformed(&self, waves: &HarmonicBasis, &SeedScore { motion, symmetry, reverse, .. }: &SeedScore) -> Vec<f64> {
-        let n = waves.per_axis();
+    fn transformed(&self, basis: &HarmonicBasis, &SeedScore { motion, symmetry, reverse, .. }: &SeedScore) -> Vec<f64> {
+        let n = basis.per_axis();
         let mut laid = self.motions[motion].clone();
         let sign = if reverse { -1.0 } else { 1.0 };
         for j in 0..n {
@@ -185,8 +185,8 @@ impl SeedLibrary {
     }
 }
 
-fn table(waves: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
-    let phases = waves.motion(motion);
+fn table(basis: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
+    let phases = basis.motion(motion);
     let phase = |i: usize| phases[i * phases.len() / PHASES];
     let square = (0..PHASES).map(|i| phase(i).velocity_mps.norm_squared()).sum::<f64>() / PHASES as f64;
     let eight = |first: usize| {

@@ -1,12 +1,12 @@
 //! Synthesised fields against plain sums, fine steps, closed forms and the shipped libraries.
 
-mod aim;
-mod bank;
-mod course;
 mod friction;
+mod harmonic_basis;
+mod motor_effort;
+mod optimizer;
 mod planner;
-mod strength;
-mod waves;
+mod rollout;
+mod seeds;
 
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -40,8 +40,8 @@ fn upm_2_waves() -> HarmonicBasis {
     HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), HALF_SIDE_M)
 }
 
-fn upm_2_strength(waves: &HarmonicBasis) -> MotorEffort {
-    MotorEffort::new(waves, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
+fn upm_2_strength(basis: &HarmonicBasis) -> MotorEffort {
+    MotorEffort::new(basis, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
 }
 
 fn upm_2_envelope(sustain_s: f64) -> Envelope {
@@ -67,10 +67,10 @@ fn coin(position_m: Vec2, friction: f64) -> RolloutDisc {
     RolloutDisc { position_m, radius_m: PENNY_M, friction }
 }
 
-fn ends(waves: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> Vec<Vec2> {
-    let mut course = Rollout::default();
-    course.run(waves, coefficients, envelope, discs);
-    course.ends_m
+fn ends(basis: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> Vec<Vec2> {
+    let mut rollout = Rollout::default();
+    rollout.run(basis, coefficients, envelope, discs);
+    rollout.ends_m
 }
 
 /// Steps of the slow reference, s.

@@ -57,18 +57,18 @@ pub(super) struct DisplacementMatrix {
 
 impl DisplacementMatrix {
     /// Every usable belt in both directions at every length suited to steps of `rms_m`.
-    pub fn all(belts: &MotionSet, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
+    pub fn all(motion_set: &MotionSet, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
-        let usable = belts.usable(discs, scale.nearest_radii());
+        let usable = motion_set.usable(discs, scale.nearest_radii());
         let (shortest_m, always_m) = scale.shortest_m();
         let longest_m = (scale.longest() * rms_m).max(always_m);
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         for level_m in LEVELS_M.into_iter().filter(|&level_m| shortest_m <= level_m && level_m <= longest_m) {
             for &belt in &usable {
-                let (low_m, high_m) = belts.range_m(belt);
+                let (low_m, high_m) = motion_set.range_m(belt);
                 let way_m = level_m.clamp(low_m, high_m);
                 for way_m in [way_m, -way_m] {
-                    columns.push(belts, parts, Pulse { belt, way_m });
+                    columns.push(motion_set, parts, Pulse { belt, way_m });
                 }
             }
         }
@@ -76,14 +76,14 @@ impl DisplacementMatrix {
     }
 
     /// Columns of `pulses`.
-    pub fn of(belts: &MotionSet, parts: &[PartState], pulses: impl Iterator<Item = Pulse>) -> Self {
+    pub fn of(motion_set: &MotionSet, parts: &[PartState], pulses: impl Iterator<Item = Pulse>) -> Self {
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
-        pulses.for_each(|pulse| columns.push(belts, parts, pulse));
+        pulses.for_each(|pulse| columns.push(motion_set, parts, pulse));
         columns
     }
 
-    fn push(&mut self, belts: &MotionSet, parts: &[PartState], pulse: Pulse) {
-        let motion = belts.motion(pulse);
+    fn push(&mut self, motion_set: &MotionSet, parts: &[PartState], pulse: Pulse) {
+        let motion = motion_set.motion(pulse);
         let mut coasts_s = 0.0f64;
         for part in parts {
             let (end, coasts): (Vec2, f64) = motion.carry(part.position_m, part.gain);
@@ -91,7 +91,7 @@ impl DisplacementMatrix {
             self.values_mm.extend([step_mm.x, step_mm.y]);
             coasts_s = coasts_s.max(coasts);
         }
-        self.price_s.push(belts.price_s(motion.setting, coasts_s));
+        self.price_s.push(motion_set.price_s(motion.setting, coasts_s));
         self.pulses.push(pulse);
     }
 

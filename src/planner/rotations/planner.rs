@@ -68,7 +68,7 @@ const FIGURE_LEFT_MM: f64 = 0.4;
 pub struct RotationPlanner {
     library: Arc<Library>,
     params: PlannerParams,
-    pub(super) belts: Arc<MotionSet>,
+    pub(super) motion_set: Arc<MotionSet>,
     /// Prices of the last program, s/mm.
     prices: Vec<f64>,
     /// Longest displacement of a part in the next sequence, m.
@@ -101,8 +101,8 @@ struct Sequence {
 impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        let belts = Arc::new(MotionSet::new(&library, &params));
-        Self { library, params, belts, prices: Vec::new(), way_m: None, running: None }
+        let motion_set = Arc::new(MotionSet::new(&library, &params));
+        Self { library, params, motion_set, prices: Vec::new(), way_m: None, running: None }
     }
 
     /// Longest displacement of a part in one sequence with `parts` parts, m.
@@ -141,7 +141,7 @@ impl RotationPlanner {
             return parts.iter().map(|part| part.position_m).collect();
         };
         let setting = super::motion_set::DialSetting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
-        let motion = self.belts.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
+        let motion = self.motion_set.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
         parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
     }
 
@@ -149,7 +149,7 @@ impl RotationPlanner {
     /// strict bound, since flows change along the path. `None` where the library cannot make the steps.
     pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
         let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
-        let columns = DisplacementMatrix::all(&self.belts, parts, f64::INFINITY, PulseScale::Coarse);
+        let columns = DisplacementMatrix::all(&self.motion_set, parts, f64::INFINITY, PulseScale::Coarse);
         let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
         if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
             return Some(0.0);
@@ -175,9 +175,9 @@ impl RotationPlanner {
             running.subgoals_m.iter_mut().zip(moves).for_each(|(goal, by)| *goal += by);
         }
         let (subgoals_m, want_m) = (running.subgoals_m, running.want_m);
-        let refined = Refined::of(&self.belts, running.pulses, parts, &subgoals_m, room);
+        let refined = Refined::of(&self.motion_set, running.pulses, parts, &subgoals_m, room);
         let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(1, REST_ROUNDS);
-        let refined = refined.refined(&self.belts, parts, &subgoals_m, room, (rounds, want_m));
+        let refined = refined.refined(&self.motion_set, parts, &subgoals_m, room, (rounds, want_m));
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
         let safe = safe(&refined, room);
@@ -243,13 +243,13 @@ impl RotationPlanner {
         let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
         let pulses = self.program(parts, &steps_m, want_m, scale)?;
-        let motions: Vec<_> = pulses.iter().map(|&pulse| self.belts.motion(pulse)).collect();
+        let motions: Vec<_> = pulses.iter().map(|&pulse| self.motion_set.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
-        let first = Refined::of(&self.belts, pulses, parts, &subgoals_m, room);
+        let first = Refined::of(&self.motion_set, pulses, parts, &subgoals_m, room);
         let rounds = (NEW_PULSES / first.pulses.len().max(1)).clamp(1, NEW_ROUNDS);
         // a single part can reach its subgoal exactly with its present pulses
         let aim_m = if alone { near_m } else { want_m };
-        let refined = first.refined(&self.belts, parts, &subgoals_m, room, (rounds, aim_m));
+        let refined = first.refined(&self.motion_set, parts, &subgoals_m, room, (rounds, aim_m));
         let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
         if refined.pulses.is_empty() {
             return None;
@@ -266,13 +266,13 @@ impl RotationPlanner {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
-        let columns = DisplacementMatrix::all(&self.belts, parts, rms_m, scale);
+        let columns = DisplacementMatrix::all(&self.motion_set, parts, rms_m, scale);
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
         self.prices.clone_from(&first.prices);
         let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
         let more = best_paying(&columns, &first.prices, 3 * steps_mm.len(), 0.0).into_iter();
         let halves = more.map(|j| Pulse { way_m: 0.5 * columns.pulses[j].way_m, ..columns.pulses[j] });
-        let second = DisplacementMatrix::of(&self.belts, parts, whole.iter().copied().chain(halves));
+        let second = DisplacementMatrix::of(&self.motion_set, parts, whole.iter().copied().chain(halves));
         let all: Vec<usize> = (0..second.len()).collect();
         if let Some(found) = LeastTime::over(&second, &all, &steps_mm, leave_mm) {
             (whole, counts) = self.whole(parts, &second, &found.counts);
@@ -298,12 +298,12 @@ impl RotationPlanner {
         let (pulse, column) = (columns.pulses[j], columns.column(j));
         let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };
         let does = |way_m: f64| {
-            let motion = self.belts.motion(with_way(way_m));
+            let motion = self.motion_set.motion(with_way(way_m));
             let moves = parts.iter().map(|part| 1e3 * (motion.carry(part.position_m, part.gain).0 - part.position_m));
             moves.zip(column.chunks_exact(2)).map(|(by, c)| by.x * c[0] + by.y * c[1]).sum::<f64>()
         };
         let wanted = share * column.iter().map(|v| v * v).sum::<f64>();
-        let (mut low_m, mut high_m) = self.belts.range_m(pulse.belt);
+        let (mut low_m, mut high_m) = self.motion_set.range_m(pulse.belt);
         high_m = high_m.min(pulse.way_m.abs());
         for _ in 0..HALVINGS {
             let middle_m = 0.5 * (low_m + high_m);
@@ -316,7 +316,7 @@ impl RotationPlanner {
     fn pruned(&self, mut best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room, want_m: f64) -> Refined {
         best.pulses.retain(|pulse| pulse.way_m.abs() > SHORT_M);
         if best.pulses.len() < best.motions.len() {
-            best = Refined::of(&self.belts, best.pulses, parts, goal_m, room);
+            best = Refined::of(&self.motion_set, best.pulses, parts, goal_m, room);
         }
         let enough_m = (1.1 * want_m * (parts.len() as f64).sqrt()).max(1.02 * best.left_m);
         let tolerated_m = best.broken_m().max(0.3e-3);
@@ -330,8 +330,8 @@ impl RotationPlanner {
             by_way.sort_by(|&a, &b| best.pulses[a].way_m.abs().total_cmp(&best.pulses[b].way_m.abs()).then(a.cmp(&b)));
             let short = &by_way[..dropped];
             let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
-            let next = Refined::of(&self.belts, kept.collect(), parts, goal_m, room);
-            let next = next.refined(&self.belts, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
+            let next = Refined::of(&self.motion_set, kept.collect(), parts, goal_m, room);
+            let next = next.refined(&self.motion_set, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
             if next.left_m < enough_m && next.broken_m() <= tolerated_m {
                 best = next;
             } else if dropped == 1 {
@@ -350,7 +350,7 @@ impl RotationPlanner {
         };
         let before_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let time_s: f64 =
-            (0..safe).map(|k| self.belts.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k])).sum();
+            (0..safe).map(|k| self.motion_set.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k])).sum();
         if safe == 0 { -1.0 } else { (away_m(&before_m) - away_m(refined.rollout.at(safe))) / time_s }
     }
 
@@ -361,18 +361,18 @@ impl RotationPlanner {
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
             PlannedPulse::Rotation(Rotation {
-                entry: self.belts.belts[pulse.belt].entry,
+                entry: self.motion_set.motion_set[pulse.belt].entry,
                 distance_m: pulse.way_m,
                 amplitude: setting.amplitude,
                 sustain_s: setting.sustain_s,
-                rest_s: self.belts.rest_s(refined.rollout.coasts_s[k]),
+                rest_s: self.motion_set.rest_s(refined.rollout.coasts_s[k]),
             })
         };
         let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
         let left = refined.pulses[count..].to_vec();
         self.running = Some(PlayedSequence { pulses: left, subgoals_m, targets_m, want_m });
-        let candidates = refined.pulses.iter().map(|pulse| self.belts.belts[pulse.belt].entry).collect();
+        let candidates = refined.pulses.iter().map(|pulse| self.motion_set.motion_set[pulse.belt].entry).collect();
         Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
     }
 }

@@ -52,8 +52,8 @@ pub(super) struct Refined {
 
 impl Refined {
     /// Forecast of `pulses` on `parts`.
-    pub fn of(belts: &MotionSet, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
-        let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+    pub fn of(motion_set: &MotionSet, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+        let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| motion_set.motion(pulse)).collect();
         let rollout = SequenceRollout::of(&motions, parts);
         let left_m =
             rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end).norm_squared()).sum::<f64>().sqrt();
@@ -77,7 +77,7 @@ impl Refined {
     /// the parts).
     pub fn refined(
         self,
-        belts: &MotionSet,
+        motion_set: &MotionSet,
         parts: &[PartState],
         goal_m: &[Vec2],
         room: &Room,
@@ -90,15 +90,15 @@ impl Refined {
             if best.merit_m() < enough_m || damping > MOST_DAMPING || best.pulses.is_empty() {
                 break;
             }
-            let linear = model.take().unwrap_or_else(|| Linear::at(belts, &best, parts, goal_m, room));
-            let Some(changes_mm) = linear.step(belts, &best.pulses, damping) else {
+            let linear = model.take().unwrap_or_else(|| Linear::at(motion_set, &best, parts, goal_m, room));
+            let Some(changes_mm) = linear.step(motion_set, &best.pulses, damping) else {
                 (damping, model) = (5.0 * damping, Some(linear));
                 continue;
             };
             let changed =
                 |(pulse, change_mm): (&Pulse, &f64)| Pulse { way_m: pulse.way_m + 1e-3 * change_mm, ..*pulse };
             let pulses = best.pulses.iter().zip(&changes_mm).map(changed).collect();
-            let next = Self::of(belts, pulses, parts, goal_m, room);
+            let next = Self::of(motion_set, pulses, parts, goal_m, room);
             if next.merit_m() < best.merit_m() - 1e-7 {
                 slow = if next.merit_m() > SLOW * best.merit_m() { slow + 1 } else { 0 };
                 (best, damping) = (next, (damping / 5.0).max(LEAST_DAMPING));
@@ -126,9 +126,9 @@ struct Linear {
 }
 
 impl Linear {
-    fn at(belts: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+    fn at(motion_set: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
         let count = now.pulses.len();
-        let by_stage = Slopes::of(belts, &now.pulses, &now.motions, &now.rollout, parts);
+        let by_stage = Slopes::of(motion_set, &now.pulses, &now.motions, &now.rollout, parts);
         let slopes: Vec<f64> = (0..count).flat_map(|k| by_stage.at(count, k).iter().flat_map(|s| [s.x, s.y])).collect();
         let left = now.rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end) * 1e3);
         let left_mm = left.flat_map(|left| [left.x, left.y]).collect();
@@ -140,7 +140,7 @@ impl Linear {
     ///
     /// Variables are the changes, the residuals they leave to the subgoals, and the slack of the limits. Rows are the
     /// definition of the residuals, the longest and shortest lengths, the slack's sign, and the limits.
-    fn step(&self, belts: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
+    fn step(&self, motion_set: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
         let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);
         let sign = |k: usize| if pulses[k].way_m < 0.0 { -1.0 } else { 1.0 };
@@ -151,7 +151,7 @@ impl Linear {
             let way_mm = (1e3 * pulse.way_m.abs()).min(STIFF_MM.1);
             hessian.put(k, damping * self.stiffness / (STIFF_MM.0 + way_mm));
             hessian.end_column();
-            let (low_m, high_m) = belts.range_m(pulse.belt);
+            let (low_m, high_m) = motion_set.range_m(pulse.belt);
             let row = first_bound + 2 * k;
             bounds[row] = (1e3 * (high_m - pulse.way_m.abs())).max(0.0);
             bounds[row + 1] = (1e3 * (pulse.way_m.abs() - low_m)).max(0.0);

@@ -65,7 +65,7 @@ pub(super) struct Slopes {
 
 impl Slopes {
     pub fn of(
-        belts: &MotionSet,
+        motion_set: &MotionSet,
         pulses: &[Pulse],
         motions: &[LibraryMotion],
         rollout: &SequenceRollout,
@@ -75,7 +75,7 @@ impl Slopes {
         let mut values = vec![Vec2::zeros(); count * count * n];
         for (k, (&pulse, motion)) in pulses.iter().zip(motions).enumerate() {
             let change_m = (CHANGE * pulse.way_m.abs()).max(LEAST_CHANGE_M).copysign(pulse.way_m);
-            let changed = belts.motion(Pulse { way_m: pulse.way_m + change_m, ..pulse });
+            let changed = motion_set.motion(Pulse { way_m: pulse.way_m + change_m, ..pulse });
             let (before, stage) = values.split_at_mut(k * count * n);
             let last = if k > 0 { &before[(k - 1) * count * n..] } else { &[] };
             for (i, part) in parts.iter().enumerate() {

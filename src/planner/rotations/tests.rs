@@ -16,6 +16,6 @@ fn planner() -> RotationPlanner {
     MADE.clone()
 }
 
-fn belts() -> Arc<MotionSet> {
-    planner().belts
+fn motion_set() -> Arc<MotionSet> {
+    planner().motion_set
 }

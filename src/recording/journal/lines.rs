@@ -22,7 +22,7 @@ use upm_planner::{Limit, PlanStatus, PlannedPulse};
 pub(super) enum JournalLine<'a> {
     /// Table and parts located without prior knowledge.
     Localised(LocalisedLine),
-    /// The same at the places where they were tracked, before a goal counts as reached.
+    /// The same at the places where they were tracked, before a task counts as reached.
     Confirmed(ConfirmedLine),
     /// A cycle: observed, wanted, planned, sent, read back, predicted and measured.
     Cycle(CycleLine<'a>),

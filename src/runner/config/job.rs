@@ -85,6 +85,7 @@ impl JobSpec {
         let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
         let parts = groups_of(&raw, &rig, faults);
         check_told_apart(&parts, &rig, faults);
+        check_knocks(&rig, raw.limits.plate_time_s, faults);
         if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
             refuse_fields(faults);
         }
@@ -230,6 +231,19 @@ fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults:
     let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
     faults.demand(same, at, "another rig", format!("the rig of {plate}, or nothing"));
     same.then(|| rig.clone())
+}
+
+/// Largest number of knocks in a run.
+const MOST_KNOCKS: f64 = 10_000.0;
+
+/// Reports a rig that is knocked too often for a run of `until_s`.
+fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Faults) {
+    let Some(knocks) = &rig.raw.simulation.knocks else { return };
+    // two knocks are half the mean time apart or more
+    let least_s = until_s / (0.5 * MOST_KNOCKS);
+    let allowed =
+        format!("up to {} ({MOST_KNOCKS} knocks by the rig's simulation.knocks)", 0.5 * MOST_KNOCKS * knocks.every_s);
+    faults.demand(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
 }
 
 /// Reports synthesised fields on a rig without `fields`.

@@ -1,5 +1,6 @@
 use super::{JobSpec, KindSpec, TaskSpec};
 use upm_core::geometry::Vec2;
+use upm_task::PathParams;
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,6 +40,8 @@ pub struct LayoutBin {
 /// A path that a part shall follow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutPath {
+    /// The part that follows it, an index into the parts of the job; `None` for several.
+    pub part: Option<usize>,
     /// Its corners, m.
     pub waypoints_m: Vec<Vec2>,
     /// True for a path that leads from the last corner back to the first.
@@ -70,14 +73,17 @@ impl JobLayout {
             TaskSpec::PlusSign { edge_margin_m, .. } => {
                 let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
                 let reach_m = 0.5 * job.rig.model.plate_side_m - edge_margin_m - radius_m;
-                layout.paths = plus_sign(reach_m);
+                let part = Some(0).filter(|_| parts.len() == 1);
+                layout.paths =
+                    plus_sign(reach_m).map(|waypoints_m| LayoutPath { part, waypoints_m, closed: false }).to_vec();
             }
             TaskSpec::Trajectories { paths, .. } => {
-                let path = |waypoints_m: &Vec<Vec2>, repeat| LayoutPath {
-                    waypoints_m: waypoints_m.clone(),
-                    closed: repeat != 1,
+                let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
+                    part: Some(part),
+                    waypoints_m: wanted.waypoints_m.clone(),
+                    closed: wanted.repeat != 1,
                 };
-                layout.paths = paths.iter().map(|wanted| path(&wanted.waypoints_m, wanted.repeat)).collect();
+                layout.paths = paths.iter().enumerate().map(path).collect();
             }
             TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
             TaskSpec::Sort { bins } => {
@@ -93,10 +99,9 @@ impl JobLayout {
     }
 }
 
-/// The two bars of a plus sign whose branches are `reach_m` long.
-fn plus_sign(reach_m: f64) -> Vec<LayoutPath> {
-    let bar = |along: Vec2| LayoutPath { waypoints_m: vec![-along, along], closed: false };
-    vec![bar(Vec2::new(reach_m, 0.0)), bar(Vec2::new(0.0, reach_m))]
+/// The ends of the two bars of a plus sign whose branches are `reach_m` long.
+fn plus_sign(reach_m: f64) -> [Vec<Vec2>; 2] {
+    [Vec2::new(reach_m, 0.0), Vec2::new(0.0, reach_m)].map(|along| vec![-along, along])
 }
 
 #[cfg(test)]
@@ -129,8 +134,12 @@ mod tests {
         assert!(trajectories.paths.iter().all(|path| path.waypoints_m.len() > 1), "{:?}", trajectories.paths);
         let plus = layout("plus-sign-endless.json");
         assert!(plus.endless && plus.paths.len() == 2);
-        let reach_m = plus.paths[0].waypoints_m[1].x;
-        assert!((0.0635..0.1016).contains(&reach_m), "{reach_m}");
+        // half the side of the plate, less the margin and the radius of a penny
+        let reach_m = 0.5 * 0.2032 - 0.008 - 0.009_525;
+        assert!((plus.paths[0].waypoints_m[1] - Vec2::new(reach_m, 0.0)).norm() < 1e-12, "{:?}", plus.paths);
+        assert!((plus.paths[1].waypoints_m[0] - Vec2::new(0.0, -reach_m)).norm() < 1e-12, "{:?}", plus.paths);
+        let parts = |layout: &JobLayout| layout.paths.iter().map(|path| path.part).collect::<Vec<_>>();
+        assert_eq!((parts(&plus), parts(&trajectories)), (vec![Some(0); 2], vec![Some(0), Some(1)]));
         assert_eq!(layout("hold-4.json").parts.len(), 4);
     }
 }

@@ -21,7 +21,8 @@ pub struct RawKnocks {
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub every_s: f64,
     /// How far a knock pushes the plate on average, mm along x and y; each between half and one and a half of it.
-    #[schemars(inner(range(min = -20.0, max = 20.0)))]
+    /// Not both 0.
+    #[schemars(inner(range(min = -13.0, max = 13.0)))]
     pub push_mm: [f64; 2],
 }
 

@@ -103,16 +103,13 @@ impl RigSpec {
         (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, library_key, fingerprint })
     }
 
-    /// True if `raw`, with defaults written out, equals this rig except for the library it names and the knocks that
-    /// its plate gets.
+    /// True if `raw`, with defaults written out, equals this rig except for the library it names. A `raw` without
+    /// knocks leaves them to this rig.
     pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
-        let compared = |raw: &RawRig| {
-            let mut rig = RawRig { library: None, ..raw.clone() };
-            rig.simulation.knocks = None;
-            fill_in(&mut rig);
-            rig
-        };
-        compared(raw) == compared(&self.raw)
+        let mut compared = RawRig { library: self.raw.library.clone(), ..raw.clone() };
+        compared.simulation.knocks = compared.simulation.knocks.or_else(|| self.raw.simulation.knocks.clone());
+        fill_in(&mut compared);
+        compared == self.raw
     }
 
     /// Index in [`RigSpec::kinds`] of the kind called `name`.

@@ -14,6 +14,9 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Fault
     check_fields(raw, at, faults);
     check_accelerometers(raw, at, faults);
     check_camera(raw, sim, at, faults);
+    let push_mm = raw.simulation.knocks.as_ref().map(|knocks| knocks.push_mm);
+    let at_push = at.key("simulation").key("knocks").key("push_mm");
+    faults.demand(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
     let step_s = raw.simulation.step_s;
     let longest_s = (0.01 / raw.drive.base_hz).min(1.0 / raw.motors.sample_hz).min(1.0 / raw.accelerometers.sample_hz);
     faults.demand(

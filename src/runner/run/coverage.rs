@@ -19,6 +19,9 @@ const GAP_STEPS: usize = 200;
 /// than 6 degrees over the plate.
 const FAR_SIDES: f64 = 10.0;
 
+/// Difference of longest steps below which a plate counts as even, m: less than the last digit of the report.
+const EVEN_M: f64 = 1e-5;
+
 /// Coverage of a plate by a COR library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
@@ -135,14 +138,22 @@ impl Coverage {
         Some([least_m, steps().fold(least_m, f64::max)])
     }
 
-    /// Longest step at `place` on the scale of [`Coverage::steps_m`], 0 to 1; the middle where all are equal, and 0
+    /// True if the longest steps along the weakest direction are equal to a hundredth of a millimetre wherever every
+    /// direction is reached; false where none is reached.
+    pub fn is_even(&self) -> bool {
+        self.steps_m().is_some_and(|[least_m, most_m]| most_m - least_m < EVEN_M)
+    }
+
+    /// Longest step at each place on the scale of [`Coverage::steps_m`], 0 to 1; the middle on an even plate, and 0
     /// where a direction is out of reach.
-    pub fn shade(&self, place: &WorstDirection) -> f64 {
-        match self.steps_m() {
-            _ if !place.is_reached() => 0.0,
-            Some([least_m, most_m]) if most_m > least_m => (place.longest_step_m - least_m) / (most_m - least_m),
-            _ => 0.5,
-        }
+    pub fn shades(&self) -> Vec<f64> {
+        let (steps_m, is_even) = (self.steps_m(), self.is_even());
+        let shade = |place: &WorstDirection| match steps_m {
+            Some(_) if is_even => 0.5,
+            Some([least_m, most_m]) => (place.longest_step_m - least_m) / (most_m - least_m),
+            None => 0.0,
+        };
+        self.places.iter().map(|place| if place.is_reached() { shade(place) } else { 0.0 }).collect()
     }
 
     /// Share of the places at which some direction is unreachable, 0 to 1.

@@ -127,7 +127,7 @@ pub fn rehearse(
     library: &Arc<Library>,
     watch: &mut dyn FnMut(RehearsalProgress),
 ) -> Result<Forecast, Fault> {
-    // only parts and parameters of the bench are used; nothing is played on its rig
+    // only parts and parameters of the setup are used; nothing is played on its rig
     let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
     let starts_m = named(&placed, &params);
     let planner = FreshPlanner::new(params.method, library, params.planner);
@@ -141,8 +141,8 @@ pub fn rehearse(
             number,
             most_work_ms: WORK_MS - work_ms,
         };
-        let mut goal = setup::goal(job, library, &placed);
-        let done = control::rehearse(library, &planner, goal.as_mut(), &params, &rehearsal, &mut |at, progress| {
+        let mut task = setup::task(job, library, &placed);
+        let done = control::rehearse(library, &planner, task.as_mut(), &params, &rehearsal, &mut |at, progress| {
             let done = (number as f64 + progress) / of as f64;
             watch(RehearsalProgress { rehearsal: number + 1, of, at, done });
         });
@@ -153,7 +153,7 @@ pub fn rehearse(
             break;
         }
     }
-    let first_targets_m = setup::goal(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
+    let first_targets_m = setup::task(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
     let by_fields = params.method == PlanningMethod::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);

@@ -29,7 +29,7 @@ fn options(out: &TempDir) -> RunOptions {
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
         real_time: false,
-        keeping: RecordingOptions::lossless(MonotonicClock::new()),
+        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
     }
 }
 
@@ -65,11 +65,11 @@ fn gives_way(task: &Value) -> (TempDir, Report, Vec<Value>, f64) {
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
     let (interlock, pacing) = (Interlock::default(), PacingStats::default());
-    let links =
+    let controls =
         RunControls { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let mut watcher = InAPulse { after_s: 2.0, give_way: &give_way, asked_s: None };
     let (library, clock) = (job_library(&job).unwrap(), MonotonicClock::new());
-    let done = run_linked(&job, library, folder, &options, &clock, links, &mut watcher).unwrap();
+    let done = run_linked(&job, library, folder, &options, &clock, controls, &mut watcher).unwrap();
     let journal = std::fs::read_to_string(done.folder.join("journal.jsonl")).unwrap();
     let took_s = done.report.plate_time_s - watcher.asked_s.unwrap();
     (out, done.report, journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect(), took_s)

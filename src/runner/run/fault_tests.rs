@@ -42,7 +42,7 @@ fn played(job: &JobSpec) -> (TempDir, RunResult) {
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
         real_time: false,
-        keeping: RecordingOptions::lossless(MonotonicClock::new()),
+        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
     };
     let done = run(job, &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
     (out, done)

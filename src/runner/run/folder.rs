@@ -98,16 +98,16 @@ impl RunFolder {
         self.write_json("report.json", report)
     }
 
-    pub(super) fn journal(&self, keeping: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
+    pub(super) fn journal(&self, recording_options: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
         PreallocatedFile::create(&self.0.join("journal.jsonl"))
             .and_then(|file| {
                 self.sync_names();
                 BackgroundWriter::start(
                     file,
-                    keeping.journal_overflow,
-                    keeping.has_clock,
-                    keeping.clock,
-                    keeping.journal.clone(),
+                    recording_options.journal_overflow,
+                    recording_options.has_clock,
+                    recording_options.clock,
+                    recording_options.journal.clone(),
                 )
             })
             .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
@@ -139,14 +139,14 @@ pub(super) struct TruthLog {
 }
 
 impl TruthLog {
-    /// Log for `bench`; writes nothing if the bench has no faults.
-    pub(super) fn of(bench: &RunSetup, folder: &RunFolder) -> Result<Self, RunError> {
-        if bench.faults.is_empty() {
+    /// Log for `setup`; writes nothing if the bench has no faults.
+    pub(super) fn of(setup: &RunSetup, folder: &RunFolder) -> Result<Self, RunError> {
+        if setup.faults.is_empty() {
             return Ok(Self::default());
         }
         let file = File::create(folder.path().join(TRUTH_FILE))
             .map_err(|error| folder.write_error(TRUTH_FILE, &reason(&error)))?;
-        Ok(Self { to: Some((bench.truth(), BufWriter::new(file))), broken: None })
+        Ok(Self { to: Some((setup.truth(), BufWriter::new(file))), broken: None })
     }
 
     /// Flushes the file; `Err` has the first error of any write.

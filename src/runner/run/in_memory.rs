@@ -1,7 +1,7 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::ending::{ending, verdict};
+use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
 use super::play;
@@ -17,15 +17,15 @@ use upm_recording::{EndFacts, Fanout, Report, RunStats};
 use upm_sim::SimRig;
 use upm_task::Task;
 
-/// A run without files: a job with its simulated rig, its goal and its library, built in memory.
+/// A run without files: a job with its simulated rig, its task and its library, built in memory.
 ///
 /// It reads no clock and starts no thread, so equal jobs have equal reports; wall times in them are zero.
 pub struct InMemoryRun<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
-    bench: RunSetup,
+    setup: RunSetup,
     watcher: Option<&'a mut dyn Sink>,
-    has_own_goal: bool,
+    has_own_task: bool,
 }
 
 impl<'a> InMemoryRun<'a> {
@@ -35,8 +35,8 @@ impl<'a> InMemoryRun<'a> {
     /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
-        let bench = RunSetup::new(job, &library).map_err(RunError::Job)?;
-        Ok(Self { job, library, bench, watcher: None, has_own_goal: false })
+        let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
+        Ok(Self { job, library, setup, watcher: None, has_own_task: false })
     }
 
     /// Adds `sink`, which receives all events besides the report.
@@ -45,12 +45,12 @@ impl<'a> InMemoryRun<'a> {
         self
     }
 
-    /// Replaces the task of the job by `goal`, which receives the parts in the order of the job and ends the run by
+    /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
     /// [`done`](upm_task::Setpoints::done). The report then has no verdict, which would be about the task.
-    pub fn with_task(mut self, goal: impl Task + 'static) -> Self {
-        self.bench.goal = Box::new(goal);
-        self.bench.params.endless = false;
-        self.has_own_goal = true;
+    pub fn with_task(mut self, task: impl Task + 'static) -> Self {
+        self.setup.task = Box::new(task);
+        self.setup.params.endless = false;
+        self.has_own_task = true;
         self
     }
 
@@ -61,16 +61,16 @@ impl<'a> InMemoryRun<'a> {
 
     /// Parts, tolerance and limits of the control loop.
     pub fn params(&self) -> &ControlParams {
-        &self.bench.params
+        &self.setup.params
     }
 
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
-        let Self { job, library, mut bench, watcher, has_own_goal } = self;
-        let mut notes = ReportSinks::of(&bench);
+        let Self { job, library, mut setup, watcher, has_own_task } = self;
+        let mut notes = ReportSinks::of(&setup);
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let finish = play(&mut bench, &library, None, &mut notes.sinks(watcher), &StoppedClock, &stop, &give_way);
-        notes.report(job, &library, &bench, finish, has_own_goal)
+        let finish = play(&mut setup, &library, None, &mut notes.sinks(watcher), &StoppedClock, &stop, &give_way);
+        notes.report(job, &library, &setup, finish, has_own_task)
     }
 
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
@@ -79,20 +79,20 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
-        let Self { job, library, bench, watcher, has_own_goal } = self;
-        if !bench.faults.is_empty() {
-            let found = counted(bench.faults.len(), "fault");
+        let Self { job, library, setup, watcher, has_own_task } = self;
+        if !setup.faults.is_empty() {
+            let found = counted(setup.faults.len(), "fault");
             return Err(RunError::Job(Fault::new(&job.file, "faults", found, "none on a rig of the caller's")));
         }
-        let (mut notes, mut bench) = (ReportSinks::of(&bench), bench.with_rig(make));
+        let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let RunSetup { rig, model, goal, params, .. } = &mut bench;
+        let RunSetup { rig, model, task, params, .. } = &mut setup;
         let mut sinks = notes.sinks(watcher);
         let clock = &StoppedClock;
         let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
-        let finish = control::run(devices, &library, goal.as_mut(), params);
-        let report = notes.report(job, &library, &bench, finish, has_own_goal);
-        Ok((report, bench.rig))
+        let finish = control::run(devices, &library, task.as_mut(), params);
+        let report = notes.report(job, &library, &setup, finish, has_own_task);
+        Ok((report, setup.rig))
     }
 }
 
@@ -100,17 +100,17 @@ impl<'a> InMemoryRun<'a> {
 struct ReportSinks {
     named: TruthInJobOrder,
     first_look: FirstLook,
-    tally: RunStats,
+    stats: RunStats,
 }
 
 impl ReportSinks {
-    fn of(bench: &RunSetup) -> Self {
-        let (named, tally) = (TruthInJobOrder::new(bench.truth()), RunStats::new(Some(bench.truth())));
-        Self { named, first_look: FirstLook::default(), tally }
+    fn of(setup: &RunSetup) -> Self {
+        let (named, stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
+        Self { named, first_look: FirstLook::default(), stats }
     }
 
     fn sinks<'s, 'w>(&'s mut self, watcher: Option<&'s mut (dyn Sink + 'w)>) -> Fanout<'s> {
-        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_look).with(&mut self.tally);
+        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_look).with(&mut self.stats);
         match watcher {
             Some(watcher) => sinks.with(watcher),
             None => sinks,
@@ -121,16 +121,16 @@ impl ReportSinks {
         &self,
         job: &JobSpec,
         library: &Arc<Library>,
-        bench: &RunSetup<R>,
+        setup: &RunSetup<R>,
         finish: FinalState,
-        has_own_goal: bool,
+        has_own_task: bool,
     ) -> Report {
-        let ending = ending(job, Some(bench), finish, 0.0);
-        if has_own_goal {
-            return self.tally.report(ending);
+        let ending = ending(job, Some(setup), finish, 0.0);
+        if has_own_task {
+            return self.stats.report(ending);
         }
-        let bound_s = self.first_look.time_figure_s(job, library, &bench.params);
-        let report = self.tally.report(EndFacts { bound_s, ..ending });
+        let bound_s = self.first_look.time_figure_s(job, library, &setup.params);
+        let report = self.stats.report(EndFacts { bound_s, ..ending });
         Report { verdict: verdict(job, &report), ..report }
     }
 }
@@ -172,7 +172,7 @@ mod tests {
             started_utc: "20260101T000000Z".into(),
             rerun: RerunMode::Off,
             real_time: false,
-            keeping: RecordingOptions::lossless(MonotonicClock::new()),
+            recording_options: RecordingOptions::lossless(MonotonicClock::new()),
             live: None,
         };
         let mut sink = MemorySink::default();
@@ -206,7 +206,7 @@ mod tests {
         assert!(error.to_string().contains("faults: expected none on a rig of the caller's, found 1 fault"), "{error}");
     }
 
-    /// Goal that holds every part for this many looks.
+    /// Task that holds every part for this many looks.
     struct HoldForFrames(u32);
 
     impl Task for HoldForFrames {
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn own_goal_replaces_the_task_and_has_no_verdict() {
+    fn own_task_replaces_the_task_and_has_no_verdict() {
         let job = job(json!([]));
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run

@@ -7,18 +7,15 @@ use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent};
 
-/// Largest number of knocks in a run.
-const MOST: usize = 10_000;
-
 /// The knocks of a run of at most `until_s` of plate time, from a separate random stream.
 pub(super) fn drawn(knocks: &RawKnocks, until_s: f64, streams: &Streams) -> Vec<FaultSpec> {
     let mut noise = streams.stream("knocks");
     let mut draw = || -> f64 { StandardUniform.sample(&mut noise) };
     let (mut at_s, mut drawn) = (0.0, Vec::new());
-    while drawn.len() < MOST {
+    loop {
         at_s += knocks.every_s * (0.5 + draw());
         if at_s >= until_s {
-            break;
+            return drawn;
         }
         let strength = 0.5 + draw();
         let [x_mm, y_mm] = knocks.push_mm.map(|mm| strength * mm);
@@ -27,10 +24,10 @@ pub(super) fn drawn(knocks: &RawKnocks, until_s: f64, streams: &Streams) -> Vec<
             kind: FaultKind::Bumped,
             values: [x_mm, y_mm, 0.0],
             from: PlateTime::from_secs(at_s),
-            to: None,
+            // it happens once, at its onset
+            to: Some(PlateTime::from_secs(at_s)),
         });
     }
-    drawn
 }
 
 #[cfg(test)]
@@ -62,7 +59,7 @@ mod tests {
         let knocks = RawKnocks { every_s: 1.5, push_mm: [0.6, -0.8] };
         let drawn = |seed| drawn(&knocks, 1500.0, &Streams::new(seed));
         let all = drawn(3);
-        assert!((900..1100).contains(&all.len()), "{}", all.len());
+        assert!((960..1040).contains(&all.len()), "{}", all.len());
         for pair in all.windows(2) {
             let apart_s = pair[1].from.secs_since(pair[0].from);
             assert!((0.749..2.251).contains(&apart_s), "{apart_s}");
@@ -107,14 +104,14 @@ mod tests {
             let left_mm = left_alone_mm(seed);
             assert!(left_mm > 2.0, "seed {seed}: {left_mm} mm off, four times the tolerance at least");
             let (job, library) = hold_4(seed);
-            let RunSetup { mut rig, truth, model, mut goal, params, placed, faults, streams } =
+            let RunSetup { mut rig, truth, model, mut task, params, placed, faults, streams } =
                 RunSetup::new(&job, &library).unwrap();
             let mut rig = Faulty::new(&mut rig, &faults, streams, &std::thread::sleep);
             let mut sink = Corrections::default();
             let no = AtomicBool::new(false);
             let clock = MonotonicClock::new();
             let io = RunIo { rig: &mut rig, model: &model, sink: &mut sink, clock: &clock, stop: &no, give_way: &no };
-            let end = upm_control::run(io, &library, goal.as_mut(), &params);
+            let end = upm_control::run(io, &library, task.as_mut(), &params);
             assert_eq!(end.ending.outcome, Outcome::Completed, "seed {seed}: {}", end.ending.reason);
             let truth = truth.read();
             let held = placed.iter().zip(&truth.parts);

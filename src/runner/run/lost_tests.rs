@@ -72,14 +72,14 @@ fn first_cycle(blind_from: Option<u64>) -> (u64, FinalState, f64) {
     job["planner"] = json!("cor_sequence");
     let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
     let library = job_library(&job).unwrap();
-    let RunSetup { mut rig, model, mut goal, mut params, .. } = RunSetup::new(&job, &library).unwrap();
+    let RunSetup { mut rig, model, mut task, mut params, .. } = RunSetup::new(&job, &library).unwrap();
     params.time_limit_s = 8.0;
     let (mut pulses, clock) = (FirstCycle::default(), MonotonicClock::new());
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
     let mut rig = MaskedRig { rig: &mut rig, pulses: 0, blind_from, blind_at: None };
     let (sink, clock) = (&mut pulses, &clock);
     let devices = RunIo { rig: &mut rig, model: &model, sink, clock, stop: &stop, give_way: &give_way };
-    let finish = control::run(devices, &library, goal.as_mut(), &params);
+    let finish = control::run(devices, &library, task.as_mut(), &params);
     let blind_s = rig.blind_at.map_or(0.0, |at| rig.now().secs() - at.secs());
     (pulses.0, finish, blind_s)
 }

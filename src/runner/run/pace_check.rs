@@ -51,20 +51,20 @@ pub fn check_pace(
     });
     let origin = Origin::of_request("pace check");
     let job = JobSpec::from_json(&job.to_string(), &origin, Some(rig)).map_err(|faults| one_line(&faults))?;
-    let mut bench = RunSetup::new(&job, library).map_err(|fault| fault.to_string())?;
+    let mut setup = RunSetup::new(&job, library).map_err(|fault| fault.to_string())?;
     let (stats, interlock, napped) = (PacingStats::default(), Interlock::default(), Cell::new(Duration::ZERO));
     let timed_nap = |time| {
         let from = clock.elapsed();
         nap(time);
         napped.set(napped.get() + clock.elapsed().saturating_sub(from));
     };
-    let frame_hz = bench.model.frame_hz;
+    let frame_hz = setup.model.frame_hz;
     let deadlines = DeadlinePolicy::Relaxed;
     let pace = PaceClock { clock, nap: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
     let stop = AtomicBool::new(false);
     let mut loops =
         LoopTimes { clock, napped: &napped, stats: &stats, lasting, stop: &stop, begin: None, loops: vec![] };
-    let finish = play(&mut bench, library, Some(pace), &mut loops, clock, &stop, &AtomicBool::new(false));
+    let finish = play(&mut setup, library, Some(pace), &mut loops, clock, &stop, &AtomicBool::new(false));
     loops.result(1.0 / frame_hz).ok_or(finish.ending.reason)
 }
 

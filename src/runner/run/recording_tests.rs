@@ -31,15 +31,15 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     });
     let job = JobSpec::from_json(&text.to_string(), &origin, None).unwrap();
     let clock = MonotonicClock::new();
-    let keeping = RecordingOptions::lossless(clock);
-    let recording = keeping.recording.clone();
+    let recording_options = RecordingOptions::lossless(clock);
+    let recording = recording_options.recording.clone();
     let options = RunOptions {
         live: None,
         out: out.to_owned(),
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Save,
         real_time: false,
-        keeping,
+        recording_options,
     };
     let mut watcher = StopsAt(frame, recording.clone());
     let done = run(&job, &options, &clock, &AtomicBool::new(false), &PacingStats::default(), &mut watcher).unwrap();

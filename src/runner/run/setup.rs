@@ -33,7 +33,7 @@ const LEAD_M: f64 = 4e-3;
 /// Time at rest without a detection after which a part is lost, s.
 const LOST_AFTER_S: f64 = 0.4;
 
-/// A job's rig, its goal and the parameters of control.
+/// A job's rig, its task and the parameters of control.
 pub struct RunSetup<R = SimRig> {
     /// The rig.
     pub rig: R,
@@ -42,7 +42,7 @@ pub struct RunSetup<R = SimRig> {
     /// Model of the rig that control knows.
     pub model: RigModel,
     /// Goal of the job.
-    pub goal: Box<dyn Task>,
+    pub task: Box<dyn Task>,
     /// Limits and parts for control.
     pub params: ControlParams,
     /// Parts at their start.
@@ -54,7 +54,7 @@ pub struct RunSetup<R = SimRig> {
 }
 
 impl RunSetup {
-    /// Places the parts and builds rig, goal and parameters. `Err` if the parts find no places.
+    /// Places the parts and builds rig, task and parameters. `Err` if the parts find no places.
     pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
         let (rig, placed) = simulated_rig(job)?;
         let (kinds, kind_of_part) = kinds_present(job, &placed);
@@ -74,18 +74,18 @@ impl RunSetup {
             guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
             kinds,
         };
-        let goal = goal(job, library, &placed);
+        let task = task(job, library, &placed);
         let streams = Streams::new(job.seed());
         let knocks = job.rig.raw.simulation.knocks.iter();
         let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
         let faults = job.faults.iter().copied().chain(knocks).collect();
-        Ok(Self { truth: rig.probe(), rig, model, goal, params, placed, faults, streams })
+        Ok(Self { truth: rig.probe(), rig, model, task, params, placed, faults, streams })
     }
 
-    /// The same bench with the rig that `make` returns for the simulated one.
+    /// The same setup with the rig that `make` returns for the simulated one.
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
-        let Self { rig, truth, model, goal, params, placed, faults, streams } = self;
-        RunSetup { rig: make(rig), truth, model, goal, params, placed, faults, streams }
+        let Self { rig, truth, model, task, params, placed, faults, streams } = self;
+        RunSetup { rig: make(rig), truth, model, task, params, placed, faults, streams }
     }
 }
 
@@ -177,7 +177,7 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-pub(super) fn goal(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Task> {
+pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
@@ -219,7 +219,7 @@ fn motions(job: &JobSpec, library: &Library) -> Motions {
     }
 }
 
-/// The planner's cost of steps, as goals request it.
+/// The planner's cost of steps, as tasks request it.
 #[derive(Debug)]
 struct RotationEffort(FlowEffort);
 

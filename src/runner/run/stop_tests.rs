@@ -73,7 +73,7 @@ struct StopRecord {
     pulses: usize,
 }
 
-fn keeping() -> RecordingOptions {
+fn recording_options() -> RecordingOptions {
     RecordingOptions::lossless(MonotonicClock::new())
 }
 
@@ -100,20 +100,20 @@ impl StopRecord {
             out: out.path().to_owned(),
             started_utc,
             rerun: RerunMode::Off,
-            keeping: keeping(),
+            recording_options: recording_options(),
             real_time,
         };
         let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(|reason| ExternalStop::of(StopCause::Cancelled, reason));
-        let links = RunControls {
+        let controls = RunControls {
             stop: &plate.stop,
             give_way: &plate.give_way,
             interlock: &plate.interlock,
             pacing: &plate.pacing,
             cause: &cause,
         };
-        let run = run_linked(job, library, folder, &options, &*plate.clock, links, &mut watcher).unwrap();
+        let run = run_linked(job, library, folder, &options, &*plate.clock, controls, &mut watcher).unwrap();
         let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
         let lines: Vec<Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let text = |line: &Value| line["text"].as_str().map(str::to_owned);
@@ -242,7 +242,7 @@ fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
 fn a_cause_that_comes_too_late_changes_nothing() {
     let plate = StoppedPlate::default();
     let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
-    let links = RunControls {
+    let controls = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,
@@ -250,10 +250,10 @@ fn a_cause_that_comes_too_late_changes_nothing() {
         cause: &|| Some(ExternalStop::of(StopCause::Cancelled, "late")),
     };
     let mut heard = upm_recording::MemorySink::default();
-    links.explain(&mut finish, &mut heard, PlateTime::ZERO);
+    controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::completed("all in place"));
     finish.ending = RunEnd::stopped();
-    links.explain(&mut finish, &mut heard, PlateTime::ZERO);
+    controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::cancelled(StopCause::Cancelled, "late"));
 }
 
@@ -276,10 +276,10 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
         out: out.path().to_owned(),
         started_utc: String::new(),
         rerun: RerunMode::Off,
-        keeping: keeping(),
+        recording_options: recording_options(),
         real_time: false,
     };
-    let links = RunControls {
+    let controls = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,
@@ -287,7 +287,7 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
         cause: &|| None,
     };
     let mut watcher = upm_recording::MemorySink::default();
-    let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
+    let done = run_linked(&job, library, folder, &options, &*plate.clock, controls, &mut watcher);
     assert!(done.is_err_and(|error| error.is_bad_input()));
     let report: Report = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     assert!(report.reason.contains("not all placed") && report.outcome == Outcome::Failed, "{report:?}");
@@ -303,11 +303,11 @@ fn one_interlock_serves_one_run_at_a_time() {
         out: out.path().to_owned(),
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
-        keeping: keeping(),
+        recording_options: recording_options(),
         real_time: false,
     };
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
-    let links = RunControls {
+    let controls = RunControls {
         stop: &plate.stop,
         give_way: &plate.give_way,
         interlock: &plate.interlock,
@@ -316,7 +316,7 @@ fn one_interlock_serves_one_run_at_a_time() {
     };
     let mut watcher = upm_recording::MemorySink::default();
     let library = job_library(&job).unwrap();
-    let done = run_linked(&job, library, folder, &options, &*plate.clock, links, &mut watcher);
+    let done = run_linked(&job, library, folder, &options, &*plate.clock, controls, &mut watcher);
     assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");
     drop(busy);
 }

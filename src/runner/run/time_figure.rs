@@ -82,9 +82,9 @@ mod tests {
         let job = json!({"name": "made", "rig": "rigs/upm-2.json", "parts": parts, "task": task});
         let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&folder), None).unwrap();
         let library = job_library(&job).unwrap();
-        let bench = RunSetup::new(&job, &library).unwrap();
-        let starts_m: Vec<Vec2> = bench.placed.iter().map(|part| part.position_m).collect();
-        time_figure_s(&job, &library, &bench.params, &starts_m, targets_m)
+        let setup = RunSetup::new(&job, &library).unwrap();
+        let starts_m: Vec<Vec2> = setup.placed.iter().map(|part| part.position_m).collect();
+        time_figure_s(&job, &library, &setup.params, &starts_m, targets_m)
     }
 
     #[test]

@@ -66,14 +66,14 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
     let library = job_library(&job).map_err(RunError::Library)?;
-    let mut bench = RunSetup::new(&job, &library).map_err(RunError::Job)?;
+    let mut setup = RunSetup::new(&job, &library).map_err(RunError::Job)?;
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
-    let mut named = TruthInJobOrder::new(bench.truth());
+    let mut named = TruthInJobOrder::new(setup.truth());
     let mut until = Until { stop, enough: &enough };
     let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
-    play(&mut bench, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
+    play(&mut setup, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(repetition.verdict())

@@ -36,7 +36,7 @@ pub(super) struct DaemonBackend {
 }
 
 impl DaemonBackend {
-    /// Opens the desk in front of store and plates and starts the thread that watches the data folder.
+    /// Opens the backend in front of store and plates and starts the thread that watches the data folder.
     pub fn open(state: DaemonState) -> io::Result<Self> {
         let state = Arc::new(state);
         let watched = Arc::downgrade(&state);
@@ -176,18 +176,18 @@ impl Backend for DaemonBackend {
         metrics::text(&self.state.observed())
     }
 
-    fn watch(&self, id: &str, feed: EventSender) -> Pending<StreamStart> {
+    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart> {
         pending(|reply| {
             self.with_job(id, reply, move |state, row, reply| {
-                if let Some(wire) = state.wires.get(&row.plate) {
-                    wire.forward(row.id, feed);
+                if let Some(relay) = state.relays.get(&row.plate) {
+                    relay.forward(row.id, sender);
                 }
                 // read again once the wire is connected: events published between the first read and that are in the
                 // store by now
                 let again = Arc::clone(state);
                 state.store.job(&row.id, move |found| {
                     let row = found.map_err(convert::unread).and_then(|found| found.ok_or_else(no_job));
-                    reply.send(row.map(|row| again.opening(&row)));
+                    reply.send(row.map(|row| again.stream_start(&row)));
                 });
             });
         })

@@ -146,17 +146,17 @@ impl BundleBuilder {
 
     /// Adds the contents of the store; returns the ids of its jobs.
     fn add_store(&mut self, data: &Path) -> io::Result<Vec<JobId>> {
-        let peeked = match peek(data, MOST) {
-            Ok(peeked) => peeked,
+        let snapshot = match peek(data, MOST) {
+            Ok(snapshot) => snapshot,
             Err(fault) => {
                 self.missing.push(redact::scrub(&fault.to_string()));
                 return Ok(Vec::new());
             }
         };
-        self.add_json("jobs.json", &rows::jobs(&peeked))?;
-        self.add_lines("events.jsonl", peeked.events.iter().map(|(job, event)| rows::event(job, event)))?;
-        self.add_lines("audit.jsonl", peeked.audit.iter().map(rows::act))?;
-        Ok(peeked.jobs.iter().map(|row| row.id).collect())
+        self.add_json("jobs.json", &rows::jobs(&snapshot))?;
+        self.add_lines("events.jsonl", snapshot.events.iter().map(|(job, event)| rows::event(job, event)))?;
+        self.add_lines("audit.jsonl", snapshot.audit.iter().map(rows::act))?;
+        Ok(snapshot.jobs.iter().map(|row| row.id).collect())
     }
 
     fn add_data(&mut self, data: &Path) -> io::Result<()> {

@@ -40,7 +40,7 @@ fn report(text: &str) -> Option<Map<String, Value>> {
 
 /// A plate in the API's form, with the number of jobs `queued` for it.
 pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
-    let sight = &snapshot.sight;
+    let observation = &snapshot.observation;
     Plate {
         name: snapshot.name.clone(),
         state: snapshot.state,
@@ -53,15 +53,15 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         job: snapshot.job.map(|id| id.to_string()),
         standing_job: snapshot.standing.as_ref().map(standing_job),
         queued,
-        at_s: sight.at.secs(),
+        at_s: observation.at.secs(),
         age_s: snapshot.age.map(|age| age.as_secs_f64()),
         side_mm: mm_from_m(snapshot.side_m),
         kinds: snapshot.kinds.iter().map(part).collect(),
-        positions_mm: places_mm(&sight.positions_m),
-        radii_mm: sight.radii_m.iter().copied().map(mm_from_m).collect(),
-        targets_mm: places_mm(&sight.targets_m),
-        progress: sight.progress.clamp(0.0, 1.0),
-        phase: sight.phase.clone(),
+        positions_mm: places_mm(&observation.positions_m),
+        radii_mm: observation.radii_m.iter().copied().map(mm_from_m).collect(),
+        targets_mm: places_mm(&observation.targets_m),
+        progress: observation.progress.clamp(0.0, 1.0),
+        phase: observation.phase.clone(),
         deadline_misses: snapshot.deadline_misses,
         behind_s: snapshot.behind.as_secs_f64(),
         recording_mb: match snapshot.recording {
@@ -77,12 +77,12 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     if snapshot.job.is_none() {
         return Vec::new();
     }
-    let told = snapshot.sight.conditions.iter().map(|held| PlateCondition {
+    let told = snapshot.observation.conditions.iter().map(|held| PlateCondition {
         code: held.code.to_owned(),
         reason: held.reason.clone(),
         remedy: held.remedy.clone(),
     });
-    let busy = snapshot.sight.is_late.then(|| PlateCondition {
+    let busy = snapshot.observation.is_late.then(|| PlateCondition {
         code: "computer_busy".to_owned(),
         reason: format!(
             "this computer is too slow: plate time falls behind the clock, by {:.1} s so far",

@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reason_is_told() {
+    fn every_reason_is_reported() {
         let (ailments, obstacles) = told(|o| {
             o.store.heartbeat = Duration::from_secs(9);
             o.plates_alive = Err("the worker of plate left has died".to_owned());

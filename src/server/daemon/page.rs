@@ -42,6 +42,9 @@ const JOBS: &[(&str, &str)] = shipped! {
     "trajectories-cor"
 };
 
+/// The rigs of `configs/rigs/` that jobs name.
+const RIGS: &[(&str, &str)] = shipped! { "rigs/upm-1" "rigs/upm-2" "rigs/upm-2-knocked" };
+
 /// A file of the operator page; `index.html` is the page itself, `examples.json` the shipped jobs.
 pub(super) fn asset(name: &str) -> Option<Asset> {
     static ASSETS: OnceLock<Vec<(&str, Asset)>> = OnceLock::new();
@@ -68,18 +71,29 @@ struct Example {
     name: &'static str,
     /// Task and number of parts, as text.
     what: String,
-    /// Name of the rig that it was made for.
+    /// Name of the rig that it was made for, which the rig's file states.
     rig: String,
     /// The file with its layout kept and without the members that name other files.
     text: String,
 }
 
+/// The shipped jobs, except those for a rig that is knocked: without the knocks they have nothing to do.
 fn examples() -> Vec<Example> {
     let example = |(name, text): &(&'static str, &str)| {
         let job: Value = serde_json::from_str(text).ok()?;
-        Some(Example { name, what: what(&job)?, rig: rig(&job), text: without_files(text) })
+        let rig = rig_of(&job)?;
+        let is_knocked = rig.pointer("/simulation/knocks").is_some();
+        let rig = rig.get("name")?.as_str()?.to_owned();
+        (!is_knocked).then_some(Example { name, what: what(&job)?, rig, text: without_files(text) })
     };
     JOBS.iter().filter_map(example).collect()
+}
+
+/// The rig that a shipped job names.
+fn rig_of(job: &Value) -> Option<Value> {
+    let named = job.get("rig")?.as_str()?.strip_suffix(".json")?;
+    let (_, text) = RIGS.iter().find(|(name, _)| *name == named)?;
+    serde_json::from_str(text).ok()
 }
 
 fn what(job: &Value) -> Option<String> {
@@ -89,11 +103,6 @@ fn what(job: &Value) -> Option<String> {
     let parts = format!("{task}, {parts} {}", if parts == 1 { "part" } else { "parts" });
     let planner = job.get("planner").and_then(Value::as_str);
     Some(planner.map_or(parts.clone(), |planner| format!("{parts}, {planner}")))
-}
-
-fn rig(job: &Value) -> String {
-    let file = job.get("rig").and_then(Value::as_str).unwrap_or_default();
-    file.rsplit('/').next().unwrap_or_default().trim_end_matches(".json").to_owned()
 }
 
 /// The text without the lines of `$schema`, `rig` and `library`: a submitted job names no files.
@@ -164,7 +173,10 @@ mod tests {
         let listed: BTreeSet<String> = JOBS.iter().map(|(name, _)| format!("{name}.json")).collect();
         assert_eq!(jobs.collect::<BTreeSet<_>>(), listed);
         let examples = examples();
-        assert_eq!(examples.len(), JOBS.len());
+        let offered: BTreeSet<&str> = examples.iter().map(|example| example.name).collect();
+        let not_offered: Vec<&str> =
+            JOBS.iter().map(|(name, _)| *name).filter(|name| !offered.contains(name)).collect();
+        assert_eq!(not_offered, ["hold-4"], "on a plate that is not knocked it has nothing to do");
         for example in examples {
             let rig = format!("configs/rigs/{}.json", example.rig);
             let rig =

@@ -68,7 +68,7 @@ pub struct ExitReport {
 /// A daemon whose plates are ready and that listens, but does not answer requests yet.
 #[derive(Debug)]
 pub struct Daemon {
-    pub(super) desk: Arc<DaemonBackend>,
+    pub(super) backend: Arc<DaemonBackend>,
     listener: TcpListener,
     tokens: SharedTokens,
     /// `None` when the socket could not be created.
@@ -120,7 +120,7 @@ impl Daemon {
             paused: recovery.paused.contains(&plate.name).then(|| recovery_log::why_paused(&recovery, &plate.name)),
         });
         let around = SharedServices {
-            ledger: store.clone(),
+            job_store: store.clone(),
             runs: store.runs().to_owned(),
             latches: spec.data.join("latch"),
             clock,
@@ -134,16 +134,16 @@ impl Daemon {
         recovery_log::log(&recovery);
         recovery_log::log_unserved(&store, spec.plate_names());
         let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
-        let desk = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
-        let desk = Arc::new(desk.map_err(StartFault::Plates)?);
-        let estop_socket = estop_socket_of(&desk.state, &listener);
+        let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
+        let backend = Arc::new(backend.map_err(StartFault::Plates)?);
+        let estop_socket = estop_socket_of(&backend.state, &listener);
         let tokens = SharedTokens::new(prepared.tokens);
-        Ok(Self { desk, listener, tokens, estop_socket })
+        Ok(Self { backend, listener, tokens, estop_socket })
     }
 
     /// A handle that stops its plates without the network.
     pub fn emergency_stop(&self) -> EmergencyStops {
-        EmergencyStops(Arc::clone(&self.desk.state))
+        EmergencyStops(Arc::clone(&self.backend.state))
     }
 
     /// Address it listens on.
@@ -153,13 +153,13 @@ impl Daemon {
 
     /// A handle that makes it read its tokens again.
     pub fn token_reload(&self) -> TokenReload {
-        TokenReload { state: Arc::clone(&self.desk.state), tokens: self.tokens.clone() }
+        TokenReload { state: Arc::clone(&self.backend.state), tokens: self.tokens.clone() }
     }
 
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
-        let (state, estop_socket) = (Arc::clone(&self.desk.state), self.estop_socket.take());
+        let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
         let alive = show_life(&state, manager);
         let (stopper, flag) = StopFlag::new();
         let tokens = self.tokens.clone();
@@ -173,12 +173,20 @@ impl Daemon {
 
     /// Serves HTTP on another thread until `flag` is set.
     fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<ShutdownReport>> {
-        let Self { desk, listener, tokens, .. } = self;
-        let (spec, traffic, version) = (&desk.state.spec, desk.state.traffic.clone(), desk.state.version);
+        let Self { backend, listener, tokens, .. } = self;
+        let (spec, http_metrics, version) =
+            (&backend.state.spec, backend.state.http_metrics.clone(), backend.state.version);
         let hosts = AllowedHosts::new(spec.listen, &spec.hosts);
         let limits = Arc::new(HttpLimits { ending_time: REQUESTS_WITHIN, ..HttpLimits::default() });
-        let app =
-            app(AppParts { desk, tokens, hosts, limits: Arc::clone(&limits), stop: flag.clone(), traffic, version });
+        let app = app(AppParts {
+            backend,
+            tokens,
+            hosts,
+            limits: Arc::clone(&limits),
+            stop: flag.clone(),
+            http_metrics,
+            version,
+        });
         thread::spawn(move || serve(listener, app, &limits, &flag))
     }
 }
@@ -327,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_that_others_have_are_told() {
+    fn addresses_that_others_have_are_reported() {
         let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let (first, second) = (taken(), taken());
         let [listen, live] = [&first, &second].map(|listener| listener.local_addr().unwrap());

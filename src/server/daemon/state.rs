@@ -26,11 +26,11 @@ pub(super) struct DaemonState {
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
     /// Event distribution of each plate, to the clients that watch its jobs.
-    pub wires: BTreeMap<String, Arc<EventRelay>>,
+    pub relays: BTreeMap<String, Arc<EventRelay>>,
     /// Numbers of jobs at the last count.
     counted: Mutex<JobCounts>,
     /// Counts of requests and streams.
-    pub traffic: HttpMetrics,
+    pub http_metrics: HttpMetrics,
     /// Damage found in the store when it was opened.
     pub damage: StoreDamage,
     /// Whether the paths of the data folder still name the files that are held open.
@@ -57,20 +57,20 @@ impl DaemonState {
         damage: Option<String>,
         version: &'static str,
     ) -> Self {
-        let wires = plates.iter().map(|plate| {
-            let wire = Arc::<EventRelay>::default();
-            plate.subscribe(wire.clone());
-            (plate.name().to_owned(), wire)
+        let relays = plates.iter().map(|plate| {
+            let relay = Arc::<EventRelay>::default();
+            plate.subscribe(relay.clone());
+            (plate.name().to_owned(), relay)
         });
         Self {
-            wires: wires.collect(),
+            relays: relays.collect(),
             spec,
             store,
             plates,
             clock,
             ending: AtomicBool::new(false),
             counted: Mutex::default(),
-            traffic: HttpMetrics::default(),
+            http_metrics: HttpMetrics::default(),
             damage: StoreDamage::found(damage),
             data: DataWatch::default(),
             version,
@@ -123,7 +123,7 @@ impl DaemonState {
     }
 
     /// The state of a job for a client that begins to watch it.
-    pub fn opening(&self, row: &JobRow) -> StreamStart {
+    pub fn stream_start(&self, row: &JobRow) -> StreamStart {
         let plate = self.plate(&row.plate).ok().map(|plate| self.shown(plate));
         let snapshot = json!({"job": convert::job(row), "plate": plate}).to_string();
         StreamStart { snapshot, newest: row.last_event, is_over: row.state.is_final() }
@@ -152,8 +152,8 @@ impl DaemonState {
                 reserve_bytes: self.spec.reserve_bytes,
                 runs_bytes: self.store.runs_bytes(),
             },
-            requests: self.traffic.requests(),
-            event_streams: self.traffic.event_streams(),
+            requests: self.http_metrics.requests(),
+            event_streams: self.http_metrics.event_streams(),
         }
     }
 
@@ -209,36 +209,36 @@ pub(super) struct EventRelay(Mutex<Vec<(JobId, EventSender)>>);
 
 impl fmt::Debug for EventRelay {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Wire").field(&self.feeds().len()).finish()
+        f.debug_tuple("EventRelay").field(&self.senders().len()).finish()
     }
 }
 
 impl EventRelay {
-    /// Offers all further events of `job` to `feed` until its client is gone.
-    pub fn forward(&self, job: JobId, feed: EventSender) {
-        let mut feeds = self.feeds();
-        feeds.retain(|(_, feed)| !feed.is_closed());
-        feeds.push((job, feed));
+    /// Offers all further events of `job` to `sender` until its client is gone.
+    pub fn forward(&self, job: JobId, sender: EventSender) {
+        let mut senders = self.senders();
+        senders.retain(|(_, sender)| !sender.is_closed());
+        senders.push((job, sender));
     }
 
-    fn feeds(&self) -> MutexGuard<'_, Vec<(JobId, EventSender)>> {
+    fn senders(&self) -> MutexGuard<'_, Vec<(JobId, EventSender)>> {
         self.0.lock()
     }
 }
 
 impl EventSubscriber for EventRelay {
-    fn offer(&self, told: &JobEvent) {
-        let mut feeds = self.feeds();
-        if !feeds.iter().any(|(job, _)| *job == told.job) {
+    fn offer(&self, job_event: &JobEvent) {
+        let mut senders = self.senders();
+        if !senders.iter().any(|(job, _)| *job == job_event.job) {
             return;
         }
-        let event = StreamEvent::new(told.seq, told.kind, &told.body);
-        feeds.retain(|(job, feed)| *job != told.job || feed.offer(&event));
+        let event = StreamEvent::new(job_event.seq, job_event.kind, &job_event.body);
+        senders.retain(|(job, sender)| *job != job_event.job || sender.offer(&event));
     }
 }
 
 fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
-    let PlateSnapshot { name, state, job, sight, age, recording, deadline_misses, behind, estops, .. } = plate;
+    let PlateSnapshot { name, state, job, observation, age, recording, deadline_misses, behind, estops, .. } = plate;
     PlateObserved {
         name,
         state,
@@ -247,7 +247,7 @@ fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
         behind,
         estops,
         frame_age: age,
-        progress: job.map(|_| sight.progress),
+        progress: job.map(|_| observation.progress),
         recording: recording.unwrap_or(RecordingState::Off),
     }
 }

@@ -271,7 +271,7 @@ mod tests {
     use crate::service::{Caller, pending};
 
     #[test]
-    fn an_order_that_is_dropped_is_told_to_come_again() {
+    fn dropped_submission_is_answered_with_retry() {
         let told = |start: fn(Responder<JobCreated>)| {
             let mut promise = pending(start);
             promise.as_mut().poll(&mut Context::from_waker(Waker::noop()))

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_process_that_is_meant_shows_life_and_bad_notices_are_told() {
+    fn only_the_process_that_is_meant_shows_life_and_bad_notices_are_reported() {
         let socket = Some(OsStr::new("/run/notify"));
         let made =
             |watchdog_usec, watchdog_pid| ServiceManager::new(NotifyEnv { socket, watchdog_usec, watchdog_pid }, 7);

@@ -74,21 +74,21 @@ fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
     Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, "1.2.3")
 }
 
-/// A running daemon without network, reached only through its desk.
+/// A running daemon without network, reached only through its backend.
 struct RunningDaemon {
-    desk: Arc<DaemonBackend>,
+    backend: Arc<DaemonBackend>,
     _data: tempfile::TempDir,
 }
 
 impl RunningDaemon {
     fn new() -> Self {
         let data = tempfile::tempdir().unwrap();
-        Self { desk: start(spec(data.path())).unwrap().desk, _data: data }
+        Self { backend: start(spec(data.path())).unwrap().backend, _data: data }
     }
 
     fn order(&self, text: &str, pace: Pace, key: Option<&str>) -> Result<JobCreated, Refusal> {
         let key = key.map(str::to_owned);
-        kept(self.desk.submit(Submission { text: text.to_owned(), pace: Some(pace), key, caller: caller() }))
+        kept(self.backend.submit(Submission { text: text.to_owned(), pace: Some(pace), key, caller: caller() }))
     }
 
     fn submit(&self, text: &str) -> Result<Job, Refusal> {
@@ -104,20 +104,20 @@ impl RunningDaemon {
     /// Requests a reset of plate upm-1.
     fn reset(&self) -> Pending<Plate> {
         let request = ResetRequest { operator: "A. Person".into(), reason: "test".into() };
-        self.desk.reset("upm-1", request, caller())
+        self.backend.reset("upm-1", request, caller())
     }
 
     /// Stops plate upm-1; repeats until motors and disk have confirmed.
     fn stopped(&self) -> EStopped {
         soon("the stop is not seen through", || {
-            let stopped = kept(self.desk.estop("upm-1", caller())).unwrap();
+            let stopped = kept(self.backend.estop("upm-1", caller())).unwrap();
             (stopped.silent && stopped.persisted).then_some(stopped)
         })
     }
 
     fn ended(&self, id: &str) -> Job {
         soon("the job does not end", || {
-            let job = kept(self.desk.job(id)).unwrap();
+            let job = kept(self.backend.job(id)).unwrap();
             (!matches!(job.state, JobState::Queued | JobState::Running)).then_some(job)
         })
     }
@@ -125,8 +125,8 @@ impl RunningDaemon {
 
 impl Drop for RunningDaemon {
     fn drop(&mut self) {
-        assert_eq!(self.desk.state.plates.shutdown(PATIENCE), [""; 0]);
-        self.desk.state.store.close(Duration::from_secs(5));
+        assert_eq!(self.backend.state.plates.shutdown(PATIENCE), [""; 0]);
+        self.backend.state.store.close(Duration::from_secs(5));
     }
 }
 
@@ -177,7 +177,7 @@ fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
     let text = on("upm-1");
     let first = running.order(&text, Pace::Max, Some("k")).unwrap();
     assert!(!first.replayed);
-    kept(running.desk.estop("upm-1", caller())).unwrap();
+    kept(running.backend.estop("upm-1", caller())).unwrap();
     assert!(matches!(running.submit(&text), Err(Refusal::Conflict(_))), "the plate is stopped");
     let again = running.order(&text, Pace::Max, Some("k")).unwrap();
     assert!(again.replayed && again.job.id == first.job.id);
@@ -193,14 +193,14 @@ fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
     let jobs: Vec<Job> = (0..3).map(|_| running.submit(&on("upm-1")).unwrap()).collect();
     let full = running.submit(&on("upm-1")).unwrap_err();
     assert!(matches!(full, Refusal::QueueFull { queued: 3, retry_after_s: 1.. }), "{full:?}");
-    let cancelled = kept(running.desk.cancel(&jobs[1].id, caller())).unwrap();
+    let cancelled = kept(running.backend.cancel(&jobs[1].id, caller())).unwrap();
     assert_eq!(cancelled.state, JobState::Cancelled);
-    let told = |id: &str| kept(running.desk.replay(id, 0, 100)).unwrap().events.len();
+    let told = |id: &str| kept(running.backend.replay(id, 0, 100)).unwrap().events.len();
     assert_eq!(told(&jobs[0].id), 0);
     assert_eq!(told(&jobs[1].id), 1, "its end is kept in one with it");
-    assert!(matches!(kept(running.desk.cancel(&jobs[1].id, caller())), Err(Refusal::Conflict(_))));
-    assert_eq!(kept(running.desk.plates()).unwrap().plates[0].queued, 2);
-    kept(running.desk.resume("upm-1", caller())).unwrap();
+    assert!(matches!(kept(running.backend.cancel(&jobs[1].id, caller())), Err(Refusal::Conflict(_))));
+    assert_eq!(kept(running.backend.plates()).unwrap().plates[0].queued, 2);
+    kept(running.backend.resume("upm-1", caller())).unwrap();
     for job in [&jobs[0], &jobs[2]] {
         let ended = running.ended(&job.id);
         assert_eq!((ended.state, ended.reason.as_str()), (JobState::Completed, "every part held for 0.2 s"));
@@ -213,24 +213,24 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
     let running = RunningDaemon::new();
     let long = on("upm-1").replace("0.2", "60");
     let id = running.order(&long, Pace::RealTime, None).unwrap().job.id;
-    soon("no frame comes", || kept(running.desk.plates()).unwrap().plates[0].age_s);
+    soon("no frame comes", || kept(running.backend.plates()).unwrap().plates[0].age_s);
     let stopped = running.stopped();
     assert!(stopped.silent_at_s.unwrap() - stopped.requested_at_s.unwrap() <= 0.02);
     let ended = running.ended(&id);
     assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "emergency stop"));
-    assert!(matches!(kept(running.desk.resume("upm-1", caller())), Err(Refusal::Conflict(_))));
-    assert!(matches!(kept(running.desk.estop("upm-9", caller())), Err(Refusal::Unknown(_))));
-    assert!(running.desk.liveness_failures().is_empty() && running.desk.readiness_failures().is_empty());
-    assert!(running.desk.metrics().contains("upm_estops_total{plate=\"upm-1\"} 1"), "{}", running.desk.metrics());
+    assert!(matches!(kept(running.backend.resume("upm-1", caller())), Err(Refusal::Conflict(_))));
+    assert!(matches!(kept(running.backend.estop("upm-9", caller())), Err(Refusal::Unknown(_))));
+    assert!(running.backend.liveness_failures().is_empty() && running.backend.readiness_failures().is_empty());
+    assert!(running.backend.metrics().contains("upm_estops_total{plate=\"upm-1\"} 1"), "{}", running.backend.metrics());
 }
 
 #[test]
 fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
     let running = RunningDaemon::new();
     running.stopped();
-    let held = running.desk.state.store.hold();
+    let held = running.backend.state.store.hold();
     let earlier = [running.reset(), running.reset()];
-    drop(running.desk.estop("upm-1", caller()));
+    drop(running.backend.estop("upm-1", caller()));
     let (given_up, last) = (running.reset(), running.reset());
     drop(given_up);
     drop(held);
@@ -244,24 +244,24 @@ fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it
 /// Submits a job for plate upm-1 without waiting for the reply.
 fn sent(running: &RunningDaemon) -> Pending<JobCreated> {
     let (text, pace, key) = (on("upm-1"), Some(Pace::Max), None);
-    running.desk.submit(Submission { text, pace, key, caller: caller() })
+    running.backend.submit(Submission { text, pace, key, caller: caller() })
 }
 
 /// Waits until at least `tasks` tasks are queued for the store.
 fn until_waiting(running: &RunningDaemon, tasks: usize) {
-    let waiting = || running.desk.state.store.health().waiting;
+    let waiting = || running.backend.state.store.health().waiting;
     soon("the store is not asked", || (waiting() >= tasks).then_some(()));
 }
 
 fn all_jobs(running: &RunningDaemon) -> Vec<Job> {
-    kept(running.desk.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
+    kept(running.backend.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
 }
 
 /// Keeps all plates from claiming jobs.
 fn quiet() -> RunningDaemon {
     let running = RunningDaemon::new();
-    for plate in running.desk.state.plates.iter() {
-        kept(running.desk.estop(plate.name(), caller())).unwrap();
+    for plate in running.backend.state.plates.iter() {
+        kept(running.backend.estop(plate.name(), caller())).unwrap();
     }
     running.pause();
     running
@@ -270,7 +270,7 @@ fn quiet() -> RunningDaemon {
 #[test]
 fn submission_whose_client_has_gone_is_not_stored() {
     let running = quiet();
-    let held = running.desk.state.store.hold();
+    let held = running.backend.state.store.hold();
     let (given_up, waited_for) = (sent(&running), sent(&running));
     until_waiting(&running, 2);
     drop(given_up);
@@ -282,7 +282,7 @@ fn submission_whose_client_has_gone_is_not_stored() {
 #[test]
 fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
     let running = quiet();
-    let store = Arc::clone(&running.desk.state.store);
+    let store = Arc::clone(&running.backend.state.store);
     let first = store.hold();
     let again = Arc::clone(&store);
     // the next transaction holds this task, which delays all answers, and the job
@@ -326,35 +326,39 @@ fn one_daemon_has_the_data() {
     let data = tempfile::tempdir().unwrap();
     let first = start(spec(data.path())).unwrap();
     assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
-    assert!(first.desk.state.plates.shutdown(PATIENCE).is_empty());
+    assert!(first.backend.state.plates.shutdown(PATIENCE).is_empty());
 }
 
 #[test]
 fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back() {
     let parent = tempfile::tempdir().unwrap();
     let (data, aside) = (parent.path().join("data"), parent.path().join("aside"));
-    let running = RunningDaemon { desk: start(spec(&data)).unwrap().desk, _data: parent };
-    let desk = &running.desk;
+    let running = RunningDaemon { backend: start(spec(&data)).unwrap().backend, _data: parent };
+    let backend = &running.backend;
     let codes = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.code).collect::<Vec<_>>();
     let unwell = |refusal| matches!(refusal, Refusal::Unwell(reason) if reason.code == ReasonCode::DataDisplaced);
     for path in ["latch/upm-1", "lock", "upm.db", "upm.db-wal", ""] {
-        desk.state.check_paths();
-        assert_eq!((codes(desk.liveness_failures()), codes(desk.readiness_failures())), (vec![], vec![]), "{path}");
+        backend.state.check_paths();
+        assert_eq!(
+            (codes(backend.liveness_failures()), codes(backend.readiness_failures())),
+            (vec![], vec![]),
+            "{path}"
+        );
         let path = if path.is_empty() { data.clone() } else { data.join(path) };
         std::fs::rename(&path, &aside).unwrap();
-        desk.state.check_paths();
-        assert_eq!(codes(desk.liveness_failures()), [ReasonCode::DataDisplaced], "{}", path.display());
-        assert_eq!(codes(desk.readiness_failures()), [ReasonCode::DataDisplaced]);
-        let states: Vec<PlateState> = desk.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
+        backend.state.check_paths();
+        assert_eq!(codes(backend.liveness_failures()), [ReasonCode::DataDisplaced], "{}", path.display());
+        assert_eq!(codes(backend.readiness_failures()), [ReasonCode::DataDisplaced]);
+        let states: Vec<PlateState> = backend.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
         assert!(states.iter().all(|state| *state == PlateState::Paused), "{states:?}");
         assert!(unwell(running.submit(&on("upm-1")).unwrap_err()));
-        assert!(unwell(kept(desk.resume("upm-1", caller())).unwrap_err()));
+        assert!(unwell(kept(backend.resume("upm-1", caller())).unwrap_err()));
         std::fs::rename(&aside, &path).unwrap();
-        desk.state.check_paths();
-        kept(desk.resume("upm-1", caller())).unwrap();
+        backend.state.check_paths();
+        kept(backend.resume("upm-1", caller())).unwrap();
         running.ended(&running.submit(&on("upm-1")).unwrap().id);
         assert!(soon("the plate does not rest", || {
-            let state = desk.plates_as_counted().plates[0].state;
+            let state = backend.plates_as_counted().plates[0].state;
             (state != PlateState::Running).then_some(state == PlateState::Idle)
         }));
     }

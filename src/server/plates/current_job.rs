@@ -18,7 +18,7 @@ pub(super) struct CurrentJob {
     turn: Mutex<JobSlot>,
     /// Set to end the run.
     pub end_run: Arc<AtomicBool>,
-    pub vitals: Heartbeat,
+    pub heartbeat: Heartbeat,
     /// True for a run in real time.
     real_time: AtomicBool,
     /// True for strict deadlines.
@@ -52,7 +52,7 @@ pub(super) struct RunningJob {
 /// The newest observation of the parts, and when it was made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TimedObservation {
-    pub sight: LastObservation,
+    pub observation: LastObservation,
     pub at: Option<Duration>,
 }
 
@@ -61,7 +61,7 @@ impl CurrentJob {
     pub fn begin(&self, job: JobId, standing: bool, recording: RecordingHandle, journal: WriterStatus) {
         *self.seen.lock() = TimedObservation::default();
         *self.layout.lock() = None;
-        self.vitals.clear();
+        self.heartbeat.clear();
         let mut turn = self.turn.lock();
         let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
         if cause.is_some() {
@@ -101,7 +101,7 @@ impl CurrentJob {
     /// to be written.
     pub fn driven(&self) -> Option<(JobId, WriterStatus)> {
         let turn = self.turn.lock();
-        let running = turn.running.as_ref().filter(|_| !self.vitals.is_over())?;
+        let running = turn.running.as_ref().filter(|_| !self.heartbeat.is_over())?;
         Some((running.job, running.journal.clone()))
     }
 
@@ -140,7 +140,7 @@ impl CurrentJob {
     /// must not end the next job, nor stop an idle plate.
     pub fn fail(&self, job: &JobId, why: ExternalStop, cut: impl FnOnce()) {
         let mut turn = self.turn.lock();
-        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.vitals.is_over());
+        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.heartbeat.is_over());
         if let Some(running) = driven {
             running.cause.get_or_insert(why);
             self.end_run.store(true, Ordering::SeqCst);
@@ -160,9 +160,9 @@ impl CurrentJob {
     }
 
     /// Stores an observation of the parts; skipped while another thread reads the last one.
-    pub fn saw(&self, sight: &LastObservation, now: Duration) {
+    pub fn saw(&self, observation: &LastObservation, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
-        seen.sight.clone_from(sight);
+        seen.observation.clone_from(observation);
         seen.at = Some(now);
     }
 

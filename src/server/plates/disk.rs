@@ -30,7 +30,7 @@ const RATES: usize = 10;
 const SHORTEST_S: f64 = 1.0;
 const UNKNOWN: u64 = u64::MAX;
 
-/// Free space on the disk, and the space reserved to recordings.
+/// Free space on the disk, and the space reserved for recordings.
 #[derive(Debug)]
 pub(super) struct DiskSpace {
     min_free_bytes: u64,

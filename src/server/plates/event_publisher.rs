@@ -26,7 +26,7 @@ pub(super) enum Outgoing {
 pub(super) fn publish(shared: &PlateInner, items: &Receiver<Outgoing>) {
     loop {
         match items.recv_timeout(TICK) {
-            Ok(Outgoing::Tell(job, news)) => tell(shared, job, news),
+            Ok(Outgoing::Tell(job, draft)) => tell(shared, job, draft),
             // the waiting thread may be gone
             Ok(Outgoing::Pass(passed)) => drop(passed.try_send(())),
             Ok(Outgoing::End) | Err(RecvTimeoutError::Disconnected) => return,
@@ -38,8 +38,8 @@ pub(super) fn publish(shared: &PlateInner, items: &Receiver<Outgoing>) {
 
 /// Publishes an event. A durable one is published only once it is on the disk, so that a number a client has seen is
 /// never reused; one that the store cannot take is published without a number.
-fn tell(shared: &PlateInner, job: JobId, news: EventDraft) {
-    let EventDraft { plate_time, kind, body, durable } = news;
+fn tell(shared: &PlateInner, job: JobId, draft: EventDraft) {
+    let EventDraft { plate_time, kind, body, durable } = draft;
     let unnumbered = JobEvent { job, seq: None, kind, body: Arc::clone(&body) };
     if !durable {
         shared.subscribers.offer(&unnumbered);
@@ -51,7 +51,7 @@ fn tell(shared: &PlateInner, job: JobId, news: EventDraft) {
         Ok(stored) => subscribers.offer(&JobEvent { seq: Some(stored.seq), ..lost }),
         Err(_) => subscribers.offer(&lost),
     });
-    if !shared.ledger.append_event(&job, event, published) {
+    if !shared.job_store.append_event(&job, event, published) {
         shared.subscribers.offer(&unnumbered);
     }
 }

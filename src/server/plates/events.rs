@@ -35,7 +35,7 @@ impl JobEvent {
 /// Receives the events of a plate. Must return at once, since it runs on the publisher's thread.
 pub trait EventSubscriber: Send + Sync {
     /// Receives one event.
-    fn offer(&self, told: &JobEvent);
+    fn offer(&self, event: &JobEvent);
 }
 
 /// All subscribers of a plate.
@@ -43,12 +43,12 @@ pub trait EventSubscriber: Send + Sync {
 pub(super) struct Subscribers(Mutex<Vec<Arc<dyn EventSubscriber>>>);
 
 impl Subscribers {
-    pub fn add(&self, tap: Arc<dyn EventSubscriber>) {
-        self.0.lock().push(tap);
+    pub fn add(&self, subscriber: Arc<dyn EventSubscriber>) {
+        self.0.lock().push(subscriber);
     }
 
-    pub fn offer(&self, told: &JobEvent) {
-        self.0.lock().iter().for_each(|tap| tap.offer(told));
+    pub fn offer(&self, event: &JobEvent) {
+        self.0.lock().iter().for_each(|subscriber| subscriber.offer(event));
     }
 }
 
@@ -145,16 +145,16 @@ impl EventDraft {
     }
 
     /// An observation; `behind` as in [`EventDraft::cycle`].
-    pub fn look(sight: &LastObservation, behind: Duration) -> Self {
+    pub fn look(observation: &LastObservation, behind: Duration) -> Self {
         let body = EventBody::Look {
-            at_s: sight.at.secs(),
-            phase: &sight.phase,
-            progress: sight.progress,
-            positions_mm: places_mm(&sight.positions_m),
-            targets_mm: places_mm(&sight.targets_m),
+            at_s: observation.at.secs(),
+            phase: &observation.phase,
+            progress: observation.progress,
+            positions_mm: places_mm(&observation.positions_m),
+            targets_mm: places_mm(&observation.targets_m),
             behind_s: behind.as_secs_f64(),
         };
-        Self::new(sight.at, "look", false, &body)
+        Self::new(observation.at, "look", false, &body)
     }
 }
 
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn bodies_are_plain_json_in_millimetres() {
-        let sight = LastObservation {
+        let observation = LastObservation {
             at: PlateTime::from_secs(1.25),
             positions_m: vec![Vec2::new(0.012_345_678, -1e-9)],
             radii_m: vec![0.01],
@@ -174,7 +174,7 @@ mod tests {
             phase: "a \"phase\"".into(),
             ..LastObservation::default()
         };
-        let look = EventDraft::look(&sight, Duration::from_millis(8200));
+        let look = EventDraft::look(&observation, Duration::from_millis(8200));
         assert!(!look.durable && look.kind == "look");
         let read: serde_json::Value = serde_json::from_str(&look.body).unwrap();
         let wanted = serde_json::json!({

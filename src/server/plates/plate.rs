@@ -77,7 +77,7 @@ impl PlateHandle {
             if shared.job.running().is_some() {
                 return Err(ResetFault::StillStopping);
             }
-            shared.ledger.audit_durably(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+            shared.job_store.audit_durably(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
             is_awaited().then_some(()).ok_or(ResetFault::NotAwaited)
@@ -183,8 +183,8 @@ impl PlateHandle {
     }
 
     /// Delivers all further events of the plate to `tap`.
-    pub fn subscribe(&self, tap: Arc<dyn EventSubscriber>) {
-        self.shared.subscribers.add(tap);
+    pub fn subscribe(&self, subscriber: Arc<dyn EventSubscriber>) {
+        self.shared.subscribers.add(subscriber);
     }
 
     /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
@@ -213,7 +213,7 @@ impl PlateHandle {
     /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Requester) {
         let entry = self.told(act, who);
-        if !self.shared.ledger.audit(entry.clone()) {
+        if !self.shared.job_store.audit(entry.clone()) {
             tracing::error!("audit queue full, entry dropped: {entry:?}");
         }
     }

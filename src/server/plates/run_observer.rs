@@ -25,7 +25,7 @@ pub(super) struct RunObserver<'a> {
     clock: &'a dyn Clock,
     publisher: Queue<Outgoing>,
     job: JobId,
-    sight: LastObservation,
+    observation: LastObservation,
     table: Option<Table>,
     looked_at: Option<Duration>,
     left_out: u64,
@@ -41,14 +41,14 @@ impl<'a> RunObserver<'a> {
         job: JobId,
         radii_m: Vec<f64>,
     ) -> Self {
-        let sight = LastObservation { radii_m, ..LastObservation::default() };
+        let observation = LastObservation { radii_m, ..LastObservation::default() };
         let publisher = publisher.with(OverflowPolicy::GiveUp);
         Self {
             shared,
             clock,
             publisher,
             job,
-            sight,
+            observation,
             table: None,
             looked_at: None,
             left_out: 0,
@@ -57,27 +57,27 @@ impl<'a> RunObserver<'a> {
         }
     }
 
-    fn tell(&mut self, news: EventDraft) {
+    fn tell(&mut self, draft: EventDraft) {
         if self.left_out > 0 {
             let text = format!("{} events were left out: too many at once", self.left_out);
-            let missed = EventDraft::warning(news.plate_time, EventLevel::Warning, &text);
+            let missed = EventDraft::warning(draft.plate_time, EventLevel::Warning, &text);
             if self.publisher.send(Outgoing::Tell(self.job, missed)).is_ok() {
                 self.left_out = 0;
             }
         }
-        let sent = self.publisher.send(Outgoing::Tell(self.job, news));
-        self.shared.job.vitals.could_tell(self.clock.elapsed(), sent.is_ok());
-        if let Err(Unsent::Full(Outgoing::Tell(_, news))) = sent {
-            self.left_out += u64::from(news.durable);
+        let sent = self.publisher.send(Outgoing::Tell(self.job, draft));
+        self.shared.job.heartbeat.could_tell(self.clock.elapsed(), sent.is_ok());
+        if let Err(Unsent::Full(Outgoing::Tell(_, draft))) = sent {
+            self.left_out += u64::from(draft.durable);
         }
     }
 
     fn show(&mut self, now: Duration) {
-        self.sight.is_late = self.lag.grows(now, self.shared.job.pacing.behind());
-        self.shared.job.saw(&self.sight, now);
+        self.observation.is_late = self.lag.grows(now, self.shared.job.pacing.behind());
+        self.shared.job.saw(&self.observation, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
-            self.tell(EventDraft::look(&self.sight, self.shared.job.pacing.behind()));
+            self.tell(EventDraft::look(&self.observation, self.shared.job.pacing.behind()));
         }
     }
 
@@ -89,7 +89,7 @@ impl<'a> RunObserver<'a> {
         };
         let targets = self.table.iter().flat_map(|table| {
             let target = |p_m| OverlayMark { center_px: table.image_from_table(p_m), radius_px: 0.0, seen: true };
-            self.sight.targets_m.iter().copied().map(target)
+            self.observation.targets_m.iter().copied().map(target)
         });
         tracks.iter().map(part).chain(targets).collect()
     }
@@ -98,36 +98,36 @@ impl<'a> RunObserver<'a> {
 impl Sink for RunObserver<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.table = Some(facts.table.clone());
-        self.sight.at = facts.frame.exposed_at;
-        self.sight.positions_m.clear();
-        self.sight.positions_m.extend(facts.detections.iter().map(|part| part.position_m));
+        self.observation.at = facts.frame.exposed_at;
+        self.observation.positions_m.clear();
+        self.observation.positions_m.extend(facts.detections.iter().map(|part| part.position_m));
         self.show(self.clock.elapsed());
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         let now = self.clock.elapsed();
-        self.sight.at = facts.frame.exposed_at;
-        self.sight.positions_m.clear();
-        self.sight.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
+        self.observation.at = facts.frame.exposed_at;
+        self.observation.positions_m.clear();
+        self.observation.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
         // while control waits for a part to be seen, it limits that wait itself
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
-        self.shared.job.vitals.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
+        self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
         self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        self.sight.targets_m.clone_from(&facts.wanted.targets_m);
-        self.sight.progress = facts.wanted.progress;
-        self.sight.phase.clone_from(&facts.wanted.phase);
-        self.shared.ledger.progress(&self.job, facts.wanted.progress);
+        self.observation.targets_m.clone_from(&facts.wanted.targets_m);
+        self.observation.progress = facts.wanted.progress;
+        self.observation.phase.clone_from(&facts.wanted.phase);
+        self.shared.job_store.progress(&self.job, facts.wanted.progress);
         self.tell(EventDraft::cycle(facts, self.shared.job.pacing.behind()));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
         // a journal that fails is reported as an error, and ends the run
         if level == EventLevel::Error {
-            self.shared.job.vitals.end();
+            self.shared.job.heartbeat.end();
         }
         if level != EventLevel::Info {
             self.tell(EventDraft::warning(at, level, text));
@@ -138,19 +138,19 @@ impl Sink for RunObserver<'_> {
         let ConditionFacts { condition, reason, .. } = *facts;
         if let Some(known) = self.holding.iter().position(|held| *held == condition) {
             self.holding.remove(known);
-            self.sight.conditions.remove(known);
+            self.observation.conditions.remove(known);
         }
         if facts.change == ConditionChange::Began {
             let (code, remedy) = (condition.code(), condition.remedy().to_owned());
             self.holding.push(condition);
-            self.sight.conditions.push(PlateCondition { code, reason: reason.to_owned(), remedy });
+            self.observation.conditions.push(PlateCondition { code, reason: reason.to_owned(), remedy });
         }
         self.event(facts.at, EventLevel::Warning, facts.text);
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
         if matches!(facts.milestone, Milestone::RunEnded { .. }) {
-            self.shared.job.vitals.end();
+            self.shared.job.heartbeat.end();
         }
         self.event(facts.at, facts.level, facts.text);
     }

@@ -32,7 +32,7 @@ pub struct PlateSetup {
 #[derive(Clone, Debug)]
 pub struct SharedServices {
     /// The store from which jobs are taken and to which they are reported.
-    pub ledger: Arc<dyn JobStore>,
+    pub job_store: Arc<dyn JobStore>,
     /// Folder of run folders.
     pub runs: PathBuf,
     /// Folder of the latch files.

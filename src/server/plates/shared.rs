@@ -23,7 +23,7 @@ pub(super) struct PlateInner {
     pub name: String,
     /// Rules that its jobs are checked against.
     pub rules: JobRules,
-    pub ledger: Arc<dyn JobStore>,
+    pub job_store: Arc<dyn JobStore>,
     pub emergency_stop: EmergencyStop,
     pub job: CurrentJob,
     /// True once the daemon is shutting down.
@@ -57,7 +57,7 @@ impl PlateInner {
         let paused = why.is_some();
         let before = std::mem::replace(&mut *self.paused.lock(), why);
         if before.is_some() != paused {
-            self.ledger.note_paused(&self.name, paused);
+            self.job_store.note_paused(&self.name, paused);
         }
     }
 
@@ -85,7 +85,7 @@ impl PlateInner {
     pub fn snapshot(&self, now: Duration) -> PlateSnapshot {
         let (paused, running) = (self.paused(), self.job.running());
         let job = running.as_ref().map(|running| running.job);
-        let TimedObservation { sight, at } = self.job.seen();
+        let TimedObservation { observation, at } = self.job.seen();
         let (state, why, pause) = match (self.emergency_stop.holds(), paused, job) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
             (false, _, Some(_)) => (PlateState::Running, String::new(), None),
@@ -103,7 +103,7 @@ impl PlateInner {
             job,
             standing: self.standing.as_ref().map(|standing| standing.snapshot(stands)),
             recording: running.map(|running| running.recording.state()),
-            sight,
+            observation,
             age: at.map(|at| now.saturating_sub(at)),
             live: self.live.as_ref().map(|live| live.uri().to_owned()),
             deadline_misses: self.job.pacing.misses(),

@@ -149,13 +149,13 @@ impl PlatesWatch {
         let mut watched: Vec<(Arc<PlateInner>, Watchdog)> =
             plates.into_iter().map(|shared| (shared, Watchdog::new(spec))).collect();
         while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
-            for (shared, dog) in &mut watched {
+            for (shared, watchdog) in &mut watched {
                 let Some((job, journal)) = shared.job.driven() else {
-                    dog.rest();
+                    watchdog.rest();
                     continue;
                 };
                 let (run, unwritten_since) = (&shared.job, journal.waits_since());
-                if let Some(why) = dog.look(clock.elapsed(), &run.vitals, run.deadlines(), unwritten_since) {
+                if let Some(why) = watchdog.look(clock.elapsed(), &run.heartbeat, run.deadlines(), unwritten_since) {
                     shared.fail_job(&job, why);
                 }
             }
@@ -191,7 +191,7 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Shar
         live: live(&setup, around),
         name: setup.name,
         rules,
-        ledger: Arc::clone(&around.ledger),
+        job_store: Arc::clone(&around.job_store),
         emergency_stop: EmergencyStop::new(latch, interlock, keeper, Arc::clone(&job.end_run)),
         job,
         ending: AtomicBool::new(false),

@@ -41,22 +41,22 @@ const WATCHDOG: WatchdogSpec = WatchdogSpec {
 struct EventListener(SyncSender<JobEvent>);
 
 impl EventSubscriber for EventListener {
-    fn offer(&self, told: &JobEvent) {
-        self.0.try_send(told.clone()).ok();
+    fn offer(&self, event: &JobEvent) {
+        self.0.try_send(event.clone()).ok();
     }
 }
 
 struct TestPlates {
     folder: tempfile::TempDir,
-    ledger: Arc<InMemoryJobStore>,
+    job_store: Arc<InMemoryJobStore>,
     standing: Option<StandingSetup>,
     allow_faults: bool,
 }
 
 impl TestPlates {
     fn new() -> Self {
-        let ledger = Arc::new(InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH));
-        Self { folder: tempfile::tempdir().unwrap(), ledger, standing: None, allow_faults: false }
+        let job_store = Arc::new(InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH));
+        Self { folder: tempfile::tempdir().unwrap(), job_store, standing: None, allow_faults: false }
     }
 
     fn open(&self, paused: Option<&str>) -> PlateSupervisor {
@@ -88,7 +88,7 @@ impl TestPlates {
             allow_faults: self.allow_faults,
         };
         let mut around = SharedServices {
-            ledger: Arc::clone(&self.ledger) as _,
+            job_store: Arc::clone(&self.job_store) as _,
             runs: self.folder.path().join("runs"),
             latches: self.folder.path().join("latch"),
             clock: MonotonicClock::new(),
@@ -103,21 +103,21 @@ impl TestPlates {
     }
 
     fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
-        let row = self.ledger.accept(plate.validate(text, pace, None).unwrap());
+        let row = self.job_store.accept(plate.validate(text, pace, None).unwrap());
         plate.job_queued();
         row.id
     }
 
     /// Runs a job that holds its parts in real time and queues another behind it; returns the events and both jobs.
     fn keep_busy(&self, plate: &PlateHandle) -> (Receiver<JobEvent>, [JobId; 2]) {
-        let told = listen(plate);
+        let events = listen(plate);
         let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
-        next(&told, "look");
-        (told, jobs)
+        next(&events, "look");
+        (events, jobs)
     }
 
     fn row(&self, id: &JobId) -> JobRow {
-        self.ledger.job(id).unwrap()
+        self.job_store.job(id).unwrap()
     }
 }
 
@@ -130,15 +130,15 @@ fn library() -> Library {
 }
 
 fn listen(plate: &PlateHandle) -> Receiver<JobEvent> {
-    let (sender, told) = sync_channel(100_000);
+    let (sender, events) = sync_channel(100_000);
     plate.subscribe(Arc::new(EventListener(sender)));
-    told
+    events
 }
 
 /// Waits for the next event of that kind; returns its body.
-fn next(told: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
+fn next(events: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
     loop {
-        let each = told.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was told"));
+        let each = events.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was reported"));
         if each.kind == kind {
             return serde_json::from_str(&each.body).unwrap();
         }
@@ -166,25 +166,25 @@ fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
 }
 
 #[test]
-fn a_job_runs_to_its_end_and_all_of_it_is_told() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+fn a_job_runs_to_its_end_and_all_of_it_is_reported() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "state")["state"], "running");
-    assert_eq!(next(&told, "look")["positions_mm"].as_array().unwrap().len(), 2);
-    assert_eq!(next(&told, "cycle")["cycle"], 0);
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    let row = house.row(&id);
+    let events = listen(plate);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "state")["state"], "running");
+    assert_eq!(next(&events, "look")["positions_mm"].as_array().unwrap().len(), 2);
+    assert_eq!(next(&events, "cycle")["cycle"], 0);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    let row = test_plates.row(&id);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
     assert_eq!(row.recording, RecordingStatus::None);
     assert!(row.report_json.unwrap().contains("max_error_mm"));
-    let folder = house.folder.path().join("runs").join(row.folder.unwrap());
+    let folder = test_plates.folder.path().join("runs").join(row.folder.unwrap());
     for file in ["effective.json", "journal.jsonl", "report.json"] {
         assert!(folder.join(file).exists(), "{file}");
     }
-    let kinds: Vec<String> = house.ledger.events(&id).into_iter().map(|event| event.kind).collect();
+    let kinds: Vec<String> = test_plates.job_store.events(&id).into_iter().map(|event| event.kind).collect();
     assert_eq!(kinds.first().map(String::as_str), Some("state"));
     assert_eq!(kinds[kinds.len() - 2..], ["recording", "finished"]);
     assert_eq!(row.last_event, kinds.len() as u64, "who sees the end of a job can read its last event");
@@ -195,17 +195,17 @@ fn a_job_runs_to_its_end_and_all_of_it_is_told() {
 
 #[test]
 fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let (told, [first, second]) = house.keep_busy(plate);
+    let (events, [first, second]) = test_plates.keep_busy(plate);
     let PlateSnapshot { state, recording, .. } = plate.snapshot();
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
     assert!(plate.record_estop(caller("ann")));
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert!(house.row(&first).reason.starts_with("emergency stop"), "{}", house.row(&first).reason);
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert!(test_plates.row(&first).reason.starts_with("emergency stop"), "{}", test_plates.row(&first).reason);
     let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
     assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
     let times = plate.stop_times().unwrap();
@@ -218,42 +218,43 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
     assert_eq!(plate.snapshot().state, PlateState::Paused);
     idles(plate);
-    assert_eq!(house.row(&second).state, JobState::Queued, "a reset starts nothing");
+    assert_eq!(test_plates.row(&second).state, JobState::Queued, "a reset starts nothing");
     assert!(plate.resume(caller("bob")));
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    let acts: Vec<(String, String)> = house.ledger.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    let acts: Vec<(String, String)> =
+        test_plates.job_store.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
     let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
     assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
 }
 
 #[test]
 fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let (told, [first, second]) = house.keep_busy(plate);
+    let (events, [first, second]) = test_plates.keep_busy(plate);
     // the first step of an emergency stop
     plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     plate.wake();
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert_eq!(house.row(&first).reason, "emergency stop");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&first).reason, "emergency stop");
     idles(plate);
-    assert_eq!((plate.snapshot().state, house.row(&second).state), (PlateState::Stopped, JobState::Queued));
+    assert_eq!((plate.snapshot().state, test_plates.row(&second).state), (PlateState::Stopped, JobState::Queued));
     assert!(!plate.resume(caller("bob")));
 }
 
 #[test]
 fn a_stop_outlives_the_daemon() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     plates.get("one").unwrap().estop();
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
-    let plates = house.open(None);
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     assert_eq!(plate.snapshot().state, PlateState::Stopped);
-    let id = house.submit(plate, TWO_COINS, Pace::Max);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
     idles(plate);
-    assert_eq!(house.row(&id).state, JobState::Queued);
+    assert_eq!(test_plates.row(&id).state, JobState::Queued);
     assert_eq!(reset(plate, "ann"), Ok(()));
     let pause = plate.paused().unwrap();
     assert_eq!((pause.code, pause.why.as_str()), ("reset", "reset after an emergency stop"));
@@ -262,39 +263,39 @@ fn a_stop_outlives_the_daemon() {
 
 #[test]
 fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("just started"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("just started"));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, HOLD, Pace::RealTime);
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
     idles(plate);
-    assert_eq!((house.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
+    assert_eq!((test_plates.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
     assert!(plate.resume(caller("ann")));
-    next(&told, "look");
-    let other = house.submit(plate, TWO_COINS, Pace::Max);
+    next(&events, "look");
+    let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
     assert!(!plate.cancel(&other), "it is not on the plate");
     assert!(plate.cancel(&id));
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert_eq!(house.row(&id).reason, "cancelled by request");
-    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).reason, "cancelled by request");
+    assert_eq!(next(&events, "finished")["state"], "completed");
 }
 
 #[test]
 fn the_end_of_the_daemon_interrupts_the_job() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, HOLD, Pace::RealTime);
-    next(&told, "look");
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    next(&events, "look");
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
-    assert_eq!(house.row(&id).state, JobState::Interrupted);
+    assert_eq!(test_plates.row(&id).state, JobState::Interrupted);
 }
 
 #[test]
 fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     let told = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
     assert!(told(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
@@ -308,59 +309,59 @@ fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
 
 #[test]
 fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
-    let house = TestPlates::new();
-    let plates = house.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, Pace::Max);
-    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("there is no recording of this job: it may take "), "{text}");
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    assert_eq!(house.row(&id).recording, RecordingStatus::None);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    assert_eq!(test_plates.row(&id).recording, RecordingStatus::None);
     assert!(plates.free_bytes().is_some_and(|free| free > 0));
 }
 
 #[test]
 fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
-    let house = TestPlates::new();
-    let plates = house.open_with(None, |around| around.record = true);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| around.record = true);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, HOLD, Pace::RealTime);
-    next(&told, "look");
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    next(&events, "look");
     let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
-    let disk = Arc::new(disk::DiskSpace::new(house.folder.path(), 500_000_000, &clock));
-    let guard = disk::DiskGuard { disk, folder: house.folder.path().into(), plates: vec![shared], clock };
+    let disk = Arc::new(disk::DiskSpace::new(test_plates.folder.path(), 500_000_000, &clock));
+    let guard = disk::DiskGuard { disk, folder: test_plates.folder.path().into(), plates: vec![shared], clock };
     guard.saw(Some(500_000_000));
     assert!(matches!(plate.snapshot().recording, Some(RecordingState::Writing { .. })));
     guard.saw(Some(499_400_000));
-    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
     assert_eq!(text, "the recording ends early: stopped, the disk has only 499 MB left");
-    next(&told, "look");
+    next(&events, "look");
     assert_eq!(plate.snapshot().state, PlateState::Running);
-    let folder = house.folder.path().join("runs").join(house.row(&id).folder.unwrap());
+    let folder = test_plates.folder.path().join("runs").join(test_plates.row(&id).folder.unwrap());
     assert!(folder.join("run.rrd").exists(), "closed, and so named");
     assert!(plate.cancel(&id));
-    assert_eq!(next(&told, "recording")["recording"], "stopped");
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert_eq!(house.row(&id).recording, RecordingStatus::Stopped);
+    assert_eq!(next(&events, "recording")["recording"], "stopped");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).recording, RecordingStatus::Stopped);
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("not yet"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, HOLD, Pace::RealTime);
-    let folder = house.folder.path().join("runs").join(format!("hold-{id}"));
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    let folder = test_plates.folder.path().join("runs").join(format!("hold-{id}"));
     std::fs::create_dir_all(&folder).unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
     plate.resume(caller("ann"));
-    let text = next(&told, "warning")["text"].as_str().unwrap().to_owned();
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let reason = house.row(&id).reason;
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let reason = test_plates.row(&id).reason;
     assert!(reason.contains("journal.jsonl: the disk is full"), "{reason}");
 }

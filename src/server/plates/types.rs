@@ -100,7 +100,7 @@ pub struct PlateSnapshot {
     /// State of that job's recording.
     pub recording: Option<RecordingState>,
     /// The parts as last seen.
-    pub sight: LastObservation,
+    pub observation: LastObservation,
     /// Wall time since that observation; `None` before the first.
     pub age: Option<Duration>,
     /// Address of its live stream for a Rerun viewer, `rerun+http://127.0.0.1:PORT/proxy`.

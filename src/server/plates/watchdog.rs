@@ -124,13 +124,13 @@ impl Watchdog {
     pub fn look(
         &mut self,
         now: Duration,
-        vitals: &Heartbeat,
+        heartbeat: &Heartbeat,
         deadlines: WatchdogDeadlines,
         unwritten_since: Option<Duration>,
     ) -> Option<ExternalStop> {
         let memory = &mut self.memory;
         let gap = now.saturating_sub(memory.looked_at.replace(now)?);
-        let frame_ms = vitals.frame_ms.load(Ordering::Relaxed);
+        let frame_ms = heartbeat.frame_ms.load(Ordering::Relaxed);
         let unframed = memory.without_frame(gap.min(STOOD_STILL), frame_ms);
         if gap > STOOD_STILL {
             (memory.went_on, memory.second) = (now, (now, deadlines.misses));
@@ -141,13 +141,13 @@ impl Watchdog {
         }
         let (slow, blocked) = match deadlines.policy {
             DeadlinePolicy::Strict => {
-                let slow = self.late(now, deadlines).or_else(|| self.no_frame(now, vitals, deadlines.real_time));
+                let slow = self.late(now, deadlines).or_else(|| self.no_frame(now, heartbeat, deadlines.real_time));
                 (slow.map(|what| too_busy(&what, deadlines.real_time)), self.spec.blocked)
             }
             DeadlinePolicy::Relaxed => (self.hung(unframed), self.spec.hung),
         };
-        slow.or_else(|| self.unseen(vitals))
-            .or_else(|| self.untold(now, vitals, blocked))
+        slow.or_else(|| self.unseen(heartbeat))
+            .or_else(|| self.untold(now, heartbeat, blocked))
             .or_else(|| self.unwritten(now, unwritten_since?, blocked))
     }
 
@@ -174,11 +174,11 @@ impl Watchdog {
         Duration::from_millis(ms(now).saturating_sub(then_ms.max(ms(self.memory.went_on))))
     }
 
-    fn no_frame(&self, now: Duration, vitals: &Heartbeat, real_time: bool) -> Option<String> {
+    fn no_frame(&self, now: Duration, heartbeat: &Heartbeat, real_time: bool) -> Option<String> {
         let spec = &self.spec;
-        let unframed = self.since(now, vitals.frame_ms.load(Ordering::Relaxed));
+        let unframed = self.since(now, heartbeat.frame_ms.load(Ordering::Relaxed));
         // without real-time pacing, everything between two frames may take as long as a plan
-        let (longest, what) = match (vitals.planning.load(Ordering::Relaxed), real_time) {
+        let (longest, what) = match (heartbeat.planning.load(Ordering::Relaxed), real_time) {
             (true, _) => (spec.planning, "no plan came"),
             (false, true) => (spec.no_frame, "no frame came"),
             (false, false) => (spec.planning, "no frame came"),
@@ -191,15 +191,15 @@ impl Watchdog {
         (unframed > self.spec.hung).then(|| ExternalStop::of(StopCause::Hung, reason()))
     }
 
-    fn unseen(&self, vitals: &Heartbeat) -> Option<ExternalStop> {
+    fn unseen(&self, heartbeat: &Heartbeat) -> Option<ExternalStop> {
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
-        let unseen_s = read(&vitals.plate_ms).saturating_sub(read(&vitals.seen_ms)) as f64 * 1e-3;
+        let unseen_s = read(&heartbeat.plate_ms).saturating_sub(read(&heartbeat.seen_ms)) as f64 * 1e-3;
         let reason = || format!("no part was seen for {unseen_s:.1} s of plate time");
         (unseen_s > self.spec.no_part_s).then(|| ExternalStop::of(StopCause::NoPartSeen, reason()))
     }
 
-    fn untold(&self, now: Duration, vitals: &Heartbeat, longest: Duration) -> Option<ExternalStop> {
-        let since_ms = vitals.untold_ms.load(Ordering::Relaxed);
+    fn untold(&self, now: Duration, heartbeat: &Heartbeat, longest: Duration) -> Option<ExternalStop> {
+        let since_ms = heartbeat.untold_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
         let reason = || format!("no event could be stored for {:.1} s", waited.as_secs_f64());
         (since_ms != 0 && waited > longest).then(|| ExternalStop::of(StopCause::EventsBlocked, reason()))

@@ -92,8 +92,8 @@ impl PlateWorker {
     /// The oldest queued job, or the standing job when none is queued and it may run.
     fn next_job(&self) -> Result<Option<Claimed>, StoreFault> {
         let folder = |row: &JobRow| make_folder(&self.place.runs, row);
-        let ledger = &self.shared.ledger;
-        if let Some(claimed) = ledger.claim(&self.shared.name, &folder)? {
+        let job_store = &self.shared.job_store;
+        if let Some(claimed) = job_store.claim(&self.shared.name, &folder)? {
             return Ok(Some(claimed));
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
@@ -107,7 +107,7 @@ impl PlateWorker {
         if is_held || standing.paused().is_some() {
             return Ok(None);
         }
-        ledger.begin_standing(&standing.job, &folder)
+        job_store.begin_standing(&standing.job, &folder)
     }
 
     fn run(&mut self, claimed: &Claimed) {
@@ -180,7 +180,7 @@ impl PlateWorker {
             real_time,
             // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
             // when the journal cannot keep up, the run ends
-            keeping: RecordingOptions {
+            recording_options: RecordingOptions {
                 journal_overflow: OverflowPolicy::GiveUp,
                 journal,
                 recording_overflow: if real_time && is_strict {
@@ -199,10 +199,10 @@ impl PlateWorker {
         let never = AtomicBool::new(false);
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
-        let links = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
+        let controls = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
-        run_linked(&job, library, folder, &options, &clock, links, &mut observer).map_err(|error| error.lines())
+        run_linked(&job, library, folder, &options, &clock, controls, &mut observer).map_err(|error| error.lines())
     }
 
     /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
@@ -274,7 +274,7 @@ impl PlateWorker {
         let mut told = false;
         loop {
             self.pass();
-            let fault = match self.shared.ledger.finish(id, end.clone()) {
+            let fault = match self.shared.job_store.finish(id, end.clone()) {
                 Ok(finished) => return finished,
                 Err(fault) => fault,
             };
@@ -299,8 +299,8 @@ impl PlateWorker {
     }
 
     /// Hands an event to the publisher. May wait for it, since the plate is at rest between runs.
-    fn tell(&self, id: JobId, news: EventDraft) {
-        self.publisher.send(Outgoing::Tell(id, news)).ok();
+    fn tell(&self, id: JobId, draft: EventDraft) {
+        self.publisher.send(Outgoing::Tell(id, draft)).ok();
     }
 }
 

@@ -39,7 +39,7 @@ pub use types::{EStopped, Job, JobsPage, PauseCause, Plate, PlateCondition, Plat
 /// Inputs of the API.
 pub struct AppParts {
     /// The daemon behind it.
-    pub desk: Arc<dyn Backend>,
+    pub backend: Arc<dyn Backend>,
     /// Accepted tokens.
     pub tokens: SharedTokens,
     /// Host names and addresses under which clients may call it.
@@ -49,7 +49,7 @@ pub struct AppParts {
     /// Ends event streams; the same flag that ends the server.
     pub stop: StopFlag,
     /// Counters of requests and event streams.
-    pub traffic: HttpMetrics,
+    pub http_metrics: HttpMetrics,
     /// The program's version.
     pub version: &'static str,
 }
@@ -64,15 +64,15 @@ impl Default for HttpMetrics {
 pub fn app(parts: AppParts) -> Router {
     let operations = routes::operations();
     let api = Arc::new(Api {
-        desk: parts.desk,
+        backend: parts.backend,
         tokens: parts.tokens,
         limits: parts.limits.clone(),
         stop: parts.stop,
         document: openapi::document(&operations, parts.version).to_string().into(),
-        traffic: parts.traffic.clone(),
+        http_metrics: parts.http_metrics.clone(),
         watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
         downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
     });
     let app = with_layers(router::router(operations, &api), parts.hosts, parts.limits);
-    app.layer(from_fn_with_state(parts.traffic, http_metrics::count))
+    app.layer(from_fn_with_state(parts.http_metrics, http_metrics::count))
 }

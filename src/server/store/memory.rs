@@ -10,7 +10,7 @@ use super::{
     Publish, RecordingStatus, StoreFault, StoredEvent,
 };
 
-/// A ledger in memory, for tests of code that needs one.
+/// A job store in memory, for tests of code that needs one.
 #[derive(Debug)]
 pub struct InMemoryJobStore {
     now: fn() -> Timestamp,
@@ -33,7 +33,7 @@ struct StoredJob {
 }
 
 impl InMemoryJobStore {
-    /// An empty ledger that takes the time from `now`.
+    /// An empty job store that takes the time from `now`.
     pub fn new(now: fn() -> Timestamp) -> Self {
         let (jobs, audit) = Default::default();
         Self { now, kept: Mutex::new(Kept { ids: Ids::above(None), jobs, audit, fault: None }) }
@@ -222,24 +222,24 @@ mod tests {
 
     #[test]
     fn the_oldest_job_of_a_plate_is_claimed_once() {
-        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
-        let [first, second, other] = ["a", "a", "b"].map(|plate| ledger.accept(new_job(plate)).id);
-        let claimed = ledger.claim("a", &folder).unwrap().unwrap().row;
+        let job_store = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
+        let [first, second, other] = ["a", "a", "b"].map(|plate| job_store.accept(new_job(plate)).id);
+        let claimed = job_store.claim("a", &folder).unwrap().unwrap().row;
         assert_eq!((claimed.id, claimed.state, claimed.folder.as_deref()), (first, JobState::Running, Some("hold-3")));
         let fault = StoreFault::Io("no room".into());
-        assert_eq!(ledger.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
-        assert_eq!(ledger.claim("a", &folder).unwrap().unwrap().row.id, second);
-        assert_eq!(ledger.claim("a", &folder), Ok(None));
-        assert!(matches!(ledger.cancel_queued(&other), CancelOutcome::Now(..)));
-        assert!(matches!(ledger.cancel_queued(&first), CancelOutcome::Not(row) if row.state == JobState::Running));
-        assert_eq!(ledger.claim("b", &folder), Ok(None));
+        assert_eq!(job_store.claim("a", &|_| Err(io::Error::other("no room"))), Err(fault));
+        assert_eq!(job_store.claim("a", &folder).unwrap().unwrap().row.id, second);
+        assert_eq!(job_store.claim("a", &folder), Ok(None));
+        assert!(matches!(job_store.cancel_queued(&other), CancelOutcome::Now(..)));
+        assert!(matches!(job_store.cancel_queued(&first), CancelOutcome::Not(row) if row.state == JobState::Running));
+        assert_eq!(job_store.claim("b", &folder), Ok(None));
     }
 
     #[test]
     fn a_job_ends_once_and_faults_can_be_made() {
-        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
-        let id = ledger.accept(new_job("a")).id;
-        ledger.claim("a", &folder).unwrap();
+        let job_store = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
+        let id = job_store.accept(new_job("a")).id;
+        job_store.claim("a", &folder).unwrap();
         let end = |state| JobEnd {
             at: PlateTime::ZERO,
             state,
@@ -248,26 +248,30 @@ mod tests {
             report_json: None,
             recording: RecordingStatus::Whole,
         };
-        ledger.fail_with(Some(StoreFault::Full));
-        assert_eq!(ledger.finish(&id, end(JobState::Completed)), Err(StoreFault::Full));
-        ledger.fail_with(None);
-        assert_eq!(ledger.finish(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
-        assert_eq!(ledger.finish(&id, end(JobState::Failed)), Ok(None));
-        let row = ledger.job(&id).unwrap();
+        job_store.fail_with(Some(StoreFault::Full));
+        assert_eq!(job_store.finish(&id, end(JobState::Completed)), Err(StoreFault::Full));
+        job_store.fail_with(None);
+        assert_eq!(job_store.finish(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
+        assert_eq!(job_store.finish(&id, end(JobState::Failed)), Ok(None));
+        let row = job_store.job(&id).unwrap();
         assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingStatus::Whole));
     }
 
     #[test]
     fn events_count_from_one() {
-        let ledger = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
-        let id = ledger.accept(new_job("a")).id;
+        let job_store = InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH);
+        let id = job_store.accept(new_job("a")).id;
         let (sender, receiver) = sync_channel(2);
         for text in ["1", "2"] {
             let sender = sender.clone();
             let event = NewEvent { plate_time: PlateTime::ZERO, kind: "cycle", body: Arc::from(text) };
-            assert!(ledger.append_event(&id, event, Box::new(move |stored| sender.send(stored.unwrap().seq).unwrap())));
+            assert!(job_store.append_event(
+                &id,
+                event,
+                Box::new(move |stored| sender.send(stored.unwrap().seq).unwrap())
+            ));
         }
         assert_eq!(receiver.try_iter().collect::<Vec<_>>(), [1, 2]);
-        assert_eq!(ledger.events(&id).iter().map(|event| &*event.body).collect::<Vec<_>>(), ["1", "2"]);
+        assert_eq!(job_store.events(&id).iter().map(|event| &*event.body).collect::<Vec<_>>(), ["1", "2"]);
     }
 }

@@ -4,7 +4,7 @@ mod deletion;
 mod events;
 mod forgotten;
 mod full_disk;
-mod peeking;
+mod inspect;
 mod queue;
 mod recordings;
 mod standing;

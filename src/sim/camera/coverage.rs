@@ -59,16 +59,16 @@ mod tests {
 
     #[test]
     fn even_and_uneven_shares_add_up_alike() {
-        let mut shares = PixelCoverage::none();
-        shares.add_everywhere(0.25);
-        assert_eq!((shares.even(3), shares.of_block(3)), (0.25, [0.25; LANES]));
-        shares.uneven(3)[7] += 0.5;
-        shares.add(3, 0.125);
+        let mut coverage = PixelCoverage::none();
+        coverage.add_everywhere(0.25);
+        assert_eq!((coverage.even(3), coverage.of_block(3)), (0.25, [0.25; LANES]));
+        coverage.uneven(3)[7] += 0.5;
+        coverage.add(3, 0.125);
         let mut wanted = [0.375; LANES];
         wanted[7] = 0.875;
-        assert!(shares.even(3).is_nan());
-        assert_eq!((shares.of_block(3), shares.even(4)), (wanted, 0.25));
-        shares.clear();
-        assert_eq!((shares.even(3), shares.of_block(3)), (0.0, [0.0; LANES]));
+        assert!(coverage.even(3).is_nan());
+        assert_eq!((coverage.of_block(3), coverage.even(4)), (wanted, 0.25));
+        coverage.clear();
+        assert_eq!((coverage.even(3), coverage.of_block(3)), (0.0, [0.0; LANES]));
     }
 }

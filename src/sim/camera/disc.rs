@@ -68,12 +68,12 @@ impl DiscOutline {
     pub(super) fn show(
         &mut self,
         positions_m: impl ExactSizeIterator<Item = Vec2> + Clone,
-        grain: &SubExposureParams,
+        sub_exposure_params: &SubExposureParams,
         (view, grid, blur): (&CameraProjection, &TileGrid, &Blur),
         mut stale: impl FnMut(usize),
     ) {
         let poses = positions_m.map(|position_m| Pose { position_m, heading_rad: 0.0 });
-        grain.glimpses(poses, &mut self.next);
+        sub_exposure_params.glimpses(poses, &mut self.next);
         if self.next == self.shown {
             return;
         }
@@ -91,8 +91,8 @@ impl DiscOutline {
     }
 
     /// Adds the part's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
-        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, (view, blur), shares));
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), coverage: &mut PixelCoverage) {
+        self.silhouettes.iter().for_each(|silhouette| silhouette.cover(tile, (view, blur), coverage));
     }
 
     /// The tiles within reach of the projections of polygons around foot and top.
@@ -142,29 +142,29 @@ impl Silhouette {
         (q - t * self.lean_m).norm() - (self.foot_radius_m + t * self.growth_m)
     }
 
-    fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
+    fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), coverage: &mut PixelCoverage) {
         let covariance = blur.covariance_m2(tile) + self.spread_m2;
         let reach_m = REACH * covariance.trace().sqrt();
         let distance_m = self.distance_m(tile.center_m);
         let clear_m = tile.radius_m(view, distance_m.abs() - reach_m) + reach_m;
         let weight = self.weight as f32;
         if distance_m < -clear_m {
-            shares.add_everywhere(weight);
+            coverage.add_everywhere(weight);
         } else if distance_m < clear_m {
-            cover_within(&Rim::new(self, &covariance), weight, tile.pixels(view), blur, shares);
+            cover_within(&Rim::new(self, &covariance), weight, tile.pixels(view), blur, coverage);
         }
     }
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
+fn cover_within(rim: &Rim, weight: f32, pixels: &Pixels, blur: &Blur, coverage: &mut PixelCoverage) {
     let depths = rim.depths(&pixels.block_x_m, &pixels.block_y_m);
     for (block, depth) in depths.into_iter().enumerate() {
         if depth > blur.block_reach {
-            shares.add(block, weight);
+            coverage.add(block, weight);
         } else if depth > -blur.block_reach {
             let depths = rim.depths(&pixels.x_m[block], &pixels.y_m[block]);
-            shares.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
+            coverage.uneven(block).iter_mut().zip(depths).for_each(|(c, z)| *c += weight * edge_spread(z));
         }
     }
 }

@@ -46,7 +46,7 @@ impl EdgeOutline {
     pub(super) fn take(
         &mut self,
         poses: impl ExactSizeIterator<Item = Pose> + Clone,
-        grain: &SubExposureParams,
+        sub_exposure_params: &SubExposureParams,
     ) -> bool {
         let outwards = self.outwards;
         let lines = poses.map(move |pose| moved(outwards, &pose));
@@ -54,17 +54,17 @@ impl EdgeOutline {
             [perp(self.outwards), -perp(self.outwards)].map(|along| at(self.half_side_m * (self.outwards + along)));
         let across_m = |off: Vector3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(off.dot(end).abs()));
         let steps_m = lines.clone().zip(lines.clone().skip(1)).map(|(a, b)| across_m(b - a));
-        let together = grain.together(steps_m.fold(0.0, f64::max), lines.len());
+        let together = sub_exposure_params.together(steps_m.fold(0.0, f64::max), lines.len());
         self.next.clear();
         let mut first = 0;
         while first < lines.len() {
             let group = lines.clone().skip(first).take(together);
             let weight = group.len() as f64 / lines.len() as f64;
             let (off, mut spread) = moments(group);
-            if ends.iter().all(|end| grain.is_still(end.dot(&(spread * end)))) {
+            if ends.iter().all(|end| sub_exposure_params.is_still(end.dot(&(spread * end)))) {
                 spread.fill(0.0);
             }
-            self.next.push(self.line(off, spread, weight, grain));
+            self.next.push(self.line(off, spread, weight, sub_exposure_params));
             first += together;
         }
         self.next != self.shown
@@ -79,8 +79,18 @@ impl EdgeOutline {
         Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
     }
 
-    fn line(&self, off: Vector3<f64>, spread: Matrix3<f64>, weight: f64, grain: &SubExposureParams) -> EdgeLine {
-        let off = Vector3::new(grain.rounded_m(off.x), grain.rounded_turn(off.y), grain.rounded_turn(off.z));
+    fn line(
+        &self,
+        off: Vector3<f64>,
+        spread: Matrix3<f64>,
+        weight: f64,
+        sub_exposure_params: &SubExposureParams,
+    ) -> EdgeLine {
+        let off = Vector3::new(
+            sub_exposure_params.rounded_m(off.x),
+            sub_exposure_params.rounded_turn(off.y),
+            sub_exposure_params.rounded_turn(off.z),
+        );
         EdgeLine { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
     }
 
@@ -105,7 +115,7 @@ impl EdgeOutline {
     }
 
     /// Adds the share inside this side of a tile that no other side is near.
-    pub(super) fn cover(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, shares: &mut PixelCoverage) {
+    pub(super) fn cover(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, coverage: &mut PixelCoverage) {
         let (blur_m2, center, pixels) = (blur.covariance_m2(tile), at(tile.center_m), tile.pixels(view));
         let mut whole = 0.0;
         for line in &self.shown {
@@ -114,11 +124,11 @@ impl EdgeOutline {
             if depth_m >= clear_m {
                 whole += line.weight;
             } else if depth_m >= -clear_m {
-                cover_inside(&PlateEdge::new(&line.mean, sd_m), line.weight as f32, pixels, blur, shares);
+                cover_inside(&PlateEdge::new(&line.mean, sd_m), line.weight as f32, pixels, blur, coverage);
             }
         }
         if whole > 0.0 {
-            shares.add_everywhere(whole as f32);
+            coverage.add_everywhere(whole as f32);
         }
     }
 }
@@ -168,14 +178,14 @@ impl PlateEdge {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_inside(side: &PlateEdge, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
+fn cover_inside(side: &PlateEdge, weight: f32, pixels: &Pixels, blur: &Blur, coverage: &mut PixelCoverage) {
     let depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
     for (block, depth) in depths.into_iter().enumerate() {
         if depth >= blur.block_reach {
-            shares.add(block, weight);
+            coverage.add(block, weight);
         } else if depth >= -blur.block_reach {
             let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
-            shares.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
+            coverage.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
         }
     }
 }

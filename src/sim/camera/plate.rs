@@ -100,16 +100,16 @@ impl PlateOutline {
     pub(super) fn show(
         &mut self,
         poses: impl ExactSizeIterator<Item = Pose> + Clone,
-        grain: &SubExposureParams,
+        sub_exposure_params: &SubExposureParams,
         mut stale: impl FnMut(usize),
     ) {
         if poses.len() == 0 {
             return;
         }
-        grain.glimpses(poses.clone(), &mut self.next);
+        sub_exposure_params.glimpses(poses.clone(), &mut self.next);
         let mut moved = self.next != self.shown;
         for side in &mut self.sides {
-            moved |= side.take(poses.clone(), grain);
+            moved |= side.take(poses.clone(), sub_exposure_params);
         }
         if !moved {
             return;
@@ -131,7 +131,7 @@ impl PlateOutline {
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
-    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), shares: &mut PixelCoverage) {
+    pub(super) fn cover(&self, tile: &Tile, (view, blur): (&CameraProjection, &Blur), coverage: &mut PixelCoverage) {
         let reach_m = REACH * blur.bound_m(tile);
         let depths_m = self.sides.each_ref().map(|side| side.depths_m(tile.center_m));
         let inside_m = depths_m.iter().fold(f64::INFINITY, |inside_m, [least_m, _]| inside_m.min(*least_m));
@@ -142,13 +142,13 @@ impl PlateOutline {
         }
         let mut near = self.sides.iter().zip(&depths_m).filter(|(_, [least_m, _])| *least_m <= clear_m);
         match (near.next(), near.next()) {
-            (None, _) => shares.add_everywhere(1.0),
-            (Some((side, _)), None) => side.cover((tile, view), blur, shares),
-            _ => self.cover_at_corner((tile, view), blur, shares),
+            (None, _) => coverage.add_everywhere(1.0),
+            (Some((side, _)), None) => side.cover((tile, view), blur, coverage),
+            _ => self.cover_at_corner((tile, view), blur, coverage),
         }
     }
 
-    fn cover_at_corner(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, shares: &mut PixelCoverage) {
+    fn cover_at_corner(&self, (tile, view): (&Tile, &CameraProjection), blur: &Blur, coverage: &mut PixelCoverage) {
         let (blur_m2, pixels) = (blur.covariance_m2(tile), tile.pixels(view));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
@@ -156,11 +156,11 @@ impl PlateOutline {
             match self.near_sides(square, tile.center_m, pixels.radius_m, &blur_m2) {
                 Proximity::Outside => {}
                 Proximity::Inside => whole += square.weight,
-                Proximity::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, shares),
+                Proximity::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, coverage),
             }
         }
         if whole > 0.0 {
-            shares.add_everywhere(whole as f32);
+            coverage.add_everywhere(whole as f32);
         }
     }
 
@@ -218,7 +218,7 @@ impl PlateEdges {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, shares: &mut PixelCoverage) {
+fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, coverage: &mut PixelCoverage) {
     let mut depths = [[f32::INFINITY; LANES]; 4];
     let mut least = [f32::INFINITY; LANES];
     for (depths, side) in depths.iter_mut().zip(sides.iter()) {
@@ -227,7 +227,7 @@ fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, 
     }
     for (block, least) in least.into_iter().enumerate() {
         if least >= blur.block_reach {
-            shares.add(block, weight);
+            coverage.add(block, weight);
         } else if least >= -blur.block_reach {
             let mut product = [weight; LANES];
             for (side, depths) in sides.iter().zip(&depths) {
@@ -236,7 +236,7 @@ fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, 
                     product.iter_mut().zip(&depths).for_each(|(p, z)| *p *= edge_spread(*z));
                 }
             }
-            shares.uneven(block).iter_mut().zip(&product).for_each(|(c, p)| *c += p);
+            coverage.uneven(block).iter_mut().zip(&product).for_each(|(c, p)| *c += p);
         }
     }
 }

@@ -68,9 +68,9 @@ fn two_change_places_round_each_other() {
 fn a_set_that_is_turned_goes_round_as_one() {
     let starts_m = ring(6, 0.03, 0.0);
     let targets_m = ring(6, 0.03, 2.0);
-    let fleet = MultiDiscProblem::new(pennies(6), HALF_SIDE_M, targets_m);
+    let problem = MultiDiscProblem::new(pennies(6), HALF_SIDE_M, targets_m);
     let mut rng = Streams::new(1).stream("ways");
-    let stages = RigidMotionProblem { fleet: &fleet, starts_m: &starts_m, effort: &Rigid }.stages(&mut rng);
+    let stages = RigidMotionProblem { problem: &problem, starts_m: &starts_m, effort: &Rigid }.stages(&mut rng);
     let radius_m = starts_m[0].norm();
     let out = stages.places_m.iter().flatten().map(|place| (place.norm() - radius_m).abs()).fold(0.0, f64::max);
     // chords between stages 25 mm apart lie 2 mm inside
@@ -114,11 +114,11 @@ proptest! {
         // so far apart that no straight path is crowded
         let starts_m = scattered(&radii_m(&discs), 0.01, 0.02, &mut rng);
         let targets_m: Vec<Vec2> = starts_m.iter().map(|start| start * 0.9 + Vec2::new(0.002, -0.003)).collect();
-        let fleet = MultiDiscProblem::new(discs, HALF_SIDE_M, targets_m.clone());
+        let problem = MultiDiscProblem::new(discs, HALF_SIDE_M, targets_m.clone());
         let before = straight(&starts_m, &targets_m, 6);
-        let (after, cost) = eased(before.clone(), &fleet, &Toy, ROUNDS);
+        let (after, cost) = eased(before.clone(), &problem, &Toy, ROUNDS);
         prop_assert_eq!((&after[0], after.last()), (&starts_m, Some(&targets_m)));
-        prop_assert!(cost <= eased(before, &fleet, &Toy, 0).1);
+        prop_assert!(cost <= eased(before, &problem, &Toy, 0).1);
         let effort_after = effort_of(&after, &Toy);
         // the square of the effort equals the cost where it is spread evenly, and never exceeds it
         prop_assert!(effort_after * effort_after <= cost * (1.0 + 1e-9));

@@ -21,8 +21,8 @@ use rerun::external::re_sdk_types::datatypes;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 
+use super::run_stream::{APPLICATION, PLATE_TIME};
 use super::table::reach_mm;
-use super::tape::{APPLICATION, PLATE_TIME};
 use crate::types::RunContext;
 use upm_planner::PlanningMethod;
 
@@ -98,7 +98,7 @@ impl Written {
 /// Everything that the layout depends on, as one text.
 pub(super) fn key(context: &RunContext) -> String {
     let RunContext { model, method, .. } = context;
-    let paths = if context.paths_m.is_empty() { "no paths" } else { "paths" };
+    let paths = if context.paths.is_empty() { "no paths" } else { "paths" };
     format!("{method:?}, {paths}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)
 }
 
@@ -154,7 +154,7 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     // fields have no d to sum up, and many tasks no path to keep to
     let shown = |path: &str| match path {
         TOTAL => context.method != PlanningMethod::SynthesizedField,
-        CROSS_TRACK => !context.paths_m.is_empty(),
+        CROSS_TRACK => !context.paths.is_empty(),
         _ => true,
     };
     let shown = ERRORS.into_iter().filter(|(_, path)| shown(path));

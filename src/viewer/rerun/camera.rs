@@ -3,9 +3,9 @@ use rerun::Color;
 use super::names::{self, Names};
 use super::paint::{self, in_half_frame};
 use super::picture;
+use super::run_stream::{LogResult, RunStream};
 use super::samples::Samples;
-use super::tape::{LogResult, RunStream};
-use super::task::View;
+use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_core::geometry::Vec2;
@@ -26,46 +26,46 @@ pub(super) struct CameraView {
 impl CameraView {
     pub(super) fn new(context: &RunContext) -> Self {
         let palette = paint::palette(&context.parts);
-        let ids: Vec<&str> = context.parts.iter().map(|part| part.id.as_str()).collect();
         let bounds = context.model.frame_size_px.map(|side| [0.0, side as f64 / 2.0]);
         Self {
-            names: Names::new(&ids, palette.parts(), bounds, names::PANEL),
+            names: Names::of(&context.parts, palette.parts(), bounds, names::PANEL),
             colors: paint::colors(palette.parts()),
             table: None,
-            trails: Trails::new(ids.len(), 6.0),
+            trails: Trails::new(context.parts.len(), 6.0),
             halved: Vec::new(),
         }
     }
 
-    pub(super) fn localised(&mut self, tape: &RunStream, table: Table, context: &RunContext) -> LogResult {
+    pub(super) fn localised(&mut self, stream: &RunStream, table: Table, context: &RunContext) -> LogResult {
         let outline: Vec<_> = outline_px(&table).map(in_half_frame).collect();
-        tape.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))?;
+        stream.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))?;
         let label = self.names.label_height();
-        View { root: "camera", is_static: false, place: |p_m| place(&table, p_m), label }.log(tape, context)?;
+        TaskOverlay { root: "camera", is_static: false, place: |p_m| place(&table, p_m), label }
+            .log(stream, context)?;
         self.table = Some(table);
         Ok(())
     }
 
-    pub(super) fn looks(&mut self, looks: &Samples) {
-        looks.image_px.chunks(looks.parts().max(1)).for_each(|look| self.trails.push(look));
+    pub(super) fn samples(&mut self, samples: &Samples) {
+        samples.image_px.chunks(samples.parts().max(1)).for_each(|observation| self.trails.push(observation));
     }
 
-    pub(super) fn picture(&mut self, tape: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
+    pub(super) fn picture(&mut self, stream: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
         let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
-        tape.log("camera/image", &image.with_draw_order(-10.0))?;
+        stream.log("camera/image", &image.with_draw_order(-10.0))?;
         let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
         let circles = paint::circles(tracks.iter().map(disc), paint::MEASURED, 1.5).with_colors(self.colors.clone());
-        tape.log("camera/parts", &circles)?;
-        tape.log("camera/names", &self.names.beside(tracks.iter().map(disc)))?;
+        stream.log("camera/parts", &circles)?;
+        stream.log("camera/names", &self.names.beside(tracks.iter().map(disc)))?;
         let trails = paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 1.0);
-        tape.log("camera/trails", &trails.with_colors(self.colors.clone()))
+        stream.log("camera/trails", &trails.with_colors(self.colors.clone()))
     }
 
     /// Logs the targets of the parts in the picture.
-    pub(super) fn wanted(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
+    pub(super) fn wanted(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
         let Some(table) = &self.table else { return Ok(()) };
         let targets = paint::dots(cycle.wanted.targets_m.iter().map(|&p_m| place(table, p_m)), paint::TARGET, 4.0);
-        tape.log("camera/targets", &targets.with_colors(self.colors.clone()))
+        stream.log("camera/targets", &targets.with_colors(self.colors.clone()))
     }
 }
 

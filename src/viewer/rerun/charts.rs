@@ -6,9 +6,10 @@ use std::borrow::Cow;
 use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
 
 use super::cells::Raster;
+use super::names::{self, LabelSize};
 use super::paint::{self, thin};
-use super::tape::{LogResult, RunStream};
-use upm_chart::{self as chart, AxisScale, Chart, Layer, Mark, log_tick_text, log_ticks};
+use super::run_stream::{LogResult, RunStream};
+use upm_chart::{self as chart, Chart, LabelledDisc, Layer, Mark, axis_ticks, place_labels};
 
 /// Width and height of the box that a curve is drawn in.
 const BOX: [f64; 2] = [160.0, 100.0];
@@ -16,8 +17,8 @@ const BOX: [f64; 2] = [160.0, 100.0];
 /// Margins around the picture for ticks and text, in hundredths of its height: left and right, below and above.
 const MARGIN: [[f64; 2]; 2] = [[18.0, 8.0], [24.0, 32.0]];
 
-/// Approximate number of ticks along an axis.
-const TICKS: f64 = 5.0;
+/// Largest number of ticks along an axis.
+const MOST_TICKS: usize = 6;
 
 /// Draw order of texts, which are above all layers; layers are drawn in their order.
 const WORDS: f32 = 1e3;
@@ -51,12 +52,12 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs the chart under `root`.
-    pub(super) fn log(&self, tape: &RunStream, root: &str) -> LogResult {
-        self.log_axes(tape, &format!("{root}/axes"))?;
-        self.log_legend(tape, &format!("{root}/legend"))?;
+    pub(super) fn log(&self, stream: &RunStream, root: &str) -> LogResult {
+        self.log_axes(stream, &format!("{root}/axes"))?;
+        self.log_legend(stream, &format!("{root}/legend"))?;
         for (i, layer) in self.chart.layers.iter().enumerate() {
             let name: String = layer.label.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-            self.log_layer(tape, &format!("{root}/{}_{name}", i + 1), layer, i as f32)?;
+            self.log_layer(stream, &format!("{root}/{}_{name}", i + 1), layer, i as f32)?;
         }
         Ok(())
     }
@@ -71,33 +72,34 @@ impl<'a> ChartView<'a> {
         [x + (right * self.unit) as f32, y + (below * self.unit) as f32]
     }
 
-    fn log_layer(&self, tape: &RunStream, path: &str, layer: &Layer, order: f32) -> LogResult {
+    fn log_layer(&self, stream: &RunStream, path: &str, layer: &Layer, order: f32) -> LogResult {
         let (color, points) = (color(layer.color), &layer.points);
         let seen = || points.iter().copied().filter(is_finite).map(|point| self.place(point));
         let strips = |strips: Vec<Vec<[f32; 2]>>| {
             LineStrips2D::new(strips).with_colors([color]).with_radii([thin(1.0)]).with_draw_order(order)
         };
         match &layer.mark {
-            Mark::Line => tape.log_static(path, &strips(self.lines(points))),
+            Mark::Line => stream.log_static(path, &strips(self.lines(points))),
             Mark::Dashes => {
                 let broken = self.lines(points).iter().flat_map(|line| dashes(line, 2.0 * self.unit as f32)).collect();
-                tape.log_static(path, &strips(broken))
+                stream.log_static(path, &strips(broken))
             }
             Mark::Dots => {
                 let dots = Points2D::new(seen()).with_colors([color]).with_radii([thin(2.0)]);
-                tape.log_static(path, &dots.with_draw_order(order))
+                stream.log_static(path, &dots.with_draw_order(order))
             }
             Mark::Crosses => {
                 let arm = 1.2 * self.unit as f32;
                 let strokes = |[x, y]: [f32; 2]| {
                     [1.0, -1.0].map(|lean| vec![[x - arm, y - lean * arm], [x + arm, y + lean * arm]])
                 };
-                tape.log_static(path, &strips(seen().flat_map(strokes).collect()))
+                stream.log_static(path, &strips(seen().flat_map(strokes).collect()))
             }
             Mark::Circles { radius } => {
                 let half = self.scale.map(|scale| (radius * scale) as f32);
                 let circles = Ellipses2D::from_centers_and_half_sizes(seen(), seen().map(|_| half));
-                tape.log_static(path, &circles.with_colors([color]).with_line_radii([thin(1.0)]).with_draw_order(order))
+                stream
+                    .log_static(path, &circles.with_colors([color]).with_line_radii([thin(1.0)]).with_draw_order(order))
             }
             Mark::Arrows { vectors } => {
                 let (from, along): (Vec<_>, Vec<_>) = points
@@ -107,21 +109,53 @@ impl<'a> ChartView<'a> {
                     .map(|(&point, &vector)| (self.place(point), self.place(vector)))
                     .unzip();
                 let arrows = Arrows2D::from_vectors(along).with_origins(from).with_colors([color]);
-                tape.log_static(path, &arrows.with_radii([thin(1.0)]).with_draw_order(order))
+                stream.log_static(path, &arrows.with_radii([thin(1.0)]).with_draw_order(order))
             }
-            Mark::Cells { side, values } => self.log_cells(tape, path, layer, (*side, values), order),
-            Mark::Labels { texts } | Mark::Names { texts, .. } => {
+            Mark::Cells { side, values } => self.log_cells(stream, path, layer, (*side, values), order),
+            Mark::Names { texts, radii, colors } => self.log_names(stream, path, layer, (texts, radii, colors)),
+            Mark::Labels { texts } => {
                 let pairs = points.iter().zip(texts).filter(|(point, _)| is_finite(point));
                 let words = pairs.map(|(&point, text)| (self.place(point), text.clone())).collect();
-                tape.log_static(path, &written(words).with_colors([color]))
+                stream.log_static(path, &written(words).with_colors([color]))
             }
         }
+    }
+
+    /// Logs names beside their discs, off every disc and off each other, each in its colour.
+    fn log_names(
+        &self,
+        stream: &RunStream,
+        path: &str,
+        layer: &Layer,
+        (texts, radii, colors): (&[String], &[f64], &[chart::Color]),
+    ) -> LogResult {
+        let (words, colors) = self.names(&layer.points, (texts, radii, colors));
+        stream.log_static(path, &written(words).with_colors(colors))
+    }
+
+    /// Names with the points that they hang from, and their colours.
+    fn names(
+        &self,
+        points: &[[f64; 2]],
+        (texts, radii, colors): (&[String], &[f64], &[chart::Color]),
+    ) -> (Vec<([f32; 2], String)>, Vec<Color>) {
+        let bounds = self.bounds();
+        let label = LabelSize::of(bounds, names::PANEL);
+        let given = points.iter().zip(texts).zip(radii).zip(colors).filter(|(((point, _), _), _)| is_finite(point));
+        let (discs, words): (Vec<LabelledDisc>, Vec<(&String, Color)>) = given
+            .map(|(((&point, text), radius), &of)| {
+                let center = self.place(point).map(f64::from);
+                (LabelledDisc { center, radius: radius * self.scale[0], half: label.half(text) }, (text, color(of)))
+            })
+            .unzip();
+        let hung = place_labels(&discs, bounds, &[]).into_iter().map(|place| label.hung_from(place.center));
+        hung.zip(words).map(|(place, (text, color))| ((place, text.clone()), color)).unzip()
     }
 
     /// Logs the cells as one picture, because boxes cannot be filled.
     fn log_cells(
         &self,
-        tape: &RunStream,
+        stream: &RunStream,
         path: &str,
         layer: &Layer,
         (side, values): (f64, &[f64]),
@@ -132,8 +166,8 @@ impl<'a> ChartView<'a> {
         let [x, y] = self.place(raster.top_left);
         let pixel = self.scale.map(|scale| (raster.pixel * scale) as f32);
         let place = Transform3D::from_translation_scale([x, y, 0.0], [pixel[0], pixel[1], 1.0]);
-        tape.log_static(path, &place)?;
-        tape.log_static(path, &Image::from_rgba32(raster.rgba, raster.size_px).with_draw_order(order))
+        stream.log_static(path, &place)?;
+        stream.log_static(path, &Image::from_rgba32(raster.rgba, raster.size_px).with_draw_order(order))
     }
 
     /// Lines through the points, broken at points that are not finite.
@@ -143,7 +177,7 @@ impl<'a> ChartView<'a> {
     }
 
     /// Logs frame, ticks and axis labels.
-    fn log_axes(&self, tape: &RunStream, path: &str) -> LogResult {
+    fn log_axes(&self, stream: &RunStream, path: &str) -> LogResult {
         let [[left, right], [below, above]] = self.range;
         let frame = [[left, below], [right, below], [right, above], [left, above], [left, below]];
         let mut strips = vec![frame.map(|corner| self.place(corner)).to_vec()];
@@ -151,23 +185,23 @@ impl<'a> ChartView<'a> {
             (self.beside([0.5 * (left + right), below], 0.0, 12.0), self.chart.x.label.clone()),
             (self.beside([left, above], 0.0, -16.0), self.chart.y.label.clone()),
         ];
-        for (tick, text) in ticks(self.chart.x.scale, self.range[0]) {
+        for (tick, text) in axis_ticks(self.chart.x.scale, self.range[0], MOST_TICKS).major {
             strips.push(vec![self.place([tick, below]), self.beside([tick, below], 0.0, 1.5)]);
             words.push((self.beside([tick, below], 0.0, 1.5), text));
         }
-        for (tick, text) in ticks(self.chart.y.scale, self.range[1]) {
+        for (tick, text) in axis_ticks(self.chart.y.scale, self.range[1], MOST_TICKS).major {
             strips.push(vec![self.place([left, tick]), self.beside([left, tick], -1.5, 0.0)]);
             // labels are below their point
             words.push((self.beside([left, tick], -7.0, -3.0), text));
         }
         let gray = paint::color(paint::FAINT);
         let strips = LineStrips2D::new(strips).with_colors([gray]).with_radii([thin(0.5)]);
-        tape.log_static(&format!("{path}/lines"), &strips.with_draw_order(-20.0))?;
-        tape.log_static(&format!("{path}/words"), &written(words).with_colors([gray]))
+        stream.log_static(&format!("{path}/lines"), &strips.with_draw_order(-20.0))?;
+        stream.log_static(&format!("{path}/words"), &written(words).with_colors([gray]))
     }
 
     /// Logs the layers' names above the picture, in their colours.
-    fn log_legend(&self, tape: &RunStream, path: &str) -> LogResult {
+    fn log_legend(&self, stream: &RunStream, path: &str) -> LogResult {
         let named: Vec<&Layer> = self.chart.layers.iter().filter(|layer| !layer.label.is_empty()).collect();
         let ([left, right], above) = (self.range[0], self.range[1][1]);
         let step = (right - left) / named.len().max(1) as f64;
@@ -176,7 +210,7 @@ impl<'a> ChartView<'a> {
             .enumerate()
             .map(|(i, layer)| (self.beside([left + (i as f64 + 0.5) * step, above], 0.0, -28.0), layer.label.clone()));
         let words = written(words.collect()).with_colors(named.iter().map(|layer| color(layer.color)));
-        tape.log_static(path, &words.with_radii([thin(4.0)]))
+        stream.log_static(path, &words.with_radii([thin(4.0)]))
     }
 }
 
@@ -218,38 +252,6 @@ fn extent(chart: &Chart, axis: usize) -> [f64; 2] {
         0.0 => [low - 0.5 * low.abs().max(1.0), high + 0.5 * high.abs().max(1.0)],
         _ => [0.0, 1.0],
     }
-}
-
-/// Places of the ticks of an axis with their numbers.
-fn ticks(scale: AxisScale, range: [f64; 2]) -> Vec<(f64, String)> {
-    if scale == AxisScale::Linear {
-        return round_ticks(range);
-    }
-    let places = log_ticks(range, TICKS as usize + 1).major;
-    if places.is_empty() {
-        let plain = round_ticks(range.map(|end| 10_f64.powf(end.clamp(-99.0, 99.0))));
-        return plain.into_iter().map(|(tick, text)| (tick.log10(), text)).collect();
-    }
-    places.into_iter().map(|place| (place, log_tick_text(place))).collect()
-}
-
-/// Round values within the range, 1, 2 or 5 apart times a power of ten.
-fn round_ticks([low, high]: [f64; 2]) -> Vec<(f64, String)> {
-    let rough = (high - low) / TICKS;
-    let power = rough.log10().floor();
-    let ten = 10_f64.powf(power);
-    let (step, power) = match rough / ten {
-        share if share < 1.5 => (ten, power),
-        share if share < 3.5 => (2.0 * ten, power),
-        share if share < 7.5 => (5.0 * ten, power),
-        _ => (10.0 * ten, power + 1.0),
-    };
-    let places = (-power).clamp(0.0, 12.0) as usize;
-    let (first, last) = ((low / step).ceil(), (high / step).floor());
-    let number = (last - first).clamp(0.0, 4.0 * TICKS) as usize;
-    // adding zero makes a negative zero positive
-    let value = |i: usize| (first + i as f64) * step + 0.0;
-    (0..=number).map(|i| (value(i), format!("{:.places$}", value(i)))).collect()
 }
 
 /// Every second stretch of `length` along a line.
@@ -321,19 +323,6 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_round_and_inside() {
-        let words =
-            |range| ticks(AxisScale::Linear, range).into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(" ");
-        assert_eq!(words([-0.1, 1.05]), "0.0 0.2 0.4 0.6 0.8 1.0");
-        assert_eq!(words([-110.0, 110.0]), "-100 -50 0 50 100");
-        assert_eq!(words([3.0, 3.004]), "3.000 3.001 3.002 3.003 3.004");
-        assert_eq!(words([-4.7e4, 4.8e4]), "-40000 -20000 0 20000 40000");
-        let decades = |range| ticks(AxisScale::Log, range).into_iter().map(|(_, text)| text).collect::<Vec<_>>();
-        assert_eq!(decades([-2.1, 2.1]), ["0.01", "0.1", "1", "10", "100"]);
-        assert_eq!(decades([0.04, 0.12]), ["1.10", "1.15", "1.20", "1.25", "1.30"]);
-    }
-
-    #[test]
     fn dashes_are_every_second_stretch() {
         let line = [[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]];
         let expected = [vec![[0.0, 0.0], [2.0, 0.0]], vec![[3.0, 1.0], [3.0, 3.0]]];
@@ -342,6 +331,30 @@ mod tests {
         assert_eq!(around, [vec![[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]]);
         assert!(dashes(&[], 1.0).is_empty());
         assert!(dashes(&[[0.0, 0.0], [1e9, 0.0]], 1e-3).len() <= MOST_DASHES + 1);
+    }
+
+    #[test]
+    fn names_stand_beside_their_discs_in_their_colours() {
+        let points = [[0.0, 0.0], [f64::NAN, 0.0], [100.0, 100.0]];
+        let texts: Vec<String> = ["penny-1", "lost", "penny-2"].map(str::to_owned).to_vec();
+        let (radii, colors) = (vec![9.5; 3], [[10, 20, 30], [0; 3], [200, 20, 30]].map(chart::Color::Rgb).to_vec());
+        let mark = Mark::Names { texts: texts.clone(), radii: radii.clone(), colors: colors.clone() };
+        let mut map = chart(true, mark, &points);
+        map.x.range = Some([-150.0, 150.0]);
+        map.y.range = map.x.range;
+        let view = ChartView::new(&map);
+        let (words, drawn) = view.names(&points, (&texts, &radii, &colors));
+        assert_eq!(words.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>(), ["penny-1", "penny-2"]);
+        assert_eq!(drawn, [color(colors[0]), color(colors[2])]);
+        let label = LabelSize::of(view.bounds(), names::PANEL);
+        for ([x, hung_y], at) in words.iter().map(|(place, _)| *place).zip([points[0], points[2]]) {
+            let (left, top) = (f64::from(x) - at[0], f64::from(hung_y) + at[1]);
+            let [w, h] = label.half("penny-1");
+            // the label is below the point that it hangs from
+            let y = top + label.hung_from([0.0, 0.0])[1].abs() as f64;
+            let apart = (left.abs() - w).max(0.0).hypot((y.abs() - h).max(0.0));
+            assert!(apart > 9.5 && apart < 25.0, "{apart}: beside the disc, {words:?}");
+        }
     }
 
     #[test]

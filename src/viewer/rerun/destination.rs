@@ -20,24 +20,30 @@ const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
 /// Destination of a recording: a file, and feeds of viewers.
 pub(super) struct Destination {
     out: Option<Box<dyn Write + Send>>,
-    draft: Option<PartialFile>,
+    partial_file: Option<PartialFile>,
     path: PathBuf,
     viewer: Option<Live>,
     feeds: Vec<MessageSink>,
 }
 
 impl Destination {
-    /// Opens a draft of the file at `path`, unless `mode` is off, and the viewer of `mode`, if it has one.
+    /// Opens a partial file of the file at `path`, unless `mode` is off, and the viewer of `mode`, if it has one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();
         let feeds = feed.into_iter().collect();
         if *mode == RerunMode::Off {
-            return Ok(Self { out: None, draft: None, path: path.to_owned(), viewer, feeds });
+            return Ok(Self { out: None, partial_file: None, path: path.to_owned(), viewer, feeds });
         }
-        let (draft, file): (PartialFile, File) = PartialFile::create(path)
+        let (partial_file, file): (PartialFile, File) = PartialFile::create(path)
             .map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self { out: Some(Box::new(file)), path: draft.part().to_owned(), draft: Some(draft), viewer, feeds })
+        Ok(Self {
+            out: Some(Box::new(file)),
+            path: partial_file.part().to_owned(),
+            partial_file: Some(partial_file),
+            viewer,
+            feeds,
+        })
     }
 
     /// Adds `live` as a destination; `layout` gives everything that the layout depends on.
@@ -51,18 +57,24 @@ impl Destination {
         self.out.is_some()
     }
 
-    /// A destination whose file is a draft at `path` behind `wrap`.
+    /// A destination whose file is a partial file at `path` behind `wrap`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
-        let (draft, file) = PartialFile::create(path).unwrap();
-        let path = draft.part().to_owned();
-        Self { out: Some(Box::new(wrap(file))), path, draft: Some(draft), viewer: None, feeds: Vec::new() }
+        let (partial_file, file) = PartialFile::create(path).unwrap();
+        let path = partial_file.part().to_owned();
+        Self {
+            out: Some(Box::new(wrap(file))),
+            path,
+            partial_file: Some(partial_file),
+            viewer: None,
+            feeds: Vec::new(),
+        }
     }
 
     /// Starts the file. Also returns its path for errors and the feeder of the viewer.
-    pub(super) fn start(self, switch: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
-        let Self { out, draft, path, viewer, feeds } = self;
-        match RrdFile::new(out, draft, feeds, switch) {
+    pub(super) fn start(self, handle: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
+        let Self { out, partial_file, path, viewer, feeds } = self;
+        match RrdFile::new(out, partial_file, feeds, handle) {
             Ok(file) => Ok((file, path, viewer)),
             Err(reason) => Err(RecordingError::Write { path, reason }),
         }

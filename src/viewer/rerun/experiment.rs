@@ -9,8 +9,8 @@ use super::blueprint::ViewLayout;
 use super::charts::{self, ChartView};
 use super::file::RrdFile;
 use super::paint::{self, above, thin};
+use super::run_stream::{LogResult, RunStream};
 use super::sink::record;
-use super::tape::{LogResult, RunStream};
 use super::titles;
 use crate::types::ExperimentLook;
 use crate::types::{RecordingError, RecordingStats};
@@ -37,21 +37,21 @@ pub fn record_experiment(
 fn log(file: RrdFile, experiment: &ExperimentLook) -> LogResult {
     let charts: Vec<(String, ChartView)> =
         experiment.charts.iter().map(|chart| (format!("charts/{}", chart.name), ChartView::new(chart))).collect();
-    let tape = RunStream::start(file, experiment.title.clone(), |stream| {
+    let stream = RunStream::start(file, experiment.title.clone(), |stream| {
         let mut layout = ViewLayout::default();
         let page = page(&mut layout, experiment, &charts);
         layout.send(stream, vec![page])
     })?;
     // logged at a time, so that the time panel has its timeline even where nothing moves
     let figures = TextDocument::new(experiment.figures.as_str()).with_media_type(MediaType::markdown());
-    tape.log_columns("figures", [0], figures.columns_of_unit_batches().map_err(|e| e.to_string())?)?;
+    stream.log_columns("figures", [0], figures.columns_of_unit_batches().map_err(|e| e.to_string())?)?;
     for (path, chart) in &charts {
-        chart.log(&tape, path)?;
+        chart.log(&stream, path)?;
     }
     if let Some(motion) = &experiment.motion {
-        log_motion(&tape, motion)?;
+        log_motion(&stream, motion)?;
     }
-    tape.flush()
+    stream.flush()
 }
 
 /// The page: motion and charts above, figures below.
@@ -81,11 +81,11 @@ fn page(layout: &mut ViewLayout, experiment: &ExperimentLook, charts: &[(String,
 }
 
 /// Logs the parts as circles over plate time, their paths and the plate.
-fn log_motion(tape: &RunStream, motion: &Playback) -> LogResult {
+fn log_motion(stream: &RunStream, motion: &Playback) -> LogResult {
     let (h, tracks) = (motion.half_side_m, &motion.tracks);
     let rim = [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]].map(place);
     let plate = LineStrips2D::new([rim]).with_colors([paint::color(paint::FAINT)]).with_radii([thin(1.0)]);
-    tape.log_static("motion/plate", &plate)?;
+    stream.log_static("motion/plate", &plate)?;
     let instants = tracks.iter().map(|track| track.positions_m.len()).fold(motion.t_s.len(), usize::min);
     if tracks.is_empty() || instants == 0 {
         return Ok(());
@@ -94,20 +94,20 @@ fn log_motion(tape: &RunStream, motion: &Playback) -> LogResult {
     let colors: Vec<_> = (0..tracks.len()).map(|i| charts::color(upm_chart::Color::nth(i))).collect();
     let ways = tracks.iter().map(|track| track.positions_m.iter().copied().map(place).collect::<Vec<_>>());
     let ways = LineStrips2D::new(ways).with_colors(colors.clone()).with_radii([thin(0.6)]);
-    tape.log_static("motion/ways", &ways)?;
+    stream.log_static("motion/ways", &ways)?;
     let sizes = tracks.iter().map(|track| [mm_from_m(track.radius_m) as f32; 2]);
     let circles = Ellipses2D::update_fields().with_half_sizes(sizes).with_line_radii([thin(1.5)]);
-    tape.log_static("motion/parts", &circles.with_colors(colors.clone()))?;
+    stream.log_static("motion/parts", &circles.with_colors(colors.clone()))?;
     let names = Points2D::update_fields().with_labels(tracks.iter().map(|track| track.label.as_str()));
     let names = names.with_show_labels(true).with_colors(colors).with_radii([thin(0.1)]);
-    tape.log_static("motion/names", &names)?;
+    stream.log_static("motion/names", &names)?;
 
     let times_ns = || motion.t_s.iter().take(instants).map(|t| (t * 1e9).round() as i64);
     let rows = || (0..instants).map(|_| tracks.len());
     let centers = Ellipses2D::update_fields().with_centers(places(tracks, instants, |_| 0.0));
-    tape.log_columns("motion/parts", times_ns(), centers.columns(rows()).map_err(|e| e.to_string())?)?;
+    stream.log_columns("motion/parts", times_ns(), centers.columns(rows()).map_err(|e| e.to_string())?)?;
     let below = Points2D::update_fields().with_positions(places(tracks, instants, |track| track.radius_m));
-    tape.log_columns("motion/names", times_ns(), below.columns(rows()).map_err(|e| e.to_string())?)
+    stream.log_columns("motion/names", times_ns(), below.columns(rows()).map_err(|e| e.to_string())?)
 }
 
 /// For each instant, a point for each track, `below_m` its centre.

@@ -17,14 +17,14 @@ use periodic_sync::PeriodicSync;
 use upm_recording::RecordingHandle;
 
 /// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
-/// reports it at once on its switch, and returns a result when it is closed. Every message is one write, so a killed
+/// reports it at once on its handle, and returns a result when it is closed. Every message is one write, so a killed
 /// process loses nothing written so far; a power cut loses about the last second.
 #[derive(Clone)]
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 
 struct State {
     encoder: Option<Encoder<CountingWriter>>,
-    draft: Option<PartialFile>,
+    partial_file: Option<PartialFile>,
     /// `Some` while the file is written.
     syncing: Option<PeriodicSync>,
     fault: Option<String>,
@@ -33,24 +33,24 @@ struct State {
 }
 
 impl RrdFile {
-    /// A sink that writes to `out`, unbuffered, and gives `draft` its name when it is closed; every message also goes
-    /// to all `feeds`.
+    /// A sink that writes to `out`, unbuffered, and gives `partial_file` its name when it is closed; every message also
+    /// goes to all `feeds`.
     pub(super) fn new(
         out: Option<Box<dyn Write + Send>>,
-        draft: Option<PartialFile>,
+        partial_file: Option<PartialFile>,
         feeds: Vec<MessageSink>,
-        switch: RecordingHandle,
+        handle: RecordingHandle,
     ) -> Result<Self, String> {
-        let encoder = out.map(|out| encoder(out, &switch)).transpose()?;
+        let encoder = out.map(|out| encoder(out, &handle)).transpose()?;
         // without it the end of the file reaches the disk later
-        let file = draft.as_ref().and_then(|draft| draft.to_sync().ok());
-        let syncing = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), switch.clone()).ok());
-        let state = State { encoder, draft, syncing, fault: None, messages: 0, feeds };
-        Ok(Self(Arc::new(Mutex::new(state)), switch))
+        let file = partial_file.as_ref().and_then(|partial_file| partial_file.to_sync().ok());
+        let syncing = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), handle.clone()).ok());
+        let state = State { encoder, partial_file, syncing, fault: None, messages: 0, feeds };
+        Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
     /// Status of the recording.
-    pub(super) fn switch(&self) -> &RecordingHandle {
+    pub(super) fn handle(&self) -> &RecordingHandle {
         &self.1
     }
 
@@ -72,7 +72,7 @@ impl RrdFile {
         if let Some(mut encoder) = state.encoder.take() {
             let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
             let kept = closed.and_then(|out| {
-                let kept = state.draft.as_ref().map_or(Ok(()), PartialFile::keep);
+                let kept = state.partial_file.as_ref().map_or(Ok(()), PartialFile::keep);
                 drop(out); // locked until it has its name
                 kept.map_err(|e| e.to_string())
             });
@@ -114,7 +114,7 @@ impl LogSink for RrdFile {
     }
 
     fn flush_blocking(&self, _timeout: Duration) -> Result<(), SinkFlushError> {
-        Ok(()) // the switch and `close` report a failure
+        Ok(()) // the handle and `close` report a failure
     }
 
     fn defers_finalization_to_shutdown(&self) -> bool {
@@ -123,23 +123,23 @@ impl LogSink for RrdFile {
 }
 
 /// An encoder that writes messages to `out`, the header first.
-fn encoder(out: Box<dyn Write + Send>, switch: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
-    switch.begin();
-    let out = CountingWriter { out, switch: switch.clone() };
+fn encoder(out: Box<dyn Write + Send>, handle: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
+    handle.begin();
+    let out = CountingWriter { out, handle: handle.clone() };
     let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
-    encoder.map_err(|e| e.to_string()).inspect_err(|fault| switch.fail(fault.as_str()))
+    encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))
 }
 
 /// Counts the bytes that pass through.
 struct CountingWriter {
     out: Box<dyn Write + Send>,
-    switch: RecordingHandle,
+    handle: RecordingHandle,
 }
 
 impl Write for CountingWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes)?;
-        self.switch.add_bytes(written as u64);
+        self.handle.add_bytes(written as u64);
         Ok(written)
     }
 

@@ -128,7 +128,7 @@ struct ServerGeneration {
 /// Layouts that the server has, by their key. It never forgets one, so a layout for each run would fill the memory.
 #[derive(Default)]
 struct Layouts {
-    told: HashMap<String, BlueprintActivationCommand>,
+    announced: HashMap<String, BlueprintActivationCommand>,
     /// Key of the layout that viewers show.
     shown: Option<String>,
 }
@@ -137,14 +137,14 @@ impl ServerGeneration {
     /// Starts a server and waits until it answers; also returns its address.
     fn start(history_bytes: u64) -> io::Result<(Arc<Self>, SocketAddr)> {
         let (queue, messages) = Queue::bounded(VIEWER_QUEUE, OverflowPolicy::GiveUp);
-        let (told, started) = sync_channel(1);
+        let (bound, started) = sync_channel(1);
         thread::Builder::new().name("live".into()).spawn(move || {
             // the server's threads inherit this priority
             lower_thread_priority();
             let sink = sink(history_bytes);
             let address =
                 sink.as_ref().map(|(_, address)| *address).map_err(|fault| io::Error::other(fault.to_string()));
-            told.try_send(address).ok();
+            bound.try_send(address).ok();
             if let Ok((sink, _)) = sink {
                 serve(&sink, &messages);
             }
@@ -205,17 +205,17 @@ impl RunFeed {
     fn offer_layout(&mut self, message: LogMsg) {
         let ServerGeneration { queue, layouts } = &*self.stage;
         let mut layouts = lock(layouts);
-        let told = layouts.told.get(&self.layout).cloned();
-        match (message, told) {
+        let announced = layouts.announced.get(&self.layout).cloned();
+        match (message, announced) {
             (LogMsg::BlueprintActivationCommand(_), Some(_)) if layouts.shown.as_ref() == Some(&self.layout) => {}
-            (LogMsg::BlueprintActivationCommand(_), Some(told)) => {
-                if queue.send(LogMsg::BlueprintActivationCommand(told)).is_ok() {
+            (LogMsg::BlueprintActivationCommand(_), Some(announced)) => {
+                if queue.send(LogMsg::BlueprintActivationCommand(announced)).is_ok() {
                     layouts.shown = Some(self.layout.clone());
                 }
             }
             (LogMsg::BlueprintActivationCommand(last), None) => {
                 if queue.send(LogMsg::BlueprintActivationCommand(last.clone())).is_ok() && self.layout_whole {
-                    layouts.told.insert(self.layout.clone(), last);
+                    layouts.announced.insert(self.layout.clone(), last);
                     layouts.shown = Some(self.layout.clone());
                 }
             }

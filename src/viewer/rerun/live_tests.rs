@@ -6,7 +6,7 @@ use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
-use super::tests::{context, keeping, stores};
+use super::tests::{context, recording_options, stores};
 use super::{LiveServer, RerunSink};
 use crate::{RecordingError, RecordingStats};
 use upm_core::background::OverflowPolicy;
@@ -26,7 +26,7 @@ fn address(server: &LiveServer) -> SocketAddr {
 fn record(server: &LiveServer, mode: &RerunMode, path: &Path, fields: bool) -> Result<RecordingStats, RecordingError> {
     let mut run = SyntheticRun::new(2);
     run.plans_fields = fields;
-    let mut sink = RerunSink::start(mode, path, Some(server), context(&run), &keeping()).unwrap();
+    let mut sink = RerunSink::start(mode, path, Some(server), context(&run), &recording_options()).unwrap();
     run.localise(&mut sink);
     for _ in 0..4 {
         run.cycle(&mut sink);
@@ -152,14 +152,17 @@ fn a_run_without_a_file_is_seen_all_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
     let mut run = SyntheticRun::new(2);
-    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
+    let recording_options = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..recording_options() };
     let path = folder.path().join("run.rrd");
-    let mut sink = RerunSink::start(&RerunMode::Off, &path, Some(&server), context(&run), &keeping).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Off, &path, Some(&server), context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
-    keeping.recording.stop("there is none that could be");
+    recording_options.recording.stop("there is none that could be");
     run.cycle(&mut sink);
     assert_eq!(sink.finish().unwrap(), RecordingStats::default());
-    assert_eq!((keeping.recording.state(), keeping.recording.take_end()), (RecordingState::Off, None));
+    assert_eq!(
+        (recording_options.recording.state(), recording_options.recording.take_end()),
+        (RecordingState::Off, None)
+    );
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     assert!(brings(&mut viewer(&server), "upm"));
 }
@@ -192,7 +195,8 @@ fn a_viewer_that_never_reads_costs_a_run_nothing() {
     thread::sleep(Duration::from_millis(100));
     let clock = MonotonicClock::new();
     let mut run = SyntheticRun::new(8);
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, Some(&server), context(&run), &keeping()).unwrap();
+    let mut sink =
+        RerunSink::start(&RerunMode::Save, &path, Some(&server), context(&run), &recording_options()).unwrap();
     let mut worst = Duration::ZERO;
     while server.lost() == 0 && clock.elapsed() < Duration::from_secs(60) {
         let before = clock.elapsed();

@@ -1,7 +1,7 @@
 use rerun::{TextLog, TextLogLevel};
 
 use super::field::strongest_speed_mps;
-use super::tape::{LogResult, RunStream};
+use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_control::EventLevel;
 use upm_cor_library::Library;
@@ -17,7 +17,7 @@ pub(super) struct LogView {
 }
 
 impl LogView {
-    pub(super) fn localised(&self, tape: &RunStream, found: &LocalisedRecord, context: &RunContext) -> LogResult {
+    pub(super) fn localised(&self, stream: &RunStream, found: &LocalisedRecord, context: &RunContext) -> LogResult {
         let text = format!(
             "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
             found.table.side_px,
@@ -25,13 +25,13 @@ impl LogView {
             found.detections.len(),
             context.parts.len()
         );
-        say(tape, TextLogLevel::INFO, text)
+        say(stream, TextLogLevel::INFO, text)
     }
 
-    pub(super) fn planned(&mut self, tape: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
+    pub(super) fn planned(&mut self, stream: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
         if cycle.wanted.phase != self.phase {
             self.phase.clone_from(&cycle.wanted.phase);
-            say(tape, TextLogLevel::INFO, self.phase.clone())?;
+            say(stream, TextLogLevel::INFO, self.phase.clone())?;
         }
         let (level, plan) = match &cycle.plan.status {
             PlanStatus::Solved => (TextLogLevel::DEBUG, sequence(&cycle.plan.pulses, context)),
@@ -41,26 +41,26 @@ impl LogView {
         };
         let errors = cycle.result_m.iter().zip(&cycle.wanted.subgoals_m).map(|(at, subgoal)| (at - subgoal).norm());
         let worst_mm = mm_from_m(errors.fold(0.0, f64::max));
-        say(tape, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
+        say(stream, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
     }
 
-    pub(super) fn event(&self, tape: &RunStream, event: &EventRecord) -> LogResult {
+    pub(super) fn event(&self, stream: &RunStream, event: &EventRecord) -> LogResult {
         let level = match event.level {
             EventLevel::Info => TextLogLevel::INFO,
             EventLevel::Warning => TextLogLevel::WARN,
             EventLevel::Error => TextLogLevel::ERROR,
         };
-        say(tape, level, event.text.clone())
+        say(stream, level, event.text.clone())
     }
 
     /// Logs a warning at the time of the last fact.
-    pub(super) fn warn(&self, tape: &RunStream, text: String) -> LogResult {
-        say(tape, TextLogLevel::WARN, text)
+    pub(super) fn warn(&self, stream: &RunStream, text: String) -> LogResult {
+        say(stream, TextLogLevel::WARN, text)
     }
 }
 
-fn say(tape: &RunStream, level: &str, text: String) -> LogResult {
-    tape.log("log", &TextLog::new(text).with_level(level))
+fn say(stream: &RunStream, level: &str, text: String) -> LogResult {
+    stream.log("log", &TextLog::new(text).with_level(level))
 }
 
 /// The pulses in playing order, as text.

@@ -1,7 +1,8 @@
 use rerun::{Color, Points2D};
 
 use super::paint::{colors, thin};
-use upm_chart::{LabelPlace, Labelled, place_labels};
+use crate::types::PartLook;
+use upm_chart::{LabelPlace, LabelledDisc, place_labels};
 
 /// Size of a label of the viewer, in points of the screen: width of a letter, space beside the text, height, and the
 /// distance from the point that the label hangs from to its middle.
@@ -13,6 +14,32 @@ const HANGS: f64 = 12.0;
 /// Size of a view on the first page in a window of 1280 by 800 points, in points of the screen.
 pub(super) const PANEL: [f64; 2] = [560.0, 450.0];
 
+/// Size of a label in lengths of a view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LabelSize {
+    /// Lengths of the view that are one point of the screen.
+    unit: f64,
+}
+
+impl LabelSize {
+    /// Size in a view of these bounds on a panel of `panel` points of the screen.
+    pub(super) fn of(bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
+        let unit = [0, 1].map(|axis| (bounds[axis][1] - bounds[axis][0]) / panel[axis]);
+        Self { unit: unit[0].max(unit[1]) }
+    }
+
+    /// Half the width and half the height of `text`.
+    pub(super) fn half(self, text: &str) -> [f64; 2] {
+        let wide = LETTER * text.chars().count() as f64 + BESIDE;
+        [0.5 * wide * self.unit, 0.5 * HEIGHT * self.unit]
+    }
+
+    /// Point that a label with this middle hangs from.
+    pub(super) fn hung_from(self, [x, y]: [f64; 2]) -> [f32; 2] {
+        [x as f32, (y - HANGS * self.unit) as f32]
+    }
+}
+
 /// Number of parts from which names are shortened: `penny-12` to `p12`.
 const MANY: usize = 12;
 
@@ -21,38 +48,50 @@ const MANY: usize = 12;
 pub(super) struct Names {
     texts: Vec<String>,
     colors: Vec<Color>,
-    /// Lengths of the view that are one point of the screen.
-    unit: f64,
+    label: LabelSize,
     /// Bounds of the view, from and to along x and y.
     bounds: [[f64; 2]; 2],
     placed: Vec<LabelPlace>,
 }
 
 impl Names {
-    /// Names in a view of these bounds on a panel of `panel` points of the screen; `ids` are the names of the parts.
-    pub(super) fn new(ids: &[&str], rgb: &[[u8; 3]], bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
-        let unit = [0, 1].map(|axis| (bounds[axis][1] - bounds[axis][0]) / panel[axis]);
-        let texts = if ids.len() < MANY { ids.iter().map(|&id| id.to_owned()).collect() } else { shortened(ids) };
-        Self { texts, colors: colors(rgb), unit: unit[0].max(unit[1]), bounds, placed: Vec::new() }
+    /// Names in a view of these bounds on a panel of `panel` points of the screen. `ids` are the names of the parts,
+    /// `kinds` those of their kinds.
+    pub(super) fn new(
+        (ids, kinds): (&[&str], &[&str]),
+        rgb: &[[u8; 3]],
+        bounds: [[f64; 2]; 2],
+        panel: [f64; 2],
+    ) -> Self {
+        let texts =
+            if ids.len() < MANY { ids.iter().map(|&id| id.to_owned()).collect() } else { shortened(ids, kinds) };
+        Self { texts, colors: colors(rgb), label: LabelSize::of(bounds, panel), bounds, placed: Vec::new() }
+    }
+
+    /// The names of `parts`, as [`Names::new`].
+    pub(super) fn of(parts: &[PartLook], rgb: &[[u8; 3]], bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
+        let (ids, kinds): (Vec<&str>, Vec<&str>) =
+            parts.iter().map(|part| (part.id.as_str(), part.kind.as_str())).unzip();
+        Self::new((&ids, &kinds), rgb, bounds, panel)
     }
 
     /// The names beside discs, each a centre and a radius in the view.
     pub(super) fn beside(&mut self, discs: impl IntoIterator<Item = ([f32; 2], f32)>) -> Points2D {
         let places = self.places(discs);
-        self.looks(Points2D::new(places))
+        self.styled(Points2D::new(places))
     }
 
     /// The names without their places, for a whole recording.
     pub(super) fn without_places(&self) -> Points2D {
-        self.looks(Points2D::update_fields())
+        self.styled(Points2D::update_fields())
     }
 
     /// Height of a label in the view.
     pub(super) fn label_height(&self) -> f64 {
-        HEIGHT * self.unit
+        HEIGHT * self.label.unit
     }
 
-    fn looks(&self, points: Points2D) -> Points2D {
+    fn styled(&self, points: Points2D) -> Points2D {
         points
             .with_labels(self.texts.iter().map(String::as_str))
             .with_show_labels(true)
@@ -62,54 +101,84 @@ impl Names {
 
     /// Points that the names beside discs hang from.
     pub(super) fn places(&mut self, discs: impl IntoIterator<Item = ([f32; 2], f32)>) -> Vec<[f32; 2]> {
-        let half = |text: &String| {
-            let wide = LETTER * text.chars().count() as f64 + BESIDE;
-            [0.5 * wide * self.unit, 0.5 * HEIGHT * self.unit]
-        };
-        let labelled = |(([x, y], radius), text): (([f32; 2], f32), &String)| Labelled {
+        let labelled = |(([x, y], radius), text): (([f32; 2], f32), &String)| LabelledDisc {
             center: [f64::from(x), f64::from(y)],
             radius: f64::from(radius),
-            half: half(text),
+            half: self.label.half(text),
         };
-        let parts: Vec<Labelled> = discs.into_iter().zip(&self.texts).map(labelled).collect();
+        let parts: Vec<LabelledDisc> = discs.into_iter().zip(&self.texts).map(labelled).collect();
         self.placed = place_labels(&parts, self.bounds, &self.placed);
-        let hung = |place: &LabelPlace| {
-            let [x, y] = place.center;
-            [x as f32, (y - HANGS * self.unit) as f32]
-        };
-        self.placed.iter().map(hung).collect()
+        self.placed.iter().map(|place| self.label.hung_from(place.center)).collect()
     }
 }
 
-/// The kind of the part called `id`.
-pub(super) fn kind_of(id: &str) -> &str {
-    id.rsplit_once('-').map_or(id, |(kind, _)| kind)
-}
-
 /// The kind of each id shortened to the letters that tell it from the others: `penny-12` to `p12`, beside `dime-1` and
-/// `dollar-2` to `di1` and `do2`.
-fn shortened(ids: &[&str]) -> Vec<String> {
-    let kinds: Vec<&str> = ids.iter().map(|id| kind_of(id)).collect();
+/// `dollar-2` to `di1` and `do2`. An id keeps its whole text where the short one is the name of another part, or does
+/// not begin with its kind.
+fn shortened(ids: &[&str], kinds: &[&str]) -> Vec<String> {
     let head = |kind: &str, letters: usize| kind.chars().take(letters).collect::<String>();
     let short = |kind: &str| {
-        let longest = kind.chars().count();
         let is_clear = |&letters: &usize| {
             let own = head(kind, letters);
             kinds.iter().all(|&other| other == kind || head(other, letters) != own)
         };
-        (1..=longest).find(is_clear).map_or_else(|| kind.to_owned(), |letters| head(kind, letters))
+        (1..=kind.chars().count()).find(is_clear).map_or_else(|| kind.to_owned(), |letters| head(kind, letters))
     };
-    ids.iter().zip(&kinds).map(|(id, kind)| short(kind) + id[kind.len()..].trim_start_matches('-')).collect()
+    let of_part = |(&id, &kind): (&&str, &&str)| {
+        let number = id.strip_prefix(kind)?;
+        Some(short(kind) + number.trim_start_matches('-'))
+    };
+    let texts: Vec<Option<String>> = ids.iter().zip(kinds).map(of_part).collect();
+    let is_alone = |i: usize, text: &String| {
+        let other = |j: usize| ids[j] != ids[i] && (ids[j] == text || texts[j].as_ref() == Some(text));
+        !(0..ids.len()).any(other)
+    };
+    let kept = texts.iter().enumerate().map(|(i, text)| text.clone().filter(|text| is_alone(i, text)));
+    kept.zip(ids).map(|(text, &id)| text.unwrap_or_else(|| id.to_owned())).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn names_of_many_parts_are_as_short_as_tells_them_apart() {
-        assert_eq!(shortened(&["penny-1", "penny-12"]), ["p1", "p12"]);
-        assert_eq!(shortened(&["dime-1", "dollar-2", "penny-3"]), ["di1", "do2", "p3"]);
-        assert_eq!(shortened(&["nut-1", "nut-m6-2", "ä-1", "ring"]), ["nut1", "nut-2", "ä1", "r"]);
+        assert_eq!(shortened(&["penny-1", "penny-12"], &["penny"; 2]), ["p1", "p12"]);
+        let kinds = ["dime", "dollar", "penny"];
+        assert_eq!(shortened(&["dime-1", "dollar-2", "penny-3"], &kinds), ["di1", "do2", "p3"]);
+        let kinds = ["nut", "nut-m6", "ä", "ring"];
+        assert_eq!(shortened(&["nut-1", "nut-m6-2", "ä-1", "ring"], &kinds), ["nut1", "nut-2", "ä1", "r"]);
+    }
+
+    #[test]
+    fn short_name_that_is_another_part_is_not_used() {
+        let ids = ["nut-1", "nut-2", "nut-m6-2"];
+        assert_eq!(shortened(&ids, &["nut", "nut", "nut-m6"]), ["nut1", "nut2", "nut-m6-2"]);
+        // n1 with the number 1, and n with the number 11
+        let ids = ["n1-1", "n-11"];
+        let texts = shortened(&ids, &["n1", "n"]);
+        assert_eq!(texts.iter().collect::<BTreeSet<_>>().len(), 2, "{texts:?}");
+    }
+
+    proptest! {
+        #[test]
+        fn short_names_are_unique_and_no_other_part_has_one_as_its_id(
+            parts in proptest::collection::btree_set(
+                (proptest::sample::select(vec!["n", "n1", "nut", "nut-m6", "nut-m", "nu", "washer-m6", "washer-m8"]), 1..13u32),
+                1..25,
+            ),
+        ) {
+            let ids: Vec<String> = parts.iter().map(|(kind, number)| format!("{kind}-{number}")).collect();
+            let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+            let kinds: Vec<&str> = parts.iter().map(|(kind, _)| *kind).collect();
+            let texts = shortened(&ids, &kinds);
+            prop_assert_eq!(texts.iter().collect::<BTreeSet<_>>().len(), ids.len(), "{:?}", texts);
+            for (text, own) in texts.iter().zip(&ids) {
+                prop_assert!(ids.iter().all(|id| id == own || id != text), "{own} is shown as {text}");
+            }
+        }
     }
 }

@@ -1,8 +1,8 @@
 use rerun::{BarChart, Scalars, SeriesLines};
 
 use super::paint;
+use super::run_stream::{LogResult, RunStream, nanos};
 use super::samples::Samples;
-use super::tape::{LogResult, RunStream, nanos};
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
@@ -31,50 +31,50 @@ pub(super) struct Plots {
 
 impl Plots {
     /// Logs names and colours of the series.
-    pub(super) fn start(tape: &RunStream, context: &RunContext) -> Result<Self, String> {
+    pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
         let palette = paint::palette(&context.parts);
         for path in BY_PART {
             let names = context.parts.iter().map(|part| part.id.as_str());
             let lines = SeriesLines::new().with_names(names).with_colors(paint::colors(palette.parts()));
-            tape.log_static(path, &lines.with_widths([1.5]))?;
+            stream.log_static(path, &lines.with_widths([1.5]))?;
         }
         for (path, color) in SINGLE.into_iter().zip(paint::series(SINGLE.len())) {
             let name = path.split_once('/').map_or(path, |(_, name)| name).replace('_', " ");
-            tape.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
+            stream.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
         }
         Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m })
     }
 
     /// Logs the distance of measured from true positions.
-    pub(super) fn looks(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
-        let (frames, track_us) = looks.tracked();
+    pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
+        let (frames, track_us) = samples.tracked();
         self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
-        let parts = looks.parts();
-        if parts == 0 || looks.is_empty() || looks.true_m.len() != looks.measured_m.len() {
+        let parts = samples.parts();
+        if parts == 0 || samples.is_empty() || samples.true_m.len() != samples.measured_m.len() {
             return Ok(());
         }
-        let errors = distances_mm(&looks.measured_m, &looks.true_m);
-        let columns = Scalars::new(errors).columns(looks.at.iter().map(|_| parts)).map_err(|e| e.to_string())?;
-        tape.log_columns("errors/sensing_mm", looks.at.iter().copied().map(nanos), columns)
+        let errors = distances_mm(&samples.measured_m, &samples.true_m);
+        let columns = Scalars::new(errors).columns(samples.at.iter().map(|_| parts)).map_err(|e| e.to_string())?;
+        stream.log_columns("errors/sensing_mm", samples.at.iter().copied().map(nanos), columns)
     }
 
     /// Logs the errors at the look that starts a cycle, and its plan.
-    pub(super) fn planned(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
-        log_each(tape, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
-        log_each(tape, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
+    pub(super) fn planned(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+        log_each(stream, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
+        log_each(stream, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
         let pulses = &cycle.plan.pulses;
-        log_each(tape, "plan/pulses", [pulses.len() as f64])?;
+        log_each(stream, "plan/pulses", [pulses.len() as f64])?;
         if let [PlannedPulse::Field(field), ..] = &pulses[..] {
             let speeds = field.wave.harmonics.iter().map(|harmonic| self.speed_mm_s(harmonic));
-            return log_bars(tape, "plan/harmonics_mm_s", speeds.collect());
+            return log_bars(stream, "plan/harmonics_mm_s", speeds.collect());
         }
         let distance_mm = |pulse: &PlannedPulse| match pulse {
             PlannedPulse::Rotation(rotation) => Some(mm_from_m(rotation.distance_m)),
             PlannedPulse::Field(_) => None,
         };
         let distances: Vec<f64> = pulses.iter().filter_map(distance_mm).collect();
-        log_each(tape, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
-        log_bars(tape, "plan/d_mm", distances)
+        log_each(stream, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
+        log_bars(stream, "plan/d_mm", distances)
     }
 
     /// Amplitude of a harmonic's x, y and spin together, spin as the speed half a side from the centre.
@@ -84,26 +84,26 @@ impl Plots {
     }
 
     /// Logs the result of a cycle and its timing.
-    pub(super) fn ended(&mut self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
-        log_each(tape, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
+    pub(super) fn ended(&mut self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+        log_each(stream, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
         if let Some(predicted_m) = cycle.plan.predicted_m.last() {
-            log_each(tape, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;
+            log_each(stream, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;
         }
         let (frames, track_us) = std::mem::take(&mut self.tracked);
-        log_each(tape, "timing/track_us", [track_us / f64::from(frames.max(1))])?;
-        log_each(tape, "timing/plan_us", [cycle.plan_us])?;
-        log_each(tape, "timing/cycle_us", [cycle.cycle_us])
+        log_each(stream, "timing/track_us", [track_us / f64::from(frames.max(1))])?;
+        log_each(stream, "timing/plan_us", [cycle.plan_us])?;
+        log_each(stream, "timing/cycle_us", [cycle.cycle_us])
     }
 }
 
 /// Logs bars numbered from 1.
-fn log_bars(tape: &RunStream, path: &str, heights: Vec<f64>) -> LogResult {
+fn log_bars(stream: &RunStream, path: &str, heights: Vec<f64>) -> LogResult {
     let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
-    tape.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
+    stream.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
 }
 
-fn log_each(tape: &RunStream, path: &str, values: impl IntoIterator<Item = f64>) -> LogResult {
-    tape.log(path, &Scalars::new(values))
+fn log_each(stream: &RunStream, path: &str, values: impl IntoIterator<Item = f64>) -> LogResult {
+    stream.log(path, &Scalars::new(values))
 }
 
 fn distances_mm(a_m: &[Vec2], b_m: &[Vec2]) -> impl Iterator<Item = f64> {

@@ -5,10 +5,10 @@ use super::camera::CameraView;
 use super::file::RrdFile;
 use super::log_view::LogView;
 use super::plots::Plots;
+use super::run_stream::{LogResult, RunStream};
 use super::samples::Samples;
 use super::signals::Signals;
 use super::table::TableView;
-use super::tape::{LogResult, RunStream};
 use super::vision;
 use crate::types::RunContext;
 use upm_control::Milestone;
@@ -20,7 +20,7 @@ use upm_recording::RecordingReport;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
-/// one series is sent because it is large, all others wait for another [`GATHER`](super::tape::GATHER), and so on
+/// one series is sent because it is large, all others wait for another [`GATHER`](super::run_stream::GATHER), and so on
 /// without end. With a run that waits for its recorder, the recorder waits for each flush, so that no data pile up on
 /// the way; with any other run, Rerun holds the data that a hanging disk does not take.
 const FLUSH: Duration = Duration::from_millis(200);
@@ -31,7 +31,7 @@ const LISTEN: Duration = Duration::from_millis(50);
 /// A message from the control loop's thread.
 pub(super) enum Message {
     Localised(Box<LocalisedRecord>),
-    Looks(Samples),
+    Samples(Samples),
     Picture { frame: Frame, tracks: Vec<Track> },
     Pulse(Box<PulseRecord>),
     Cycle(Box<CycleRecord>),
@@ -51,13 +51,13 @@ pub(super) struct RecorderInput {
 
 /// The state of the thread that turns facts into log entries.
 pub(super) struct Recorder {
-    tape: RunStream,
+    stream: RunStream,
     cycle: u64,
     camera: CameraView,
     table: TableView,
     signals: Signals,
     plots: Plots,
-    words: LogView,
+    log_view: LogView,
     context: RunContext,
     /// True when the early end of the recording was logged.
     end_told: bool,
@@ -67,26 +67,36 @@ impl Recorder {
     /// Opens the stream into `file` and logs the static data.
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
         let name = format!("{}, seed {}", context.name, context.seed);
-        let tape = RunStream::start(file, name, |stream| blueprint::send(stream, &context))?;
+        let stream = RunStream::start(file, name, |stream| blueprint::send(stream, &context))?;
         let camera = CameraView::new(&context);
-        let table = TableView::start(&tape, &context)?;
-        let signals = Signals::start(&tape)?;
-        let plots = Plots::start(&tape, &context)?;
-        Ok(Self { tape, cycle: 0, camera, table, signals, plots, words: LogView::default(), context, end_told: false })
+        let table = TableView::start(&stream, &context)?;
+        let signals = Signals::start(&stream)?;
+        let plots = Plots::start(&stream, &context)?;
+        Ok(Self {
+            stream,
+            cycle: 0,
+            camera,
+            table,
+            signals,
+            plots,
+            log_view: LogView::default(),
+            context,
+            end_told: false,
+        })
     }
 
     /// Logs every message until the sender is gone, or until the recording is stopped and no viewer is connected. After
     /// a fault the remaining messages are discarded, so that the sender never blocks.
-    pub(super) fn run(mut self, desk: &RecorderInput) -> LogResult {
-        let RecorderInput { messages, clock, file, .. } = desk;
+    pub(super) fn run(mut self, input: &RecorderInput) -> LogResult {
+        let RecorderInput { messages, clock, file, .. } = input;
         let mut recorded = Ok(());
         let mut sent_on_at = clock.elapsed();
         let mut stopped = false;
         loop {
             match messages.recv_timeout(LISTEN) {
                 Ok(message) if recorded.is_ok() => {
-                    let fail = |fault: &String| file.switch().fail(fault.as_str());
-                    recorded = self.record(message, &desk.pixels_back).inspect_err(fail);
+                    let fail = |fault: &String| file.handle().fail(fault.as_str());
+                    recorded = self.record(message, &input.pixels_back).inspect_err(fail);
                 }
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
@@ -94,22 +104,22 @@ impl Recorder {
             let now = clock.elapsed();
             if now.saturating_sub(sent_on_at) >= FLUSH {
                 sent_on_at = now;
-                let send = if desk.run_waits { RunStream::flush } else { RunStream::send_on };
-                recorded = recorded.and_then(|()| send(&self.tape));
+                let send = if input.run_waits { RunStream::flush } else { RunStream::send_on };
+                recorded = recorded.and_then(|()| send(&self.stream));
             }
-            if let (Some(reason), false) = (file.switch().stop_request(), stopped) {
+            if let (Some(reason), false) = (file.handle().stop_request(), stopped) {
                 stopped = true;
                 recorded = recorded.and_then(|()| self.write_final_event(RecordingReport::stopped(reason).text));
-                file.close().ok(); // the switch reports a failure
+                file.close().ok(); // the handle reports a failure
             }
             if stopped && !file.has_viewer() {
                 break;
             }
         }
-        if let Some(end) = file.switch().ended_early() {
+        if let Some(end) = file.handle().ended_early() {
             recorded = recorded.and_then(|()| self.write_final_event(end.text));
         }
-        let flushed = self.tape.flush();
+        let flushed = self.stream.flush();
         recorded.and(flushed)
     }
 
@@ -117,44 +127,45 @@ impl Recorder {
     fn write_final_event(&mut self, text: String) -> LogResult {
         if !self.end_told {
             self.end_told = true;
-            self.words.warn(&self.tape, text)?;
+            self.log_view.warn(&self.stream, text)?;
         }
-        self.tape.flush()
+        self.stream.flush()
     }
 
     fn record(&mut self, message: Message, pixels_back: &Queue<Vec<u8>>) -> LogResult {
         match message {
             Message::Localised(found) => {
-                self.tape.at(found.frame.exposed_at, self.cycle);
-                let names: Vec<&str> = self.context.parts.iter().map(|part| part.id.as_str()).collect();
-                vision::log(&self.tape, &found, &names)?;
-                self.words.localised(&self.tape, &found, &self.context)?;
-                self.camera.localised(&self.tape, found.table, &self.context)
+                self.stream.at(found.frame.exposed_at, self.cycle);
+                let parts = self.context.parts.iter().map(|part| (part.id.as_str(), part.kind.as_str()));
+                let (names, kinds): (Vec<&str>, Vec<&str>) = parts.unzip();
+                vision::log(&self.stream, &found, (&names, &kinds))?;
+                self.log_view.localised(&self.stream, &found, &self.context)?;
+                self.camera.localised(&self.stream, found.table, &self.context)
             }
-            Message::Looks(looks) => {
-                self.camera.looks(&looks);
-                self.table.looks(&self.tape, &looks)?;
-                self.plots.looks(&self.tape, &looks)
+            Message::Samples(samples) => {
+                self.camera.samples(&samples);
+                self.table.samples(&self.stream, &samples)?;
+                self.plots.samples(&self.stream, &samples)
             }
             Message::Picture { frame, tracks } => {
-                self.tape.at(frame.exposed_at, self.cycle);
-                let logged = self.camera.picture(&self.tape, &frame, &tracks);
+                self.stream.at(frame.exposed_at, self.cycle);
+                let logged = self.camera.picture(&self.stream, &frame, &tracks);
                 pixels_back.send(frame.pixels).ok();
                 logged?;
-                self.table.trails(&self.tape)
+                self.table.trails(&self.stream)
             }
             Message::Pulse(pulse) => {
-                self.table.pulse(&self.tape, &pulse)?;
-                self.signals.pulse(&self.tape, &pulse)
+                self.table.pulse(&self.stream, &pulse)?;
+                self.signals.pulse(&self.stream, &pulse)
             }
             Message::Cycle(cycle) => {
-                self.tape.at(cycle.observed_at, cycle.index);
-                self.camera.wanted(&self.tape, &cycle)?;
-                self.table.cycle(&self.tape, &cycle, &self.context)?;
-                self.plots.planned(&self.tape, &cycle)?;
-                self.words.planned(&self.tape, &cycle, &self.context)?;
-                self.tape.at(cycle.ended_at, cycle.index);
-                self.plots.ended(&self.tape, &cycle)?;
+                self.stream.at(cycle.observed_at, cycle.index);
+                self.camera.wanted(&self.stream, &cycle)?;
+                self.table.cycle(&self.stream, &cycle, &self.context)?;
+                self.plots.planned(&self.stream, &cycle)?;
+                self.log_view.planned(&self.stream, &cycle, &self.context)?;
+                self.stream.at(cycle.ended_at, cycle.index);
+                self.plots.ended(&self.stream, &cycle)?;
                 self.cycle = cycle.index + 1;
                 Ok(())
             }
@@ -165,8 +176,8 @@ impl Recorder {
                 }
             }
             Message::Event(event) => {
-                self.tape.at(event.at, self.cycle);
-                self.words.event(&self.tape, &event)
+                self.stream.at(event.at, self.cycle);
+                self.log_view.event(&self.stream, &event)
             }
         }
     }

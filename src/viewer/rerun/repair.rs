@@ -26,24 +26,24 @@ pub fn repair_recording(part: &Path, out: &Path) -> Result<Repaired, RecordingEr
 }
 
 fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
-    let file = open_regular(part, OpenOptions::new().read(true)).map_err(words)?;
-    lock(&file).map_err(words)?;
+    let file = open_regular(part, OpenOptions::new().read(true)).map_err(message_of)?;
+    lock(&file).map_err(message_of)?;
     let mut frames = Frames::new(file)?;
-    if let Some(messages) = frames.whole().map_err(words)? {
-        keep(part, out).map_err(words)?;
+    if let Some(messages) = frames.whole().map_err(message_of)? {
+        keep(part, out).map_err(message_of)?;
         return Ok(Repaired { messages, cut_bytes: 0, was_whole: true });
     }
-    frames.rewind().map_err(words)?;
-    let (draft, copy) = PartialFile::create_as("repair", out).map_err(words)?;
+    frames.rewind().map_err(message_of)?;
+    let (partial_file, copy) = PartialFile::create_as("repair", out).map_err(message_of)?;
     let messages = frames.copy_into(copy).inspect_err(|_| {
-        fs::remove_file(draft.part()).ok(); // a full disk needs the room
+        fs::remove_file(partial_file.part()).ok(); // a full disk needs the room
     })?;
     // moved to the place of the broken one first, so that two of them never exist side by side
-    keep(draft.part(), part).and_then(|()| keep(part, out)).map_err(words)?;
+    keep(partial_file.part(), part).and_then(|()| keep(part, out)).map_err(message_of)?;
     Ok(Repaired { messages, cut_bytes: frames.size - frames.at, was_whole: false })
 }
 
-fn words(fault: impl std::fmt::Display) -> String {
+fn message_of(fault: impl std::fmt::Display) -> String {
     fault.to_string()
 }
 
@@ -65,9 +65,9 @@ const FOOTER_BYTES: usize = StreamFooter::ENCODED_SIZE_BYTES;
 
 impl Frames {
     fn new(file: File) -> Result<Self, String> {
-        let size = file.metadata().map_err(words)?.len();
+        let size = file.metadata().map_err(message_of)?.len();
         let mut frames = Self { file: BufReader::new(file), size, at: 0, head: Vec::new(), frame: Vec::new() };
-        frames.rewind().map_err(words)?;
+        frames.rewind().map_err(message_of)?;
         Ok(frames)
     }
 
@@ -130,18 +130,18 @@ impl Frames {
     /// after the last message copied. Returns the number of messages.
     fn copy_into(&mut self, out: File) -> Result<u64, String> {
         let mut encoder =
-            Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out).map_err(words)?;
+            Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out).map_err(message_of)?;
         let mut unpacker = Unpacker::new(self.head.clone());
         let (mut messages, mut copied_to) = (0, self.at);
-        while let Some(kind) = self.next().map_err(words)? {
+        while let Some(kind) = self.next().map_err(message_of)? {
             let message = if kind == MessageKind::End { None } else { unpacker.unpack(&self.frame) };
             let Some(message) = message else { break };
-            encoder.append(&message).map_err(words)?;
+            encoder.append(&message).map_err(message_of)?;
             messages += 1;
             copied_to = self.at;
         }
         self.at = copied_to;
-        encoder.finish().and_then(|()| encoder.into_inner()).map_err(words)?;
+        encoder.finish().and_then(|()| encoder.into_inner()).map_err(message_of)?;
         Ok(messages)
     }
 }

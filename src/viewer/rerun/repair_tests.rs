@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rerun::external::re_log_encoding::{Decodable, DecoderApp, MessageHeader, MessageKind, StreamHeader};
 use rerun::log::LogMsg;
 
-use super::tests::{context, keeping, stores};
+use super::tests::{context, recording_options, stores};
 use super::{RerunSink, repair_recording};
 use crate::{RecordingError, Repaired};
 use upm_fixtures::synthetic_run::SyntheticRun;
@@ -20,7 +20,7 @@ fn recording() -> &'static (Vec<u8>, Vec<usize>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.rrd");
         let mut run = SyntheticRun::new(2);
-        let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+        let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
         (0..2).for_each(|_| run.cycle(&mut sink));
         sink.finish().unwrap();
         let bytes = fs::read(path).unwrap();
@@ -110,7 +110,7 @@ fn what_is_no_recording_or_still_written_stays_as_it_is() {
     assert!(!path.exists() && folder.path().join("run.rrd.part").exists());
 
     let mut run = SyntheticRun::new(2);
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     run.cycle(&mut sink);
     let refused = repair_recording(&folder.path().join("run.rrd.part"), &path).unwrap_err();
     assert!(refused.to_string().ends_with("somebody else is writing it"), "{refused}");

@@ -3,7 +3,7 @@ use upm_core::ground_truth::GroundTruth;
 use upm_core::time::PlateTime;
 use upm_perception::vision::Track;
 
-/// Consecutive looks, thinned out. Every list but `at` has `parts` values per look.
+/// Consecutive observations, thinned out. Every list but `at` has `parts` values per observation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Samples {
     parts: usize,

@@ -1,7 +1,7 @@
 use rerun::{Scalars, SeriesLines, SeriesPoints};
 
 use super::paint;
-use super::tape::{LogResult, RunStream, nanos};
+use super::run_stream::{LogResult, RunStream, nanos};
 use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
 use upm_recording::PulseRecord;
@@ -23,32 +23,32 @@ pub(super) struct Signals;
 
 impl Signals {
     /// Logs names and colours of the series.
-    pub(super) fn start(tape: &RunStream) -> Result<Self, String> {
+    pub(super) fn start(stream: &RunStream) -> Result<Self, String> {
         let names = ["X1", "X2", "Y1", "Y2"];
         let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
-        tape.log_static("motors", &lines)?;
+        stream.log_static("motors", &lines)?;
         for entity in ACCELEROMETERS {
             let dots = SeriesPoints::new()
                 .with_names(["x measured", "y measured"])
                 .with_colors(paint::series(2))
                 .with_marker_sizes([2.0]);
-            tape.log_static(&format!("{entity}/measured"), &dots)?;
+            stream.log_static(&format!("{entity}/measured"), &dots)?;
             let lines = SeriesLines::new().with_names(["x fitted", "y fitted"]).with_widths([1.0]);
-            tape.log_static(&format!("{entity}/fitted"), &lines.with_colors(paint::series(2)))?;
+            stream.log_static(&format!("{entity}/fitted"), &lines.with_colors(paint::series(2)))?;
         }
         Ok(Self)
     }
 
-    pub(super) fn pulse(&self, tape: &RunStream, pulse: &PulseRecord) -> LogResult {
+    pub(super) fn pulse(&self, stream: &RunStream, pulse: &PulseRecord) -> LogResult {
         let start_ns = nanos(pulse.started_at);
         let (times_s, counts) = motor_samples(&pulse.drive);
-        log_scalars(tape, "motors", start_ns, &times_s, counts, MOTORS)?;
+        log_scalars(stream, "motors", start_ns, &times_s, counts, MOTORS)?;
         let window = trace_window(&pulse.drive, &pulse.trace);
         let mut times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
         let measured = |channel| window.iter().map(move |&i| measured_mps2(&pulse.trace, channel, i));
         for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
             let values = interleaved(channels.map(|channel| measured(channel).collect()));
-            log_scalars(tape, &format!("{entity}/measured"), start_ns, &times_s, values, 2)?;
+            log_scalars(stream, &format!("{entity}/measured"), start_ns, &times_s, values, 2)?;
         }
         let Ok(fit) = &pulse.fit else { return Ok(()) };
         // a last sample that is not a number ends the line, so that it is not connected to the next pulse
@@ -58,7 +58,7 @@ impl Signals {
                 |channel| times_s.iter().map(move |&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
             let values = interleaved(channels.map(fitted));
             times_s.push(end_s);
-            log_scalars(tape, &format!("{entity}/fitted"), start_ns, &times_s, values, 2)?;
+            log_scalars(stream, &format!("{entity}/fitted"), start_ns, &times_s, values, 2)?;
             times_s.pop();
         }
         Ok(())
@@ -66,7 +66,7 @@ impl Signals {
 }
 
 fn log_scalars(
-    tape: &RunStream,
+    stream: &RunStream,
     path: &str,
     start_ns: i64,
     times_s: &[f64],
@@ -78,7 +78,7 @@ fn log_scalars(
     }
     let rows = times_s.iter().map(|_| series);
     let columns = Scalars::new(values).columns(rows).map_err(|e| format!("{path}: {e}"))?;
-    tape.log_columns(path, times_s.iter().map(|t| start_ns + (t * 1e9).round() as i64), columns)
+    stream.log_columns(path, times_s.iter().map(|t| start_ns + (t * 1e9).round() as i64), columns)
 }
 
 fn interleaved(pair: [Vec<f64>; 2]) -> impl Iterator<Item = f64> {

@@ -9,8 +9,8 @@ use super::file::RrdFile;
 use super::live::Live;
 use super::live_server::LiveServer;
 use super::recorder::{Message, Recorder, RecorderInput};
+use super::run_stream::LogResult;
 use super::samples::Samples;
-use super::tape::LogResult;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, Unsent};
@@ -34,10 +34,10 @@ const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Number of looks kept for trails per second of plate time.
+/// Number of samples kept for trails per second of plate time.
 const LOOKS_HZ: f64 = 15.0;
 
-/// Longest time for which looks are gathered, s of plate time.
+/// Longest time for which samples are gathered, s of plate time.
 const GATHER_S: f64 = 0.2;
 
 /// A sink that streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] reports
@@ -55,10 +55,10 @@ struct Running {
     stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
     recorder: BackgroundThread<Closed>,
-    switch: RecordingHandle,
+    handle: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
-    looks: Samples,
+    samples: Samples,
     last_look: Option<PlateTime>,
 }
 
@@ -78,35 +78,35 @@ impl RerunSink {
         path: &Path,
         live: Option<&LiveServer>,
         context: RunContext,
-        keeping: &RecordingOptions,
+        recording_options: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
         if *mode == RerunMode::Off && live.is_none() {
             return Ok(Self(None));
         }
         let to = Destination::open(mode, path)?.and_live(live, || blueprint::key(&context));
-        Self::into_destination(to, context, keeping)
+        Self::into_destination(to, context, recording_options)
     }
 
     /// Starts recording into `to`.
     pub(super) fn into_destination(
         to: Destination,
         context: RunContext,
-        keeping: &RecordingOptions,
+        recording_options: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
-        let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *keeping;
+        let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *recording_options;
         let run_waits = overflow != OverflowPolicy::GiveUp;
         // without a file there is no recording that could fail or be stopped
         let is_kept = to.has_file();
-        let switch = if is_kept { keeping.recording.clone() } else { RecordingHandle::default() };
-        let (file, path, live) = to.start(switch.clone())?;
+        let handle = if is_kept { recording_options.recording.clone() } else { RecordingHandle::default() };
+        let (file, path, live) = to.start(handle.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
         let truth = context.truth.clone();
-        let looks = Samples::new(context.parts.len());
-        let desk = RecorderInput { messages, pixels_back, clock, file, run_waits };
+        let samples = Samples::new(context.parts.len());
+        let input = RecorderInput { messages, pixels_back, clock, file, run_waits };
         let record = move || {
-            let recorded = Recorder::start(desk.file.clone(), context).and_then(|recorder| recorder.run(&desk));
-            close(&desk.file, recorded)
+            let recorded = Recorder::start(input.file.clone(), context).and_then(|recorder| recorder.run(&input));
+            close(&input.file, recorded)
         };
         let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
         let running = Running {
@@ -114,13 +114,13 @@ impl RerunSink {
             is_kept,
             queue: Some(queue),
             overflow,
-            stop: Arc::clone(&keeping.stop),
+            stop: Arc::clone(&recording_options.stop),
             spare_pixels,
             recorder,
-            switch,
+            handle,
             live,
             truth,
-            looks,
+            samples,
             last_look: None,
         };
         Ok(Self(Some(running)))
@@ -157,10 +157,10 @@ impl Running {
                 NoResult::Hangs => "the disk hangs",
                 NoResult::Died => "the recorder's thread died",
             };
-            self.switch.fail(reason);
+            self.handle.fail(reason);
             Err(reason.to_owned())
         });
-        let lagged = match self.switch.state() {
+        let lagged = match self.handle.state() {
             RecordingState::Failed(reason) => Err(reason),
             _ => Ok(()),
         };
@@ -183,7 +183,7 @@ impl Running {
                 _ => Duration::ZERO,
             };
             if waited >= most {
-                self.switch.fail("the recorder lags");
+                self.handle.fail("the recorder lags");
                 self.queue = None;
                 return;
             }
@@ -194,23 +194,23 @@ impl Running {
     }
 
     fn send_looks(&mut self) {
-        if !self.looks.is_empty() {
-            let next = Samples::new(self.looks.parts());
-            let looks = std::mem::replace(&mut self.looks, next);
-            self.send(Message::Looks(looks));
+        if !self.samples.is_empty() {
+            let next = Samples::new(self.samples.parts());
+            let samples = std::mem::replace(&mut self.samples, next);
+            self.send(Message::Samples(samples));
         }
     }
 
     fn look(&mut self, facts: &FrameFacts<'_>) {
         let at = facts.frame.exposed_at;
-        self.looks.tracked_in(facts.track_us);
+        self.samples.tracked_in(facts.track_us);
         let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / LOOKS_HZ);
         if due || facts.starts_cycle {
             self.last_look = Some(at);
             let truth = self.truth.as_ref().map(GroundTruthHandle::read);
-            self.looks.push(at, facts.tracks, truth.as_ref());
+            self.samples.push(at, facts.tracks, truth.as_ref());
         }
-        let oldest = self.looks.at.first();
+        let oldest = self.samples.at.first();
         if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
             self.send_looks();
         }
@@ -284,7 +284,7 @@ type Closed = Result<(u64, u64), String>;
 /// Closes `file` in any case and disconnects its viewer. `Err` with the first fault of writing it or of `recorded`.
 fn close(file: &RrdFile, recorded: LogResult) -> Closed {
     if let Err(fault) = &recorded {
-        file.switch().fail(fault.as_str());
+        file.handle().fail(fault.as_str());
     }
     let closed = file.close();
     file.disconnect();

@@ -14,8 +14,8 @@ use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
 use super::destination::Destination;
-use super::tape::PLATE_TIME;
-use super::tests::{context, keeping, stores};
+use super::run_stream::PLATE_TIME;
+use super::tests::{context, recording_options, stores};
 use crate::RecordingError;
 use upm_control::{EventLevel, Sink};
 use upm_core::background::OverflowPolicy;
@@ -69,7 +69,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     let (_folder, path, part) = places();
     let mut run = SyntheticRun::new(2);
     run.snow();
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.look(&mut sink, false, true);
@@ -84,7 +84,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
 fn looks_do_not_wait_for_the_end_of_a_long_cycle() {
     let (_folder, path, part) = places();
     let mut run = SyntheticRun::new(2);
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     let age_s = age_in_file_s(&part, &["/errors/sensing_mm", "/table/measured"], || {
         run.look(&mut sink, true, false);
         run.now().secs()
@@ -96,60 +96,63 @@ fn looks_do_not_wait_for_the_end_of_a_long_cycle() {
 #[test]
 fn a_recording_has_its_name_only_once_it_is_closed() {
     let (_folder, path, part) = places();
-    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping).unwrap();
+    let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
     assert!(part.exists() && !path.exists());
-    assert!(matches!(keeping.recording.state(), RecordingState::Writing { bytes } if bytes > 0));
+    assert!(matches!(recording_options.recording.state(), RecordingState::Writing { bytes } if bytes > 0));
     let stats = sink.finish().unwrap();
     assert!(path.exists() && !part.exists());
     assert_eq!(path.metadata().unwrap().len(), stats.file_bytes);
-    assert_eq!((keeping.recording.state(), keeping.recording.take_end()), (RecordingState::Whole, None));
+    assert_eq!(
+        (recording_options.recording.state(), recording_options.recording.take_end()),
+        (RecordingState::Whole, None)
+    );
 }
 
 /// Plays cycles until `done`, and reports the recording as a run does.
 fn cycles_until(
     run: &mut SyntheticRun,
     sink: &mut RerunSink,
-    keeping: &RecordingOptions,
+    recording_options: &RecordingOptions,
     done: RecordingState,
 ) -> MemorySink {
     let mut seen = MemorySink::default();
-    let mut tell = |sinks: &mut dyn Sink, at| report_recording_end(&keeping.recording, sinks, at);
+    let mut tell = |sinks: &mut dyn Sink, at| report_recording_end(&recording_options.recording, sinks, at);
     let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut tell);
     for _ in 0..400 {
         run.cycle(&mut sinks);
-        if keeping.recording.state() == done {
+        if recording_options.recording.state() == done {
             run.cycle(&mut sinks);
             break;
         }
     }
-    assert_eq!(keeping.recording.state(), done);
+    assert_eq!(recording_options.recording.state(), done);
     seen
 }
 
 #[test]
 fn a_stopped_recording_is_whole_while_the_run_goes_on() {
     let (_folder, path, part) = places();
-    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &keeping).unwrap();
+    let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
-    keeping.recording.stop("the disk is nearly full");
+    recording_options.recording.stop("the disk is nearly full");
     let stopped = RecordingState::Stopped("the disk is nearly full".into());
-    let seen = cycles_until(&mut run, &mut sink, &keeping, stopped.clone());
+    let seen = cycles_until(&mut run, &mut sink, &recording_options, stopped.clone());
     assert!(path.exists() && !part.exists(), "before the run is over");
     assert_eq!(seen.events.len(), 1);
     assert_eq!(seen.events[0].text, "the recording ends early: stopped, the disk is nearly full");
     let bytes = path.metadata().unwrap().len();
     assert_eq!(sink.finish().unwrap().file_bytes, bytes);
-    assert_eq!((path.metadata().unwrap().len(), keeping.recording.state()), (bytes, stopped));
+    assert_eq!((path.metadata().unwrap().len(), recording_options.recording.state()), (bytes, stopped));
     let (recording, _) = stores(&path);
     let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
     assert!(logged.contains("stopped, the disk is nearly full"), "the recording says why it ends");
 }
 
 #[test]
-fn a_write_that_fails_is_told_at_once_and_the_draft_stays() {
+fn a_write_that_fails_is_told_at_once_and_the_partial_file_stays() {
     struct Full(File, usize);
     impl Write for Full {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -165,15 +168,15 @@ fn a_write_that_fails_is_told_at_once_and_the_draft_stays() {
         }
     }
     let (_folder, path, part) = places();
-    let (mut run, keeping) = (SyntheticRun::new(2), keeping());
+    let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
     let to = Destination::wrapped(&path, |file| Full(file, 200_000));
-    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
     let failed = RecordingState::Failed("Failed to write: no storage space".into());
-    let seen = cycles_until(&mut run, &mut sink, &keeping, failed.clone());
-    let told: Vec<_> = seen.events.iter().map(|event| (event.level, event.text.as_str())).collect();
-    assert_eq!(told, [(EventLevel::Warning, "the recording ends early: Failed to write: no storage space")]);
+    let seen = cycles_until(&mut run, &mut sink, &recording_options, failed.clone());
+    let events: Vec<_> = seen.events.iter().map(|event| (event.level, event.text.as_str())).collect();
+    assert_eq!(events, [(EventLevel::Warning, "the recording ends early: Failed to write: no storage space")]);
     assert!(matches!(sink.finish(), Err(RecordingError::Write { path, .. }) if path == part));
-    assert_eq!(keeping.recording.state(), failed);
+    assert_eq!(recording_options.recording.state(), failed);
     assert!(!path.exists());
     assert_eq!(part.metadata().unwrap().len(), 200_000, "no footer behind half a message");
 }
@@ -196,13 +199,14 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);
-    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::WaitAtMost(most), ..keeping() };
+    let recording_options =
+        RecordingOptions { recording_overflow: OverflowPolicy::WaitAtMost(most), ..recording_options() };
     let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
-    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();
     let stopper = thread::spawn({
-        let stop = Arc::clone(&keeping.stop);
+        let stop = Arc::clone(&recording_options.stop);
         // usually in the middle of the wait
         move || {
             thread::sleep(Duration::from_millis(300));
@@ -212,9 +216,9 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     let lagging = RecordingState::Failed("the recorder lags".into());
     let ended = (1..=5000).any(|_| {
         run.look(&mut sink, false, true);
-        keeping.recording.state() == lagging
+        recording_options.recording.state() == lagging
     });
-    assert!(ended && stopper.join().is_ok(), "{:?}", keeping.recording.state());
+    assert!(ended && stopper.join().is_ok(), "{:?}", recording_options.recording.state());
     drop(hanging);
     assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
 }
@@ -223,20 +227,20 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
-    let keeping = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..keeping() };
+    let recording_options = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..recording_options() };
     let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
-    let mut sink = RerunSink::into_destination(to, context(&run), &keeping).unwrap();
+    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();
     let lagging = RecordingState::Failed("the recorder lags".into());
     let frames = (1..=5000).find(|_| {
         run.look(&mut sink, false, true);
-        keeping.recording.state() == lagging
+        recording_options.recording.state() == lagging
     });
-    assert!(frames.is_some(), "{:?}", keeping.recording.state());
+    assert!(frames.is_some(), "{:?}", recording_options.recording.state());
     drop(hanging);
     assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
-    assert_eq!(keeping.recording.state(), lagging);
+    assert_eq!(recording_options.recording.state(), lagging);
     let (recording, _) = stores(&path);
     let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
     assert!(logged.contains("the recorder lags"), "what was taken is there, and why no more");

@@ -3,9 +3,9 @@ use rerun::{Arrows2D, Color, Ellipses2D, Points2D};
 use super::field::{mean_direction, over_a_period};
 use super::names::{self, Names};
 use super::paint::{self, above, thin};
+use super::run_stream::{LogResult, RunStream, nanos};
 use super::samples::Samples;
-use super::tape::{LogResult, RunStream, nanos};
-use super::task::View;
+use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_cor_library::Library;
@@ -41,30 +41,30 @@ pub(super) struct TableView {
 
 impl TableView {
     /// Logs the static data: the plate, the library's centres of rotation, sizes and colours of the parts.
-    pub(super) fn start(tape: &RunStream, context: &RunContext) -> Result<Self, String> {
+    pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
         let half_side_m = context.model.plate_side_m / 2.0;
         let h = half_side_m;
         let rim = [(-h, -h), (h, -h), (h, h), (-h, h), (-h, -h)].map(|(x, y)| above(Vec2::new(x, y)));
-        tape.log_static("table/outline", &paint::lines([rim], (210, 210, 220), 1.0))?;
+        stream.log_static("table/outline", &paint::lines([rim], (210, 210, 220), 1.0))?;
         let window_m = WINDOW * half_side_m;
         let centers = context.library.entries.iter().filter_map(|entry| place_of(&entry.pump, window_m)).map(above);
-        tape.log_static("table/library", &paint::dots(centers, paint::FAINT, 1.5))?;
+        stream.log_static("table/library", &paint::dots(centers, paint::FAINT, 1.5))?;
         let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
         let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
         let palette = paint::palette(&context.parts);
         let colors = paint::colors(palette.parts());
-        tape.log_static("table/measured", &measured.with_colors(colors.clone()))?;
+        stream.log_static("table/measured", &measured.with_colors(colors.clone()))?;
         // thinner than the line of the measured one, so that both are visible where they agree
         let truth =
             Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(0.6)]).with_draw_order(50.0);
         if context.truth.is_some() {
-            tape.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE_PART)]))?;
+            stream.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE_PART)]))?;
         }
         let trails = Trails::new(context.parts.len(), 1.5e-3);
-        let ids: Vec<&str> = context.parts.iter().map(|part| part.id.as_str()).collect();
-        let names = Names::new(&ids, palette.parts(), [reach_mm(context); 2], names::PANEL);
-        View { root: "table", is_static: true, place: above, label: names.label_height() }.log(tape, context)?;
-        tape.log_static("table/names", &names.without_places())?;
+        let names = Names::of(&context.parts, palette.parts(), [reach_mm(context); 2], names::PANEL);
+        TaskOverlay { root: "table", is_static: true, place: above, label: names.label_height() }
+            .log(stream, context)?;
+        stream.log_static("table/names", &names.without_places())?;
         let radii_mm = context.parts.iter().map(|part| mm_from_m(part.radius_m) as f32).collect();
         Ok(Self {
             half_side_m,
@@ -77,74 +77,75 @@ impl TableView {
         })
     }
 
-    pub(super) fn looks(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
-        let parts = looks.parts();
-        if parts == 0 || looks.is_empty() {
+    pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
+        let parts = samples.parts();
+        if parts == 0 || samples.is_empty() {
             return Ok(());
         }
-        self.log_names(tape, looks)?;
-        for (path, trails, points_m) in
-            [("table/measured", &mut self.measured, &looks.measured_m), ("table/true", &mut self.truth, &looks.true_m)]
-        {
-            if points_m.len() != parts * looks.at.len() {
+        self.log_names(stream, samples)?;
+        for (path, trails, points_m) in [
+            ("table/measured", &mut self.measured, &samples.measured_m),
+            ("table/true", &mut self.truth, &samples.true_m),
+        ] {
+            if points_m.len() != parts * samples.at.len() {
                 continue;
             }
-            points_m.chunks_exact(parts).for_each(|look| trails.push(look));
+            points_m.chunks_exact(parts).for_each(|observation| trails.push(observation));
             let centers = Ellipses2D::update_fields().with_centers(points_m.iter().copied().map(above));
-            let columns = centers.columns(looks.at.iter().map(|_| parts)).map_err(|e| format!("{path}: {e}"))?;
-            tape.log_columns(path, looks.at.iter().copied().map(nanos), columns)?;
+            let columns = centers.columns(samples.at.iter().map(|_| parts)).map_err(|e| format!("{path}: {e}"))?;
+            stream.log_columns(path, samples.at.iter().copied().map(nanos), columns)?;
         }
         Ok(())
     }
 
     /// Logs the names of the parts beside them.
-    fn log_names(&mut self, tape: &RunStream, looks: &Samples) -> LogResult {
-        let parts = looks.parts();
-        let mut places = Vec::with_capacity(looks.measured_m.len());
-        for look in looks.measured_m.chunks_exact(parts) {
-            places.extend(self.names.places(look.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
+    fn log_names(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
+        let parts = samples.parts();
+        let mut places = Vec::with_capacity(samples.measured_m.len());
+        for observation in samples.measured_m.chunks_exact(parts) {
+            places.extend(self.names.places(observation.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
         }
-        let columns = Points2D::update_fields().with_positions(places).columns(looks.at.iter().map(|_| parts));
+        let columns = Points2D::update_fields().with_positions(places).columns(samples.at.iter().map(|_| parts));
         let columns = columns.map_err(|e| format!("table/names: {e}"))?;
-        tape.log_columns("table/names", looks.at.iter().copied().map(nanos), columns)
+        stream.log_columns("table/names", samples.at.iter().copied().map(nanos), columns)
     }
 
     /// Logs the trails of the parts up to now.
-    pub(super) fn trails(&self, tape: &RunStream) -> LogResult {
+    pub(super) fn trails(&self, stream: &RunStream) -> LogResult {
         let strips = self.measured.strips(above);
         if strips.iter().any(|strip| !strip.is_empty()) {
             let lines = paint::lines(strips, paint::MEASURED, 1.0).with_colors(self.colors.clone());
-            tape.log("table/trails/measured", &lines)?;
+            stream.log("table/trails/measured", &lines)?;
         }
         let strips = self.truth.strips(above);
         if strips.iter().any(|strip| !strip.is_empty()) {
-            tape.log("table/trails/true", &paint::lines(strips, paint::TRUE_PART, 0.3).with_draw_order(35.0))?;
+            stream.log("table/trails/true", &paint::lines(strips, paint::TRUE_PART, 0.3).with_draw_order(35.0))?;
         }
         Ok(())
     }
 
-    pub(super) fn cycle(&self, tape: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
-        self.log_wanted(tape, cycle)?;
-        self.log_centers(tape, &cycle.plan.pulses, &context.library)?;
-        self.log_forecast(tape, cycle)?;
-        self.log_field(tape, &cycle.plan.pulses, &context.library)
+    pub(super) fn cycle(&self, stream: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
+        self.log_wanted(stream, cycle)?;
+        self.log_centers(stream, &cycle.plan.pulses, &context.library)?;
+        self.log_forecast(stream, cycle)?;
+        self.log_field(stream, &cycle.plan.pulses, &context.library)
     }
 
     /// Adds the centre of rotation that the accelerometers read in a rotation's pulse to those of its cycle.
-    pub(super) fn pulse(&mut self, tape: &RunStream, pulse: &PulseRecord) -> LogResult {
+    pub(super) fn pulse(&mut self, stream: &RunStream, pulse: &PulseRecord) -> LogResult {
         let Ok(PlateFit::Twist(fit)) = &pulse.fit else { return Ok(()) };
         if self.read_m.0 != pulse.cycle {
             self.read_m = (pulse.cycle, Vec::new());
         }
         self.read_m.1.extend(place_of(&fit.pump, WINDOW * self.half_side_m));
         let points = paint::dots(self.read_m.1.iter().copied().map(above), paint::MEASURED, 2.5);
-        tape.at(pulse.started_at, pulse.cycle);
-        tape.log("table/read_centers", &points.with_draw_order(40.0))
+        stream.at(pulse.started_at, pulse.cycle);
+        stream.log("table/read_centers", &points.with_draw_order(40.0))
     }
 
     /// Logs the forecast of each field of this cycle: an arrow from the start to the end of each part's displacement.
     /// For rotations the centres show it.
-    fn log_forecast(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
+    fn log_forecast(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
         let steps_m = forecast_steps(cycle);
         if steps_m.is_empty() {
             return Ok(());
@@ -153,23 +154,23 @@ impl TableView {
             .with_origins(steps_m.iter().map(|(from_m, _)| above(*from_m)))
             .with_colors([paint::color(paint::PREDICTED)])
             .with_radii([thin(1.75)]);
-        tape.log("table/forecast", &arrows)
+        stream.log("table/forecast", &arrows)
     }
 
-    fn log_wanted(&self, tape: &RunStream, cycle: &CycleRecord) -> LogResult {
+    fn log_wanted(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
         let wanted = &cycle.wanted;
         let dots = |points_m: &[Vec2], paint, points| paint::dots(points_m.iter().copied().map(above), paint, points);
         let targets = dots(&wanted.targets_m, paint::TARGET, 4.5).with_colors(self.colors.clone());
-        tape.log("table/wanted/targets", &targets)?;
-        tape.log("table/wanted/subgoals", &dots(&wanted.subgoals_m, paint::SUBGOAL, 3.0))?;
+        stream.log("table/wanted/targets", &targets)?;
+        stream.log("table/wanted/subgoals", &dots(&wanted.subgoals_m, paint::SUBGOAL, 3.0))?;
         let predicted_m = cycle.plan.predicted_m.last().map_or(&[][..], Vec::as_slice);
-        tape.log("table/wanted/predicted", &dots(predicted_m, paint::PREDICTED, 2.0))?;
+        stream.log("table/wanted/predicted", &dots(predicted_m, paint::PREDICTED, 2.0))?;
         let steps = cycle.observed_m.iter().zip(&wanted.subgoals_m).map(|(from_m, to_m)| [*from_m, *to_m].map(above));
-        tape.log("table/wanted/steps", &paint::arrows(steps, paint::SUBGOAL, 1.25))
+        stream.log("table/wanted/steps", &paint::arrows(steps, paint::SUBGOAL, 1.25))
     }
 
     /// Logs this cycle's centres of rotation, numbered in playing order.
-    fn log_centers(&self, tape: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
+    fn log_centers(&self, stream: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
             let PlannedPulse::Rotation(pulse) = pulse else { return None };
@@ -186,12 +187,12 @@ impl TableView {
         });
         let (places, labels): (Vec<_>, Vec<_>) = chosen.unzip();
         let points = paint::dots(places, paint::CENTER, 5.0).with_labels(labels).with_show_labels(true);
-        tape.log("table/centers", &points)
+        stream.log("table/centers", &points)
     }
 
     /// Logs the sum of the sequence's fields, to first order, or the mean direction of friction in a synthesised one;
     /// the longest arrow spans the grid's pitch.
-    fn log_field(&self, tape: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
+    fn log_field(&self, stream: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
         let pitch_m = 2.0 * self.half_side_m / FIELD as f64;
         let middle = (FIELD as f64 - 1.0) / 2.0;
         let grid =
@@ -205,7 +206,7 @@ impl TableView {
             .with_colors([rerun::Color::from_unmultiplied_rgba(170, 175, 190, 130)])
             .with_radii([thin(0.75)])
             .with_draw_order(-5.0);
-        tape.log("table/field", &arrows)
+        stream.log("table/field", &arrows)
     }
 }
 

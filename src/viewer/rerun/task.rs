@@ -3,19 +3,19 @@
 use rerun::{AsComponents, LineStrips2D, Points2D};
 
 use super::paint::{self, thin};
-use super::tape::{LogResult, RunStream};
-use crate::types::{BinLook, RunContext};
-use upm_chart::Palette;
+use super::run_stream::{LogResult, RunStream};
+use crate::types::{BinLook, PathLook, RunContext};
+use upm_chart::{Palette, bin_label, bin_outline};
 use upm_core::geometry::Vec2;
 
-/// Red, green and blue of what belongs to no part or kind alone.
+/// Colour of bins and paths that belong to several kinds or parts.
 const FAINT: [u8; 3] = [paint::FAINT.0, paint::FAINT.1, paint::FAINT.2];
 
 /// Longest piece of a drawn line, m: a lens bends longer ones visibly.
 const PIECE_M: f64 = 0.01;
 
-/// A view that the task is drawn in.
-pub(super) struct View<'a, P> {
+/// Bins and paths of a task in a view.
+pub(super) struct TaskOverlay<'a, P> {
     /// Its entity: `table`.
     pub(super) root: &'a str,
     /// True where the task never moves in the view.
@@ -26,42 +26,37 @@ pub(super) struct View<'a, P> {
     pub(super) label: f64,
 }
 
-impl<P: Fn(Vec2) -> [f32; 2]> View<'_, P> {
+impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
     /// Logs the bins with their names and the wanted paths: bins in the colour of their kind, paths in that of their
     /// part.
-    pub(super) fn log(&self, tape: &RunStream, context: &RunContext) -> LogResult {
+    pub(super) fn log(&self, stream: &RunStream, context: &RunContext) -> LogResult {
         let palette = paint::palette(&context.parts);
         if !context.bins.is_empty() {
             let (bins, names) = self.bins(&context.bins, &palette);
-            self.put(tape, "bins", &bins)?;
-            self.put(tape, "bins/names", &names)?;
+            self.put(stream, "bins", &bins)?;
+            self.put(stream, "bins/names", &names)?;
         }
-        if context.paths_m.is_empty() {
+        if context.paths.is_empty() {
             return Ok(());
         }
-        let own = palette.parts().len() == context.paths_m.len();
-        let rgb = |i: usize| palette.parts().get(if own { i } else { 0 }).copied().unwrap_or(FAINT);
-        let colors: Vec<[u8; 3]> = (0..context.paths_m.len()).map(rgb).collect();
-        let lines = context.paths_m.iter().map(|path_m| self.strip(path_m));
+        let rgb = |path: &PathLook| path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(FAINT);
+        let colors: Vec<[u8; 3]> = context.paths.iter().map(rgb).collect();
+        let lines = context.paths.iter().map(|path| self.strip(&path.line_m));
         let paths = LineStrips2D::new(lines).with_colors(paint::colors(&colors)).with_radii([thin(0.5)]);
-        self.put(tape, "paths", &paths.with_draw_order(-3.0))
+        self.put(stream, "paths", &paths.with_draw_order(-3.0))
     }
 
     /// Rims of the bins, and their names above them.
     fn bins(&self, bins: &[BinLook], palette: &Palette) -> (LineStrips2D, Points2D) {
-        // a bin for several kinds has the colour of none
-        let rgb = |bin: &BinLook| match &bin.kinds[..] {
-            [kind] => palette.kind(kind).unwrap_or(FAINT),
-            _ => FAINT,
-        };
+        let rgb = |bin: &BinLook| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
-        let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&rim_m(bin)))).with_radii([thin(1.25)]);
+        let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
         let above = |bin: &BinLook| {
             let [x, y] = (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.max_m.y));
             [x, y - (1.2 * self.label) as f32]
         };
         let names = Points2D::new(bins.iter().map(above))
-            .with_labels(bins.iter().map(|bin| format!("bin: {}", bin.kinds.join(", "))))
+            .with_labels(bins.iter().map(|bin| bin_label(&bin.kinds)))
             .with_show_labels(true)
             .with_radii([thin(0.1)]);
         (rims.with_colors(colors.clone()).with_draw_order(-4.0), names.with_colors(colors))
@@ -71,17 +66,15 @@ impl<P: Fn(Vec2) -> [f32; 2]> View<'_, P> {
         pieces(line_m).into_iter().map(&self.place).collect()
     }
 
-    fn put(&self, tape: &RunStream, name: &str, what: &impl AsComponents) -> LogResult {
+    fn put(&self, stream: &RunStream, name: &str, what: &impl AsComponents) -> LogResult {
         let path = format!("{}/{name}", self.root);
-        if self.is_static { tape.log_static(&path, what) } else { tape.log(&path, what) }
+        if self.is_static { stream.log_static(&path, what) } else { stream.log(&path, what) }
     }
 }
 
 /// The corners of a bin, the first one again at the end.
-fn rim_m(bin: &BinLook) -> [Vec2; 5] {
-    let BinLook { min_m, max_m, .. } = bin;
-    let corner = Vec2::new;
-    [*min_m, corner(max_m.x, min_m.y), *max_m, corner(min_m.x, max_m.y), *min_m]
+fn outline_m(bin: &BinLook) -> [Vec2; 5] {
+    bin_outline(bin.min_m.into(), bin.max_m.into()).map(Vec2::from)
 }
 
 /// The line with points no farther than [`PIECE_M`] from each other.

@@ -3,8 +3,8 @@
 use rerun::external::re_chunk_store::ChunkStore;
 
 use super::RerunSink;
-use super::tests::{context, keeping, stores};
-use crate::{BinLook, PartLook, RunContext};
+use super::tests::{context, recording_options, stores};
+use crate::{BinLook, PartLook, PathLook, RunContext};
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
 use upm_fixtures::synthetic_run::SyntheticRun;
@@ -17,7 +17,7 @@ fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> ChunkStore {
     let mut run = SyntheticRun::new(parts);
     let mut context = context(&run);
     change(&mut context);
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context, &keeping()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context, &recording_options()).unwrap();
     run.localise(&mut sink);
     (0..2).for_each(|_| run.cycle(&mut sink));
     sink.finish().unwrap();
@@ -25,13 +25,13 @@ fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> ChunkStore {
 }
 
 /// Everything logged for an entity, as text.
-fn logged(store: &ChunkStore, path: &str) -> String {
+pub(super) fn logged(store: &ChunkStore, path: &str) -> String {
     let chunks = store.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into());
     chunks.map(|chunk| chunk.to_string()).collect()
 }
 
 /// The colour as Rerun's text form has it.
-fn text_of([r, g, b]: [u8; 3]) -> String {
+pub(super) fn text_of([r, g, b]: [u8; 3]) -> String {
     u32::from_be_bytes([r, g, b, 255]).to_string()
 }
 
@@ -60,8 +60,8 @@ fn bins_are_drawn_in_the_colour_of_their_kind_in_both_views() {
 #[test]
 fn a_part_has_one_colour_in_outline_trail_name_path_plot_and_target() {
     let store = recorded(2, |context| {
-        let path = |y: f64| vec![Vec2::new(-0.05, y), Vec2::new(0.05, y)];
-        context.paths_m = vec![path(-0.03), path(0.03)];
+        let path = |part, y: f64| PathLook { part: Some(part), line_m: vec![Vec2::new(-0.05, y), Vec2::new(0.05, y)] };
+        context.paths = vec![path(0, -0.03), path(1, 0.03)];
     });
     let palette = Palette::of(&["penny"; 2], Ground::Dark);
     for view in [
@@ -79,9 +79,9 @@ fn a_part_has_one_colour_in_outline_trail_name_path_plot_and_target() {
         "errors/sensing_mm",
     ] {
         let logged = logged(&store, view);
-        for &rgb in palette.parts() {
-            assert!(logged.contains(&text_of(rgb)), "{view} is without {rgb:?}: {logged}");
-        }
+        let places: Vec<_> = palette.parts().iter().map(|&rgb| logged.find(&text_of(rgb))).collect();
+        assert!(places.iter().all(Option::is_some), "{view} is without a part's colour: {logged}");
+        assert!(places.is_sorted(), "{view} gives parts each other's colours: {logged}");
     }
 }
 

@@ -27,12 +27,12 @@ pub(super) fn context(run: &SyntheticRun) -> RunContext {
         method: if run.plans_fields { PlanningMethod::SynthesizedField } else { PlanningMethod::CorSequence },
         parts: (0..run.parts_m.len()).map(part).collect(),
         bins: Vec::new(),
-        paths_m: Vec::new(),
+        paths: Vec::new(),
         truth: Some(run.truth.clone()),
     }
 }
 
-pub(super) fn keeping() -> RecordingOptions {
+pub(super) fn recording_options() -> RecordingOptions {
     RecordingOptions::lossless(MonotonicClock::new())
 }
 
@@ -47,7 +47,7 @@ fn record_run(
     cycles: usize,
 ) -> Result<RecordingStats, RecordingError> {
     run.wall_us = 180.0;
-    let mut sink = RerunSink::start(mode, path, None, context(&run), &keeping())?;
+    let mut sink = RerunSink::start(mode, path, None, context(&run), &recording_options())?;
     run.localise(&mut sink);
     for _ in 0..cycles {
         run.cycle(&mut sink);

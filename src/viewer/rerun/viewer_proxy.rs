@@ -225,8 +225,8 @@ mod tests {
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
         stream.write_all(PREFACE).unwrap();
         let mut word = vec![0; 3];
-        let told = stream.read_exact(&mut word).is_ok();
-        (stream, if told { word } else { Vec::new() })
+        let is_answered = stream.read_exact(&mut word).is_ok();
+        (stream, if is_answered { word } else { Vec::new() })
     }
 
     fn replaced(proxy: &ViewerProxy) -> bool {
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn who_says_nothing_has_no_seat_and_is_sent_away() {
+    fn silent_client_gets_no_permit_and_is_disconnected() {
         let proxy = proxy(b"old");
         let silent: Vec<_> = (0..MOST_VIEWERS).map(|_| TcpStream::connect(proxy.address()).unwrap()).collect();
         assert_eq!(viewer(&proxy).1, b"old");

@@ -1,7 +1,7 @@
-use super::names::{self, Names};
+use super::names::Names;
 use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
-use super::tape::{LogResult, RunStream};
+use super::run_stream::{LogResult, RunStream};
 use upm_chart::{Ground, Palette};
 use upm_core::signal::Frame;
 use upm_perception::vision::{DebugImages, FloatImage, HoughArray};
@@ -15,63 +15,64 @@ const QUARTER: [f64; 2] = [640.0, 330.0];
 const VOTES_PX: [usize; 2] = [720, 410];
 
 /// Logs the localisation of table and parts: the frame at full size, edges, Hough votes and disk response, each with
-/// its findings. `names` are those of the parts.
-pub(super) fn log(tape: &RunStream, found: &LocalisedRecord, names: &[&str]) -> LogResult {
+/// its findings. `names` are those of the parts, `kinds` those of their kinds.
+pub(super) fn log(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (&[&str], &[&str])) -> LogResult {
     let DebugImages { edges, hough, disk_response } = &found.stages;
-    log_frame(tape, found, names)?;
+    log_frame(stream, found, (names, kinds))?;
     // a stage that was not kept is empty
     if !edges.values.is_empty() {
-        log_edges(tape, edges, &found.frame)?;
+        log_edges(stream, edges, &found.frame)?;
     }
     if !hough.votes.is_empty() {
-        log_hough(tape, hough)?;
+        log_hough(stream, hough)?;
     }
     if !disk_response.values.is_empty() {
-        log_disk_response(tape, disk_response, found)?;
+        log_disk_response(stream, disk_response, found)?;
     }
     Ok(())
 }
 
-fn log_frame(tape: &RunStream, found: &LocalisedRecord, names: &[&str]) -> LogResult {
-    tape.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
+fn log_frame(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (&[&str], &[&str])) -> LogResult {
+    stream.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
     let outline: Vec<_> = outline_px(&found.table).map(in_frame).collect();
-    tape.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
+    stream.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
     let corners = paint::dots(found.table.corners_px.map(in_frame), paint::TRUE, 4.0);
-    tape.log("vision/frame/corners", &corners.with_labels(["1", "2", "3", "4"]))?;
+    stream.log("vision/frame/corners", &corners.with_labels(["1", "2", "3", "4"]))?;
     // scores are in the view of the disk response: with one text per part, many parts remain legible
-    let labels: Vec<&str> = (0..found.detections.len()).map(|i| *names.get(i).unwrap_or(&"part")).collect();
+    let count = found.detections.len();
+    let [labels, kinds] =
+        [names, kinds].map(|of| (0..count).map(|i| *of.get(i).unwrap_or(&"part")).collect::<Vec<&str>>());
     let discs = || found.detections.iter().map(|part| (in_frame(part.center_px), part.radius_px as f32));
-    let kinds: Vec<&str> = labels.iter().map(|name| names::kind_of(name)).collect();
     let palette = Palette::of(&kinds, Ground::Dark);
     let bounds = [found.frame.width, found.frame.height].map(|side| [0.0, side as f64]);
-    let mut beside = Names::new(&labels, palette.parts(), bounds, QUARTER);
-    tape.log("vision/frame/names", &beside.beside(discs()))?;
+    let mut beside = Names::new((&labels, &kinds), palette.parts(), bounds, QUARTER);
+    stream.log("vision/frame/names", &beside.beside(discs()))?;
     let circles = paint::circles(discs(), paint::MEASURED, 1.0);
-    tape.log("vision/frame/parts", &circles.with_colors(paint::colors(palette.parts())))
+    stream.log("vision/frame/parts", &circles.with_colors(paint::colors(palette.parts())))
 }
 
-fn log_edges(tape: &RunStream, edges: &FloatImage, frame: &Frame) -> LogResult {
+fn log_edges(stream: &RunStream, edges: &FloatImage, frame: &Frame) -> LogResult {
     let map = edge_map(edges, [frame.width, frame.height], 2);
-    tape.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
+    stream.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
 }
 
-fn log_hough(tape: &RunStream, hough: &HoughArray) -> LogResult {
+fn log_hough(stream: &RunStream, hough: &HoughArray) -> LogResult {
     let map = vote_map(hough, VOTES_PX);
-    tape.log("vision/hough/votes", &picture::color_png(&map.picture)?.with_draw_order(-10.0))?;
+    stream.log("vision/hough/votes", &picture::color_png(&map.picture)?.with_draw_order(-10.0))?;
     let degrees = |column: usize| 360.0 * column as f64 / hough.angles.max(1) as f64;
     let labels = hough
         .peaks
         .iter()
         .map(|&(column, row)| format!("{:.0}°, {:.0} px", degrees(column), row as f64 * hough.px_per_row));
     let rings = paint::circles(map.peaks.iter().map(|&peak| (peak, 7.0)), paint::TRUE, 1.0);
-    tape.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
+    stream.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
 }
 
-fn log_disk_response(tape: &RunStream, response: &FloatImage, found: &LocalisedRecord) -> LogResult {
+fn log_disk_response(stream: &RunStream, response: &FloatImage, found: &LocalisedRecord) -> LogResult {
     let map = response_map(response, [found.frame.width, found.frame.height], 2);
-    tape.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
+    stream.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
     let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));
     let scores = found.detections.iter().map(|part| format!("{:.2}", part.score));
     let peaks = paint::dots(peaks, paint::TRUE, 3.0).with_labels(scores).with_show_labels(true);
-    tape.log("vision/disk_response/peaks", &peaks)
+    stream.log("vision/disk_response/peaks", &peaks)
 }

@@ -191,7 +191,7 @@ proptest! {
         let word = state.tripped(Trip::ALL[why], at_ns);
         prop_assert_eq!(word.trip(), Some(Trip::ALL[why]));
         prop_assert_eq!(word.requested_at().nanos(), at_ns.min(StateWord::TIME));
-        prop_assert!(word.has(StateWord::FITTED) == state.has(StateWord::FITTED));
+        prop_assert!(word.has(StateWord::ATTACHED) == state.has(StateWord::ATTACHED));
         prop_assert!(word.has(StateWord::SOUNDING) == state.has(StateWord::SOUNDING));
         prop_assert!(word.released() == state && state.trip().is_none());
     }

@@ -57,7 +57,7 @@ pub(super) struct TrackingFrame<'a> {
 /// Detects one part at a time.
 pub(super) struct PartLocalizer {
     table: Table,
-    judge: PartClassifier,
+    classifier: PartClassifier,
     disks: Vec<DiskKernel>,
 }
 
@@ -65,7 +65,7 @@ impl PartLocalizer {
     pub(super) fn new(table: &Table, kinds: &[PartKind], dark_parts: bool) -> Self {
         let scale = table.mean_px_per_m();
         let disks = kinds.iter().map(|kind| DiskKernel::new(kernel_radius_px(table, kind, scale))).collect();
-        Self { table: table.clone(), judge: PartClassifier::new(kinds, dark_parts), disks }
+        Self { table: table.clone(), classifier: PartClassifier::new(kinds, dark_parts), disks }
     }
 
     /// Radius of the outline of a part of `kind`, px; 0 for an unknown kind.
@@ -79,7 +79,7 @@ impl PartLocalizer {
         let seen = &view.tracks.get(i)?.seen;
         let disk = self.disks.get(seen.kind)?;
         let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
-        let peak = hill_climb(disk, view.frame, x, y, self.judge.dark_parts, disk.reach())?;
+        let peak = hill_climb(disk, view.frame, x, y, self.classifier.dark_parts, disk.reach())?;
         let climbed = self.recognise(view, i, peak.vertex_px, expected);
         if climbed.as_ref().is_some_and(|look| look.agreeing >= PLAIN_RAYS) {
             return climbed;
@@ -96,12 +96,12 @@ impl PartLocalizer {
         let reach = reach_px(self.radius_px(kind));
         let rim = |foot_m| {
             if expected.speed_px < SLOW_PX {
-                return self.judge.rim::<9>(&view.sampler, &self.table, kind, foot_m, reach);
+                return self.classifier.rim::<9>(&view.sampler, &self.table, kind, foot_m, reach);
             }
             let reach = (reach + 0.5 * expected.speed_px).min(2.0 * reach);
-            self.judge.rim::<17>(&view.sampler, &self.table, kind, foot_m, reach)
+            self.classifier.rim::<17>(&view.sampler, &self.table, kind, foot_m, reach)
         };
-        let mut fit = rim(self.judge.foot_below(&self.table, kind, place_px))?;
+        let mut fit = rim(self.classifier.foot_below(&self.table, kind, place_px))?;
         let mut moved_px = (fit.center_px - place_px).norm();
         for _ in 0..MOST_RECENTERS {
             if moved_px < RECENTER_PX {
@@ -123,9 +123,9 @@ impl PartLocalizer {
         expected: &Expected,
     ) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
-        let foot_m = self.judge.foot_below(&self.table, kind, place_px);
+        let foot_m = self.classifier.foot_below(&self.table, kind, place_px);
         let reach = (0.2 * self.radius_px(kind)).max(5.0);
-        let far = self.judge.rim::<25>(&view.sampler, &self.table, kind, foot_m, reach);
+        let far = self.classifier.rim::<25>(&view.sampler, &self.table, kind, foot_m, reach);
         let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, expected));
         let close = self.recognise(view, i, place_px, expected);
         from_far.into_iter().chain(close).max_by_key(|look| look.agreeing)
@@ -134,11 +134,13 @@ impl PartLocalizer {
     /// Detection of part `i` from a rim, if it is one.
     fn look(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
-        let (part, disk) = (self.judge.kinds.get(kind)?, self.disks.get(kind)?);
-        if self.judge.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * part.radius_m) {
+        let (part, disk) = (self.classifier.kinds.get(kind)?, self.disks.get(kind)?);
+        if self.classifier.nearest_kind(fit.radius_m) != Some(kind)
+            || !self.table.holds(fit.foot_m, 0.5 * part.radius_m)
+        {
             return None;
         }
-        let part = self.judge.detection(view.frame, fit, kind, disk)?;
+        let part = self.classifier.detection(view.frame, fit, kind, disk)?;
         let score = part.score;
         let plain = fit.agreeing >= PLAIN_RAYS && score >= LEAST_SCORE;
         let believed = plain || score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected);
@@ -192,7 +194,7 @@ impl PartLocalizer {
                 continue;
             }
             tried.push(place);
-            let peak = hill_climb(disk, view.frame, x as i64, y as i64, self.judge.dark_parts, 4 * disk.reach())?;
+            let peak = hill_climb(disk, view.frame, x as i64, y as i64, self.classifier.dark_parts, 4 * disk.reach())?;
             let found = self.recognise(view, i, peak.vertex_px, &still);
             if let Some(look) = found.filter(|look| !self.is_taken(look.part.center_px, kind, taken)) {
                 return Some(look);
@@ -206,7 +208,7 @@ impl PartLocalizer {
     fn dark_places(&self, frame: &Frame, disk: &DiskKernel, center_px: Vec2) -> Vec<(f64, usize, usize)> {
         let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
         let half = (WIDE_RADII / WIDE_STEP).round() as i64;
-        let sign = if self.judge.dark_parts { 1.0 } else { -1.0 };
+        let sign = if self.classifier.dark_parts { 1.0 } else { -1.0 };
         let mut places = Vec::with_capacity((2 * half as usize + 1).pow(2));
         for row in -half..=half {
             for column in -half..=half {

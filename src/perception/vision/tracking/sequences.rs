@@ -1,4 +1,4 @@
-//! Tracking of parts in rendered films, past each other and behind covers, against their true positions.
+//! Tracking of parts in rendered sequences, past each other and behind covers, against their true positions.
 
 use super::super::classifier::overlap;
 use super::super::{CoinFinder, Table, Track, Tracker};
@@ -10,7 +10,7 @@ use upm_core::signal::Frame;
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
 use upm_scene::{ClutterOutline, ClutterShape, Scene, SceneDisc};
 
-/// One film: true positions of the parts and the things that hide them, frame by frame.
+/// One sequence: true positions of the parts and the things that hide them, frame by frame.
 struct TrackingSequence {
     scene: Scene,
     table: Table,
@@ -104,10 +104,10 @@ fn parts_that_brush_past_each_other_keep_their_names() {
                 mm(65.0 + 15.0 * cos, 65.0 + 15.0 * sin),
             ]
         };
-        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
+        let mut sequence = TrackingSequence::start(small_scene(seed), &places(0.0));
         for k in 1..=60 {
-            film.next(&places(f64::from(k)), Vec::new(), 0.5);
-            assert!(film.all_seen(), "seed {seed}, frame {k}");
+            sequence.next(&places(f64::from(k)), Vec::new(), 0.5);
+            assert!(sequence.all_seen(), "seed {seed}, frame {k}");
         }
     }
 }
@@ -116,23 +116,23 @@ fn parts_that_brush_past_each_other_keep_their_names() {
 fn a_finger_hides_parts_and_is_none() {
     for (seed, level) in [(1, 30.0), (2, 90.0), (3, 250.0)] {
         let places = |k: f64| vec![mm(-40.0 + 0.3 * k, 30.0), mm(-20.0 + 0.3 * k, 30.0), mm(30.0, 20.0 - 0.3 * k)];
-        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
+        let mut sequence = TrackingSequence::start(small_scene(seed), &places(0.0));
         let (mut hidden, mut partly) = ([0; 3], 0);
         for k in 1..=70 {
             let tip = mm(-75.0 + 2.5 * f64::from(k), 28.0);
             let finger = ClutterOutline::capsule(tip, tip + mm(-10.0, -160.0), 0.013);
             let places = places(f64::from(k));
             let depth: Vec<f64> = places.iter().map(|&at| finger.depth(at) / PENNY_M).collect();
-            film.next(&places, vec![ClutterShape { shape: finger, level }], 1.5);
+            sequence.next(&places, vec![ClutterShape { shape: finger, level }], 1.5);
             for (i, depth) in depth.into_iter().enumerate() {
-                let seen = film.track(i).frames_unseen == 0;
+                let seen = sequence.track(i).frames_unseen == 0;
                 hidden[i] += u32::from(!seen);
                 partly += u32::from(seen && depth > -0.8);
                 assert!(seen || depth > -0.8, "level {level}, frame {k}: part {i} is in plain view");
                 assert!(!seen || depth < 0.9, "level {level}, frame {k}: part {i} is hidden");
             }
         }
-        assert!(film.all_seen(), "level {level}");
+        assert!(sequence.all_seen(), "level {level}");
         assert!(hidden.iter().all(|&frames| frames > 2) && partly > 6, "level {level}: {hidden:?} {partly}");
     }
 }
@@ -154,18 +154,18 @@ fn equal_parts_come_back_each_on_its_own_way() {
                 mm(-80.0, 80.0),
             ]
         };
-        let mut film = TrackingSequence::start(small_scene(seed), &places(0.0));
+        let mut sequence = TrackingSequence::start(small_scene(seed), &places(0.0));
         for k in 1..=60 {
             let hidden = (9..33).contains(&k);
-            film.next(&places(f64::from(k)), if hidden { curtain() } else { Vec::new() }, 0.5);
-            assert_eq!([0, 1].map(|i| film.track(i).frames_unseen > 0), [hidden; 2], "seed {seed}, frame {k}");
+            sequence.next(&places(f64::from(k)), if hidden { curtain() } else { Vec::new() }, 0.5);
+            assert_eq!([0, 1].map(|i| sequence.track(i).frames_unseen > 0), [hidden; 2], "seed {seed}, frame {k}");
             if hidden {
-                assert_eq!(film.track(0).frames_unseen, k - 8);
+                assert_eq!(sequence.track(0).frames_unseen, k - 8);
             }
         }
         let [before, after] = [8.0, 33.0].map(places);
         assert!((after[1] - before[0]).norm() < (after[0] - before[0]).norm(), "the nearest would have been the other");
-        assert!(film.all_seen());
+        assert!(sequence.all_seen());
     }
 }
 
@@ -174,33 +174,33 @@ fn parts_moved_while_hidden_are_matched_overall_not_one_by_one() {
     let before = [mm(-50.0, 0.0), mm(-22.0, 0.0), mm(80.0, 80.0)];
     // The nearest pair is the second part and the first place; the least total is the other assignment.
     let after = [mm(-24.0, 0.0), mm(15.0, 3.0), mm(80.0, 80.0)];
-    let mut film = TrackingSequence::start(small_scene(5), &before);
-    (0..4).for_each(|_| film.next(&before, Vec::new(), 0.5));
-    (0..5).for_each(|_| film.next(&before, curtain(), 0.5));
-    (0..10).for_each(|_| film.next(&after, Vec::new(), 0.5));
-    assert!(film.all_seen());
+    let mut sequence = TrackingSequence::start(small_scene(5), &before);
+    (0..4).for_each(|_| sequence.next(&before, Vec::new(), 0.5));
+    (0..5).for_each(|_| sequence.next(&before, curtain(), 0.5));
+    (0..10).for_each(|_| sequence.next(&after, Vec::new(), 0.5));
+    assert!(sequence.all_seen());
 }
 
 #[test]
 fn smeared_parts_are_found_in_the_middle_of_the_exposure() {
-    let mut film = TrackingSequence::start(small_scene(7), &[mm(-60.0, 40.0), mm(60.0, -20.0)]);
-    let noise_sd = std::mem::replace(&mut film.scene.noise_sd, 0.0);
+    let mut sequence = TrackingSequence::start(small_scene(7), &[mm(-60.0, 40.0), mm(60.0, -20.0)]);
+    let noise_sd = std::mem::replace(&mut sequence.scene.noise_sd, 0.0);
     let noise = rand_distr::Normal::new(0.0, noise_sd).unwrap();
     let (mut squares, mut looks) = (0.0, 0.0);
     // 6 px a frame, all of it within the exposure: three tenths of a radius.
     let places = |k: f64| [mm(-60.0 + 2.8 * k, 40.0), mm(60.0 - 2.0 * k, -20.0 + 2.0 * k)];
     for k in 1..=16 {
         let exposures =
-            [-0.4, -0.2, 0.0, 0.2, 0.4].map(|part| film.scene.frame_with(&discs(&places(f64::from(k) + part))));
+            [-0.4, -0.2, 0.0, 0.2, 0.4].map(|part| sequence.scene.frame_with(&discs(&places(f64::from(k) + part))));
         let mut frame = exposures[0].clone();
         let mut dice = Streams::new(k as u64).stream("noise");
         for (i, pixel) in frame.pixels.iter_mut().enumerate() {
             let mean = exposures.iter().map(|e| f64::from(e.pixels[i])).sum::<f64>() / 5.0;
             *pixel = (mean + noise.sample(&mut dice)).round().clamp(0.0, 255.0) as u8;
         }
-        film.show(&frame, &places(f64::from(k)), 0.5);
-        assert!(film.all_seen(), "frame {k}");
-        squares += (0..2).map(|i| film.error_px(i, &places(f64::from(k))).norm_squared()).sum::<f64>();
+        sequence.show(&frame, &places(f64::from(k)), 0.5);
+        assert!(sequence.all_seen(), "frame {k}");
+        squares += (0..2).map(|i| sequence.error_px(i, &places(f64::from(k))).norm_squared()).sum::<f64>();
         looks += 4.0;
     }
     let rms = f64::sqrt(squares / looks);
@@ -215,12 +215,12 @@ fn consistency(seeds: std::ops::Range<u64>, cover: impl Fn(usize, Vec2) -> Optio
         let scene = Scene::general(seed).rough();
         let places: Vec<Vec2> =
             (0..9).map(|i| mm(-63.0 + 60.3 * f64::from(i % 3), -61.0 + 59.7 * f64::from(i / 3))).collect();
-        let mut film = TrackingSequence::start(scene, &places);
+        let mut sequence = TrackingSequence::start(scene, &places);
         let covers = places.iter().enumerate().filter_map(|(i, &at)| cover(i, at)).collect();
-        film.next(&places, covers, 1.0);
+        sequence.next(&places, covers, 1.0);
         for i in 0..places.len() {
-            assert_eq!(film.track(i).frames_unseen, 0, "seed {seed}, part {i}");
-            let (error, covariance) = (film.error_px(i, &places), film.track(i).seen.covariance_px2);
+            assert_eq!(sequence.track(i).frames_unseen, 0, "seed {seed}, part {i}");
+            let (error, covariance) = (sequence.error_px(i, &places), sequence.track(i).seen.covariance_px2);
             chi += (error.transpose() * covariance.try_inverse().unwrap() * error)[0] / 2.0;
             let axes = covariance.symmetric_eigenvalues();
             stretch += (axes.max() / axes.min()).sqrt();

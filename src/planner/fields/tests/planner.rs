@@ -33,7 +33,7 @@ fn pulse(plan: &Plan) -> Option<&FieldPulse> {
 }
 
 /// Positions of all parts at every `every`-th step of the forecast course.
-fn course(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
+fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
     let friction = friction_of(&upm_2()).unwrap();
     let disc = |part: &PartState| RolloutDisc {
         position_m: part.position_m,
@@ -41,10 +41,10 @@ fn course(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2
         friction: friction * part.gain,
     };
     let discs: Vec<RolloutDisc> = parts.iter().map(disc).collect();
-    let waves = upm_2_waves();
-    let mut course = Rollout::default();
-    course.run(&waves, &waves.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
-    course.places_m(every).collect()
+    let basis = upm_2_waves();
+    let mut rollout = Rollout::default();
+    rollout.run(&basis, &basis.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
+    rollout.places_m(every).collect()
 }
 
 fn left_m(parts: &[PartState], ends_m: &[Vec2]) -> f64 {
@@ -88,7 +88,7 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
 
 /// Plans for `parts` and checks every guarantee of a solved plan.
 fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
-    let (library, limits, waves) = (upm_2(), params(), upm_2_waves());
+    let (library, limits, basis) = (upm_2(), params(), upm_2_waves());
     let mut twin = planner.clone();
     let plan = planner.plan(parts);
     assert_eq!(twin.plan(parts), plan, "equal parts and states, equal plans");
@@ -110,12 +110,12 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
 
     let clearances = Clearances::of(parts, &limits);
     let mut before_m = start_m.clone();
-    for places_m in course(parts, pulse, waves.steps_a_period() / LOOKS) {
+    for places_m in rollout(parts, pulse, basis.steps_a_period() / LOOKS) {
         assert_eq!(clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M), None);
         before_m = places_m;
     }
     // Half the separation and half the margin are left on the path, or the gap at the start less the sway.
-    let gaps_m = course(parts, pulse, 1).iter().map(|places_m| least_gaps_m(parts, places_m)).reduce(least).unwrap();
+    let gaps_m = rollout(parts, pulse, 1).iter().map(|places_m| least_gaps_m(parts, places_m)).reduce(least).unwrap();
     let at_first_m = least_gaps_m(parts, &start_m);
     let sway = |asked_m: f64, first_m: f64| if first_m < asked_m { SWAY_M + 0.1e-3 } else { 0.1e-3 };
     let (rims_m, edge_m) = (0.5 * limits.separation_m, 0.5 * limits.edge_margin_m);

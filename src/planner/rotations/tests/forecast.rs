@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::belts;
+use super::motion_set;
 use crate::fixture::{library, mm, penny, scene};
 use crate::friction::friction_of;
 use crate::pump::{Discs, LANES, Pump};
@@ -62,7 +62,7 @@ fn friction_is_found_again_from_a_table_that_it_made() {
 }
 
 fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> LibraryMotion {
-    belts().motion_of(&twist, DialSetting { amplitude, sustain_s }, reversed)
+    motion_set().motion_of(&twist, DialSetting { amplitude, sustain_s }, reversed)
 }
 
 proptest! {
@@ -87,30 +87,30 @@ proptest! {
     /// The dial gives the set distance on the typical belt, which for a translation is every belt.
     #[test]
     fn a_translation_goes_the_way_it_is_set_to(way_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
-        let belts = belts();
-        let belt = belts.belts.iter().position(|belt| belt.entry == 289 + k).unwrap();
+        let motion_set = motion_set();
+        let belt = motion_set.motion_set.iter().position(|belt| belt.entry == 289 + k).unwrap();
         let way_m = if forwards { 1e-3 * way_mm } else { -1e-3 * way_mm };
-        let (end, _) = belts.motion(Pulse { belt, way_m }).carry(Vec2::zeros(), 1.0);
-        let along = belts.belts[belt].twist.direction_at(Vec2::zeros());
+        let (end, _) = motion_set.motion(Pulse { belt, way_m }).carry(Vec2::zeros(), 1.0);
+        let along = motion_set.motion_set[belt].twist.direction_at(Vec2::zeros());
         prop_assert!((end - along * way_m).norm() < 0.02 * way_m.abs() + 5e-6, "{end} {way_m}");
     }
 
     #[test]
     fn slopes_of_a_sequence_agree_with_differences(seed in 0u64..1000, changed in 0usize..6) {
-        let (belts, parts) = (belts(), scene(3, 5e-3, seed));
-        let usable = belts.usable(parts.iter().map(|part| (part.position_m, part.radius_m)), 0.8);
+        let (motion_set, parts) = (motion_set(), scene(3, 5e-3, seed));
+        let usable = motion_set.usable(parts.iter().map(|part| (part.position_m, part.radius_m)), 0.8);
         let pulse = |k: usize| Pulse {
             belt: usable[(37 * k + seed as usize) % usable.len()],
             way_m: if k.is_multiple_of(2) { 2e-3 } else { -3e-3 },
         };
         let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
         let play = |pulses: &[Pulse]| {
-            let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| belts.motion(pulse)).collect();
+            let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| motion_set.motion(pulse)).collect();
             let rollout = SequenceRollout::of(&motions, &parts);
             (motions, rollout)
         };
         let (motions, rollout) = play(&pulses);
-        let slopes = Slopes::of(&belts, &pulses, &motions, &rollout, &parts);
+        let slopes = Slopes::of(&motion_set, &pulses, &motions, &rollout, &parts);
         let mut other = pulses.clone();
         // the dial and the phase in which a pulse ends bend the curve: compare with the slope of a small extension of
         // the same

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::belts;
+use super::motion_set;
 use crate::PartState;
 use crate::fixture::{params, scene};
 use crate::rotations::displacement_matrix::{DisplacementMatrix, PulseScale};
@@ -21,9 +21,9 @@ proptest! {
     /// Feasible, and no column of the library would shorten it: the optimality conditions of the program.
     #[test]
     fn counts_are_feasible_and_no_column_pays_more(count in 1usize..7, fine: bool, seed in 0u64..1000) {
-        let (belts, parts) = (belts(), scene(count, 4e-3, seed));
+        let (motion_set, parts) = (motion_set(), scene(count, 4e-3, seed));
         let scale = if fine { PulseScale::Fine } else { PulseScale::Coarse };
-        let (columns, steps_mm) = (DisplacementMatrix::all(&belts, &parts, 4e-3, scale), steps_mm(&parts));
+        let (columns, steps_mm) = (DisplacementMatrix::all(&motion_set, &parts, 4e-3, scale), steps_mm(&parts));
         let length_mm = steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt();
         let leave_mm = 0.3 * length_mm;
         let found = LeastTime::solve(&columns, &steps_mm, leave_mm, &[]).unwrap();
@@ -43,18 +43,18 @@ proptest! {
 
     #[test]
     fn refinement_never_leaves_more(count in 2usize..6, seed in 0u64..1000) {
-        let (belts, parts) = (belts(), scene(count, 3e-3, seed));
+        let (motion_set, parts) = (motion_set(), scene(count, 3e-3, seed));
         let goal_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
         let room = Room::of(&parts, &goal_m, &params());
-        let columns = DisplacementMatrix::all(&belts, &parts, 3e-3, PulseScale::Coarse);
+        let columns = DisplacementMatrix::all(&motion_set, &parts, 3e-3, PulseScale::Coarse);
         let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
         let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
-        let first = Refined::of(&belts, used.collect(), &parts, &goal_m, &room);
+        let first = Refined::of(&motion_set, used.collect(), &parts, &goal_m, &room);
         let before_m = first.merit_m();
-        let after = first.refined(&belts, &parts, &goal_m, &room, (6, 0.1e-3));
+        let after = first.refined(&motion_set, &parts, &goal_m, &room, (6, 0.1e-3));
         prop_assert!(after.merit_m() <= before_m);
         for pulse in &after.pulses {
-            let (low_m, high_m) = belts.range_m(pulse.belt);
+            let (low_m, high_m) = motion_set.range_m(pulse.belt);
             prop_assert!((low_m - 1e-9..=high_m + 1e-9).contains(&pulse.way_m.abs()));
         }
     }
@@ -62,10 +62,10 @@ proptest! {
 
 #[test]
 fn what_the_columns_cannot_do_is_left_beyond() {
-    let (belts, parts) = (belts(), scene(2, 4e-3, 1));
+    let (motion_set, parts) = (motion_set(), scene(2, 4e-3, 1));
     // one pulse for four wanted coordinates
-    let one = [DisplacementMatrix::all(&belts, &parts, 4e-3, PulseScale::Coarse).pulses[0]];
-    let columns = DisplacementMatrix::of(&belts, &parts, one.into_iter());
+    let one = [DisplacementMatrix::all(&motion_set, &parts, 4e-3, PulseScale::Coarse).pulses[0]];
+    let columns = DisplacementMatrix::of(&motion_set, &parts, one.into_iter());
     let found = LeastTime::solve(&columns, &steps_mm(&parts), 0.01, &[]).unwrap();
     assert!(found.beyond_mm > 0.1, "{}", found.beyond_mm);
 }

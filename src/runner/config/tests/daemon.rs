@@ -1,7 +1,7 @@
 use serde_json::{Value, json};
 
 use super::{lines, set, shipped, text_of, value_of};
-use crate::config::{DaemonSpec, JobSpec, Origin};
+use crate::config::{DaemonSpec, JobSpec, Origin, RigSpec};
 use upm_core::job::Pace;
 
 fn daemon(document: &Value) -> Result<DaemonSpec, Vec<String>> {
@@ -131,6 +131,35 @@ fn a_job_may_say_its_plates_rig_and_no_other() {
     assert_eq!(job(nearly).unwrap_err().len(), 1);
     let named = job(json!("rigs/upm-2.json")).unwrap_err();
     assert!(named[0].contains("files cannot be named here"), "{named:?}");
+}
+
+#[test]
+fn knocks_of_a_job_are_those_of_its_plate() {
+    let quiet = RigSpec::load(&shipped("rigs/upm-2.json")).unwrap();
+    let knocked = RigSpec::load(&shipped("rigs/upm-2-knocked.json")).unwrap();
+    let job = |plate_rig: &RigSpec, rig: &RigSpec| {
+        let mut document = value_of("hold-4.json");
+        set(&mut document, "/rig", serde_json::to_value(&rig.raw).unwrap());
+        JobSpec::from_json(&document.to_string(), &Origin::of_request("job"), Some(plate_rig)).map_err(lines)
+    };
+    for rig in [&quiet, &knocked] {
+        assert_eq!(job(&knocked, rig).unwrap().rig, knocked, "a rig without knocks leaves them to the plate");
+    }
+    assert_eq!(job(&quiet, &quiet).unwrap().rig, quiet);
+    let refused = job(&quiet, &knocked).unwrap_err();
+    assert_eq!(refused, ["rig: expected the rig of the plate, or nothing, found another rig"]);
+}
+
+#[test]
+fn run_with_too_many_knocks_is_refused() {
+    let job = |plate_time_s: f64| {
+        let mut document = value_of("hold-4.json");
+        set(&mut document, "/limits/plate_time_s", json!(plate_time_s));
+        super::job(&document).map(|_| ()).map_err(lines)
+    };
+    assert_eq!(job(7500.0), Ok(()));
+    let line = "limits.plate_time_s: expected up to 7500 (10000 knocks by the rig's simulation.knocks), found 7501";
+    assert_eq!(job(7501.0), Err(vec![line.to_owned()]));
 }
 
 #[test]

@@ -86,6 +86,22 @@ fn fingerprint_never_changes() {
 }
 
 #[test]
+fn knocks_are_read_and_leave_the_fingerprint() {
+    let mut document = value_of("rigs/upm-1.json");
+    let quiet = rig(&document).unwrap();
+    assert_eq!(quiet.raw.simulation.knocks, None);
+    set(&mut document, "/simulation/knocks", knocks(2.0, [13.0, -13.0]));
+    let knocked = rig(&document).unwrap();
+    let read = knocked.raw.simulation.knocks.unwrap();
+    assert_eq!((read.every_s, read.push_mm), (2.0, [13.0, -13.0]));
+    assert_eq!(knocked.fingerprint, quiet.fingerprint, "a knocked rig is the same rig");
+}
+
+fn knocks(every_s: f64, push_mm: [f64; 2]) -> Value {
+    json!({"every_s": every_s, "push_mm": push_mm})
+}
+
+#[test]
 fn impossible_rigs_are_faults() {
     for (pointer, value, at, allowed) in [
         ("/plate/side_mm", json!(0), "plate.side_mm", "from 20 to 2000"),
@@ -112,6 +128,10 @@ fn impossible_rigs_are_faults() {
         ("/camera/levels/ground", json!(185), "camera.levels.ground", "must stand out from the ground"),
         ("/drive/max_sustain_s", json!(0.02), "drive.max_sustain_s", "three periods"),
         ("/simulation/step_s", json!(5e-4), "simulation.step_s", "up to 0.0001"),
+        ("/simulation/knocks", knocks(0.05, [1.0, 0.0]), "simulation.knocks.every_s", "from 0.1 to 1000"),
+        ("/simulation/knocks", knocks(1.0, [0.0, -13.5]), "simulation.knocks.push_mm[1]", "from -13 to 13"),
+        ("/simulation/knocks", knocks(1.0, [0.0, 0.0]), "simulation.knocks.push_mm", "a push along x or y"),
+        ("/simulation/knocks", json!({"every_s": 1}), "simulation.knocks.push_mm", "a list of 2 items"),
         ("/kinds", json!({"penny": {"diameter_mm": 20, "mass_g": 2, "thickness_mm": 1}}), "kinds.penny", "other than"),
     ] {
         let mut document = value_of("rigs/upm-1.json");

@@ -68,18 +68,29 @@ fn centres_are_counted_where_they_are() {
 #[test]
 fn shades_go_from_the_least_step_to_the_longest_and_leave_out_what_is_not_reached() {
     let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
-    let [least_m, most_m] = coverage.steps_m().unwrap();
-    assert!(most_m - least_m < 1e-12);
     coverage.places.iter_mut().for_each(|place| place.longest_step_m = 0.026);
-    assert_eq!((coverage.steps_m(), coverage.shade(&coverage.places[7])), (Some([0.026; 2]), 0.5));
     coverage.places[0].longest_step_m = 0.027;
     coverage.places[1].longest_step_m = 0.0265;
     (coverage.places[2].share, coverage.places[2].longest_step_m) = (0.01, 0.001);
-    let shades: Vec<f64> = coverage.places.iter().take(4).map(|place| coverage.shade(place)).collect();
+    let shades = coverage.shades();
     assert!([1.0, 0.5, 0.0, 0.0].iter().zip(&shades).all(|(a, b)| (a - b).abs() < 1e-9), "{shades:?}");
-    assert_eq!(coverage.steps_m(), Some([0.026, 0.027]));
+    assert_eq!((coverage.steps_m(), coverage.is_even()), (Some([0.026, 0.027]), false));
     coverage.places.iter_mut().for_each(|place| place.share = 0.0);
-    assert_eq!((coverage.steps_m(), coverage.shade(&coverage.places[0])), (None, 0.0));
+    assert_eq!((coverage.steps_m(), coverage.is_even()), (None, false));
+    assert!(coverage.shades().iter().all(|&shade| shade == 0.0));
+}
+
+#[test]
+fn rounding_noise_is_not_stretched_over_all_shades() {
+    let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
+    coverage.places[0].longest_step_m += 1e-14;
+    let [least_m, most_m] = coverage.steps_m().unwrap();
+    assert!(least_m < most_m && most_m - least_m < 1e-12, "rounding alone: {least_m} {most_m}");
+    assert!(coverage.is_even() && coverage.shades().iter().all(|&shade| shade == 0.5), "{:?}", coverage.shades());
+    coverage.places[3].share = 0.01;
+    assert_eq!((coverage.is_even(), coverage.shades()[3]), (true, 0.0), "out of reach");
+    coverage.places[5].longest_step_m = most_m + 2e-5;
+    assert_eq!((coverage.is_even(), coverage.shades()[5]), (false, 1.0));
 }
 
 proptest! {

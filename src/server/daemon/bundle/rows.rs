@@ -4,17 +4,17 @@ use super::redact::{REMOVED, scrub, scrubbed};
 use crate::store::{AuditRow, JobId, JobRow, StoreSnapshot, StoredEvent};
 
 /// The jobs, with the number of jobs of each plate in each state.
-pub(super) fn jobs(peeked: &StoreSnapshot) -> Value {
-    let counts = peeked
+pub(super) fn jobs(snapshot: &StoreSnapshot) -> Value {
+    let counts = snapshot
         .counts
         .iter()
         .map(|(plate, state, count)| json!({"plate": scrub(plate), "state": state.code(), "jobs": count}));
-    let paused = peeked.paused.iter().filter(|(_, paused)| *paused).map(|(plate, _)| scrub(plate));
+    let paused = snapshot.paused.iter().filter(|(_, paused)| *paused).map(|(plate, _)| scrub(plate));
     json!({
-        "closed_in_order": peeked.is_closed,
+        "closed_in_order": snapshot.is_closed,
         "counts": counts.collect::<Vec<_>>(),
         "paused": paused.collect::<Vec<_>>(),
-        "newest": peeked.jobs.iter().map(job).collect::<Vec<_>>(),
+        "newest": snapshot.jobs.iter().map(job).collect::<Vec<_>>(),
     })
 }
 

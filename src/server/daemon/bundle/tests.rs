@@ -161,7 +161,7 @@ fn the_daemon_goes_on_and_afterwards_its_folder_is_as_it_was() {
 }
 
 #[test]
-fn what_is_missing_is_told() {
+fn what_is_missing_is_reported() {
     let faults = DaemonSpec::from_json(&format!("{{\"listen\": \"{TOKEN}\"}}"), &Origin::of_request("x")).unwrap_err();
     let empty = tempfile::tempdir().unwrap();
     let (made, files) = made_of(Err(&faults), Some(empty.path()));

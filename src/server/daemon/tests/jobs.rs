@@ -9,7 +9,7 @@ const ENDLESS: &str = r#"{"plate": "upm-1", "name": "rest", "parts": [{"kind": "
 fn checked_job_is_laid_out_and_not_queued() {
     let running = RunningDaemon::new();
     let check = |text: &str| {
-        kept(running.desk.check(Submission { text: text.to_owned(), pace: None, key: None, caller: caller() }))
+        kept(running.backend.check(Submission { text: text.to_owned(), pace: None, key: None, caller: caller() }))
     };
     let sort = r#"{"plate": "upm-2", "name": "s", "parts": [{"kind": "dime", "count": 2}], "task": {"type": "sort",
         "bins": [{"kinds": ["dime"], "region_mm": {"min": [-50, -40], "max": [50, 40.5]}}]}}"#;
@@ -31,30 +31,30 @@ fn checked_job_is_laid_out_and_not_queued() {
 fn layout_is_told_while_the_job_is_on_its_plate() {
     let running = RunningDaemon::new();
     let id = running.submit(ENDLESS).unwrap().id;
-    let layout = soon("the job is not laid out", || kept(running.desk.layout(&id)).ok());
+    let layout = soon("the job is not laid out", || kept(running.backend.layout(&id)).ok());
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
     assert_eq!((kinds, layout.endless), (vec!["penny", "dime", "dime"], true));
-    kept(running.desk.cancel(&id, caller())).unwrap();
+    kept(running.backend.cancel(&id, caller())).unwrap();
     running.ended(&id);
-    soon("the plate does not rest", || kept(running.desk.layout(&id)).err());
-    assert!(matches!(kept(running.desk.layout(&id)), Err(Refusal::Unknown(_))));
-    assert!(matches!(kept(running.desk.layout("nothing")), Err(Refusal::Unknown(_))));
+    soon("the plate does not rest", || kept(running.backend.layout(&id)).err());
+    assert!(matches!(kept(running.backend.layout(&id)), Err(Refusal::Unknown(_))));
+    assert!(matches!(kept(running.backend.layout("nothing")), Err(Refusal::Unknown(_))));
 }
 
 #[test]
 fn job_is_deleted_once_it_does_not_run() {
     let running = RunningDaemon::new();
     let [first, second] = [ENDLESS, &on("upm-1")].map(|text| running.submit(text).unwrap().id);
-    let delete = |id: &str| kept(running.desk.delete(id, caller()));
-    soon("the job does not begin", || kept(running.desk.layout(&first)).ok());
+    let delete = |id: &str| kept(running.backend.delete(id, caller()));
+    soon("the job does not begin", || kept(running.backend.layout(&first)).ok());
     assert!(matches!(delete(&first), Err(Refusal::Conflict(_))), "it runs");
     assert_eq!(delete(&second), Ok(()), "it waits");
-    assert!(matches!(kept(running.desk.job(&second)), Err(Refusal::Unknown(_))));
-    kept(running.desk.cancel(&first, caller())).unwrap();
+    assert!(matches!(kept(running.backend.job(&second)), Err(Refusal::Unknown(_))));
+    kept(running.backend.cancel(&first, caller())).unwrap();
     running.ended(&first);
     assert_eq!(delete(&first), Ok(()));
     assert!(matches!(delete(&first), Err(Refusal::Unknown(_))), "once");
     assert_eq!(all_jobs(&running), []);
-    let runs = running.desk.state.store.runs().to_owned();
+    let runs = running.backend.state.store.runs().to_owned();
     soon("its run folder stays", || std::fs::read_dir(&runs).unwrap().next().is_none().then_some(()));
 }

@@ -4,21 +4,21 @@ use super::*;
 
 /// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
 fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<Pause>) {
-    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
-    let plates = house.open(None);
+    let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
     let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
-    let [job, behind] = [&text, TWO_COINS].map(|text| house.submit(plate, text, Pace::Max));
-    next(&told, "finished");
-    let report = serde_json::from_str(&house.row(&job).report_json.unwrap()).unwrap();
+    let [job, behind] = [&text, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
+    next(&events, "finished");
+    let report = serde_json::from_str(&test_plates.row(&job).report_json.unwrap()).unwrap();
     let pause = plate.paused();
     if pause.is_some() {
-        assert_eq!(house.row(&behind).state, JobState::Queued);
+        assert_eq!(test_plates.row(&behind).state, JobState::Queued);
         assert!(plate.resume(caller("ann")));
     }
-    assert_eq!(next(&told, "finished")["state"], "completed");
+    assert_eq!(next(&events, "finished")["state"], "completed");
     (report, pause)
 }
 
@@ -37,27 +37,27 @@ fn control_waits_for_sight_as_long_as_its_guards_allow_whatever_the_watchdog_see
 
 #[test]
 fn a_lost_part_stops_the_plate_for_a_person_to_look() {
-    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
-    let plates = house.open(None);
+    let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     let text = TWO_COINS
         .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
-    let lost = house.submit(plate, &text, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let reason = house.row(&lost).reason;
+    let lost = test_plates.submit(plate, &text, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let reason = test_plates.row(&lost).reason;
     assert!(reason.contains("is lost, last seen at"), "{reason}");
     let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
-    let report: serde_json::Value = serde_json::from_str(&house.row(&lost).report_json.unwrap()).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&test_plates.row(&lost).report_json.unwrap()).unwrap();
     assert_eq!(report["stop"]["code"], pause.code);
     assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
 }
 
 #[test]
 fn job_with_faults_is_refused_unless_the_file_allows_them() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
     let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
     let line = "job: faults: expected none (unless the daemon's file says \"allow_faults\": true), found 1 fault";
@@ -66,54 +66,54 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
 
 #[test]
 fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
-    let house = TestPlates::new();
+    let test_plates = TestPlates::new();
     let mut wrong = library();
     for entry in &mut wrong.entries {
         entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
     }
-    let plates = house.open_by(wrong, None, |_| {});
+    let plates = test_plates.open_by(wrong, None, |_| {});
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
         "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
         "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
-    let [away, next_one] = [away, TWO_COINS].map(|text| house.submit(plate, text, Pace::Max));
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let reason = house.row(&away).reason;
+    let [away, next_one] = [away, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let reason = test_plates.row(&away).reason;
     assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
     let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
-    let report: serde_json::Value = serde_json::from_str(&house.row(&away).report_json.unwrap()).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&test_plates.row(&away).report_json.unwrap()).unwrap();
     assert_eq!(report["stop"]["code"], pause.code);
     assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
-    assert_eq!(house.row(&next_one).state, JobState::Queued);
+    assert_eq!(test_plates.row(&next_one).state, JobState::Queued);
     assert!(plate.resume(caller("ann")));
-    next(&told, "finished");
+    next(&events, "finished");
 }
 
 #[test]
 fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
-    let house = TestPlates { allow_faults: true, ..TestPlates::new() };
-    let plates = house.open(None);
+    let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
-    house.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
-    next(&told, "look");
-    let shown = || plate.snapshot().sight.conditions;
+    test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
+    next(&events, "look");
+    let shown = || plate.snapshot().observation.conditions;
     assert_eq!(shown(), [], "all is well at first");
-    let began = next(&told, "warning");
+    let began = next(&events, "warning");
     let held = loop {
-        next(&told, "look");
+        next(&events, "look");
         if let [held] = &shown()[..] {
             break held.clone();
         }
     };
     assert_eq!(held.code, "camera_dark");
     assert_eq!(began["text"], format!("{}; {}", held.reason, held.remedy));
-    assert!(next(&told, "warning")["text"].as_str().unwrap().starts_with("no longer"));
-    next(&told, "look");
-    next(&told, "look");
+    assert!(next(&events, "warning")["text"].as_str().unwrap().starts_with("no longer"));
+    next(&events, "look");
+    next(&events, "look");
     assert_eq!(shown(), [], "and again in the end");
     plates.shutdown(LONG);
 }

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::*;
 use upm_runner::config::Fault;
 
-fn asked(house: &TestPlates, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Fault> {
-    let plates = house.open_with(None, |around| around.allow_inline_libraries = allow);
+fn asked(test_plates: &TestPlates, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Fault> {
+    let plates = test_plates.open_with(None, |around| around.allow_inline_libraries = allow);
     let mut job: Value = serde_json::from_str(TWO_COINS).unwrap();
     job["library"] = serde_json::from_str(&library().to_json()).unwrap();
     change(&mut job["library"]);

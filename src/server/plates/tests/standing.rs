@@ -34,7 +34,7 @@ impl Drop for ShutDownPlates {
     }
 }
 
-fn house(standing: StandingSetup) -> TestPlates {
+fn test_plates(standing: StandingSetup) -> TestPlates {
     TestPlates { standing: Some(standing), ..TestPlates::new() }
 }
 
@@ -58,145 +58,145 @@ fn until(plate: &PlateHandle, state: StandingState) -> String {
 }
 
 /// Name, state and standing flag of each job, oldest first.
-fn jobs(house: &TestPlates) -> Vec<(String, JobState, bool)> {
-    house.ledger.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
+fn jobs(test_plates: &TestPlates) -> Vec<(String, JobState, bool)> {
+    test_plates.job_store.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
 }
 
 #[test]
 fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
-    let house = house(endless());
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(endless());
+    let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    next(&told, "cycle");
+    let events = listen(plate);
+    next(&events, "cycle");
     let snapshot = plate.snapshot();
     assert_eq!((snapshot.state, standing(plate)), (PlateState::Running, (StandingState::Running, String::new())));
     let first = snapshot.job.unwrap();
 
-    let queued = house.submit(plate, TWO_COINS, Pace::Max);
-    let ends = [next(&told, "finished"), next(&told, "finished")];
+    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    let ends = [next(&events, "finished"), next(&events, "finished")];
     assert_eq!([&ends[0]["state"], &ends[1]["state"]], ["completed", "completed"]);
-    next(&told, "cycle");
+    next(&events, "cycle");
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     let run = |state| ("standing".to_owned(), state, true);
     let two = ("two".to_owned(), JobState::Completed, false);
-    assert_eq!(jobs(&house), [run(JobState::Completed), two, run(JobState::Interrupted)]);
+    assert_eq!(jobs(&test_plates), [run(JobState::Completed), two, run(JobState::Interrupted)]);
 
-    let row = house.row(&first);
+    let row = test_plates.row(&first);
     let report: serde_json::Value = serde_json::from_str(row.report_json.as_deref().unwrap()).unwrap();
     assert_eq!((&report["stop"]["code"], &report["outcome"]), (&"gave_way".into(), &"completed".into()));
-    let folder = house.folder.path().join("runs").join(row.folder.unwrap());
+    let folder = test_plates.folder.path().join("runs").join(row.folder.unwrap());
     let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     assert!(!journal.contains("unfinished_cycle"), "it ends between two cycles");
-    assert!(house.row(&queued).started_at.is_some());
+    assert!(test_plates.row(&queued).started_at.is_some());
 }
 
 #[test]
 fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
-    let house = house(setup(r#"{ "type": "hold" }"#, 0.5));
-    let plates = ShutDownPlates(house.open(None));
-    let told = listen(plates.get("one").unwrap());
+    let test_plates = test_plates(setup(r#"{ "type": "hold" }"#, 0.5));
+    let plates = ShutDownPlates(test_plates.open(None));
+    let events = listen(plates.get("one").unwrap());
     for _ in 0..2 {
-        let end = next(&told, "finished");
+        let end = next(&events, "finished");
         assert_eq!((&end["state"], &end["reason"]), (&"completed".into(), &"plate time limit of 0.5 s reached".into()));
     }
-    assert!(house.ledger.jobs().len() >= 2);
+    assert!(test_plates.job_store.jobs().len() >= 2);
 }
 
 #[test]
 fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
     let paused = Some("by the configuration".to_owned());
-    let house = house(StandingSetup { paused, ..endless() });
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(StandingSetup { paused, ..endless() });
+    let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "completed");
+    let events = listen(plate);
+    test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
     assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
-    assert_eq!(jobs(&house).len(), 1);
+    assert_eq!(jobs(&test_plates).len(), 1);
     assert!(plate.resume(caller("ann")));
-    next(&told, "cycle");
+    next(&events, "cycle");
     assert_eq!(standing(plate), (StandingState::Running, String::new()));
-    assert_eq!(house.ledger.audit_log().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
+    assert_eq!(test_plates.job_store.audit_log().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
 }
 
 #[test]
 fn cancelled_standing_job_waits_for_a_person() {
-    let house = house(endless());
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(endless());
+    let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    next(&told, "cycle");
+    let events = listen(plate);
+    next(&events, "cycle");
     assert!(plate.cancel(&plate.snapshot().job.unwrap()));
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
     assert_eq!(until(plate, StandingState::Paused), "its last run was cancelled by request");
     assert_eq!((plate.snapshot().state, plate.paused()), (PlateState::Idle, None), "the plate itself takes jobs");
-    house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    assert_eq!(jobs(&house).len(), 2);
+    test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    assert_eq!(jobs(&test_plates).len(), 2);
     plate.resume(caller("ann"));
-    next(&told, "cycle");
+    next(&events, "cycle");
 }
 
 #[test]
 fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
-    let house = house(endless());
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(endless());
+    let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    next(&told, "cycle");
+    let events = listen(plate);
+    next(&events, "cycle");
     assert!(plate.estop());
-    assert_eq!(next(&told, "finished")["reason"], "emergency stop");
+    assert_eq!(next(&events, "finished")["reason"], "emergency stop");
     while reset(plate, "bob") == Err(ResetFault::StillStopping) {
         std::thread::yield_now();
     }
     assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
-    assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
+    assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
     plate.resume(caller("bob"));
-    next(&told, "cycle");
-    assert_eq!(jobs(&house).len(), 2);
+    next(&events, "cycle");
+    assert_eq!(jobs(&test_plates).len(), 2);
 }
 
 #[test]
 fn failed_standing_job_waits_for_a_person_and_says_why() {
-    let house = house(setup(r#"{ "type": "arrange", "targets_mm": [[-100, 0]] }"#, 0.5));
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(setup(r#"{ "type": "arrange", "targets_mm": [[-100, 0]] }"#, 0.5));
+    let plates = ShutDownPlates(test_plates.open(None));
     let why = until(plates.get("one").unwrap(), StandingState::Paused);
     assert!(why.starts_with("its last run failed: plate time limit of 0.5 s reached; "), "{why}");
     // the plate is paused before its job's end is stored
-    let is_running = || jobs(&house).iter().any(|(_, state, _)| *state == JobState::Running);
+    let is_running = || jobs(&test_plates).iter().any(|(_, state, _)| *state == JobState::Running);
     (0..6000).take_while(|_| is_running()).for_each(|_| std::thread::sleep(Duration::from_millis(10)));
-    assert_eq!(jobs(&house), [("standing".to_owned(), JobState::Failed, true)]);
+    assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Failed, true)]);
 }
 
 #[test]
 fn standing_job_with_an_end_that_gives_way_is_cancelled() {
-    let house = house(setup(r#"{ "type": "plus_sign", "laps": 50 }"#, 6000.0));
-    let plates = ShutDownPlates(house.open(None));
+    let test_plates = test_plates(setup(r#"{ "type": "plus_sign", "laps": 50 }"#, 6000.0));
+    let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    next(&told, "cycle");
-    house.submit(plate, TWO_COINS, Pace::Max);
-    let end = next(&told, "finished");
+    let events = listen(plate);
+    next(&events, "cycle");
+    test_plates.submit(plate, TWO_COINS, Pace::Max);
+    let end = next(&events, "finished");
     assert_eq!((&end["state"], &end["reason"]), (&"cancelled".into(), &"gave way to another job".into()));
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    next(&told, "cycle");
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    next(&events, "cycle");
 }
 
 #[test]
 fn standing_job_waits_while_the_disk_is_nearly_full() {
-    let house = house(endless());
-    let plates = ShutDownPlates(house.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
+    let test_plates = test_plates(endless());
+    let plates = ShutDownPlates(test_plates.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     // other jobs still run
-    house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "completed");
+    test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
     for _ in 0..6000 {
         let (state, why) = standing(plate);
         assert_eq!(state, StandingState::Waiting);
         if why.starts_with("the disk has only ") {
-            assert_eq!(jobs(&house).len(), 1);
+            assert_eq!(jobs(&test_plates).len(), 1);
             return;
         }
         std::thread::sleep(Duration::from_millis(10));

@@ -15,9 +15,9 @@ use upm_runner::run::ExternalStop;
 
 type Act = Box<dyn FnOnce() + Send>;
 
-/// A ledger that calls a closure, once, when a plate is noted as paused.
+/// A job store that calls a closure, once, when a plate is noted as paused.
 struct FaultInjector {
-    ledger: Arc<InMemoryJobStore>,
+    job_store: Arc<InMemoryJobStore>,
     then: Mutex<Option<Act>>,
 }
 
@@ -33,7 +33,7 @@ impl JobStore for FaultInjector {
         plate: &str,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
-        self.ledger.claim(plate, folder)
+        self.job_store.claim(plate, folder)
     }
 
     fn begin_standing(
@@ -41,33 +41,33 @@ impl JobStore for FaultInjector {
         job: &NewJob,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
     ) -> Result<Option<Claimed>, StoreFault> {
-        self.ledger.begin_standing(job, folder)
+        self.job_store.begin_standing(job, folder)
     }
 
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
-        self.ledger.finish(id, end)
+        self.job_store.finish(id, end)
     }
 
     fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
-        self.ledger.append_event(id, event, published)
+        self.job_store.append_event(id, event, published)
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
-        self.ledger.progress(id, progress);
+        self.job_store.progress(id, progress);
     }
 
     fn note_paused(&self, plate: &str, paused: bool) {
-        self.ledger.note_paused(plate, paused);
+        self.job_store.note_paused(plate, paused);
         let act = self.then.lock().unwrap().take();
         act.into_iter().for_each(|act| act());
     }
 
     fn audit(&self, entry: AuditEntry) -> bool {
-        self.ledger.audit(entry)
+        self.job_store.audit(entry)
     }
 
     fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
-        self.ledger.audit_durably(entry)
+        self.job_store.audit_durably(entry)
     }
 }
 
@@ -80,25 +80,25 @@ fn stopped(plate: &PlateHandle) -> bool {
 
 #[test]
 fn a_stop_in_the_middle_of_a_reset_holds() {
-    let house = TestPlates::new();
-    let meddler = Arc::new(FaultInjector { ledger: Arc::clone(&house.ledger), then: Mutex::default() });
-    let plates = Arc::new(house.open_with(None, |around| around.ledger = meddler.clone()));
+    let test_plates = TestPlates::new();
+    let injector = Arc::new(FaultInjector { job_store: Arc::clone(&test_plates.job_store), then: Mutex::default() });
+    let plates = Arc::new(test_plates.open_with(None, |around| around.job_store = injector.clone()));
     let plate = plates.get("one").unwrap();
     assert!(plate.estop());
     let again = Arc::clone(&plates);
-    *meddler.then.lock().unwrap() = Some(Box::new(move || {
+    *injector.then.lock().unwrap() = Some(Box::new(move || {
         let plate = again.get("one").unwrap();
         assert!(!plate.estop(), "the first one is not released yet");
     }));
     assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
     assert!(stopped(plate));
-    let acts: Vec<String> = house.ledger.audit_log().into_iter().map(|line| line.act).collect();
+    let acts: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
     assert_eq!(acts, ["reset", "reset refused"]);
     assert!(plate.record_estop(caller("bob")));
     assert!(plate.stop_times().is_some());
     plates.shutdown(LONG);
-    drop((meddler, plates));
-    let plates = house.open(None);
+    drop((injector, plates));
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
     assert_eq!(reset(plate, "ann"), Ok(()));
@@ -108,48 +108,48 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
 
 #[test]
 fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
     let seen = plate.held().unwrap();
     plate.estop();
     assert_eq!(plate.reset(seen, caller("ann"), || true), Err(ResetFault::StoppedAgain));
-    assert!(stopped(plate) && house.ledger.audit_log().is_empty());
+    assert!(stopped(plate) && test_plates.job_store.audit_log().is_empty());
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
 }
 
 #[test]
 fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stopped() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
     assert_eq!(plate.reset(plate.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
     assert!(stopped(plate));
-    let acts: Vec<String> = house.ledger.audit_log().into_iter().map(|line| line.act).collect();
+    let acts: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
     assert_eq!(acts, ["reset", "reset refused"]);
 }
 
 #[test]
 fn a_reset_that_cannot_be_written_down_is_none() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    house.ledger.fail_with(Some(StoreFault::Full));
+    test_plates.job_store.fail_with(Some(StoreFault::Full));
     assert_eq!(reset(plate, "ann"), Err(ResetFault::Unwritten(StoreFault::Full)));
     assert!(stopped(plate));
-    house.ledger.fail_with(None);
+    test_plates.job_store.fail_with(None);
     assert_eq!(reset(plate, "ann"), Ok(()));
     assert!(!stopped(plate));
 }
 
 #[test]
 fn stops_and_resets_at_once_never_leave_half_a_stop() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("a test"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("a test"));
     let plate = plates.get("one").unwrap();
     for _ in 0..300 {
         plate.estop();
@@ -176,8 +176,8 @@ fn stops_and_resets_at_once_never_leave_half_a_stop() {
 
 #[test]
 fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
@@ -188,38 +188,38 @@ fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
 
 #[test]
 fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("not yet"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let id = house.submit(plate, HOLD, Pace::RealTime);
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
     // as after the plate has claimed it and before it reports the start
     assert!(plate.cancel(&id));
     assert!(plate.resume(caller("ann")));
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert_eq!(house.row(&id).reason, "cancelled by request");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).reason, "cancelled by request");
     assert!(!plate.cancel(&id), "its run is over");
-    let other = house.submit(plate, TWO_COINS, Pace::Max);
-    next(&told, "finished");
-    assert_eq!(house.row(&other).state, JobState::Completed);
+    let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    next(&events, "finished");
+    assert_eq!(test_plates.row(&other).state, JobState::Completed);
 }
 
 #[test]
 fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("a test"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("a test"));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
-    let [first, second] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
+    let [first, second] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
     let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
-    let frame = || shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
+    let frame = || shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
     let bark = |job: &JobId| {
         shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
         shared.emergency_stop.interlock().tripped()
     };
     begin(first);
     frame();
-    shared.job.vitals.end();
+    shared.job.heartbeat.end();
     assert!(shared.job.driven().is_none());
     assert_eq!(bark(&first), None, "control has returned");
     assert_eq!(shared.job.end(), None);
@@ -234,46 +234,46 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
 
 #[test]
 fn the_last_word_of_control_ends_the_watch() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let (told, [first, _]) = house.keep_busy(plate);
-    next(&told, "look");
+    let (events, [first, _]) = test_plates.keep_busy(plate);
+    next(&events, "look");
     assert!(plate.shared.job.driven().is_some_and(|(job, _)| job == first));
     plate.shared.pause(Some(Pause::new("test", "after this one", "none")));
     assert!(plate.cancel(&first));
-    assert_eq!(next(&told, "finished")["state"], "cancelled");
-    assert!(plate.shared.job.vitals.is_over());
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert!(plate.shared.job.heartbeat.is_over());
 }
 
 #[test]
 fn a_job_that_had_begun_is_not_run_over_what_it_left() {
-    let house = TestPlates::new();
-    let plates = house.open(Some("not yet"));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let [id, empty] = [(); 2].map(|()| house.submit(plate, TWO_COINS, Pace::Max));
-    let folder = |id: &JobId| house.folder.path().join("runs").join(house.row(id).run_folder());
+    let events = listen(plate);
+    let [id, empty] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
+    let folder = |id: &JobId| test_plates.folder.path().join("runs").join(test_plates.row(id).run_folder());
     let journal = folder(&id).join("journal.jsonl");
     [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
     std::fs::write(&journal, "what there was\n").unwrap();
     assert!(plate.resume(caller("ann")));
-    next(&told, "finished");
-    let reason = house.row(&id).reason;
+    next(&events, "finished");
+    let reason = test_plates.row(&id).reason;
     assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
     assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
-    next(&told, "finished");
-    assert_eq!(house.row(&empty).state, JobState::Completed, "an empty folder is no run");
+    next(&events, "finished");
+    assert_eq!(test_plates.row(&empty).state, JobState::Completed, "an empty folder is no run");
 }
 
 #[test]
 fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
     assert!(plate.record_estop(Requester::default()));
-    std::fs::remove_dir_all(house.folder.path().join("latch")).unwrap();
+    std::fs::remove_dir_all(test_plates.folder.path().join("latch")).unwrap();
     plate.estop();
     assert!(!plate.record_estop(Requester::default()), "it was persisted, and is no longer");
     assert!(stopped(plate));
@@ -281,13 +281,13 @@ fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
 
 #[test]
 fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
-    let house = TestPlates::new();
-    let plates = house.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
     let plate = plates.get("one").unwrap();
     let shared = &plate.shared;
-    let job = house.submit(plate, TWO_COINS, Pace::RealTime);
+    let job = test_plates.submit(plate, TWO_COINS, Pace::RealTime);
     shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
-    shared.job.vitals.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
+    shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
     while shared.emergency_stop.interlock().tripped().is_none() {
         thread::yield_now();
     }
@@ -301,20 +301,21 @@ fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
 
 #[test]
 fn watchdog_limits_of_wall_time_end_a_job_under_strict_deadlines_only() {
-    let house = TestPlates::new();
-    let plates = house.open_with(None, |around| {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| {
         let never = Duration::ZERO;
         (around.watchdog.no_frame, around.watchdog.planning) = (never, never);
         (around.watchdog.late_frames, around.watchdog.misses_per_s) = (0, 0);
     });
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
-    let relaxed = house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "completed");
+    let events = listen(plate);
+    let relaxed = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
     let strict = TWO_COINS.replace("\"seed\"", "\"deadlines\": \"strict\", \"seed\"");
-    let strict = house.submit(plate, &strict, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "failed");
-    let report = |job| -> serde_json::Value { serde_json::from_str(&house.row(job).report_json.unwrap()).unwrap() };
+    let strict = test_plates.submit(plate, &strict, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let report =
+        |job| -> serde_json::Value { serde_json::from_str(&test_plates.row(job).report_json.unwrap()).unwrap() };
     assert_eq!(report(&relaxed)["stop"], serde_json::Value::Null);
     let stop = &report(&strict)["stop"];
     assert_eq!(stop["code"], "deadline_missed");

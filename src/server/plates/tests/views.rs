@@ -4,28 +4,28 @@ use super::*;
 
 #[test]
 fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
-    let house = TestPlates::new();
-    let plates = house.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
     let plate = plates.get("one").unwrap();
     let live = plate.snapshot().live.unwrap();
     let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
     assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
-    let told = listen(plate);
-    let id = house.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&told, "finished")["state"], "completed");
-    assert_eq!(house.row(&id).recording, RecordingStatus::None, "no file comes of it");
+    let events = listen(plate);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    assert_eq!(test_plates.row(&id).recording, RecordingStatus::None, "no file comes of it");
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
 }
 
 #[test]
 fn pictures_are_made_for_those_who_look() {
-    let house = TestPlates::new();
-    let plates = house.open(None);
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = listen(plate);
+    let events = listen(plate);
     assert_eq!(plate.picture(), None);
-    house.submit(plate, HOLD, Pace::RealTime);
-    next(&told, "look");
+    test_plates.submit(plate, HOLD, Pace::RealTime);
+    next(&events, "look");
     let picture = loop {
         if let Some((picture, age)) = plate.picture() {
             assert!(age <= Duration::from_secs(3), "{age:?}");

@@ -65,8 +65,8 @@ pub trait Backend: Send + Sync {
     /// Its metrics, as OpenMetrics text.
     fn metrics(&self) -> String;
 
-    /// Offers all further events of the job to `feed`; returns the state of the job now.
-    fn watch(&self, id: &str, feed: EventSender) -> Pending<StreamStart>;
+    /// Offers all further events of the job to `sender`; returns the state of the job now.
+    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart>;
 
     /// At most `most` stored events of the job with numbers above `after`, in order.
     fn replay(&self, id: &str, after: u64, most: usize) -> Pending<ReplayPage>;

@@ -56,7 +56,7 @@ pub struct EventSender {
     overrun: Arc<AtomicBool>,
 }
 
-/// The client's end of a [`EventSender`].
+/// The client's end of an [`EventSender`].
 #[derive(Debug)]
 pub(super) struct EventReceiver {
     queue: mpsc::Receiver<StreamEvent>,
@@ -112,11 +112,11 @@ mod tests {
 
     #[tokio::test]
     async fn full_queue_never_blocks_and_is_marked_overrun() {
-        let (feed, mut receiver) = event_queue();
-        (0..1000).for_each(|seq| assert!(feed.offer(&StreamEvent::new(Some(seq), "cycle", "{}"))));
+        let (sender, mut receiver) = event_queue();
+        (0..1000).for_each(|seq| assert!(sender.offer(&StreamEvent::new(Some(seq), "cycle", "{}"))));
         assert!(receiver.is_overrun());
         assert_eq!(receiver.next().await.unwrap().seq, Some(0));
         drop(receiver);
-        assert!(feed.is_closed() && !feed.offer(&StreamEvent::new(None, "look", "{}")));
+        assert!(sender.is_closed() && !sender.offer(&StreamEvent::new(None, "look", "{}")));
     }
 }

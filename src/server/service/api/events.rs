@@ -31,13 +31,22 @@ pub(super) async fn watch(call: RequestContext) -> Result<Response, Problem> {
     let after = last_event_id(&call.headers)?;
     let permit = call.api.watchers.clone().try_acquire_owned();
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
-    let counted = (permit.map_err(full)?, call.api.traffic.stream());
-    let (feed, receiver) = event_queue();
-    let opening = call.desk.watch(&id, feed).await?;
+    let counted = (permit.map_err(full)?, call.api.http_metrics.stream());
+    let (sender, receiver) = event_queue();
+    let stream_start = call.backend.watch(&id, sender).await?;
     let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
-    let stage = StreamPhase::Opening { opening, after };
-    let watcher =
-        EventStreamWatcher { desk: call.desk, id, stop, heartbeat, receiver, sent: 0, is_over: false, stage, counted };
+    let stage = StreamPhase::Opening { stream_start, after };
+    let watcher = EventStreamWatcher {
+        backend: call.backend,
+        id,
+        stop,
+        heartbeat,
+        receiver,
+        sent: 0,
+        is_over: false,
+        stage,
+        counted,
+    };
     let stream = stream::unfold(watcher, |mut watcher| async {
         let text = watcher.next().await?;
         Some((Ok::<_, std::convert::Infallible>(text), watcher))
@@ -56,7 +65,7 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
 
 /// The event stream of one client that watches one job.
 struct EventStreamWatcher {
-    desk: Arc<dyn Backend>,
+    backend: Arc<dyn Backend>,
     id: String,
     stop: StopFlag,
     heartbeat: Duration,
@@ -71,7 +80,7 @@ struct EventStreamWatcher {
 
 enum StreamPhase {
     /// Send the state of the job.
-    Opening { opening: StreamStart, after: Option<u64> },
+    Opening { stream_start: StreamStart, after: Option<u64> },
     /// Send stored events, up to this number.
     Replay { newest: u64 },
     /// Send new events.
@@ -85,7 +94,7 @@ impl EventStreamWatcher {
     async fn next(&mut self) -> Option<Bytes> {
         loop {
             let text = match std::mem::replace(&mut self.stage, StreamPhase::Ended) {
-                StreamPhase::Opening { opening, after } => self.open(&opening, after),
+                StreamPhase::Opening { stream_start, after } => self.open(&stream_start, after),
                 StreamPhase::Replay { newest } => self.replay(newest).await,
                 StreamPhase::Live => self.live().await,
                 StreamPhase::Ended => return None,
@@ -96,26 +105,29 @@ impl EventStreamWatcher {
         }
     }
 
-    fn open(&mut self, opening: &StreamStart, after: Option<u64>) -> Bytes {
+    fn open(&mut self, stream_start: &StreamStart, after: Option<u64>) -> Bytes {
         let mut text = BytesMut::from("retry: 1000\n\n");
-        self.is_over = opening.is_over;
-        self.sent = after.unwrap_or(before_end(opening)).min(opening.newest);
+        self.is_over = stream_start.is_over;
+        self.sent = after.unwrap_or(before_end(stream_start)).min(stream_start.newest);
         // with this id, a client that came without one misses nothing when the stream breaks before the first numbered
         // event
         let id = after.is_none().then_some(self.sent);
-        text.extend_from_slice(&StreamEvent::new(id, "snapshot", &opening.snapshot).text);
-        if let Some(after) = after.filter(|after| *after > opening.newest) {
+        text.extend_from_slice(&StreamEvent::new(id, "snapshot", &stream_start.snapshot).text);
+        if let Some(after) = after.filter(|after| *after > stream_start.newest) {
             // the store of that time was lost: its numbers above the newest will be reused for other events
-            text.extend_from_slice(&gap(opening.newest + 1, after));
+            text.extend_from_slice(&gap(stream_start.newest + 1, after));
         }
-        self.stage =
-            if self.sent < opening.newest { StreamPhase::Replay { newest: opening.newest } } else { StreamPhase::Live };
+        self.stage = if self.sent < stream_start.newest {
+            StreamPhase::Replay { newest: stream_start.newest }
+        } else {
+            StreamPhase::Live
+        };
         text.freeze()
     }
 
     async fn replay(&mut self, newest: u64) -> Bytes {
         let mut text = BytesMut::new();
-        match self.desk.replay(&self.id, self.sent, PAGE).await {
+        match self.backend.replay(&self.id, self.sent, PAGE).await {
             Ok(replayed) => {
                 let missing_to = replayed.oldest.saturating_sub(1).min(newest);
                 if missing_to > self.sent {
@@ -171,25 +183,25 @@ impl EventStreamWatcher {
 
     /// Restarts the stream of a client that was too slow, with the gap and the state of the job now.
     async fn reopen(&mut self) -> Bytes {
-        let (feed, receiver) = event_queue();
+        let (sender, receiver) = event_queue();
         self.receiver = receiver;
-        let Ok(opening) = self.desk.watch(&self.id, feed).await else {
+        let Ok(stream_start) = self.backend.watch(&self.id, sender).await else {
             return feed_closed();
         };
         let mut text = BytesMut::new();
-        let missed_to = before_end(&opening);
+        let missed_to = before_end(&stream_start);
         if missed_to > self.sent {
             text.extend_from_slice(&gap(self.sent + 1, missed_to));
         }
-        text.extend_from_slice(&self.open(&opening, None));
+        text.extend_from_slice(&self.open(&stream_start, None));
         text.freeze()
     }
 }
 
 /// Number after which a client without a last event id starts: the newest event, or the one before the last event of an
 /// ended job, so that a late client still receives that one.
-fn before_end(opening: &StreamStart) -> u64 {
-    opening.newest.saturating_sub(opening.is_over.into())
+fn before_end(stream_start: &StreamStart) -> u64 {
+    stream_start.newest.saturating_sub(stream_start.is_over.into())
 }
 
 /// Notice that the stored events `from` to `to` are missing from this stream.

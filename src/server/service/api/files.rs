@@ -38,12 +38,12 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 pub(super) async fn frame(call: RequestContext) -> Result<Response, Problem> {
     let id = call.job_id()?;
-    let mut picture = call.desk.frame(id).await;
+    let mut picture = call.backend.frame(id).await;
     // pictures are only made on request, so the first takes a moment
     for _ in 0..PICTURE_TRIES {
         let Err(Refusal::Busy { .. }) = picture else { break };
         sleep(PICTURE_AGAIN).await;
-        picture = call.desk.frame(id).await;
+        picture = call.backend.frame(id).await;
     }
     let picture = picture?;
     let headers = [(CONTENT_TYPE, "image/png".to_owned()), (UPM_AGE_MS, picture.age.as_millis().to_string())];
@@ -63,7 +63,7 @@ pub(super) async fn asset(call: RequestContext) -> Result<Response, Problem> {
 }
 
 fn asset_called(call: &RequestContext, name: &str) -> Result<Response, Problem> {
-    let found = Some(name).filter(|name| is_plain_name(name)).and_then(|name| call.desk.asset(name));
+    let found = Some(name).filter(|name| is_plain_name(name)).and_then(|name| call.backend.asset(name));
     let asset = found.ok_or_else(|| Problem::new(ProblemKind::NotFound, "the operator page has no such file"))?;
     let known = call.headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == asset.etag.as_bytes());
     let content = match known {
@@ -80,7 +80,7 @@ pub(super) async fn recording(call: RequestContext) -> Result<Response, Problem>
     let permit = call.api.downloads.clone().try_acquire_owned();
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many recordings are being sent").retry_after(10);
     let permit = permit.map_err(full)?;
-    let recording = call.desk.recording(id).await?;
+    let recording = call.backend.recording(id).await?;
     let etag = format!("\"{id}-{}\"", recording.bytes);
     let range = asked(&call.headers, &etag, recording.bytes)?;
     let (first, length) = range.unwrap_or((0, recording.bytes));

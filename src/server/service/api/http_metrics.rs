@@ -105,10 +105,10 @@ impl MatchedOperation {
 }
 
 /// The outermost layer: counts every answer.
-pub(super) async fn count(State(traffic): State<HttpMetrics>, mut request: Request, next: Next) -> Response {
+pub(super) async fn count(State(http_metrics): State<HttpMetrics>, mut request: Request, next: Next) -> Response {
     let reached = MatchedOperation::default();
     request.extensions_mut().insert(reached.clone());
     let response = next.run(request).await;
-    traffic.count(reached.0.get().unwrap_or(&NONE), response.status().as_u16());
+    http_metrics.count(reached.0.get().unwrap_or(&NONE), response.status().as_u16());
     response
 }

@@ -14,7 +14,7 @@ const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-re
 
 pub(super) async fn submit(call: RequestContext) -> Result<Response, Problem> {
     let (text, pace, key) = (call.text()?.to_owned(), call.query.pace()?, key_of(&call.headers)?);
-    let submitted = call.desk.submit(Submission { text, pace, key, caller: call.caller }).await?;
+    let submitted = call.backend.submit(Submission { text, pace, key, caller: call.caller }).await?;
     let location = [(LOCATION, format!("/v1/jobs/{}", submitted.job.id))];
     let replayed = submitted.replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
@@ -22,27 +22,27 @@ pub(super) async fn submit(call: RequestContext) -> Result<Response, Problem> {
 
 pub(super) async fn check(call: RequestContext) -> Result<Response, Problem> {
     let order = Submission { text: call.text()?.to_owned(), pace: None, key: None, caller: call.caller };
-    Ok(Json(call.desk.check(order).await?).into_response())
+    Ok(Json(call.backend.check(order).await?).into_response())
 }
 
 pub(super) async fn list(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.desk.jobs(JobsQuery::of(&call.query)?).await?).into_response())
+    Ok(Json(call.backend.jobs(JobsQuery::of(&call.query)?).await?).into_response())
 }
 
 pub(super) async fn show(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.desk.job(call.job_id()?).await?).into_response())
+    Ok(Json(call.backend.job(call.job_id()?).await?).into_response())
 }
 
 pub(super) async fn layout(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.desk.layout(call.job_id()?).await?).into_response())
+    Ok(Json(call.backend.layout(call.job_id()?).await?).into_response())
 }
 
 pub(super) async fn cancel(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.desk.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
+    Ok(Json(call.backend.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
 }
 
 pub(super) async fn delete(call: RequestContext) -> Result<Response, Problem> {
-    call.desk.delete(call.job_id()?, call.caller.clone()).await?;
+    call.backend.delete(call.job_id()?, call.caller.clone()).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 

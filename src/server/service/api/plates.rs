@@ -16,36 +16,36 @@ const COUNTED_WITHIN: Duration = Duration::from_millis(100);
 
 /// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
 pub(super) async fn list(call: RequestContext) -> Result<Response, Problem> {
-    let counted = timeout(COUNTED_WITHIN, call.desk.plates()).await;
-    let plates = counted.ok().and_then(Result::ok).unwrap_or_else(|| call.desk.plates_as_counted());
+    let counted = timeout(COUNTED_WITHIN, call.backend.plates()).await;
+    let plates = counted.ok().and_then(Result::ok).unwrap_or_else(|| call.backend.plates_as_counted());
     Ok(Json(plates).into_response())
 }
 
 /// Stops a plate. The motors are cut before the returned future is polled.
 pub(super) fn estop(call: RequestContext) -> impl Future<Output = Result<Response, Problem>> {
-    let stopped = call.plate().map(|plate| call.desk.estop(plate, call.caller.clone()));
+    let stopped = call.plate().map(|plate| call.backend.estop(plate, call.caller.clone()));
     async move { Ok(Json(stopped?.await?).into_response()) }
 }
 
 pub(super) async fn reset(call: RequestContext) -> Result<Response, Problem> {
     let (plate, request) = (call.plate()?, reset_request(call.text()?)?);
-    Ok(Json(call.desk.reset(plate, request, call.caller.clone()).await?).into_response())
+    Ok(Json(call.backend.reset(plate, request, call.caller.clone()).await?).into_response())
 }
 
 pub(super) async fn resume(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.desk.resume(call.plate()?, call.caller.clone()).await?).into_response())
+    Ok(Json(call.backend.resume(call.plate()?, call.caller.clone()).await?).into_response())
 }
 
 pub(super) async fn healthz(call: RequestContext) -> Result<Response, Problem> {
-    well(call.desk.liveness_failures())
+    well(call.backend.liveness_failures())
 }
 
 pub(super) async fn readyz(call: RequestContext) -> Result<Response, Problem> {
-    well(call.desk.readiness_failures())
+    well(call.backend.readiness_failures())
 }
 
 pub(super) async fn metrics(call: RequestContext) -> Result<Response, Problem> {
-    Ok(([(CONTENT_TYPE, OPENMETRICS)], call.desk.metrics()).into_response())
+    Ok(([(CONTENT_TYPE, OPENMETRICS)], call.backend.metrics()).into_response())
 }
 
 fn well(reasons: Vec<Reason>) -> Result<Response, Problem> {

@@ -13,19 +13,19 @@ use upm_runner::config::is_plain_name;
 
 /// State shared by all requests.
 pub(super) struct Api {
-    pub desk: Arc<dyn Backend>,
+    pub backend: Arc<dyn Backend>,
     pub tokens: SharedTokens,
     pub limits: Arc<HttpLimits>,
     pub stop: StopFlag,
     pub document: Bytes,
-    pub traffic: HttpMetrics,
+    pub http_metrics: HttpMetrics,
     pub watchers: Arc<Semaphore>,
     pub downloads: Arc<Semaphore>,
 }
 
 /// An admitted request, as its handler receives it.
 pub(super) struct RequestContext {
-    pub desk: Arc<dyn Backend>,
+    pub backend: Arc<dyn Backend>,
     pub api: Arc<Api>,
     pub caller: Caller,
     pub headers: HeaderMap,

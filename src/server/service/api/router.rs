@@ -58,8 +58,8 @@ impl Operation {
             None => (Bytes::new(), None),
         };
         let caller = Caller { name, remote };
-        let (desk, headers) = (api.desk.clone(), parts.headers);
-        let call = RequestContext { desk, api: api.clone(), caller, headers, query, body, path };
+        let (backend, headers) = (api.backend.clone(), parts.headers);
+        let call = RequestContext { backend, api: api.clone(), caller, headers, query, body, path };
         api.limits.in_time(self.handler.answer(call)).await
     }
 

@@ -1,10 +1,10 @@
 mod contract;
 mod document;
 mod fake;
+mod http_metrics;
 mod input;
 mod recordings;
 mod streams;
-mod traffic;
 
 use std::sync::Arc;
 
@@ -21,17 +21,17 @@ use super::{AppParts, HttpMetrics, app, routes};
 use crate::service::http::{
     AllowedHosts, HttpLimits, ProblemDocument, Scope, SharedTokens, StopFlag, StopSender, Tokens,
 };
-use fake::FakeDesk;
+use fake::FakeBackend;
 
 const LOOK: &str = "look-look-look-look-look-look-look";
 const WORK: &str = "work-work-work-work-work-work-work";
 
-/// The API in front of a fake desk. Every answer is checked against the row of its operation.
+/// The API in front of a fake backend. Every answer is checked against the row of its operation.
 struct TestApi {
     app: Router,
-    desk: Arc<FakeDesk>,
+    backend: Arc<FakeBackend>,
     stop: StopSender,
-    traffic: HttpMetrics,
+    http_metrics: HttpMetrics,
 }
 
 struct ApiAnswer {
@@ -55,13 +55,14 @@ impl TestApi {
     fn with(tokens: Tokens, change: impl FnOnce(&mut HttpLimits)) -> Self {
         let mut limits = HttpLimits::default();
         change(&mut limits);
-        let desk = Arc::new(FakeDesk::default());
+        let backend = Arc::new(FakeBackend::default());
         let hosts = AllowedHosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = StopFlag::new();
-        let (limits, traffic, tokens) = (Arc::new(limits), HttpMetrics::default(), SharedTokens::new(tokens));
-        let (counted, version) = (traffic.clone(), "0.0.0");
-        let parts = AppParts { desk: desk.clone(), tokens, hosts, limits, stop: flag, traffic: counted, version };
-        Self { app: app(parts), desk, stop, traffic }
+        let (limits, http_metrics, tokens) = (Arc::new(limits), HttpMetrics::default(), SharedTokens::new(tokens));
+        let (counted, version) = (http_metrics.clone(), "0.0.0");
+        let parts =
+            AppParts { backend: backend.clone(), tokens, hosts, limits, stop: flag, http_metrics: counted, version };
+        Self { app: app(parts), backend, stop, http_metrics }
     }
 
     async fn open(&self, request: Request<Body>) -> (u16, HeaderMap, Body) {

@@ -16,26 +16,26 @@ pub(super) struct PeriodicSync {
 }
 
 impl PeriodicSync {
-    /// Calls `sync` about once a second while the recording of `switch` grows. When `sync` fails, the recording ends as
+    /// Calls `sync` about once a second while the recording of `handle` grows. When `sync` fails, the recording ends as
     /// failed.
     pub(super) fn start(
         sync: impl FnMut() -> io::Result<()> + Send + 'static,
-        switch: RecordingHandle,
+        handle: RecordingHandle,
     ) -> io::Result<Self> {
         let (alive, ended) = sync_channel(1);
         thread::Builder::new().name("recording-sync".into()).spawn(move || {
             lower_thread_priority();
-            run(sync, &ended, EVERY, &switch);
+            run(sync, &ended, EVERY, &handle);
         })?;
         Ok(Self { _alive: alive })
     }
 }
 
 /// Syncs new data `every` so often, until `ended` is disconnected.
-fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, switch: &RecordingHandle) {
+fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Duration, handle: &RecordingHandle) {
     let mut synced_bytes = 0;
     while ended.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
-        let bytes = switch.bytes();
+        let bytes = handle.bytes();
         if bytes == synced_bytes {
             continue;
         }
@@ -43,8 +43,8 @@ fn run(mut sync: impl FnMut() -> io::Result<()>, ended: &Receiver<()>, every: Du
         if let Err(fault) = sync() {
             // the disk reports it once: a later sync would succeed
             let reason = format!("it cannot be written to the disk: {fault}");
-            switch.fail(reason.as_str());
-            switch.stop(&reason);
+            handle.fail(reason.as_str());
+            handle.stop(&reason);
             return;
         }
     }
@@ -59,10 +59,10 @@ mod tests {
 
     #[test]
     fn what_is_new_is_synced_once_until_it_is_let_go() {
-        let (switch, (alive, ended)) = (RecordingHandle::default(), sync_channel(1));
-        let (told, syncs) = sync_channel(1);
-        let growing = switch.clone();
-        let thread = thread::spawn(move || run(|| told.send(()).map_err(io::Error::other), &ended, OFTEN, &switch));
+        let (handle, (alive, ended)) = (RecordingHandle::default(), sync_channel(1));
+        let (synced, syncs) = sync_channel(1);
+        let growing = handle.clone();
+        let thread = thread::spawn(move || run(|| synced.send(()).map_err(io::Error::other), &ended, OFTEN, &handle));
         assert!(syncs.recv_timeout(20 * OFTEN).is_err(), "there is nothing yet");
         for _ in 0..3 {
             growing.add_bytes(7);
@@ -75,10 +75,10 @@ mod tests {
 
     #[test]
     fn a_disk_that_does_not_take_it_ends_the_recording() {
-        let (switch, (_alive, ended)) = (RecordingHandle::default(), sync_channel(1));
-        switch.add_bytes(7);
-        run(|| Err(io::Error::other("it is broken")), &ended, OFTEN, &switch);
+        let (handle, (_alive, ended)) = (RecordingHandle::default(), sync_channel(1));
+        handle.add_bytes(7);
+        run(|| Err(io::Error::other("it is broken")), &ended, OFTEN, &handle);
         let reason = "it cannot be written to the disk: it is broken";
-        assert_eq!((switch.state(), switch.stop_request()), (RecordingState::Failed(reason.into()), Some(reason)));
+        assert_eq!((handle.state(), handle.stop_request()), (RecordingState::Failed(reason.into()), Some(reason)));
     }
 }

@@ -36,7 +36,7 @@ async fn every_operation_does_what_it_is_for() {
         assert_eq!(seen.header("x-request-id").len(), 32);
         assert_eq!(seen.header("x-content-type-options"), "nosniff");
     }
-    let told = asked.desk.asked.lock().unwrap().clone();
+    let told = asked.backend.asked.lock().unwrap().clone();
     assert!(told.contains(&"reset left by A. Person: looked at it".to_owned()), "{told:?}");
     assert!(told.contains(&"submit None".to_owned()) && told.contains(&"jobs 50".to_owned()), "{told:?}");
 }
@@ -67,7 +67,7 @@ async fn tokens_open_what_their_scope_says() {
             assert!(!String::from_utf8_lossy(&seen.body).contains(WORK));
         }
     }
-    let told = asked.desk.asked.lock().unwrap().clone();
+    let told = asked.backend.asked.lock().unwrap().clone();
     assert!(told.contains(&"estop left by screen".to_owned()) && !told.contains(&"estop left by local".to_owned()));
     assert!(told.iter().filter(|line| line.starts_with("cancel")).all(|line| line.ends_with("by desk")), "{told:?}");
 }
@@ -111,14 +111,14 @@ async fn refusals_become_their_problems() {
         (Refusal::Broken("the store is damaged".to_owned()), 500, ""),
     ];
     for (refusal, status, retry_after) in table {
-        asked.desk.refuse(refusal);
+        asked.backend.refuse(refusal);
         let seen = asked.post("/v1/jobs", HOLD).await;
         assert_eq!((seen.status, seen.header("retry-after")), (status, retry_after));
     }
     for (refusal, status) in
         [(Refusal::Conflict("it has ended".to_owned()), 409), (Refusal::DiskFull("the disk is full".to_owned()), 507)]
     {
-        asked.desk.refuse(refusal);
+        asked.backend.refuse(refusal);
         assert_eq!(asked.post(&format!("/v1/jobs/{JOB}/cancel"), "").await.status, status);
     }
 }
@@ -128,10 +128,10 @@ async fn the_list_of_plates_comes_whatever_the_store_does() {
     let asked = TestApi::new();
     let queued = async || asked.get("/v1/plates").await.json()["plates"][0]["queued"].clone();
     assert_eq!(queued().await, json!(0));
-    asked.desk.hangs.store(true, Ordering::Relaxed);
+    asked.backend.hangs.store(true, Ordering::Relaxed);
     assert_eq!(queued().await, json!(7), "as counted before");
-    asked.desk.hangs.store(false, Ordering::Relaxed);
-    asked.desk.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
+    asked.backend.hangs.store(false, Ordering::Relaxed);
+    asked.backend.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
     assert_eq!(queued().await, json!(7));
 }
 
@@ -147,7 +147,7 @@ async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
     let seen = asked.post("/v1/jobs?pace=max", HOLD).await;
     assert_eq!((seen.status, seen.header("location")), (201, format!("/v1/jobs/{JOB}").as_str()));
     assert_eq!(seen.header("idempotency-replayed"), "");
-    assert_eq!(*asked.desk.asked.lock().unwrap(), ["submit Some(Max)"]);
+    assert_eq!(*asked.backend.asked.lock().unwrap(), ["submit Some(Max)"]);
     let headers = [("content-type", "application/json; charset=UTF-8"), ("idempotency-key", "again")];
     let seen = asked.ask(request("POST", "/v1/jobs", &headers, HOLD)).await;
     assert_eq!((seen.status, seen.header("idempotency-replayed")), (201, "true"));
@@ -159,7 +159,7 @@ async fn emergency_stop_reaches_the_plate_before_any_wait() {
     let asked = TestApi::with(Tokens::default(), |limits| limits.handler_time = Duration::from_millis(20));
     let seen = asked.ask(request("POST", "/v1/plates/endless/estop", &[], "")).await;
     assert_eq!(seen.status, 503);
-    assert_eq!(*asked.desk.asked.lock().unwrap(), ["estop endless"]);
+    assert_eq!(*asked.backend.asked.lock().unwrap(), ["estop endless"]);
 }
 
 #[tokio::test]
@@ -167,7 +167,7 @@ async fn health_says_what_is_wrong() {
     let asked = TestApi::new();
     assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
     let reasons = [(ReasonCode::StoreHangs, "the store hangs"), (ReasonCode::DiskLow, "no room")];
-    *asked.desk.ailments.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
+    *asked.backend.ailments.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
     for path in ["/healthz", "/readyz"] {
         let seen = asked.get(path).await;
         assert_eq!((seen.status, &seen.json()["detail"]), (503, &json!("the store hangs; no room")));

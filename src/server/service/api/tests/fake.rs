@@ -16,17 +16,17 @@ pub(super) const JOB: &str = "019a0000000070008000000000000001";
 pub(super) const NO_JOB: &str = "019a0000000070008000000000000002";
 pub(super) const PLATE: &str = "left";
 
-/// A job that is valid on the fake desk's plate.
+/// A job that is valid on the fake backend's plate.
 pub(super) const HOLD: &str =
     r#"{"name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 1}}"#;
 
-/// A desk with one plate and one job. The next request is answered with `refusal`, once.
+/// A backend with one plate and one job. The next request is answered with `refusal`, once.
 #[derive(Default)]
-pub(super) struct FakeDesk {
+pub(super) struct FakeBackend {
     pub refusal: Mutex<Option<Refusal>>,
     pub asked: Mutex<Vec<String>>,
-    pub feeds: Mutex<Vec<EventSender>>,
-    pub opening: Mutex<Option<StreamStart>>,
+    pub senders: Mutex<Vec<EventSender>>,
+    pub stream_start: Mutex<Option<StreamStart>>,
     pub kept: Mutex<ReplayPage>,
     pub recording: Mutex<Vec<u8>>,
     pub ailments: Mutex<Vec<Reason>>,
@@ -34,7 +34,7 @@ pub(super) struct FakeDesk {
     pub hangs: AtomicBool,
 }
 
-impl FakeDesk {
+impl FakeBackend {
     pub fn refuse(&self, refusal: Refusal) {
         *self.refusal.lock().unwrap() = Some(refusal);
     }
@@ -94,7 +94,7 @@ fn plate() -> Plate {
     }
 }
 
-impl Backend for FakeDesk {
+impl Backend for FakeBackend {
     fn submit(&self, order: Submission) -> Pending<JobCreated> {
         let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json");
         let rig = RigSpec::load(&path).unwrap();
@@ -179,11 +179,11 @@ impl Backend for FakeDesk {
         "# EOF\n".to_owned()
     }
 
-    fn watch(&self, id: &str, feed: EventSender) -> Pending<StreamStart> {
-        self.feeds.lock().unwrap().push(feed);
+    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart> {
+        self.senders.lock().unwrap().push(sender);
         let over = || StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: true };
-        let opening = self.opening.lock().unwrap().clone().unwrap_or_else(over);
-        self.say(format!("watch {id}"), id == JOB, opening)
+        let stream_start = self.stream_start.lock().unwrap().clone().unwrap_or_else(over);
+        self.say(format!("watch {id}"), id == JOB, stream_start)
     }
 
     fn replay(&self, _: &str, after: u64, most: usize) -> Pending<ReplayPage> {

@@ -38,7 +38,7 @@ async fn invalid_job_is_a_problem() {
         let faults = seen.json()["faults"].as_array().unwrap().clone();
         assert!(!faults.is_empty() && faults.iter().all(|fault| fault["path"] != "" && fault["allowed"] != ""));
     }
-    assert!(asked.desk.asked.lock().unwrap().is_empty(), "nothing of it was queued");
+    assert!(asked.backend.asked.lock().unwrap().is_empty(), "nothing of it was queued");
 }
 
 #[tokio::test]
@@ -111,7 +111,7 @@ async fn names_of_nothing_are_not_found() {
         let reset = r#"{"operator": "x", "reason": "y"}"#;
         assert_eq!(asked.post(&format!("/v1/plates/{id}/reset"), reset).await.status, 404, "{id}");
     }
-    let told = asked.desk.asked.lock().unwrap().clone();
+    let told = asked.backend.asked.lock().unwrap().clone();
     assert!(told.iter().all(|line| !line.contains("..") && !line.contains('\0') && !line.contains('/')), "{told:?}");
 }
 
@@ -168,5 +168,5 @@ async fn a_reset_says_who_and_why() {
         assert_eq!(seen.status, status, "{body}: {:?}", seen.body);
         assert_eq!(seen.json()["faults"].as_array().unwrap().len(), 1);
     }
-    assert!(asked.desk.asked.lock().unwrap().is_empty());
+    assert!(asked.backend.asked.lock().unwrap().is_empty());
 }

@@ -11,7 +11,7 @@ async fn read(asked: &TestApi, range: &str) -> ApiAnswer {
 async fn ranges_of_a_recording_put_together_are_the_recording() {
     let asked = TestApi::new();
     let bytes: Vec<u8> = (0..200_000u32).flat_map(u32::to_le_bytes).collect();
-    *asked.desk.recording.lock().unwrap() = bytes.clone();
+    *asked.backend.recording.lock().unwrap() = bytes.clone();
     let whole = read(&asked, "").await;
     assert_eq!((whole.status, whole.header("content-length")), (200, "800000"));
     assert_eq!(whole.header("content-disposition"), "attachment; filename=\"rest.rrd\"");
@@ -31,9 +31,9 @@ async fn ranges_of_a_recording_put_together_are_the_recording() {
 #[tokio::test]
 async fn a_recording_under_way_is_a_conflict_and_downloads_have_an_end() {
     let asked = TestApi::with(Tokens::default(), |limits| limits.downloads = 1);
-    asked.desk.refuse(Refusal::Conflict("it is still being written".to_owned()));
+    asked.backend.refuse(Refusal::Conflict("it is still being written".to_owned()));
     assert_eq!(read(&asked, "").await.status, 409);
-    *asked.desk.recording.lock().unwrap() = vec![7; 100];
+    *asked.backend.recording.lock().unwrap() = vec![7; 100];
     let path = format!("/v1/jobs/{JOB}/recording");
     let held = asked.open(request("GET", &path, &[], "")).await;
     let refused = read(&asked, "").await;

@@ -25,7 +25,7 @@ fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
     seqs.into_iter().map(|seq| format!("id: {seq}\nevent: cycle\ndata: {{}}\n\n")).collect()
 }
 
-/// A desk whose job has `newest` as its newest event, with events stored from `oldest` on.
+/// A backend whose job has `newest` as its newest event, with events stored from `oldest` on.
 fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
     let asked = TestApi::with(Tokens::default(), |limits| {
         limits.heartbeat_time = Duration::from_millis(30);
@@ -36,8 +36,9 @@ fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
 }
 
 fn stand(asked: &TestApi, oldest: u64, newest: u64, is_over: bool) {
-    *asked.desk.opening.lock().unwrap() = Some(StreamStart { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
-    *asked.desk.kept.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
+    *asked.backend.stream_start.lock().unwrap() =
+        Some(StreamStart { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
+    *asked.backend.kept.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
 }
 
 async fn watch(asked: &TestApi, after: &str) -> Body {
@@ -92,7 +93,7 @@ async fn pruned_events_are_reported_as_a_gap() {
 async fn live_events_come_once_and_end_with_the_job() {
     let asked = asked(1, 3, false);
     let mut body = watch(&asked, "1").await;
-    let feed = asked.desk.feeds.lock().unwrap().pop().unwrap();
+    let sender = asked.backend.senders.lock().unwrap().pop().unwrap();
     for event in [
         cycle(3),
         cycle(4),
@@ -100,7 +101,7 @@ async fn live_events_come_once_and_end_with_the_job() {
         cycle(5),
         StreamEvent::new(Some(6), "finished", "{}"),
     ] {
-        assert!(feed.offer(&event));
+        assert!(sender.offer(&event));
     }
     assert_eq!(next(&mut body).await, HEAD);
     assert_eq!(next(&mut body).await, text_of(2..=3));
@@ -110,7 +111,7 @@ async fn live_events_come_once_and_end_with_the_job() {
     assert_eq!(next(&mut body).await, "id: 6\nevent: finished\ndata: {}\n\n");
     assert_eq!(next(&mut body).await, OVER);
     assert_eq!(next(&mut body).await, "");
-    assert!(feed.is_closed());
+    assert!(sender.is_closed());
 }
 
 #[tokio::test]
@@ -118,14 +119,14 @@ async fn slow_client_gets_the_gap_and_a_new_snapshot() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
     assert_eq!(next(&mut body).await, head_at(0));
-    let slow = asked.desk.feeds.lock().unwrap().pop().unwrap();
+    let slow = asked.backend.senders.lock().unwrap().pop().unwrap();
     (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
     stand(&asked, 1, 1000, false);
     let head = head_at(1000);
     assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{head}"));
     assert!(slow.is_closed(), "the old queue is given back");
-    let feed = asked.desk.feeds.lock().unwrap().pop().unwrap();
-    assert!(feed.offer(&cycle(1001)));
+    let sender = asked.backend.senders.lock().unwrap().pop().unwrap();
+    assert!(sender.offer(&cycle(1001)));
     assert_eq!(next(&mut body).await, text_of([1001]));
 }
 
@@ -134,7 +135,7 @@ async fn slow_client_gets_the_end_that_it_missed() {
     let asked = asked(1, 0, false);
     let mut body = watch(&asked, "").await;
     assert_eq!(next(&mut body).await, head_at(0));
-    let slow = asked.desk.feeds.lock().unwrap().pop().unwrap();
+    let slow = asked.backend.senders.lock().unwrap().pop().unwrap();
     (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
     stand(&asked, 1, 1001, true);
     let head = head_at(1000);
@@ -147,7 +148,7 @@ async fn slow_client_gets_the_end_that_it_missed() {
 async fn a_store_that_does_not_answer_is_no_gap() {
     let asked = asked(1, 3, true);
     let body = watch(&asked, "1").await;
-    asked.desk.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
+    asked.backend.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
     let bye = "event: bye\ndata: {\"code\":\"store_silent\",\"why\":\"the job store does not answer now\"}\n\n";
     assert_eq!(all(body).await, format!("{HEAD}{bye}"));
     assert_eq!(all(watch(&asked, "1").await).await, format!("{HEAD}{}{OVER}", text_of(2..=3)), "it can be had later");

@@ -4,20 +4,20 @@ use super::super::harmonic_basis::PlateInstant;
 use super::super::seeds::SeedLibrary;
 use super::*;
 
-/// Nodes along a side of the bank's tables.
+/// Nodes along a side of the seed library's tables.
 const NODES: usize = 17;
 /// Price of a displacement across the wanted step, relative to one along it.
 const ASTRAY: f64 = 0.3;
 /// Symmetries of a square.
 const SYMMETRIES: usize = 8;
 
-fn waves() -> HarmonicBasis {
+fn basis() -> HarmonicBasis {
     HarmonicBasis::new(200.0, 4, HALF_SIDE_M)
 }
 
-/// Every motion the bank has for these steps, best first.
-fn all(bank: &SeedLibrary, waves: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<Vec<f64>> {
-    bank.best(waves, positions_m, steps_m, usize::MAX)
+/// Every motion the seed library has for these steps, best first.
+fn all(seeds: &SeedLibrary, basis: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<Vec<f64>> {
+    seeds.best(basis, positions_m, steps_m, usize::MAX)
 }
 
 /// Mean direction of a motion's slip at `p` over every sample of a period.
@@ -38,9 +38,9 @@ fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
 }
 
 /// Scores of `motions`.
-fn promises(waves: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
+fn promises(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
     let of = |motion: &Vec<f64>| {
-        let samples = waves.motion(motion);
+        let samples = basis.motion(motion);
         let pushes: Vec<Vec2> = positions_m.iter().map(|&p| push(&samples, p)).collect();
         promise(&pushes, steps_m)
     };
@@ -73,12 +73,12 @@ proptest! {
         at_nodes in proptest::collection::vec((node(), step()), 1..5),
         between in proptest::collection::vec((place(), step()), 1..5),
     ) {
-        let waves = waves();
-        let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
+        let basis = basis();
+        let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
         for (scene, most) in [(at_nodes, 0.05), (between, 0.1)] {
             let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-            let motions = all(&bank, &waves, &positions_m, &steps_m);
-            let promises = promises(&waves, &motions, &positions_m, &steps_m);
+            let motions = all(&seeds, &basis, &positions_m, &steps_m);
+            let promises = promises(&basis, &motions, &positions_m, &steps_m);
             prop_assert!(disorder(&promises) < most, "{}", disorder(&promises));
         }
     }
@@ -86,15 +86,15 @@ proptest! {
     /// The reported pushes equal those of the motions with their symmetry and direction applied.
     #[test]
     fn all_pushes_are_those_of_the_laid_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
-        let waves = waves();
-        let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
+        let basis = basis();
+        let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let told = bank.all_pushes(&positions_m).map(|there| {
+        let told = seeds.all_pushes(&positions_m).map(|there| {
             let back: Vec<Vec2> = there.iter().map(|push| -push).collect();
             promise(&there, &steps_m).max(promise(&back, &steps_m))
         });
         let mut told: Vec<f64> = told.collect();
-        let mut laid = promises(&waves, &all(&bank, &waves, &positions_m, &steps_m), &positions_m, &steps_m);
+        let mut laid = promises(&basis, &all(&seeds, &basis, &positions_m, &steps_m), &positions_m, &steps_m);
         prop_assert_eq!(told.len(), laid.len());
         told.sort_by(f64::total_cmp);
         laid.sort_by(f64::total_cmp);
@@ -106,22 +106,22 @@ proptest! {
     fn the_best_few_are_the_first_of_all(
         scene in proptest::collection::vec((place(), step()), 1..13), count in 0..200usize,
     ) {
-        let waves = waves();
+        let basis = basis();
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let few = SeedLibrary::new(&waves, HALF_SIDE_M).best(&waves, &positions_m, &steps_m, count);
-        let motions = all(&SeedLibrary::new(&waves, HALF_SIDE_M), &waves, &positions_m, &steps_m);
+        let few = SeedLibrary::new(&basis, HALF_SIDE_M).best(&basis, &positions_m, &steps_m, count);
+        let motions = all(&SeedLibrary::new(&basis, HALF_SIDE_M), &basis, &positions_m, &steps_m);
         prop_assert_eq!(&few[..], &motions[..count]);
     }
 }
 
-/// A motion turned by a quarter or mirrored is in the bank too, forwards or backwards, and each of the eight images
-/// only once.
+/// A motion turned by a quarter or mirrored is in the seed library too, forwards or backwards, and each of the eight
+/// images only once.
 #[test]
-fn the_bank_is_closed_under_the_symmetries_of_the_square() {
-    let waves = waves();
-    let n = waves.per_axis();
-    let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
-    let motions = all(&bank, &waves, &[Vec2::new(0.05, 0.02)], &[Vec2::new(0.01, -0.003)]);
+fn seeds_are_closed_under_the_symmetries_of_the_square() {
+    let basis = basis();
+    let n = basis.per_axis();
+    let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
+    let motions = all(&seeds, &basis, &[Vec2::new(0.05, 0.02)], &[Vec2::new(0.01, -0.003)]);
     // The first coefficient of spin is made positive; its size is the same in all eight.
     let key = |motion: Vec<f64>| {
         let sign = motion[2 * n].signum();
@@ -147,12 +147,12 @@ fn the_bank_is_closed_under_the_symmetries_of_the_square() {
 /// Opposite steps select the same motion with opposite sign and the same score.
 #[test]
 fn opposite_steps_get_opposite_motions() {
-    let waves = waves();
-    let bank = SeedLibrary::new(&waves, HALF_SIDE_M);
+    let basis = basis();
+    let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
     let positions_m = [Vec2::new(0.05, 0.02), Vec2::new(-0.07, 0.03)];
     let steps_m = [Vec2::new(0.01, -0.003), Vec2::new(0.0, 0.008)];
-    let there = bank.best(&waves, &positions_m, &steps_m, 20);
-    let back = bank.best(&waves, &positions_m, &steps_m.map(|s| -s), 20);
+    let there = seeds.best(&basis, &positions_m, &steps_m, 20);
+    let back = seeds.best(&basis, &positions_m, &steps_m.map(|s| -s), 20);
     for (there, back) in there.iter().zip(back) {
         assert!(there.iter().zip(back).all(|(a, b)| *a == -b));
     }

@@ -13,21 +13,21 @@ use upm_sim::faults::FaultSpec;
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
 
-/// Ending of a run; without a bench for a run that had no plate.
+/// Ending of a run; without a setup for a run that had no plate.
 pub(super) fn ending<R: Rig>(
     job: &JobSpec,
-    bench: Option<&RunSetup<R>>,
+    setup: Option<&RunSetup<R>>,
     finish: FinalState,
     wall_time_s: f64,
 ) -> EndFacts {
     let FinalState { ending, wanted, measured_m, lost } = finish;
-    let part_ending = |(i, part): (usize, &ExpectedPart), bench: &RunSetup<R>| PartEnd {
+    let part_ending = |(i, part): (usize, &ExpectedPart), setup: &RunSetup<R>| PartEnd {
         id: part.id.clone(),
-        kind: bench.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
+        kind: setup.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
         target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
         measured_m: measured_m.get(i).copied(),
     };
-    let parts = bench.map(|bench| bench.params.parts.iter().enumerate().map(|part| part_ending(part, bench)).collect());
+    let parts = setup.map(|setup| setup.params.parts.iter().enumerate().map(|part| part_ending(part, setup)).collect());
     EndFacts {
         name: job.name.clone(),
         seed: job.seed(),
@@ -35,14 +35,14 @@ pub(super) fn ending<R: Rig>(
         outcome: ending.outcome,
         reason: ending.reason,
         cause: ending.cause,
-        plate_time: bench.map_or(PlateTime::ZERO, RunSetup::now),
+        plate_time: setup.map_or(PlateTime::ZERO, RunSetup::now),
         bound_s: None,
         wall_time_s,
         deadlines: None,
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
         parts: parts.unwrap_or_default(),
-        faults: bench.map(faults_within).unwrap_or_default(),
+        faults: setup.map(faults_within).unwrap_or_default(),
     }
 }
 
@@ -63,9 +63,9 @@ pub(super) fn unwritten_ending(ending: &mut EndFacts, error: &RunError) {
 }
 
 /// Faults that have begun by now.
-fn faults_within<R: Rig>(bench: &RunSetup<R>) -> Vec<FaultReport> {
-    let now = bench.now();
-    let begun = bench.faults.iter().filter(|fault| fault.from <= now);
+fn faults_within<R: Rig>(setup: &RunSetup<R>) -> Vec<FaultReport> {
+    let now = setup.now();
+    let begun = setup.faults.iter().filter(|fault| fault.from <= now);
     let report = |fault: &FaultSpec| FaultReport {
         component: fault.component.name(),
         kind: fault.kind.name().to_owned(),

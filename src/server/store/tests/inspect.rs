@@ -22,13 +22,13 @@ fn filled(store: &Store) -> JobId {
     id
 }
 
-fn assert_filled(peeked: &StoreSnapshot, id: JobId) {
-    assert_eq!(peeked.jobs.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["two", "one"]);
-    let seen: Vec<(JobId, u64)> = peeked.events.iter().map(|(job, event)| (*job, event.seq)).collect();
+fn assert_filled(snapshot: &StoreSnapshot, id: JobId) {
+    assert_eq!(snapshot.jobs.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["two", "one"]);
+    let seen: Vec<(JobId, u64)> = snapshot.events.iter().map(|(job, event)| (*job, event.seq)).collect();
     assert_eq!(seen, [(id, 4), (id, 3), (id, 2)]);
-    assert_eq!(peeked.audit[0].entry.operator, "me");
-    assert_eq!(peeked.counts, [("a".into(), JobState::Queued, 1), ("b".into(), JobState::Running, 1)]);
-    assert!(!peeked.is_closed);
+    assert_eq!(snapshot.audit[0].entry.operator, "me");
+    assert_eq!(snapshot.counts, [("a".into(), JobState::Queued, 1), ("b".into(), JobState::Running, 1)]);
+    assert!(!snapshot.is_closed);
 }
 
 #[test]

@@ -9,8 +9,8 @@ use upm_core::signal::Drive;
 /// Fraction of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;
 
-fn drive(waves: &HarmonicBasis, coefficients: &[f64], sustain_s: f64) -> Drive {
-    upm_2().field_drive(&waves.wave(coefficients), sustain_s).unwrap()
+fn drive(basis: &HarmonicBasis, coefficients: &[f64], sustain_s: f64) -> Drive {
+    upm_2().field_drive(&basis.wave(coefficients), sustain_s).unwrap()
 }
 
 fn limit_counts() -> f64 {
@@ -25,40 +25,40 @@ proptest! {
     fn a_filled_motion_plays_up_to_its_share_of_the_limit(
         coefficients in motion(8), before in -3.0..3.0f64, periods in 0.5..3.0f64,
     ) {
-        let waves = upm_2_waves();
+        let basis = upm_2_waves();
         let mut library = Library::clone(&upm_2());
         let fields = library.fields.as_mut().unwrap();
         fields.attack_s = periods * TAU / fields.base_radps;
-        let strength = MotorEffort::new(&waves, fields, HALF_SIDE_M).unwrap();
+        let effort = MotorEffort::new(&basis, fields, HALF_SIDE_M).unwrap();
         let mut filled: Vec<f64> = coefficients.iter().map(|c| c * 10f64.powf(before)).collect();
-        strength.fill(&waves, &mut filled);
+        effort.fill(&basis, &mut filled);
         let ratio = filled[0] / coefficients[0];
         prop_assert!(ratio > 0.0, "the motion is made larger or smaller, not another");
         prop_assert!(filled.iter().zip(&coefficients).all(|(f, c)| (f - c * ratio).abs() < 1e-9 * ratio));
-        let drive = library.field_drive(&waves.wave(&filled), 0.1).unwrap();
+        let drive = library.field_drive(&basis.wave(&filled), 0.1).unwrap();
         let share = drive.peak_counts() / limit_counts();
         prop_assert!(share > 0.999 * EFFORT && share < 1.006 * EFFORT, "{share}");
     }
 
     #[test]
     fn weights_are_the_counts_a_coefficient_asks_for(j in 0..48usize, speed_mps in 0.01..2.0f64) {
-        let waves = upm_2_waves();
-        let strength = upm_2_strength(&waves);
-        let mut coefficients = vec![0.0; waves.len()];
+        let basis = upm_2_waves();
+        let effort = upm_2_strength(&basis);
+        let mut coefficients = vec![0.0; basis.len()];
         coefficients[j] = speed_mps;
-        let drive = drive(&waves, &coefficients, 0.1);
+        let drive = drive(&basis, &coefficients, 0.1);
         let square: f64 = drive.motors.iter().flatten().map(|h| h.cos * h.cos + h.sin * h.sin).sum();
-        let counts = strength.norm(&coefficients);
+        let counts = effort.norm(&coefficients);
         prop_assert!((counts - square.sqrt()).abs() < 1e-9 * counts, "{counts} {square}");
-        prop_assert!((strength.weights[j].sqrt() * speed_mps - counts).abs() < 1e-9 * counts);
+        prop_assert!((effort.weights[j].sqrt() * speed_mps - counts).abs() < 1e-9 * counts);
     }
 }
 
 #[test]
 fn a_still_motion_stays_still() {
-    let waves = upm_2_waves();
-    let mut coefficients = vec![0.0; waves.len()];
-    upm_2_strength(&waves).fill(&waves, &mut coefficients);
+    let basis = upm_2_waves();
+    let mut coefficients = vec![0.0; basis.len()];
+    upm_2_strength(&basis).fill(&basis, &mut coefficients);
     assert!(coefficients.iter().all(|&c| c == 0.0));
 }
 

@@ -7,13 +7,13 @@ use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;
 
-fn waves(harmonics: usize) -> HarmonicBasis {
+fn basis(harmonics: usize) -> HarmonicBasis {
     HarmonicBasis::new(BASE_RADPS, harmonics, HALF_SIDE_M)
 }
 
 /// The time of sample `q` of a period, s.
-fn time_s(waves: &HarmonicBasis, q: usize) -> f64 {
-    TAU / BASE_RADPS * q as f64 / waves.samples as f64
+fn time_s(basis: &HarmonicBasis, q: usize) -> f64 {
+    TAU / BASE_RADPS * q as f64 / basis.samples as f64
 }
 
 fn any_motion() -> impl Strategy<Value = (usize, Vec<f64>)> {
@@ -23,12 +23,12 @@ fn any_motion() -> impl Strategy<Value = (usize, Vec<f64>)> {
 proptest! {
     #[test]
     fn motion_is_the_plain_sum((harmonics, coefficients) in any_motion()) {
-        let waves = waves(harmonics);
-        let wave = waves.wave(&coefficients);
-        let motion = waves.motion(&coefficients);
-        prop_assert_eq!(motion.len(), waves.samples);
+        let basis = basis(harmonics);
+        let wave = basis.wave(&coefficients);
+        let motion = basis.motion(&coefficients);
+        prop_assert_eq!(motion.len(), basis.samples);
         for (q, plate) in motion.into_iter().enumerate() {
-            let twist = wave.at(time_s(&waves, q));
+            let twist = wave.at(time_s(&basis, q));
             prop_assert!((plate.velocity_mps - twist.velocity_mps).norm() < 1e-12);
             prop_assert!((plate.spin_radps - twist.spin_radps).abs() < 1e-11);
         }
@@ -36,13 +36,13 @@ proptest! {
 
     #[test]
     fn wave_and_coefficients_are_there_and_back((harmonics, coefficients) in any_motion(), fewer in 1..10usize) {
-        let waves = waves(harmonics);
-        let wave = waves.wave(&coefficients);
+        let basis = basis(harmonics);
+        let wave = basis.wave(&coefficients);
         prop_assert_eq!(wave.base_radps, BASE_RADPS);
-        let back = waves.coefficients(&wave);
+        let back = basis.coefficients(&wave);
         prop_assert!(back.iter().zip(&coefficients).all(|(a, b)| (a - b).abs() < 1e-15));
         // The searched harmonics of a longer wave are kept; those missing from a shorter one are zero.
-        let other = self::waves(fewer);
+        let other = self::basis(fewer);
         let kept = other.wave(&other.coefficients(&wave));
         for (k, harmonic) in kept.harmonics.iter().enumerate() {
             let was = wave.harmonics.get(k).copied().unwrap_or_default();
@@ -55,18 +55,18 @@ proptest! {
     #[test]
     fn slopes_are_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
         use rand::RngExt as _;
-        let waves = waves(harmonics);
+        let basis = basis(harmonics);
         let mut rng = upm_core::random::Streams::new(seed).stream("slopes");
         let mut any = || Lanes::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
-        let by_motion = [(); 3].map(|()| (0..waves.samples).map(|_| any()).collect::<Vec<Lanes>>());
-        let motion = waves.motion(&coefficients);
+        let by_motion = [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<Lanes>>());
+        let motion = basis.motion(&coefficients);
         let velocities = [
             motion.iter().map(|plate| plate.velocity_mps.x).collect(),
             motion.iter().map(|plate| plate.velocity_mps.y).collect(),
             motion.iter().map(|plate| plate.spin_radps).collect::<Vec<f64>>(),
         ];
         let forth: Lanes = by_motion.iter().flatten().zip(velocities.iter().flatten()).map(|(a, b)| *a * *b).sum();
-        let slopes: Vec<Lanes> = waves.slopes(&by_motion).collect();
+        let slopes: Vec<Lanes> = basis.slopes(&by_motion).collect();
         prop_assert_eq!(slopes.len(), coefficients.len());
         let back: Lanes = slopes.iter().zip(&coefficients).map(|(a, b)| *a * *b).sum();
         prop_assert!((forth - back).to_array().iter().all(|off| off.abs() < 1e-9), "{forth} {back}");
@@ -76,17 +76,17 @@ proptest! {
     #[test]
     fn offsets_are_the_velocity_summed_up((harmonics, coefficients) in any_motion()) {
         const FINER: usize = 64;
-        let waves = waves(harmonics);
-        let wave = waves.wave(&coefficients);
-        let offsets_m: Vec<Vec2> = waves.motion(&coefficients).iter().map(|plate| plate.offset_m).collect();
-        let h_s = time_s(&waves, 1) / FINER as f64;
+        let basis = basis(harmonics);
+        let wave = basis.wave(&coefficients);
+        let offsets_m: Vec<Vec2> = basis.motion(&coefficients).iter().map(|plate| plate.offset_m).collect();
+        let h_s = time_s(&basis, 1) / FINER as f64;
         let mut place_m = offsets_m[0];
         for (q, offset_m) in offsets_m.iter().enumerate() {
             prop_assert!((place_m - offset_m).norm() < 1e-7, "{q}: {place_m} {offset_m}");
-            let at = |i: usize| wave.at(time_s(&waves, q) + (i as f64 + 0.5) * h_s).velocity_mps;
+            let at = |i: usize| wave.at(time_s(&basis, q) + (i as f64 + 0.5) * h_s).velocity_mps;
             place_m += (0..FINER).map(at).sum::<Vec2>() * h_s;
         }
-        let mean_m = offsets_m.iter().sum::<Vec2>() / waves.samples as f64;
+        let mean_m = offsets_m.iter().sum::<Vec2>() / basis.samples as f64;
         prop_assert!(mean_m.norm() < 1e-15);
     }
 }
@@ -94,30 +94,30 @@ proptest! {
 #[test]
 fn steps_visit_every_phase_once_and_take_their_time() {
     for harmonics in 1..20 {
-        let waves = waves(harmonics);
-        let mut seen = vec![0; waves.samples];
-        waves.phases().take(waves.samples).for_each(|phase| seen[phase] += 1);
+        let basis = basis(harmonics);
+        let mut seen = vec![0; basis.samples];
+        basis.phases().take(basis.samples).for_each(|phase| seen[phase] += 1);
         assert!(seen.iter().all(|&times| times == 1), "{harmonics}");
         // The middle of a step is at its phase, to half a sample; the highest harmonic gets 8 steps or more.
-        for (step, phase) in waves.phases().enumerate().take(3 * waves.samples) {
-            let samples = (step as f64 + 0.5) * waves.step_s() / time_s(&waves, 1);
-            let off = (samples - phase as f64).rem_euclid(waves.samples as f64);
-            assert!(off < 1e-6 || off > waves.samples as f64 - 1e-6, "{harmonics}: step {step} is off by {off}");
+        for (step, phase) in basis.phases().enumerate().take(3 * basis.samples) {
+            let samples = (step as f64 + 0.5) * basis.step_s() / time_s(&basis, 1);
+            let off = (samples - phase as f64).rem_euclid(basis.samples as f64);
+            assert!(off < 1e-6 || off > basis.samples as f64 - 1e-6, "{harmonics}: step {step} is off by {off}");
         }
-        assert!(waves.step_s() * 8.0 * harmonics as f64 <= TAU / BASE_RADPS, "{harmonics}");
-        assert_eq!(waves.steps_a_period(), (TAU / BASE_RADPS / waves.step_s()).floor() as usize);
+        assert!(basis.step_s() * 8.0 * harmonics as f64 <= TAU / BASE_RADPS, "{harmonics}");
+        assert_eq!(basis.steps_a_period(), (TAU / BASE_RADPS / basis.step_s()).floor() as usize);
     }
 }
 
 #[test]
 fn a_coefficient_knows_its_harmonic() {
-    let waves = waves(5);
-    for j in 0..waves.len() {
-        let mut coefficients = vec![0.0; waves.len()];
+    let basis = basis(5);
+    for j in 0..basis.len() {
+        let mut coefficients = vec![0.0; basis.len()];
         coefficients[j] = 1.0;
-        let wave = waves.wave(&coefficients);
+        let wave = basis.wave(&coefficients);
         let moving =
             |harmonic: &upm_core::signal::TwistHarmonic| *harmonic != upm_core::signal::TwistHarmonic::default();
-        assert_eq!(wave.harmonics.iter().position(moving), Some(waves.harmonic_of(j) - 1));
+        assert_eq!(wave.harmonics.iter().position(moving), Some(basis.harmonic_of(j) - 1));
     }
 }

@@ -25,16 +25,16 @@ fn scene(most: usize) -> impl Strategy<Value = ShootingSetup> {
     })
 }
 
-fn went(shot: &Iterate, discs: &[RolloutDisc]) -> DVector<f64> {
-    let went = shot.course.ends_m.iter().zip(discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
+fn went(iterate: &Iterate, discs: &[RolloutDisc]) -> DVector<f64> {
+    let went = iterate.rollout.ends_m.iter().zip(discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
     DVector::from_iterator(2 * discs.len(), went)
 }
 
 /// The cost that the search minimises, computed from the ends alone.
-fn cost(range: &ShootingProblem<'_>, shot: &Iterate) -> f64 {
-    let missing = range.steps_m - went(shot, range.discs);
-    let went_m = went(shot, range.discs);
-    missing.norm_squared() + range.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
+fn cost(problem: &ShootingProblem<'_>, iterate: &Iterate) -> f64 {
+    let missing = problem.steps_m - went(iterate, problem.discs);
+    let went_m = went(iterate, problem.discs);
+    missing.norm_squared() + problem.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
 }
 
 fn parts(discs: &[RolloutDisc]) -> Vec<PartState> {
@@ -52,24 +52,24 @@ proptest! {
 
     #[test]
     fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, guarded in any::<bool>()) {
-        let waves = upm_2_waves();
-        let strength = upm_2_strength(&waves);
+        let basis = upm_2_waves();
+        let effort = upm_2_strength(&basis);
         let guards: Vec<SeparationPenalty> =
             guarded.then(|| SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
         let ShootingSetup { discs, steps_m, start } = scene;
-        let range = ShootingProblem {
-            waves: &waves, strength: &strength, discs: &discs, steps_m: &steps_m,
-            envelope: &upm_2_envelope(sustain_s), guards: &guards, spare: &RolloutPool::default(),
+        let problem = ShootingProblem {
+            basis: &basis, effort: &effort, discs: &discs, steps_m: &steps_m,
+            envelope: &upm_2_envelope(sustain_s), guards: &guards, pool: &RolloutPool::default(),
         };
-        let first = range.shot(&start);
-        let mut before = cost(&range, &first);
+        let first = problem.iterate(&start);
+        let mut before = cost(&problem, &first);
         let at_first = before;
         for rounds in 0..10 {
-            let shot = range.improved(first.clone(), rounds);
-            let now = cost(&range, &shot);
+            let iterate = problem.improved(first.clone(), rounds);
+            let now = cost(&problem, &iterate);
             prop_assert!(now <= before * (1.0 + 1e-12), "{rounds}: {now} {before}");
-            let left = (range.steps_m - went(&shot, &discs)).norm() / steps_m.norm();
-            prop_assert!((shot.left(&steps_m) - left).abs() < 1e-12);
+            let left = (problem.steps_m - went(&iterate, &discs)).norm() / steps_m.norm();
+            prop_assert!((iterate.left(&steps_m) - left).abs() < 1e-12);
             before = now;
         }
         prop_assert!(before < at_first, "ten rounds better something");
@@ -79,24 +79,24 @@ proptest! {
     /// the 2 % at which the search ends.
     #[test]
     fn ends_of_a_known_motion_are_met_from_nearby(scene in scene(8), off in motion(8), sustain_s in 0.0..0.2f64) {
-        let waves = upm_2_waves();
-        let strength = upm_2_strength(&waves);
+        let basis = upm_2_waves();
+        let effort = upm_2_strength(&basis);
         let envelope = upm_2_envelope(sustain_s);
         let ShootingSetup { discs, start: mut known, .. } = scene;
-        strength.fill(&waves, &mut known);
+        effort.fill(&basis, &mut known);
         let mut off = off;
-        let scale = 0.2 * strength.norm(&known) / strength.norm(&off);
+        let scale = 0.2 * effort.norm(&known) / effort.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);
         let blank = DVector::zeros(2 * discs.len());
-        let range = ShootingProblem { waves: &waves, strength: &strength, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], spare: &RolloutPool::default() };
-        let steps_m = went(&range.shot(&known), &discs);
-        let range = ShootingProblem { steps_m: &steps_m, ..range };
+        let problem = ShootingProblem { basis: &basis, effort: &effort, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], pool: &RolloutPool::default() };
+        let steps_m = went(&problem.iterate(&known), &discs);
+        let problem = ShootingProblem { steps_m: &steps_m, ..problem };
         let away = |share: f64| -> Vec<f64> { known.iter().zip(&off).map(|(c, d)| c + share * d).collect() };
-        let shots = (0..8).map(|halvings| range.shot(&away(0.5f64.powi(halvings))));
-        let first = shots.into_iter().find(|shot| shot.left(&steps_m) < 1.0 / 3.0).unwrap();
+        let iterates = (0..8).map(|halvings| problem.iterate(&away(0.5f64.powi(halvings))));
+        let first = iterates.into_iter().find(|iterate| iterate.left(&steps_m) < 1.0 / 3.0).unwrap();
         let before = first.left(&steps_m);
-        let shot = range.improved(first, 20);
-        prop_assert!(shot.left(&steps_m) < 0.04, "{} of {before} left", shot.left(&steps_m));
+        let iterate = problem.improved(first, 20);
+        prop_assert!(iterate.left(&steps_m) < 0.04, "{} of {before} left", iterate.left(&steps_m));
     }
 }
 
@@ -106,35 +106,35 @@ proptest! {
 fn guards_hold_what_they_guard() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(2).stream("guards");
-    let waves = upm_2_waves();
-    let strength = upm_2_strength(&waves);
+    let basis = upm_2_waves();
+    let effort = upm_2_strength(&basis);
     let envelope = upm_2_envelope(0.15);
     let (mut sum_without, mut sum_with) = (0.0, 0.0);
     for count in [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8] {
         let mut draw = |most: f64| rng.random_range(-most..most);
         let discs: Vec<RolloutDisc> = (0..count).map(|_| coin(Vec2::new(draw(0.14), draw(0.14)), FRICTION)).collect();
         let steps_m = DVector::from_iterator(2 * count, (0..2 * count).map(|_| draw(0.015)));
-        let start: Vec<f64> = (0..waves.len()).map(|j| draw(1.0) / waves.harmonic_of(j) as f64).collect();
+        let start: Vec<f64> = (0..basis.len()).map(|j| draw(1.0) / basis.harmonic_of(j) as f64).collect();
         let limits = [Limit::Edge { part: 0 }, Limit::Separation { parts: [1, 2] }];
         let guards =
             limits.map(|limit| SeparationPenalty::of_limit(limit, &parts(&discs), steps_m.as_slice()).unwrap());
         let free = ShootingProblem {
-            waves: &waves,
-            strength: &strength,
+            basis: &basis,
+            effort: &effort,
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
             guards: &[],
-            spare: &RolloutPool::default(),
+            pool: &RolloutPool::default(),
         };
         let guarded = ShootingProblem { guards: &guards, ..free };
-        let astray_sq = |shot: &Iterate| {
-            let went_m = went(shot, &discs);
+        let astray_sq = |iterate: &Iterate| {
+            let went_m = went(iterate, &discs);
             guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
         };
-        let shot = free.improved(free.shot(&start), 20);
-        let without = astray_sq(&shot);
-        let start = guarded.shot(&shot.coefficients);
+        let iterate = free.improved(free.iterate(&start), 20);
+        let without = astray_sq(&iterate);
+        let start = guarded.iterate(&iterate.coefficients);
         let held = guarded.improved(start.clone(), 3);
         assert!(cost(&guarded, &held) <= cost(&guarded, &start), "{count}");
         let with = astray_sq(&held);

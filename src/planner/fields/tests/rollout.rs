@@ -12,15 +12,15 @@ fn point(position_m: Vec2) -> RolloutDisc {
 }
 
 /// Coefficients scaled to the limit of upm-2's motors.
-fn full(waves: &HarmonicBasis, coefficients: &[f64]) -> Vec<f64> {
+fn full(basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<f64> {
     let mut filled = coefficients.to_vec();
-    upm_2_strength(waves).fill(waves, &mut filled);
+    upm_2_strength(basis).fill(basis, &mut filled);
     filled
 }
 
 /// The pump `A (cos w(t - t0) - ½ cos 2w(t - t0))` along x, with t0 as a fraction of the period.
-fn pump(waves: &HarmonicBasis, amplitude_mps: f64, late: f64) -> Vec<f64> {
-    let mut coefficients = vec![0.0; waves.len()];
+fn pump(basis: &HarmonicBasis, amplitude_mps: f64, late: f64) -> Vec<f64> {
+    let mut coefficients = vec![0.0; basis.len()];
     for (k, share) in [(1, 1.0), (2, -0.5)] {
         let (sin, cos) = (k as f64 * TAU * late).sin_cos();
         (coefficients[2 * k - 2], coefficients[2 * k - 1]) = (amplitude_mps * share * cos, amplitude_mps * share * sin);
@@ -41,18 +41,18 @@ fn slope_error(
     chosen: std::ops::Range<usize>,
 ) -> f64 {
     const H_MPS: f64 = 1e-6;
-    let waves = upm_2_waves();
-    let mut course = Rollout::default();
-    course.run(&waves, coefficients, envelope, discs);
+    let basis = upm_2_waves();
+    let mut rollout = Rollout::default();
+    rollout.run(&basis, coefficients, envelope, discs);
     let (mut largest, mut worst) = (0.0f64, 0.0f64);
     let moved = |j: usize, by_mps: f64| {
         let mut changed = coefficients.to_vec();
         changed[j] += by_mps;
-        ends(&waves, &changed, envelope, discs)
+        ends(&basis, &changed, envelope, discs)
     };
     let differences: Vec<_> = chosen.clone().map(|j| (j, moved(j, H_MPS), moved(j, -H_MPS))).collect();
-    let slopes = course.slopes(&waves);
-    assert_eq!(slopes.shape(), (waves.len(), 2 * discs.len()));
+    let slopes = rollout.slopes(&basis);
+    assert_eq!(slopes.shape(), (basis.len(), 2 * discs.len()));
     for part in 0..discs.len() {
         for (j, more, less) in &differences {
             let difference = (more[part] - less[part]) / (2.0 * H_MPS);
@@ -112,23 +112,23 @@ proptest! {
     /// A part's course does not depend on the other parts or on its index.
     #[test]
     fn each_part_goes_as_if_alone(coefficients in motion(8), discs in many_coins(), sustain_s in 0.0..0.2f64) {
-        let waves = upm_2_waves();
-        let coefficients = full(&waves, &coefficients);
+        let basis = upm_2_waves();
+        let coefficients = full(&basis, &coefficients);
         let envelope = upm_2_envelope(sustain_s);
         let course_of = |discs: &[RolloutDisc]| {
-            let mut course = Rollout::default();
-            course.run(&waves, &coefficients, &envelope, discs);
-            course
+            let mut rollout = Rollout::default();
+            rollout.run(&basis, &coefficients, &envelope, discs);
+            rollout
         };
         let together = course_of(&discs);
-        let slopes = together.slopes(&waves);
+        let slopes = together.slopes(&basis);
         let places_m: Vec<Vec<Vec2>> = together.places_m(7).collect();
         prop_assert_eq!(places_m[0].len(), discs.len());
         for (i, disc) in discs.iter().enumerate() {
             let alone = course_of(&[*disc]);
             prop_assert_eq!(together.ends_m[i], alone.ends_m[0]);
             prop_assert!(alone.places_m(7).zip(&places_m).all(|(alone, together)| alone[0] == together[i]));
-            let alone_slopes = alone.slopes(&waves);
+            let alone_slopes = alone.slopes(&basis);
             prop_assert_eq!(slopes.columns(2 * i, 2), alone_slopes.columns(0, 2));
         }
     }
@@ -137,16 +137,16 @@ proptest! {
     fn ends_turn_and_are_mirrored_with_the_motion(
         coefficients in motion(4), places in proptest::collection::vec(place(), 1..5), sustain_s in 0.0..0.2f64,
     ) {
-        let waves = HarmonicBasis::new(TAU * 40.0, 4, HALF_SIDE_M);
+        let basis = HarmonicBasis::new(TAU * 40.0, 4, HALF_SIDE_M);
         let envelope = Envelope { attack_s: 0.05, sustain_s, rest_s: 0.0 };
         let laid = |onto: fn(Vec2) -> Vec2, spin: f64| {
-            let mut wave = waves.wave(&coefficients);
+            let mut wave = basis.wave(&coefficients);
             for twist in wave.harmonics.iter_mut().flat_map(|h| [&mut h.cos, &mut h.sin]) {
                 twist.velocity_mps = onto(twist.velocity_mps);
                 twist.spin_radps *= spin;
             }
             let discs: Vec<RolloutDisc> = places.iter().map(|&p| coin(onto(p), FRICTION)).collect();
-            ends(&waves, &waves.coefficients(&wave), &envelope, &discs)
+            ends(&basis, &basis.coefficients(&wave), &envelope, &discs)
         };
         let as_is = laid(|v| v, 1.0);
         let turned = laid(|v| Vec2::new(-v.y, v.x), 1.0);
@@ -179,15 +179,15 @@ proptest! {
 fn points_end_where_coulombs_law_in_fine_steps_says() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(1).stream("points");
-    let waves = upm_2_waves();
+    let basis = upm_2_waves();
     let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
     for _ in 0..48 {
-        let drawn: Vec<f64> = (0..48).map(|j| rng.random_range(-1.0..1.0) / waves.harmonic_of(j) as f64).collect();
-        let coefficients = full(&waves, &drawn);
+        let drawn: Vec<f64> = (0..48).map(|j| rng.random_range(-1.0..1.0) / basis.harmonic_of(j) as f64).collect();
+        let coefficients = full(&basis, &drawn);
         let envelope = upm_2_envelope(rng.random_range(0.0..0.3));
         let discs = [0; 4].map(|_| point(Vec2::new(rng.random_range(-0.14..0.14), rng.random_range(-0.14..0.14))));
-        let wave = waves.wave(&coefficients);
-        for (end_m, disc) in ends(&waves, &coefficients, &envelope, &discs).iter().zip(discs) {
+        let wave = basis.wave(&coefficients);
+        for (end_m, disc) in ends(&basis, &coefficients, &envelope, &discs).iter().zip(discs) {
             let fine_m = point_end(&wave, &envelope, disc.position_m, FRICTION);
             off_sq += (end_m - fine_m).norm_squared();
             went_sq += (fine_m - disc.position_m).norm_squared();
@@ -203,11 +203,11 @@ fn points_end_where_coulombs_law_in_fine_steps_says() {
 #[test]
 fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
     const STARTS: usize = 16;
-    let waves = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let basis = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
     let sustain_s = 12.0 / 60.0;
     let went = |i: usize| {
-        let coefficients = pump(&waves, 100.0, i as f64 / STARTS as f64);
-        ends(&waves, &coefficients, &abrupt(sustain_s), &[point(Vec2::zeros())])[0]
+        let coefficients = pump(&basis, 100.0, i as f64 / STARTS as f64);
+        ends(&basis, &coefficients, &abrupt(sustain_s), &[point(Vec2::zeros())])[0]
     };
     let mean_m = (0..STARTS).map(went).sum::<Vec2>() / STARTS as f64;
     let sheet_m = 0.5 * 0.2386 * 1.2386 * PULL_MPS2 * sustain_s * sustain_s;
@@ -217,9 +217,9 @@ fn a_short_pulse_carries_by_the_pump_of_the_sheet() {
 #[test]
 fn the_belt_ends_up_at_half_its_amplitude() {
     const AMPLITUDE_MPS: f64 = 0.3;
-    let waves = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
-    let coefficients = pump(&waves, AMPLITUDE_MPS, 0.1);
-    let went = |periods: f64| ends(&waves, &coefficients, &abrupt(periods / 60.0), &[point(Vec2::zeros())])[0].x;
+    let basis = HarmonicBasis::new(TAU * 60.0, 2, HALF_SIDE_M);
+    let coefficients = pump(&basis, AMPLITUDE_MPS, 0.1);
+    let went = |periods: f64| ends(&basis, &coefficients, &abrupt(periods / 60.0), &[point(Vec2::zeros())])[0].x;
     let speed_mps = went(120.0) - went(60.0);
     assert!((speed_mps / (0.5 * AMPLITUDE_MPS) - 1.0).abs() < 0.015, "{speed_mps}");
 }
@@ -228,14 +228,14 @@ fn the_belt_ends_up_at_half_its_amplitude() {
 /// one.
 #[test]
 fn parts_coast_by_the_square_of_their_speed() {
-    let waves = upm_2_waves();
-    let coefficients = full(&waves, &pump(&waves, 1.0, 0.3));
-    let dt = waves.step_s();
+    let basis = upm_2_waves();
+    let coefficients = full(&basis, &pump(&basis, 1.0, 0.3));
+    let dt = basis.step_s();
     let disc = [point(Vec2::new(0.02, -0.03))];
     let last_place = |steps: usize| {
-        let mut course = Rollout::default();
-        course.run(&waves, &coefficients, &abrupt(steps as f64 * dt), &disc);
-        let places_m: Vec<Vec2> = course.places_m(1).map(|places_m| places_m[0]).collect();
+        let mut rollout = Rollout::default();
+        rollout.run(&basis, &coefficients, &abrupt(steps as f64 * dt), &disc);
+        let places_m: Vec<Vec2> = rollout.places_m(1).map(|places_m| places_m[0]).collect();
         assert_eq!(places_m.len(), steps + 1, "each step's start and the end");
         (places_m[steps - 1], places_m[steps])
     };
@@ -249,9 +249,9 @@ fn parts_coast_by_the_square_of_their_speed() {
 
 #[test]
 fn nothing_moves_without_parts_or_motion() {
-    let waves = upm_2_waves();
-    let still = vec![0.0; waves.len()];
-    assert!(ends(&waves, &still, &upm_2_envelope(0.1), &[]).is_empty());
+    let basis = upm_2_waves();
+    let still = vec![0.0; basis.len()];
+    assert!(ends(&basis, &still, &upm_2_envelope(0.1), &[]).is_empty());
     let discs = [coin(Vec2::new(0.05, 0.01), FRICTION), point(Vec2::zeros())];
-    assert_eq!(ends(&waves, &still, &upm_2_envelope(0.1), &discs), discs.map(|disc| disc.position_m));
+    assert_eq!(ends(&basis, &still, &upm_2_envelope(0.1), &discs), discs.map(|disc| disc.position_m));
 }

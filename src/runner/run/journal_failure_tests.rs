@@ -43,7 +43,7 @@ fn options(out: &TempDir) -> RunOptions {
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,
         real_time: false,
-        keeping: RecordingOptions::lossless(MonotonicClock::new()),
+        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
     }
 }
 
@@ -54,11 +54,11 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
     let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
     let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
     let (interlock, pacing) = (Interlock::default(), PacingStats::default());
-    let links =
+    let controls =
         RunControls { stop: &stop, give_way: &give_way, interlock: &interlock, pacing: &pacing, cause: &|| None };
     let library = job_library(&job).unwrap();
     let clock = MonotonicClock::new();
-    let done = run_linked(&job, library, folder, &options, &clock, links, &mut InTheWay(out.path())).unwrap();
+    let done = run_linked(&job, library, folder, &options, &clock, controls, &mut InTheWay(out.path())).unwrap();
     assert_eq!(done.report.outcome, Outcome::Completed, "{}", done.report.reason);
     assert_eq!(done.report.warnings, done.warnings);
     assert!(
