@@ -2,12 +2,12 @@
 //! else to stderr.
 
 /// Writes a line to stdout and yields a `Result`. A closed pipe (`| head`) is not an error.
-macro_rules! say {
+macro_rules! outln {
     ($($text:tt)*) => { $crate::cli::output::put(format_args!($($text)*)) };
 }
 
 /// Writes a line to stderr; a failed write is ignored.
-macro_rules! complain {
+macro_rules! errln {
     ($($text:tt)*) => {{
         use std::io::Write as _;
         writeln!(std::io::stderr(), $($text)*).ok();
@@ -75,12 +75,12 @@ pub fn main() -> ExitCode {
     if let Command::Serve(_) = cli.command {
         daemon::hold_back_signals();
     }
-    let last_words = logs::start(cli.common, cli.command.log());
+    let flush_guard = logs::start(cli.common, cli.command.log());
     let done = dispatch(cli);
-    drop(last_words);
+    drop(flush_guard);
     match done {
         Ok(status) => ExitCode::from(status),
-        Err(failure) => ExitCode::from(failure.complain()),
+        Err(failure) => ExitCode::from(failure.errln()),
     }
 }
 
@@ -110,7 +110,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Completions(args) => {
             let mut script = Vec::new();
             clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
-            say!("{}", String::from_utf8_lossy(&script).trim_end())?;
+            outln!("{}", String::from_utf8_lossy(&script).trim_end())?;
             Ok(0)
         }
     }

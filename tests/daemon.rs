@@ -9,8 +9,12 @@ mod auth;
 mod bad_input;
 #[path = "daemon/client.rs"]
 mod client;
+#[path = "daemon/daemon_process.rs"]
+mod daemon_process;
 #[path = "daemon/fail_safe.rs"]
 mod fail_safe;
+#[path = "daemon/http.rs"]
+mod http;
 #[path = "daemon/ids.rs"]
 mod ids;
 #[path = "daemon/keys.rs"]
@@ -19,11 +23,7 @@ mod keys;
 mod local_stop;
 #[path = "daemon/recovery.rs"]
 mod recovery;
-#[path = "daemon/served.rs"]
-mod served;
 #[path = "daemon/shutdown.rs"]
 mod shutdown;
 #[path = "daemon/standing.rs"]
 mod standing;
-#[path = "daemon/wire.rs"]
-mod wire;

@@ -33,7 +33,7 @@ import sys
 import tempfile
 import time
 
-from own_venv import enter_venv
+from virtual_env import enter_venv
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGES = ["mujoco>=3.2", "numpy", "scipy"]

@@ -4,7 +4,7 @@ import signal
 
 from page_checks import card, state
 from page_daemon import ROOT, SLOW_JOB
-from page_sight import LABELS_JS, OVERFLOW_JS
+from page_screenshots import LABELS_JS, OVERFLOW_JS
 
 SIZES = [(1366, 900), (768, 1024), (390, 844)]
 # Times that are known: at plate time's own pace and at half of it, after a start without progress, for parts that settle,

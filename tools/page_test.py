@@ -18,13 +18,13 @@ import sys
 import tempfile
 import time
 
-from own_venv import enter_venv
+from virtual_env import enter_venv
 from page_checks import Checks, card, fill_job, queue, state
 from page_daemon import BAD_JOB, ROOT, SLOW_JOB, Daemon
 from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
 from page_order import check_deletion, check_device, check_file, check_live, check_pen
 from page_plate import check_causes, check_estimates, check_sights
-from page_sight import BESIDE_JS, CLEARANCE_JS, CONTRAST_JS, PLACES_JS
+from page_screenshots import BESIDE_JS, CLEARANCE_JS, CONTRAST_JS, PLACES_JS
 from page_token import check_token
 
 PACKAGES = ["playwright>=1.50,<2"]
@@ -167,6 +167,10 @@ def check_queue(checks, page, daemon):
     checks.soon("the first of three runs", lambda: daemon.plate("upm-2")["job"] not in (None, before), 10)
     waiting = card(page, "upm-2").locator(".queue li[data-job]")
     checks.soon("what waits is listed on the plate", lambda: waiting.count() == 2)
+    last = waiting.last.get_attribute("data-job")
+    waiting.last.get_by_role("button", name="Run slow next").click()
+    checks.soon("the last can be run next", lambda: waiting.first.get_attribute("data-job") == last)
+    checks.that("nothing else is changed", waiting.count() == 2)
     button = waiting.last.get_by_role("button", name="Cancel slow")
     button.click()
     page.wait_for_timeout(600)

@@ -3,7 +3,7 @@
 import { NoAnswer, Problem, json, useToken, whenAsked } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
 import { STOP_KEYS, STOP_SHORTCUT, isTouched } from './device.js';
-import { el, hold, say, show } from './dom.js';
+import { el, setChildren, setText, show } from './dom.js';
 import { Stops } from './estop.js';
 import { Jobs } from './jobs.js';
 import { Pen } from './pen.js';
@@ -29,7 +29,7 @@ let askedForJobs = 0;
 
 const stops = new Stops(part('estop'), part('stop-report'), () => [...cards.keys()]);
 const jobs = new Jobs(part('jobs'), {
-  look: (job, look) => cards.forEach((card) => card.look(job, look)),
+  observed: (job, observation) => cards.forEach((card) => card.observe(job, observation)),
   changed: () => refreshJobs(),
 });
 const order = new Order(part('order'), (job, open) => {
@@ -55,11 +55,11 @@ function takePlates(plates, asked) {
   }
   const names = plates.map((plate) => plate.name);
   [...cards.keys()].filter((name) => !names.includes(name)).forEach((name) => cards.delete(name));
-  hold(part('cards'), plates.map((plate) => cards.get(plate.name).root));
+  setChildren(part('cards'), plates.map((plate) => cards.get(plate.name).root));
   order.offer(names);
   if (part('draw').open) pen.offer(plates);
-  stops.heard(plates);
-  jobs.heard(plates);
+  stops.update(plates);
+  jobs.update(plates);
   const now = JSON.stringify(plates.map(({ state, job, queued }) => [state, job, queued]));
   if (now !== standing || performance.now() - askedForJobs > JOBS_MS) {
     standing = now;
@@ -102,7 +102,7 @@ async function refreshJobs() {
   try {
     const [queued, running] = await Promise.all([listed('queued'), listed('running')]);
     if (asked !== askedForJobs) return;
-    const inTurn = queued.found.reverse();
+    const inTurn = queued.found.reverse().sort((a, b) => a.turn - b.turn);
     jobs.wait(inTurn, queued.all);
     for (const card of cards.values()) {
       card.wait(inTurn, queued.all);
@@ -117,15 +117,15 @@ async function watchReadiness() {
   for (;;) {
     try {
       await json('GET', '/readyz');
-      tellReasons([]);
+      showReasons([]);
     } catch (error) {
-      if (error instanceof Problem) tellReasons(error.message.split('; '));
+      if (error instanceof Problem) showReasons(error.message.split('; '));
     }
     await nap(READY_MS);
   }
 }
 
-function tellReasons(reasons) {
+function showReasons(reasons) {
   const box = part('banners');
   const text = reasons.join('\n');
   if (box.dataset.text === text) return;
@@ -142,8 +142,8 @@ function tick() {
   document.body.classList.toggle('lost', lost);
   const contact = part('contact');
   contact.className = lost ? 'contact lost' : heard ? 'contact' : 'contact asking';
-  if (lost) say(contact, `No news for ${span(silence)}${trouble ? `: ${trouble}` : ''}`);
-  else say(contact, heard ? 'The daemon answers' : 'Asking the daemon');
+  if (lost) setText(contact, `No news for ${span(silence)}${trouble ? `: ${trouble}` : ''}`);
+  else setText(contact, heard ? 'The daemon answers' : 'Asking the daemon');
   const running = [...cards.values()].filter((card) => card.plate?.state === 'running').length;
   const title = lost ? 'no answer' : running ? `${running} running` : 'at rest';
   if (document.title !== `${title} · upm`) document.title = `${title} · upm`;
@@ -152,14 +152,14 @@ function tick() {
 whenAsked((wasWrong) => {
   const first = part('token').hidden;
   show(part('token'), true);
-  say(part('token-why'), wasWrong ? 'The daemon does not take this token.' : '');
+  setText(part('token-why'), wasWrong ? 'The daemon does not take this token.' : '');
   if (first) part('token-text').focus();
 });
 part('token').addEventListener('submit', (event) => {
   event.preventDefault();
   useToken(part('token-text').value.trim());
   part('token-text').value = '';
-  say(part('token-why'), '');
+  setText(part('token-why'), '');
 });
 
 if (!isTouched()) {

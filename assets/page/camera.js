@@ -2,7 +2,7 @@
 
 import { ofJob, send, whole } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
-import { el, inSight, say, show } from './dom.js';
+import { el, inSight, setText, show } from './dom.js';
 
 /** A new picture comes before the one shown is stale; the daemon makes no more than two a second. */
 const PICTURE_MS = 700;
@@ -36,10 +36,10 @@ export class Camera {
     while (!control.signal.aborted) {
       await inSight();
       try {
-        if (this.near) await this.look(job, control.signal);
+        if (this.near) await this.poll(job, control.signal);
       } catch (error) {
         if (control.signal.aborted) return;
-        if (this.picture.hidden) say(this.says, error.message);
+        if (this.picture.hidden) setText(this.says, error.message);
         // of a job that has ended there comes no other picture
         if (isOver()) return;
       }
@@ -47,7 +47,7 @@ export class Camera {
     }
   }
 
-  async look(job, signal) {
+  async poll(job, signal) {
     const asked = moment();
     await send('GET', ofJob(job, '/frame.png'), { signal }, async (response) => {
       const told = Number(response.headers.get('Upm-Age-Ms')) / 1000;
@@ -71,7 +71,7 @@ export class Camera {
     this.control?.abort();
     show(this.picture, false);
     this.root.classList.add('dark');
-    say(this.says, why);
+    setText(this.says, why);
   }
 
   /** The age goes on whether or not there comes a picture. */
@@ -79,7 +79,7 @@ export class Camera {
     if (this.picture.hidden || !this.seen) return;
     const age = this.seen.told + since(this.seen.asked);
     this.picture.classList.toggle('stale', age > STALE_S);
-    say(this.says, `Seen ${span(age)} ago`);
+    setText(this.says, `Seen ${span(age)} ago`);
   }
 
   end() {

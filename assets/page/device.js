@@ -1,6 +1,6 @@
 // Differences between devices: names of keys, and access to the clipboard.
 
-import { say } from './dom.js';
+import { setText } from './dom.js';
 
 const IS_MAC = /mac|iphone|ipad/i.test(navigator.userAgentData?.platform ?? navigator.platform ?? '');
 
@@ -20,10 +20,10 @@ export async function copy(text, button, shown) {
   const name = button.textContent;
   try {
     await navigator.clipboard.writeText(text);
-    say(button, 'Copied');
+    setText(button, 'Copied');
   } catch {
     getSelection().selectAllChildren(shown);
-    say(button, 'Selected: copy it');
+    setText(button, 'Selected: copy it');
   }
-  setTimeout(() => say(button, name), 2000);
+  setTimeout(() => setText(button, name), 2000);
 }

@@ -25,7 +25,7 @@ function set(element, attributes) {
 }
 
 /** Writes text where it is another one: a screen reader hears what changes, a selection stays. */
-export function say(element, text) {
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
@@ -34,7 +34,7 @@ export function show(element, shown) {
 }
 
 /** Has `parent` hold exactly `children`, in order, without touching those that stand right. */
-export function hold(parent, children) {
+export function setChildren(parent, children) {
   children.forEach((child, i) => {
     if (parent.children[i] !== child) parent.insertBefore(child, parent.children[i] ?? null);
   });
@@ -42,7 +42,7 @@ export function hold(parent, children) {
 }
 
 /** Tells those who hear the page that something changed. */
-export function speak(text) {
+export function announce(text) {
   document.getElementById('spoken').textContent = text;
 }
 
@@ -58,7 +58,7 @@ export function twice(text, sure, act) {
   const button = el('button', { type: 'button' }, text);
   const rest = () => {
     asked = 0;
-    say(button, text);
+    setText(button, text);
     button.classList.remove('sure');
   };
   button.addEventListener('click', () => {
@@ -69,9 +69,9 @@ export function twice(text, sure, act) {
       act(button);
       return;
     }
-    if (!asked) speak(sure);
+    if (!asked) announce(sure);
     asked ||= now;
-    say(button, sure);
+    setText(button, sure);
     button.classList.add('sure');
     back = setTimeout(rest, 4000);
   });

@@ -1,6 +1,6 @@
 // The job's text with numbered lines, and faults beside the lines they are about.
 
-import { el, hold } from './dom.js';
+import { el, setChildren } from './dom.js';
 import { lineOf } from './places.js';
 
 const GAP_PX = 6;
@@ -14,12 +14,12 @@ export class Editor {
     this.notes = root.querySelector('.notes');
     this.faults = [];
     this.area.addEventListener('input', () => {
-      this.lay();
+      this.render();
       changed();
     });
     this.area.addEventListener('scroll', () => this.scroll());
     new ResizeObserver(() => this.scroll()).observe(this.root);
-    this.lay();
+    this.render();
   }
 
   get text() {
@@ -28,14 +28,14 @@ export class Editor {
 
   set text(text) {
     this.area.value = text;
-    this.lay();
+    this.render();
   }
 
   /** Shows faults, each beside its line, and the first of them in sight. */
   blame(faults) {
     const line = (fault) => lineOf(this.text, fault);
     this.faults = [...faults].sort((a, b) => line(a) - line(b));
-    this.lay();
+    this.render();
     const first = Math.min(...this.lines());
     if (Number.isFinite(first)) this.area.scrollTop = Math.max(0, (first - 4) * this.lineHeight());
     this.scroll();
@@ -50,7 +50,7 @@ export class Editor {
   }
 
   /** Numbers the lines and puts every fault to the line where its path is now. */
-  lay() {
+  render() {
     const count = this.text.split('\n').length;
     const lines = this.lines();
     const bad = new Set(lines);
@@ -61,7 +61,7 @@ export class Editor {
     this.laid = asIs;
     this.marks.replaceChildren(...[...bad].map(() => el('div', { class: 'mark' })));
     this.marked = [...bad];
-    hold(this.notes, this.faults.map((fault, i) => this.note(fault, lines[i])));
+    setChildren(this.notes, this.faults.map((fault, i) => this.note(fault, lines[i])));
     this.notes.hidden = this.faults.length === 0;
     this.root.classList.toggle('faulty', this.faults.length > 0);
     this.area.setAttribute('aria-invalid', String(this.faults.length > 0));

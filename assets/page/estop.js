@@ -3,7 +3,7 @@
 import { NoAnswer, json, makeWay, ofPlate } from './api.js';
 import { moment, since, span } from './age.js';
 import { stopKeysHeld } from './device.js';
-import { el, hold, say } from './dom.js';
+import { el, setChildren, setText } from './dom.js';
 
 const PATIENCE_MS = 2000;
 const PAUSES_MS = [100, 200, 400, 800];
@@ -17,40 +17,40 @@ class Stopping {
     this.confirmed = false;
     this.ended = false;
     this.line = el('p', { class: 'trying' });
-    this.tell('trying', 'stop is on its way');
+    this.showStatus('trying', 'stop is on its way');
   }
 
-  tell(kind, text) {
+  showStatus(kind, text) {
     this.line.className = kind;
-    say(this.line, `${this.name}: ${text}`);
+    setText(this.line, `${this.name}: ${text}`);
   }
 
-  async insist() {
+  async retryUntilConfirmed() {
     while (!this.ended) {
       this.tries += 1;
       try {
-        await this.hear(await ask('POST', ofPlate(this.name, '/estop')));
+        await this.accept(await ask('POST', ofPlate(this.name, '/estop')));
       } catch (error) {
         this.ended = error.status === 404;
-        if (this.ended) return this.tell('loud', 'NOT STOPPED – the daemon knows no such plate');
+        if (this.ended) return this.showStatus('loud', 'NOT STOPPED – the daemon knows no such plate');
         const why = error instanceof NoAnswer ? 'no answer' : error.message;
-        this.tell('loud', `NOT CONFIRMED after ${span(since(this.began))} – ${why}; trying again (${this.tries})`);
+        this.showStatus('loud', `NOT CONFIRMED after ${span(since(this.began))} – ${why}; trying again (${this.tries})`);
         if (error instanceof NoAnswer) makeWay();
       }
       if (!this.ended) await nap(PAUSES_MS[Math.min(this.tries, PAUSES_MS.length) - 1]);
     }
   }
 
-  async hear(answer) {
+  async accept(answer) {
     if (!answer.silent && (await this.moves())) {
-      this.tell('loud', `stop taken, motors NOT SEEN AT ZERO; asking again (${this.tries})`);
+      this.showStatus('loud', `stop taken, motors NOT SEEN AT ZERO; asking again (${this.tries})`);
       return;
     }
     this.confirmed = true;
     this.ended = true;
     const motors = answer.silent ? 'motors silent' : 'nothing ran';
-    if (answer.persisted) this.tell('done', `stopped, ${motors}`);
-    else this.tell('loud', `stopped, ${motors}, but NOT YET ON THE DISK: a restart would forget it`);
+    if (answer.persisted) this.showStatus('done', `stopped, ${motors}`);
+    else this.showStatus('loud', `stopped, ${motors}, but NOT YET ON THE DISK: a restart would forget it`);
   }
 
   /** Motors that were never asked for anything are not seen at zero: whether the plate has a job tells. */
@@ -92,13 +92,13 @@ export class Stops {
     const names = this.plateNames();
     if (names.length === 0) this.search();
     names.forEach((name) => this.begin(name));
-    this.lay();
+    this.render();
   }
 
   one(name) {
     makeWay();
     this.begin(name);
-    this.lay();
+    this.render();
   }
 
   begin(name) {
@@ -106,7 +106,7 @@ export class Stops {
     if (before && !before.ended) return;
     const stopping = new Stopping(name);
     this.asked.set(name, stopping);
-    stopping.insist().then(() => this.lay());
+    stopping.retryUntilConfirmed().then(() => this.render());
   }
 
   /** No plate is known yet: they are asked for until they are. */
@@ -115,13 +115,13 @@ export class Stops {
     this.searching = true;
     let why = 'no plate is known yet';
     for (let tries = 1; ; tries += 1) {
-      say(this.unknown, `NO PLATE STOPPED – ${why}; asking again (${tries})`);
-      this.lay();
+      setText(this.unknown, `NO PLATE STOPPED – ${why}; asking again (${tries})`);
+      this.render();
       try {
         const told = await ask('GET', '/v1/plates');
         this.searching = false;
         told.plates.forEach((plate) => this.begin(plate.name));
-        this.lay();
+        this.render();
         return;
       } catch (error) {
         why = error.message;
@@ -131,19 +131,19 @@ export class Stops {
   }
 
   /** A plate that was reset meanwhile needs no line any more. */
-  heard(plates) {
+  update(plates) {
     for (const plate of plates) {
       const stopping = this.asked.get(plate.name);
       if (!stopping?.confirmed) continue;
       stopping.seen ||= plate.state === 'stopped';
       if (stopping.seen && plate.state !== 'stopped') this.asked.delete(plate.name);
     }
-    this.lay();
+    this.render();
   }
 
-  lay() {
+  render() {
     const lines = [...this.asked.values()].map((stopping) => stopping.line);
-    hold(this.report, this.searching ? [this.unknown, ...lines] : lines);
+    setChildren(this.report, this.searching ? [this.unknown, ...lines] : lines);
     const open = this.searching || [...this.asked.values()].some((stopping) => !stopping.ended);
     this.button.classList.toggle('trying', open);
   }

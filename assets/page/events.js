@@ -36,19 +36,19 @@ async function whileSeen(signal, work) {
   const control = new AbortController();
   const end = () => control.abort();
   let timer;
-  const look = () => {
+  const updateVisibility = () => {
     clearTimeout(timer);
     if (document.hidden) timer = setTimeout(end, HIDDEN_MS);
   };
   signal.addEventListener('abort', end);
-  document.addEventListener('visibilitychange', look);
-  look();
+  document.addEventListener('visibilitychange', updateVisibility);
+  updateVisibility();
   try {
     await work(control.signal);
   } finally {
     clearTimeout(timer);
     signal.removeEventListener('abort', end);
-    document.removeEventListener('visibilitychange', look);
+    document.removeEventListener('visibilitychange', updateVisibility);
   }
 }
 
@@ -57,14 +57,14 @@ export async function watch(job, signal, on, broken) {
   const last = { id: '0' };
   let over = false;
   let pause = SHORTEST_PAUSE_MS;
-  const hear = (kind, body) => {
+  const onEvent = (kind, body) => {
     pause = SHORTEST_PAUSE_MS;
     over ||= kind === 'finished' || (kind === 'bye' && body.code === 'job_over');
     on(kind, body);
   };
   const take = (response) => {
     broken('');
-    return read(response, last, hear);
+    return read(response, last, onEvent);
   };
   while (!over && !signal.aborted) {
     try {

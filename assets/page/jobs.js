@@ -2,7 +2,7 @@
 
 import { hasToken, json, ofJob, send, whole } from './api.js';
 import { clock, span } from './age.js';
-import { el, hold, say, show, twice } from './dom.js';
+import { el, setChildren, setText, show, twice } from './dom.js';
 import { Watched } from './watch.js';
 
 const ON_A_PAGE = 20;
@@ -33,16 +33,16 @@ class Row {
     this.job = job;
     this.root.dataset.job = job.id;
     this.state.dataset.state = job.state;
-    this.tellState();
-    say(this.name, job.name);
-    say(this.plate, job.standing ? `${job.plate}, standing job` : job.plate);
+    this.updateState();
+    setText(this.name, job.name);
+    setText(this.plate, job.standing ? `${job.plate}, standing job` : job.plate);
     this.time.dateTime = job.submitted_at;
     this.time.title = `submitted ${job.submitted_at}`;
-    say(this.time, clock(job.submitted_at));
+    setText(this.time, clock(job.submitted_at));
     const ran = (new Date(job.finished_at) - new Date(job.started_at)) / 1000;
-    say(this.took, job.started_at && job.finished_at ? `ran ${span(ran)}` : '');
+    setText(this.took, job.started_at && job.finished_at ? `ran ${span(ran)}` : '');
     const lost = job.recording === 'pruned' ? 'recording pruned' : job.recording === 'failed' ? 'recording failed' : '';
-    say(this.reason, [job.state === 'completed' ? '' : job.reason, lost].filter(Boolean).join(' · '));
+    setText(this.reason, [job.state === 'completed' ? '' : job.reason, lost].filter(Boolean).join(' · '));
     show(this.recording, KEPT.includes(job.recording));
     this.recording.setAttribute('aria-label', `Recording of ${job.name}`);
     show(this.remove, ENDED.includes(job.state));
@@ -57,7 +57,7 @@ class Row {
   async download(event) {
     if (!hasToken()) return;
     event.preventDefault();
-    say(this.recording, 'Fetching');
+    setText(this.recording, 'Fetching');
     try {
       const endless = { signal: new AbortController().signal };
       const take = (response) => whole(response.blob());
@@ -65,25 +65,25 @@ class Row {
       el('a', { href: address, download: `${this.job.name}.rrd` }).click();
       setTimeout(() => URL.revokeObjectURL(address), 60000);
     } catch (error) {
-      this.list.tell(error.message);
+      this.list.showStatus(error.message);
     }
-    say(this.recording, 'Recording');
+    setText(this.recording, 'Recording');
   }
 
   /** Its plate tells how far it is more often than the list is asked for. */
   runs({ progress, recording_mb: mb = null }) {
-    if (this.job.state === 'running' && !this.job.standing) say(this.state, `running ${Math.floor(progress * 100)} %`);
+    if (this.job.state === 'running' && !this.job.standing) setText(this.state, `running ${Math.floor(progress * 100)} %`);
     show(this.writing, mb !== null);
-    say(this.writing, mb === null ? '' : `recording, ${mb.toFixed(1)} MB`);
+    setText(this.writing, mb === null ? '' : `recording, ${mb.toFixed(1)} MB`);
   }
 
   /** The state with the share that is done, or with its place among those that wait for its plate. */
-  tellState() {
+  updateState() {
     const { id, state, standing, progress } = this.job;
     const turn = this.list.turns.get(id);
-    if (state === 'running' && !standing) say(this.state, `running ${Math.floor(progress * 100)} %`);
-    else if (state === 'queued' && turn) say(this.state, `queued, ${turn === 1 ? 'next' : `no. ${turn}`}`);
-    else say(this.state, state);
+    if (state === 'running' && !standing) setText(this.state, `running ${Math.floor(progress * 100)} %`);
+    else if (state === 'queued' && turn) setText(this.state, `queued, ${turn === 1 ? 'next' : `no. ${turn}`}`);
+    else setText(this.state, state);
   }
 
   open(options) {
@@ -103,12 +103,12 @@ class Row {
 }
 
 export class Jobs {
-  /** `look(job, look)` hears of looks at the open job's parts; `changed()` of what it may have changed. */
-  constructor(section, { look, changed }) {
+  /** `observed(job, observation)` is called as the open job's parts are observed, `changed()` as its state changes. */
+  constructor(section, { observed, changed }) {
     const part = (id) => section.querySelector(`#${id}`);
     [this.only, this.says, this.list, this.newer, this.older, this.pageOf] =
       ['only', 'jobs-say', 'rows', 'newer', 'older', 'page-of'].map(part);
-    this.look = look;
+    this.observed = observed;
     this.changed = changed;
     this.cursors = [null];
     this.rows = new Map();
@@ -121,8 +121,8 @@ export class Jobs {
     this.older.addEventListener('click', () => this.turn([...this.cursors, this.next]));
   }
 
-  tell(text) {
-    say(this.says, text);
+  showStatus(text) {
+    setText(this.says, text);
   }
 
   turn(cursors) {
@@ -140,18 +140,18 @@ export class Jobs {
     try {
       const page = await json('GET', `/v1/jobs?${query}`);
       if (turn !== this.turnNumber) return;
-      this.lay(page);
+      this.render(page);
       await this.askOpen(page);
     } catch (error) {
-      this.tell(`This list may be old: ${error.message}`);
+      this.showStatus(`This list may be old: ${error.message}`);
       this.list.classList.add('stale');
     }
   }
 
-  lay({ jobs, next }) {
+  render({ jobs, next }) {
     this.next = next;
     this.list.classList.remove('stale');
-    this.tell(jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
+    this.showStatus(jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
     const rows = jobs.map((job) => this.rows.get(job.id) ?? new Row(job, this));
     rows.forEach((row, i) => row.take(jobs[i]));
     this.keepOpen(rows);
@@ -160,7 +160,7 @@ export class Jobs {
     show(this.newer.parentElement, this.cursors.length > 1 || next !== null);
     this.newer.disabled = this.cursors.length < 2;
     this.older.disabled = next === null;
-    say(this.pageOf, `page ${this.cursors.length}`);
+    setText(this.pageOf, `page ${this.cursors.length}`);
   }
 
   /** An open job that the page does not hold any more stays where it stands, until the page is turned. */
@@ -180,7 +180,7 @@ export class Jobs {
 
   put(rows) {
     this.rows = new Map(rows.map((row) => [row.job.id, row]));
-    hold(this.list, [...this.rows.values()].map((row) => row.root));
+    setChildren(this.list, [...this.rows.values()].map((row) => row.root));
   }
 
   /** Opens a job, wherever in the list it is. */
@@ -202,7 +202,7 @@ export class Jobs {
       const row = new Row(await json('GET', ofJob(id)), this);
       this.put([row, ...this.rows.values()]);
     } catch (error) {
-      this.tell(error.message);
+      this.showStatus(error.message);
     }
   }
 
@@ -210,10 +210,10 @@ export class Jobs {
     const before = this.opened;
     this.rows.get(before)?.close();
     this.opened = before === id ? null : id;
-    this.rows.get(this.opened)?.open({ look: this.look, changed: this.changed });
+    this.rows.get(this.opened)?.open({ observed: this.observed, changed: this.changed });
   }
 
-  heard(plates) {
+  update(plates) {
     for (const plate of plates) if (plate.job) this.rows.get(plate.job)?.runs(plate);
   }
 
@@ -225,16 +225,16 @@ export class Jobs {
       ofPlate.set(plate, (ofPlate.get(plate) ?? 0) + 1);
       this.turns.set(id, ofPlate.get(plate));
     }
-    for (const row of this.rows.values()) if (row.job.state === 'queued') row.tellState();
+    for (const row of this.rows.values()) if (row.job.state === 'queued') row.updateState();
   }
 
   async remove(id) {
     try {
       await send('DELETE', ofJob(id), {}, () => undefined);
       if (this.opened === id) this.toggle(id);
-      this.tell('');
+      this.showStatus('');
     } catch (error) {
-      this.tell(error.message);
+      this.showStatus(error.message);
     }
     this.changed();
   }
@@ -242,9 +242,9 @@ export class Jobs {
   async cancel(id) {
     try {
       await json('POST', ofJob(id, '/cancel'));
-      this.tell('');
+      this.showStatus('');
     } catch (error) {
-      this.tell(error.message);
+      this.showStatus(error.message);
     }
     this.changed();
   }

@@ -3,7 +3,7 @@
 /** With a smaller share done, or within so much plate time, in s, nothing is known. */
 const LEAST_SHARE = 0.02;
 const LEAST_PLATE_S = 2;
-/** The pace of plate time is measured over the last looks, s, and is not known before the first of these. */
+/** The pace of plate time is measured over the last samples, s, and is not known before the first of these. */
 const LEAST_PACE_S = 1;
 const PACE_S = 20;
 /** Parts that go to their places come nearer ever more slowly; with this share of the way left they are there. */
@@ -11,12 +11,12 @@ const ARRIVED_SHARE = 0.005;
 
 export class TimeLeft {
   constructor() {
-    this.looks = [];
+    this.samples = [];
     this.forget();
   }
 
   forget() {
-    this.looks = [];
+    this.samples = [];
     this.begin = { at: 0, share: 0 };
   }
 
@@ -25,10 +25,10 @@ export class TimeLeft {
    * known. `settles` is true of a job whose parts go to places and end there.
    */
   take({ job, at_s: at, progress: share }, now, settles = false) {
-    const last = this.looks.at(-1);
+    const last = this.samples.at(-1);
     if (last && (last.job !== job || at < last.at)) this.forget();
-    this.looks.push({ job, at, now });
-    while (this.looks.length > 2 && now - this.looks[0].now > PACE_S) this.looks.shift();
+    this.samples.push({ job, at, now });
+    while (this.samples.length > 2 && now - this.samples[0].now > PACE_S) this.samples.shift();
     // the way to the begin of the job proper tells nothing of its speed
     if (share < LEAST_SHARE) this.begin = { at, share };
     const ran = at - this.begin.at;
@@ -41,7 +41,7 @@ export class TimeLeft {
 
   /** Seconds of this clock in a second of plate time. */
   pace() {
-    const [from, to] = [this.looks[0], this.looks.at(-1)];
+    const [from, to] = [this.samples[0], this.samples.at(-1)];
     if (to.now - from.now < LEAST_PACE_S || to.at <= from.at) return null;
     return (to.now - from.now) / (to.at - from.at);
   }

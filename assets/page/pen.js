@@ -1,7 +1,7 @@
 // A pen: targets and bins drawn on the plate become a job in the editor, which the daemon checks.
 
 import { arrangeOf, inJobOrder, markOf, sortOf } from './drawn.js';
-import { el, hold, say, show, svg } from './dom.js';
+import { el, setChildren, setText, show, svg } from './dom.js';
 import { colours } from './kinds.js';
 
 const GRID_MM = 1;
@@ -64,7 +64,7 @@ export class Pen {
     const before = this.mode;
     if (tool !== 'erase') this.mode = tool;
     if (this.mode !== before) this.changed();
-    else this.lay();
+    else this.render();
   }
 
   get plate() {
@@ -82,7 +82,7 @@ export class Pen {
     const before = this.kind.value;
     this.kind.replaceChildren(...kinds.map(({ kind }) => el('option', { value: kind }, kind)));
     if (kinds.some(({ kind }) => kind === before)) this.kind.value = before;
-    this.lay();
+    this.render();
   }
 
   /** Where on the plate the pointer is, mm, x right and y up, never outside. */
@@ -98,13 +98,13 @@ export class Pen {
     this.from = this.placeOf(event);
     this.cursor = this.from;
     if (this.tool === 'erase') this.erase(event.target);
-    this.lay();
+    this.render();
   }
 
   move(event) {
     if (!this.from) return;
     this.cursor = this.placeOf(event);
-    this.lay();
+    this.render();
   }
 
   release(event) {
@@ -118,7 +118,7 @@ export class Pen {
 
   drop() {
     this.from = undefined;
-    this.lay();
+    this.render();
   }
 
   key(event) {
@@ -134,7 +134,7 @@ export class Pen {
       this.addBin(this.from, this.cursor);
       this.from = undefined;
     } else this.from = this.cursor;
-    this.lay();
+    this.render();
   }
 
   addTarget(at) {
@@ -189,7 +189,7 @@ export class Pen {
       this.write(this.mode === 'bin' ? sortOf(this.bins, name) : arrangeOf(this.targets, name));
       this.timer = setTimeout(() => this.check(), CHECK_MS);
     }
-    this.lay();
+    this.render();
   }
 
   async check() {
@@ -202,10 +202,10 @@ export class Pen {
       const index = markOf(fault.path);
       if (index !== null && index < marks.length && !this.faults.has(index)) this.faults.set(index, fault);
     }
-    this.lay();
+    this.render();
   }
 
-  lay() {
+  render() {
     const { plate } = this;
     if (!plate) return;
     const half = plate.side_mm / 2;
@@ -221,7 +221,7 @@ export class Pen {
     show(this.countOf, this.tool === 'bin');
     const what = this.mode === 'bin' ? 'Bin' : 'Target';
     const line = ([i, { found, allowed }]) => el('li', {}, el('strong', {}, `${what} ${i + 1}: `), `found ${found}; allowed: ${allowed}`);
-    hold(this.says, [...this.faults].sort(([a], [b]) => a - b).map(line));
+    setChildren(this.says, [...this.faults].sort(([a], [b]) => a - b).map(line));
   }
 
   /** A target as the part that comes there, or a bin; red where there is a fault, which it tells. */
@@ -237,7 +237,7 @@ export class Pen {
       number.setAttribute('y', -mark.at[1]);
     } else {
       group.append(rectangle(mark.min, mark.max, `bin ${colour ?? ''}`));
-      say(number, `${index + 1}: ${mark.count} × ${mark.kind}`);
+      setText(number, `${index + 1}: ${mark.count} × ${mark.kind}`);
       number.setAttribute('x', (mark.min[0] + mark.max[0]) / 2);
       number.setAttribute('y', -(mark.min[1] + mark.max[1]) / 2);
     }

@@ -4,7 +4,7 @@ import { Problem, json, ofJob, ofPlate } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
 import { Camera } from './camera.js';
 import { copy } from './device.js';
-import { el, hold, say, show, speak, twice } from './dom.js';
+import { el, setChildren, setText, show, announce, twice } from './dom.js';
 import { legend } from './kinds.js';
 import { TimeLeft, about } from './left.js';
 import { ResetForm } from './reset.js';
@@ -75,13 +75,13 @@ export class PlateCard {
     this.shownAt = plate.at_s;
     this.view.draw(plate, performance.now() / 1000);
     if (before && before.state !== plate.state) {
-      speak(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
+      announce(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
     }
     if (!before || plate.job !== before.job) this.meet(plate.job);
     show(this.doing, plate.job !== null);
     this.bar.value = plate.progress;
-    say(this.share, `${Math.floor(plate.progress * 100)} %`);
-    say(this.phase, plate.phase || 'getting ready');
+    setText(this.share, `${Math.floor(plate.progress * 100)} %`);
+    setText(this.phase, plate.phase || 'getting ready');
     this.takeStanding(plate);
     this.takeCauses(plate);
     this.takeTimeLeft(plate);
@@ -90,13 +90,13 @@ export class PlateCard {
     show(this.resume, plate.state === 'paused' || startsStanding);
     const waiting = plate.queued === 1 ? '1 job waits' : `${plate.queued} jobs wait`;
     const resumes = startsStanding ? 'Start standing job' : 'Resume';
-    say(this.resume, plate.queued ? `${resumes}: ${waiting}` : resumes);
+    setText(this.resume, plate.queued ? `${resumes}: ${waiting}` : resumes);
     show(this.cancel, plate.job !== null && plate.state === 'running');
     show(this.actions, !this.resume.hidden || !this.cancel.hidden);
     const misses = plate.deadline_misses;
     const late = misses === 0 ? 'No deadline missed' : misses === 1 ? '1 deadline missed' : `${misses} deadlines missed`;
     const behind = plate.behind_s < LEAST_BEHIND_S ? '' : ` · ${plate.behind_s.toFixed(1)} s behind real time`;
-    say(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s`);
+    setText(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s`);
     this.takeLive(plate.live);
     if (before && misses > before.deadline_misses) this.lateAt = moment();
     this.facts.classList.toggle('late', misses > 0 && this.lateAt !== undefined && since(this.lateAt) < LATE_S);
@@ -106,31 +106,31 @@ export class PlateCard {
   /** Why the plate does nothing, what holds in its run, and what to do about either: all as the daemon has it. */
   takeCauses({ why, state, pause, conditions = [] }) {
     show(this.why, why !== '' && state !== 'running');
-    say(this.why, why);
+    setText(this.why, why);
     // the end of a job names its remedy itself
     const remedy = pause && !why.includes(pause.remedy) ? pause.remedy : '';
     show(this.remedy, remedy !== '');
-    say(this.remedy, `What to do: ${remedy}`);
+    setText(this.remedy, `What to do: ${remedy}`);
     const text = JSON.stringify(conditions);
     if (this.conditions.dataset.told === text) return;
     this.conditions.dataset.told = text;
     show(this.conditions, conditions.length > 0);
     const line = ({ reason, remedy: todo }) => el('li', {}, el('strong', {}, reason), ' ', el('span', {}, todo));
     this.conditions.replaceChildren(...conditions.map(line));
-    if (conditions.length) speak(`${this.name}: ${conditions.at(-1).reason}`);
+    if (conditions.length) announce(`${this.name}: ${conditions.at(-1).reason}`);
   }
 
   /** Nothing is said of a job that goes on until it is told to end. */
   takeTimeLeft(plate) {
     const seconds = this.timeLeft.take(plate, performance.now() / 1000, this.layout?.targets_mm.length > 0);
     const ends = plate.state === 'running' && this.layout?.endless === false;
-    say(this.left, ends ? about(seconds) : '');
+    setText(this.left, ends ? about(seconds) : '');
   }
 
   takeLive(live) {
     show(this.live, live !== null);
     if (live === null || this.liveLink.textContent === live) return;
-    say(this.liveLink, live);
+    setText(this.liveLink, live);
     this.liveLink.href = live;
   }
 
@@ -141,12 +141,12 @@ export class PlateCard {
     if (standing === null) return;
     const why = standing.why ? `: ${standing.why}` : '';
     const turn = { running: 'runs until a job is queued', waiting: `waits${why}`, paused: `is paused${why}` };
-    say(this.standing, `Standing job ${standing.name} ${turn[standing.state]}`);
+    setText(this.standing, `Standing job ${standing.name} ${turn[standing.state]}`);
   }
 
   /** Another job came on the plate: its name is learned later, and what was pressed was meant for the one before. */
   meet(job) {
-    say(this.job, 'job');
+    setText(this.job, 'job');
     if (job === null) return this.camera.off('No picture: no job runs');
     this.learnLayout(job);
     this.camera.watch(job, () => this.plate.job !== job);
@@ -176,11 +176,11 @@ export class PlateCard {
     this.legend.replaceChildren(...(layout ? legend(layout, this.view.colours) : []));
   }
 
-  /** A look at the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
-  look(job, look) {
-    if (!this.plate || this.plate.job !== job || look.at_s <= this.shownAt) return;
-    this.shownAt = look.at_s;
-    this.view.draw({ ...this.plate, ...look }, performance.now() / 1000);
+  /** An observation of the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
+  observe(job, observation) {
+    if (!this.plate || this.plate.job !== job || observation.at_s <= this.shownAt) return;
+    this.shownAt = observation.at_s;
+    this.view.draw({ ...this.plate, ...observation }, performance.now() / 1000);
   }
 
   /** The age goes on whether or not the daemon answers. */
@@ -196,10 +196,10 @@ export class PlateCard {
     this.root.classList.toggle('stale', old);
     this.root.classList.toggle('unseen-yet', age === null);
     this.root.dataset.state = unheard ? 'unknown' : state;
-    say(this.state, unheard ? `unknown, was ${state}` : state);
-    if (age === null) say(this.age, unheard ? `Not live: nothing heard for ${span(silence)}` : 'Nothing seen yet');
-    else if (old) say(this.age, `Not live: seen ${span(age)} ago`);
-    else say(this.age, `Live: seen ${span(age)} ago`);
+    setText(this.state, unheard ? `unknown, was ${state}` : state);
+    if (age === null) setText(this.age, unheard ? `Not live: nothing heard for ${span(silence)}` : 'Nothing seen yet');
+    else if (old) setText(this.age, `Not live: seen ${span(age)} ago`);
+    else setText(this.age, `Live: seen ${span(age)} ago`);
   }
 
   /** The jobs that wait for the plate, first come first. Their order is known only when `jobs` are `all` of them. */
@@ -211,16 +211,16 @@ export class PlateCard {
     const left = all ? here.length - rows.length : this.plate.queued;
     if (left > 0) {
       this.rest ??= el('li', { class: 'more' });
-      say(this.rest, all ? `and ${left} behind them` : `${left} in all; too many wait to list them in turn`);
+      setText(this.rest, all ? `and ${left} behind them` : `${left} in all; too many wait to list them in turn`);
       rows.push(this.rest);
     }
-    hold(this.queue, rows);
+    setChildren(this.queue, rows);
     show(this.queue, rows.length > 0);
   }
 
   /** Learns the name of the job that runs. */
   runs(job) {
-    if (job.id === this.plate?.job) say(this.job, job.name);
+    if (job.id === this.plate?.job) setText(this.job, job.name);
   }
 
   cancelOf(job) {
@@ -232,9 +232,15 @@ export class PlateCard {
     const cancel = twice('Cancel', 'Really?', () => this.cancelJob(job.id));
     cancel.setAttribute('aria-label', `Cancel ${job.name}`);
     const name = el('button', { type: 'button', class: 'link', click: () => this.open(job.id) }, job.name);
-    const row = el('li', {}, name, cancel);
+    const first = el('button', { type: 'button', class: 'first', click: () => this.runNext(job.id) }, 'Run next');
+    first.setAttribute('aria-label', `Run ${job.name} next`);
+    const row = el('li', {}, name, first, cancel);
     row.dataset.job = job.id;
     return row;
+  }
+
+  async runNext(id) {
+    await this.attempt(() => json('POST', ofJob(id, '/run-next')));
   }
 
   async cancelJob(id) {
@@ -246,11 +252,11 @@ export class PlateCard {
   }
 
   async attempt(ask) {
-    say(this.says, '');
+    setText(this.says, '');
     try {
       await ask();
     } catch (error) {
-      say(this.says, error.message);
+      setText(this.says, error.message);
     }
     this.refresh();
   }

@@ -1,7 +1,7 @@
 // Ending an emergency stop: who looked at the plate, and why it may move again. Starts nothing.
 
 import { json, ofPlate } from './api.js';
-import { el, say, show } from './dom.js';
+import { el, setText, show } from './dom.js';
 
 export class ResetForm {
   constructor(plate, done) {
@@ -32,13 +32,13 @@ export class ResetForm {
     this.operator.input.value = '';
     this.reason.input.value = '';
     this.blame([]);
-    say(this.says, '');
+    setText(this.says, '');
   }
 
   blame(faults) {
     for (const field of [this.operator, this.reason]) {
       const fault = faults.find((fault) => fault.path === field.input.name);
-      say(field.why, fault ? fault.text : '');
+      setText(field.why, fault ? fault.text : '');
       field.input.setAttribute('aria-invalid', String(fault !== undefined));
     }
   }
@@ -51,7 +51,7 @@ export class ResetForm {
   }
 
   async send() {
-    say(this.says, '');
+    setText(this.says, '');
     if (this.missing()) return;
     const said = { operator: this.operator.input.value.trim(), reason: this.reason.input.value.trim() };
     try {
@@ -59,7 +59,7 @@ export class ResetForm {
     } catch (error) {
       const faults = error.faults ?? [];
       this.blame(faults.map((fault) => ({ path: fault.path, text: `${fault.found}; allowed: ${fault.allowed}` })));
-      say(this.says, faults.length ? '' : error.message);
+      setText(this.says, faults.length ? '' : error.message);
     }
     this.done();
   }

@@ -92,12 +92,12 @@ export class Order {
     if (!file) return;
     // the same file may be chosen again once it is mended
     this.file.value = '';
-    if (file.size > MOST_BYTES) return this.tell('bad', `Not taken: ${file.name} has more than 1 MiB.`);
+    if (file.size > MOST_BYTES) return this.showStatus('bad', `Not taken: ${file.name} has more than 1 MiB.`);
     let text;
     try {
       text = await file.text();
     } catch {
-      return this.tell('bad', `Not taken: ${file.name} cannot be read.`);
+      return this.showStatus('bad', `Not taken: ${file.name} cannot be read.`);
     }
     const named = filesIn(text);
     for (const member of named) text = withMember(text, member.name, '');
@@ -116,14 +116,14 @@ export class Order {
   /** Has the daemon check the text as it stands; its faults, or null without an answer. */
   async check(before = '') {
     const text = this.editor.text;
-    this.tell('', 'Checking');
+    this.showStatus('', 'Checking');
     try {
       const { name, plate, layout } = await json('POST', '/v1/check', { body: text });
       // written on meanwhile: what is said is of another text
       if (this.editor.text !== text) return null;
       this.editor.blame([]);
       const parts = layout.parts.length === 1 ? '1 part' : `${layout.parts.length} parts`;
-      this.tell('good', `${before}No fault: ${name} may be queued on ${plate}, with ${parts}.`);
+      this.showStatus('good', `${before}No fault: ${name} may be queued on ${plate}, with ${parts}.`);
       return [];
     } catch (error) {
       if (!(error instanceof Problem) && !(error instanceof NoAnswer)) throw error;
@@ -158,10 +158,10 @@ export class Order {
 
   /** Removes the notes on an earlier text. */
   forget() {
-    if (!this.busy) this.tell('', '');
+    if (!this.busy) this.showStatus('', '');
   }
 
-  tell(kind, ...parts) {
+  showStatus(kind, ...parts) {
     this.says.className = `says ${kind}`;
     this.says.replaceChildren(...parts);
   }
@@ -174,7 +174,7 @@ export class Order {
     this.busy = true;
     this.button.setAttribute('aria-disabled', 'true');
     if (this.key.of !== what) this.key = { of: what, word: newKey() };
-    this.tell('', 'Sending');
+    this.showStatus('', 'Sending');
     const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, patience: 15000 };
     try {
       const job = await json('POST', `/v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
@@ -182,7 +182,7 @@ export class Order {
       this.key.of = null;
       this.editor.blame([]);
       const open = el('button', { type: 'button', class: 'link', click: () => this.queued(job, true) }, 'show it');
-      this.tell('good', `Queued: ${job.name} on ${job.plate}. `, open);
+      this.showStatus('good', `Queued: ${job.name} on ${job.plate}. `, open);
       this.queued(job, false);
     } catch (error) {
       this.refused(error);
@@ -194,7 +194,7 @@ export class Order {
   refused(error, what = 'Not queued') {
     if (error instanceof NoAnswer) {
       const unsure = 'No answer: it may or may not be queued. Send it again unchanged; it is queued once.';
-      this.tell('bad', what === 'Not queued' ? unsure : 'No answer: it is not checked.');
+      this.showStatus('bad', what === 'Not queued' ? unsure : 'No answer: it is not checked.');
       return;
     }
     if (!(error instanceof Problem)) throw error;
@@ -203,7 +203,7 @@ export class Order {
     this.editor.blame(error.faults);
     const count = error.faults.length;
     const later = error.retryAfter ? ` Try again in ${error.retryAfter} s.` : '';
-    if (count) this.tell('bad', `${what}: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
-    else this.tell('bad', `${what}: ${error.message}.${later}`);
+    if (count) this.showStatus('bad', `${what}: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
+    else this.showStatus('bad', `${what}: ${error.message}.${later}`);
   }
 }

@@ -1,13 +1,13 @@
 // The plate from above, as the camera's table frame has it: origin at the centre, x right, y up, mm.
 
-import { hold, svg } from './dom.js';
+import { setChildren, svg } from './dom.js';
 import { colours } from './kinds.js';
 import { place } from './labels.js';
 
 const TRAIL_S = 6;
 const BANDS = 3;
 const LEAST_STEP_S = 0.08;
-/** A part that seems to go farther than this between two looks, in mm, was taken for another. */
+/** A part that seems to go farther than this between two observations, in mm, was taken for another. */
 const JUMP_MM = 25;
 /** A penny's, where the daemon does not tell, mm. */
 const RADIUS_MM = 9.525;
@@ -106,7 +106,7 @@ export class View {
     const last = this.past.at(-1);
     if (last && (last.job !== job || last.positions.length !== positions.length || at < last.at)) this.past = [];
     if (!last || at - last.at >= LEAST_STEP_S) this.past.push({ job, positions, at });
-    this.past = this.past.filter((look) => at - look.at <= TRAIL_S);
+    this.past = this.past.filter((seen) => at - seen.at <= TRAIL_S);
   }
 
   /** Each part's trail in its own colour, the older the fainter. */
@@ -119,14 +119,14 @@ export class View {
         const [x0, y0] = from.positions[part];
         const way = Math.hypot(x - x0, y - y0);
         if (way <= 0.05 || way >= JUMP_MM) return;
-        const look = `trail trail-${band} ${this.colourOf(part)}`;
-        lines.set(look, `${lines.get(look) ?? ''}M${point([x0, y0])}L${point([x, y])}`);
+        const style = `trail trail-${band} ${this.colourOf(part)}`;
+        lines.set(style, `${lines.get(style) ?? ''}M${point([x0, y0])}L${point([x, y])}`);
       });
     }
     while (this.trails.children.length > lines.size) this.trails.lastElementChild.remove();
     while (this.trails.children.length < lines.size) this.trails.append(svg('path'));
-    [...lines].forEach(([look, d], i) => {
-      this.trails.children[i].setAttribute('class', look);
+    [...lines].forEach(([style, d], i) => {
+      this.trails.children[i].setAttribute('class', style);
       this.trails.children[i].setAttribute('d', d);
     });
   }
@@ -136,7 +136,7 @@ export class View {
       this.marks.push(svg('path', { class: 'target', d: 'M-7 0H7M0 -7V7M4.5 0A4.5 4.5 0 1 1 -4.5 0A4.5 4.5 0 1 1 4.5 0' }));
     }
     this.marks.length = targets.length;
-    hold(this.targets, this.marks);
+    setChildren(this.targets, this.marks);
     targets.forEach((target, i) => this.marks[i].setAttribute('transform', `translate(${point(target)})`));
     const pairs = positions.length === targets.length ? targets : [];
     this.ways.setAttribute('d', pairs.map((target, i) => `M${point(positions[i])}L${point(target)}`).join(''));
@@ -145,7 +145,7 @@ export class View {
   drawParts(positions, radii) {
     while (this.coins.length < positions.length) this.coins.push(svg('g', {}, svg('circle', { r: RADIUS_MM })));
     this.coins.length = positions.length;
-    hold(this.parts, this.coins);
+    setChildren(this.parts, this.coins);
     positions.forEach((position, i) => {
       this.coins[i].setAttribute('class', `part ${this.colourOf(i)}`);
       this.coins[i].setAttribute('transform', `translate(${point(position)})`);
@@ -161,7 +161,7 @@ export class View {
       this.texts.push(number);
     }
     this.texts.length = coins.length;
-    hold(this.numbers, this.texts);
+    setChildren(this.numbers, this.texts);
     const beside = coins.length >= MANY;
     const size = fixed(NUMBER * this.half);
     const moved = ([x, y], i) => Math.hypot(x - (this.labelled?.[i]?.[0] ?? 1e9), y - this.labelled?.[i]?.[1]) > MOVED_MM;

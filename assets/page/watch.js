@@ -1,14 +1,14 @@
 // One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
 
 import { Camera } from './camera.js';
-import { el, say } from './dom.js';
+import { el, setText } from './dom.js';
 import { watch } from './events.js';
 
 const LINES = 200;
 
 export class Watched {
-  /** `look(job, look)` hears of every look at the parts; `changed()` when the job's state did. */
-  constructor(job, { look, changed }) {
+  /** `observed(job, observation)` receives every observation of the parts; `changed()` when the job's state did. */
+  constructor(job, { observed, changed }) {
     this.job = job;
     this.control = new AbortController();
     this.says = el('p', { class: 'why', role: 'status' });
@@ -21,10 +21,10 @@ export class Watched {
     this.root = el('div', { class: 'watched' }, ...parts);
     this.take(job);
     const on = (kind, body) => {
-      if (kind === 'look') look(job.id, body);
-      else this.hear(kind, body, changed);
+      if (kind === 'look') observed(job.id, body);
+      else this.accept(kind, body, changed);
     };
-    watch(job.id, this.control.signal, on, (text) => say(this.says, text));
+    watch(job.id, this.control.signal, on, (text) => setText(this.says, text));
   }
 
   /** Takes the present state of the job. */
@@ -58,7 +58,7 @@ export class Watched {
     this.facts.replaceChildren(...told.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
   }
 
-  hear(kind, body, changed) {
+  accept(kind, body, changed) {
     if (kind === 'snapshot') this.take(body.job);
     else if (kind === 'cycle') this.hearCycle(body);
     else if (kind === 'state') this.note(body.at_s, '', body.state);
@@ -72,7 +72,7 @@ export class Watched {
   hearCycle({ cycle, at_s: at, pulses, result_mm: result, targets_mm: targets }) {
     const apart = result.length === targets.length ? result.map(([x, y], i) => Math.hypot(x - targets[i][0], y - targets[i][1])) : [];
     const worst = apart.length ? `, the farthest part ${Math.max(...apart).toFixed(2)} mm from where it shall be` : '';
-    say(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
+    setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
   }
 
   note(at, kind, text) {

@@ -63,9 +63,9 @@ pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2], before: &[Lab
             if best.1 <= DISTANCE_COST * steps {
                 break;
             }
-            let penalty = cost(&place, steps);
-            if penalty < best.1 {
-                best = (place, penalty);
+            let total = cost(&place, steps);
+            if total < best.1 {
+                best = (place, total);
             }
         }
         placed.push(best.0);

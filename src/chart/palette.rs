@@ -11,10 +11,10 @@ const OTHERS: [f64; 4] = [5.0, 105.0, 145.0, 285.0];
 /// Share of the hues that parts use; the rest separates the kinds.
 const USED: f64 = 0.8;
 
-/// Least share of the hues between two kinds that the parts of one of them have.
+/// Least share of the gap between the hues of two neighbouring kinds that each of them gets.
 const LEAST_SHARE: f64 = 0.25;
 
-/// Distances of the hues of a kind's parts from which on one lightness, or three, tell them apart, degrees.
+/// Distances between the hues of a kind's parts, degrees, at which one lightness is enough, and at which three are.
 const ONE_LIGHTNESS_DEG: f64 = 25.0;
 const THREE_LIGHTNESSES_DEG: f64 = 10.0;
 

@@ -125,12 +125,12 @@ fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// Prints the table, on a terminal a histogram below it, and the paths of the files.
 fn print(summary: &BatchSummary, out: &Path, files: &[PathBuf]) -> Result<(), Failure> {
-    table::lines(summary).iter().try_for_each(|line| say!("{line}"))?;
+    table::lines(summary).iter().try_for_each(|line| outln!("{line}"))?;
     let histogram = Histogram::of(&summary.plate_times_s()).filter(|_| std::io::stdout().is_terminal());
     if let Some(histogram) = histogram {
-        say!("  plate time (s)        runs")?;
-        histogram.lines().iter().try_for_each(|line| say!("  {line}"))?;
+        outln!("  plate time (s)        runs")?;
+        histogram.lines().iter().try_for_each(|line| outln!("  {line}"))?;
     }
-    say!("  {:15} {}", "run folders", out.display())?;
-    files.iter().try_for_each(|path| say!("  {:15} {}", "written", path.display()))
+    outln!("  {:15} {}", "run folders", out.display())?;
+    files.iter().try_for_each(|path| outln!("  {:15} {}", "written", path.display()))
 }

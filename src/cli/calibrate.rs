@@ -25,10 +25,10 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
         Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
     output.replace(&library, &rig).map_err(not_written)?;
-    let told = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
-    print(common.json, &told, || {
+    let summary = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
+    print(common.json, &summary, || {
         print_summary(&library)?;
-        say!("  {:18} {}", "written to", args.out.display())
+        outln!("  {:18} {}", "written to", args.out.display())
     })
 }
 
@@ -47,10 +47,10 @@ fn not_written(fault: LibraryOutputFault) -> Failure {
 }
 
 fn print_summary(library: &Library) -> Result<(), Failure> {
-    say!("{}: {} motions measured", library.rig, library.entries.len())?;
+    outln!("{}: {} motions measured", library.rig, library.entries.len())?;
     let model = &library.displacement;
     let (Some(slow), Some(fast)) = (model.speed_mps.first(), model.speed_mps.last()) else { return Ok(()) };
-    say!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast))?;
+    outln!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast))?;
     let range = [model.min_distance(*fast), model.max_distance(*fast)].map(mm_from_m);
-    say!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1])
+    outln!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1])
 }

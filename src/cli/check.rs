@@ -17,7 +17,7 @@ use coverage_report::CoverageReport;
 use plan::Planned;
 use upm_chart::Chart;
 use upm_cor_library::Library;
-use upm_runner::config::{self, DaemonSpec, Document, Fault, JobSpec, PlateSpec, RigSpec, SimulateSpec};
+use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec};
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
 
 /// Contents of a valid file.
@@ -167,11 +167,11 @@ fn row(path: &Path, finding: &CheckFinding) -> Value {
 fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
     match finding {
         Ok(found) => {
-            say!("{}: ok, {}", path.display(), found.says)?;
-            found.lines().iter().try_for_each(|line| say!("  {line}"))?;
-            found.warnings.iter().for_each(|warning| complain!("upm: warning: {warning}"));
+            outln!("{}: ok, {}", path.display(), found.says)?;
+            found.lines().iter().try_for_each(|line| outln!("  {line}"))?;
+            found.warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
         }
-        Err(faults) => faults.iter().for_each(|fault| complain!("upm: {fault}")),
+        Err(faults) => faults.iter().for_each(|fault| errln!("upm: {fault}")),
     }
     Ok(())
 }
@@ -225,11 +225,11 @@ fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
         None => JobSpec::load(path),
     };
     let job = job.map_err(lines)?;
-    let in_words = |fault: Fault| vec![fault.to_string()];
+    let lines_of = |fault: Diagnostic| vec![fault.to_string()];
     let library = job_library(&job).map_err(lines)?;
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
-    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(in_words)?;
+    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(lines_of)?;
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
     Ok(ValidFile { planned, warnings, ..ValidFile::new(says) })
 }

@@ -23,6 +23,9 @@ pub enum ClientCommand {
     /// Daemon: follow a job until it ends
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Watch(JobArgs),
+    /// Daemon: run a queued job before the others of its plate
+    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
+    RunNext(JobArgs),
     /// Daemon: take a job out of the queue, or stop it
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Cancel(JobArgs),
@@ -49,6 +52,7 @@ impl ClientCommand {
             Self::Jobs(_) => "jobs",
             Self::Show(_) => "show",
             Self::Watch(_) => "watch",
+            Self::RunNext(_) => "run-next",
             Self::Cancel(_) => "cancel",
             Self::Plates(_) => "plates",
             Self::Estop(_) => "estop",

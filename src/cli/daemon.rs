@@ -25,6 +25,7 @@ pub(super) fn client_command(command: &ClientCommand, common: Common) -> Result<
         ClientCommand::Jobs(args) => jobs::jobs(args, common),
         ClientCommand::Show(args) => jobs::show(args, common),
         ClientCommand::Watch(args) => watch::watch(args, common),
+        ClientCommand::RunNext(args) => jobs::run_next(args, common),
         ClientCommand::Cancel(args) => jobs::cancel(args, common),
         ClientCommand::Plates(args) => jobs::plates(args, common),
         ClientCommand::Estop(args) => stop::estop(args, common),

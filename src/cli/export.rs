@@ -47,7 +47,7 @@ pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
     let files = written.finish()?;
     let rows = files.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
     let result = json!({ "folder": folder.display().to_string(), "files": rows.collect::<Vec<Value>>() });
-    print(common.json, &result, || files.iter().try_for_each(|(path, rows)| say!("{}: {rows} rows", path.display())))
+    print(common.json, &result, || files.iter().try_for_each(|(path, rows)| outln!("{}: {rows} rows", path.display())))
 }
 
 /// Default output folder, beside the run folder `run` and named after it.

@@ -66,27 +66,27 @@ fn say_laid(folder: &Path, laid: &Laid) -> Result<(), Failure> {
     let Laid { written, unchanged, kept } = laid;
     let shown = folder.display();
     let there = if unchanged.is_empty() { String::new() } else { format!(", {} there already", unchanged.len()) };
-    say!("{shown}: {} written{there}", files(written.len()))?;
+    outln!("{shown}: {} written{there}", files(written.len()))?;
     for (folder, count) in by_folder(written) {
-        say!("  {:20} {}", format!("{}/", folder.display()), files(count))?;
+        outln!("  {:20} {}", format!("{}/", folder.display()), files(count))?;
     }
     if !kept.is_empty() {
-        say!(
+        outln!(
             "{} changed since, kept as {} (`--force` overwrites): {}",
             files(kept.len()),
             are(kept.len()),
             kept.join(", ")
         )?;
     }
-    say!("try:")?;
+    outln!("try:")?;
     if !folder.as_os_str().is_empty() && folder != Path::new(".") {
-        say!("  cd {}", quoted(&shown.to_string()))?;
+        outln!("  cd {}", quoted(&shown.to_string()))?;
     }
-    say!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
-    say!("  upm run                                         # the jobs there are")?;
-    say!("  upm simulate configs/simulate/rotation.json     # given pulses, without a camera")?;
-    say!("  upm lab waveform-fit --trace configs/traces/upm-1.json")?;
-    say!("  upm serve                                       # the daemon with its page")
+    outln!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
+    outln!("  upm run                                         # the jobs there are")?;
+    outln!("  upm simulate configs/simulate/rotation.json     # given pulses, without a camera")?;
+    outln!("  upm lab waveform-fit --trace configs/traces/upm-1.json")?;
+    outln!("  upm serve                                       # the daemon with its page")
 }
 
 fn files(count: usize) -> String {

@@ -34,16 +34,14 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
         let line = "run: expected a job file, found none in ./configs or here; `upm init` writes some to try";
         return Err(Failure::bad_input(line));
     }
-    complain!("upm: run: expected a job file, found none; these are here:");
+    errln!("upm: run: expected a job file, found none; these are here:");
     let rows: Vec<[String; 4]> = jobs.iter().map(Listed::row).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let [file_width, parts_width, task_width] = [0, 1, 2].map(width);
     for [file, parts, task, time] in &rows {
-        complain!("  upm run {file:file_width$}  {parts:parts_width$}  {task:task_width$}  {time}");
+        errln!("  upm run {file:file_width$}  {parts:parts_width$}  {task:task_width$}  {time}");
     }
-    complain!(
-        "`upm check FILE --plan` forecasts how long one takes on the plate; a simulated rig is faster than that."
-    );
+    errln!("`upm check FILE --plan` forecasts how long one takes on the plate; a simulated rig is faster than that.");
     Ok(BAD_INPUT)
 }
 

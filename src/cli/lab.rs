@@ -98,21 +98,21 @@ impl Made {
     /// Prints title, tables, notes and files.
     fn print(&self) -> Result<(), Failure> {
         let Self { name, on, outcome, written } = self;
-        say!("{name}, {on}")?;
+        outln!("{name}, {on}")?;
         if !outcome.figures.is_empty() {
-            table(&outcome.figures).into_iter().try_for_each(|line| say!("  {line}"))?;
+            table(&outcome.figures).into_iter().try_for_each(|line| outln!("  {line}"))?;
         }
         if let Some(sheet) = &outcome.sheet {
-            columns(sheet).into_iter().try_for_each(|line| say!("  {line}"))?;
+            columns(sheet).into_iter().try_for_each(|line| outln!("  {line}"))?;
         }
-        outcome.notes.iter().try_for_each(|note| say!("  {note}"))?;
+        outcome.notes.iter().try_for_each(|note| outln!("  {note}"))?;
         if let Some(TrackTimes { cached, fresh }) = (name == VISION).then(tracking).flatten() {
             let [cached, fresh] = [cached, fresh].map(|time| time.as_secs_f64() * 1e6);
-            say!(
+            outln!(
                 "  tracking one part of 40 px radius: {cached:.1} us a frame, {fresh:.1} us in pictures not yet in the cache"
             )?;
         }
-        written.iter().try_for_each(|path| say!("  {:10} {}", "written", path.display()))
+        written.iter().try_for_each(|path| outln!("  {:10} {}", "written", path.display()))
     }
 
     fn as_json(&self) -> Value {
@@ -147,8 +147,8 @@ fn list(common: Common) -> Result<u8, Failure> {
         print_json(&rows.collect::<Vec<_>>())?;
     } else {
         let width = EXPERIMENTS.iter().map(|one| one.name.len()).max().unwrap_or(0);
-        EXPERIMENTS.iter().try_for_each(|one| say!("{:width$}  {}", one.name, one.about))?;
-        say!("{ALL:width$}  all of these")?;
+        EXPERIMENTS.iter().try_for_each(|one| outln!("{:width$}  {}", one.name, one.about))?;
+        outln!("{ALL:width$}  all of these")?;
     }
     Ok(0)
 }
@@ -166,12 +166,12 @@ fn list_settings(experiment: &Experiment, args: &LabArgs, common: Common) -> Res
         let row = |one: &upm_lab::SettingInfo| json!({ "key": one.key, "about": one.about, "usual": one.usual, "range": one.range });
         print_json(&settings.iter().map(row).collect::<Vec<_>>())?;
     } else if settings.is_empty() {
-        say!("{} has no settings", experiment.name)?;
+        outln!("{} has no settings", experiment.name)?;
     } else {
         let width = settings.iter().map(|one| one.key.len()).max().unwrap_or(0);
         settings.iter().try_for_each(|one| {
             let [least, most] = one.range;
-            say!("{:width$}  {} ({least} to {most}); usually {}", one.key, one.about, rounded(one.usual))
+            outln!("{:width$}  {} ({least} to {most}); usually {}", one.key, one.about, rounded(one.usual))
         })?;
     }
     Ok(0)

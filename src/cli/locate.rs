@@ -51,16 +51,16 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
             Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting))?,
             Ok((written, located)) => {
                 if several {
-                    say!("{}", image.display())?;
+                    outln!("{}", image.display())?;
                 }
                 report::say_located(&located, &setting)?;
-                written.iter().try_for_each(|path| say!("written: {}", path.display()))?;
+                written.iter().try_for_each(|path| outln!("written: {}", path.display()))?;
             }
             Err(failure) => {
                 if common.json && several {
                     report::say_line(image, json!({ "error": failure.lines.join("; ") }))?;
                 }
-                worst = worst.max(failure.complain());
+                worst = worst.max(failure.errln());
             }
         }
     }

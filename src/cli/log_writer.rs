@@ -12,7 +12,7 @@ use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, Receiver, Un
 const WAITING: usize = 1024;
 
 /// Longest time that the end of the process waits for the queue.
-const FAREWELL: Duration = Duration::from_millis(100);
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Log writer that never blocks: a thread writes the lines. When the queue is full, lines are dropped, and their number
 /// is written before the next line.
@@ -112,7 +112,7 @@ impl FlushGuard {
 
 impl Drop for FlushGuard {
     fn drop(&mut self) {
-        self.wait_within(FAREWELL);
+        self.wait_within(FLUSH_TIMEOUT);
     }
 }
 
@@ -145,7 +145,7 @@ mod tests {
 
     struct Log {
         log: LogWriter,
-        last_words: FlushGuard,
+        flush_guard: FlushGuard,
         page: TestBuffer,
         asked: mpsc::Receiver<()>,
         let_go: SyncSender<()>,
@@ -154,25 +154,25 @@ mod tests {
     fn stuck() -> Log {
         let ((asking, asked), (let_go, go)) = (sync_channel(1), sync_channel(0));
         let page = TestBuffer::default();
-        let (out, told) = (Stuck { page: page.clone(), asked: asking, go }, page.clone());
-        let (log, last_words) =
-            LogWriter::start(out, move |lost| writeln!(told.clone(), "{lost} lost").unwrap()).unwrap();
-        Log { log, last_words, page, asked, let_go }
+        let (out, written) = (Stuck { page: page.clone(), asked: asking, go }, page.clone());
+        let (log, flush_guard) =
+            LogWriter::start(out, move |lost| writeln!(written.clone(), "{lost} lost").unwrap()).unwrap();
+        Log { log, flush_guard, page, asked, let_go }
     }
 
     #[test]
     fn who_logs_never_waits_and_lost_lines_are_counted() {
-        let Log { log, last_words, page, asked, let_go } = stuck();
-        let say = |text: String| writeln!(log.make_writer(), "{text}").unwrap();
-        say("first".to_owned());
+        let Log { log, flush_guard, page, asked, let_go } = stuck();
+        let outln = |text: String| writeln!(log.make_writer(), "{text}").unwrap();
+        outln("first".to_owned());
         asked.recv().unwrap();
         // the writer is blocked until the queue has overflowed
-        (0..WAITING).for_each(|i| say(i.to_string()));
-        (0..7).for_each(|_| say("no room".to_owned()));
+        (0..WAITING).for_each(|i| outln(i.to_string()));
+        (0..7).for_each(|_| outln("no room".to_owned()));
         drop(let_go);
-        let until_written = || last_words.wait_within(Duration::from_secs(60));
+        let until_written = || flush_guard.wait_within(Duration::from_secs(60));
         until_written();
-        say("after".to_owned());
+        outln("after".to_owned());
         until_written();
         let lines = page.lines();
         assert_eq!(lines.len(), 1 + WAITING + 2, "{lines:?}");
@@ -182,20 +182,20 @@ mod tests {
 
     #[test]
     fn the_end_waits_for_what_goes_and_not_for_what_is_stuck() {
-        let Log { log, last_words, page, let_go, .. } = stuck();
+        let Log { log, flush_guard, page, let_go, .. } = stuck();
         drop(let_go);
         for i in 0..100 {
             let mut line = log.make_writer();
             write!(line, "{i}").unwrap();
             writeln!(line, ".").unwrap();
         }
-        drop(last_words);
+        drop(flush_guard);
         let whole: Vec<String> = (0..100).map(|i| format!("{i}.")).collect();
         assert_eq!(page.lines(), whole);
 
-        let Log { log, last_words, page, let_go, .. } = stuck();
+        let Log { log, flush_guard, page, let_go, .. } = stuck();
         writeln!(log.make_writer(), "stuck").unwrap();
-        drop(last_words);
+        drop(flush_guard);
         assert_eq!(page.lines(), [""; 0], "the end came though nobody read");
         drop(let_go);
     }

@@ -36,17 +36,17 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
         is_journal: is_journal(stream.as_deref(), file_of_stderr()),
         is_terminal: std::io::stderr().is_terminal(),
     };
-    let (subscriber, last_words) = match daemon.and_then(|format| patient(format, setting)) {
-        Some((writer, last_words)) => (subscriber(daemon, setting, writer), Some(last_words)),
+    let (subscriber, flush_guard) = match daemon.and_then(|format| patient(format, setting)) {
+        Some((writer, flush_guard)) => (subscriber(daemon, setting, writer), Some(flush_guard)),
         None => (subscriber(daemon, setting, std::io::stderr), None),
     };
     if tracing::subscriber::set_global_default(subscriber).is_err() {
-        complain!("upm: the log was started before");
+        errln!("upm: the log was started before");
     }
     if daemon.is_some() {
         panics::into_log();
     }
-    last_words
+    flush_guard
 }
 
 /// Non-blocking writer of a daemon's log. The number of dropped lines is written directly, in the same format.
@@ -55,7 +55,7 @@ fn patient(format: LogFormat, setting: LogSettings) -> Option<(LogWriter, FlushG
     let tell_lost =
         move |lost| dispatcher::with_default(&direct, || tracing::warn!("{lost} lines of the log were lost"));
     let started = LogWriter::start(std::io::stderr(), tell_lost);
-    started.map_err(|error| complain!("upm: no thread for the log: {error}")).ok()
+    started.map_err(|error| errln!("upm: no thread for the log: {error}")).ok()
 }
 
 /// True if stderr goes to the journal: `stream` gives its device and inode, see systemd.exec(5). They differ if stderr
@@ -194,8 +194,8 @@ mod tests {
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         assert_eq!(lines.len(), 3);
         assert!(lines[0]["timestamp"].as_str().unwrap().parse::<jiff::Timestamp>().is_ok());
-        let told = ["level", "message", "plate", "target"].map(|key| lines[0][key].as_str().unwrap());
-        assert_eq!(told, ["WARN", "deadline missed by 2 frames", "left", "upm::cli::logs::tests"]);
+        let fields = ["level", "message", "plate", "target"].map(|key| lines[0][key].as_str().unwrap());
+        assert_eq!(fields, ["WARN", "deadline missed by 2 frames", "left", "upm::cli::logs::tests"]);
         assert_eq!(lines[1]["message"], "not \"told\"");
     }
 

@@ -36,7 +36,7 @@ pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
     let Some(folder) = &args.out else {
         // the first page is the program's
         for (_, page) in pages.iter().take(1) {
-            say!("{}", String::from_utf8_lossy(page).trim_end())?;
+            outln!("{}", String::from_utf8_lossy(page).trim_end())?;
         }
         return Ok(0);
     };
@@ -44,7 +44,7 @@ pub(super) fn man(args: &ManArgs) -> Result<u8, Failure> {
     for (name, page) in &pages {
         write(&folder.join(name), page)?;
     }
-    say!("{}: {} pages", folder.display(), pages.len())?;
+    outln!("{}: {} pages", folder.display(), pages.len())?;
     Ok(0)
 }
 

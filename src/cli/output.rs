@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use image::ImageError;
 
 use super::shipped::is_shipped;
-use upm_runner::config::{Fault, FaultClass, reason};
+use upm_runner::config::{Diagnostic, DiagnosticClass, reason};
 
 /// Exit status: the job ran and did not reach its goal.
 pub(super) const NOT_REACHED: u8 = 1;
@@ -42,9 +42,9 @@ impl Failure {
     }
 
     /// As [`Self::faults`]; for a missing shipped file it adds that `upm init` writes it.
-    pub fn of_files(faults: Vec<Fault>) -> Self {
-        let hint = |fault: &Fault| match fault.class {
-            FaultClass::Unreadable if is_shipped(&fault.file) => format!("{fault}; `upm init` writes it"),
+    pub fn of_files(faults: Vec<Diagnostic>) -> Self {
+        let hint = |fault: &Diagnostic| match fault.class {
+            DiagnosticClass::Unreadable if is_shipped(&fault.file) => format!("{fault}; `upm init` writes it"),
             _ => fault.to_string(),
         };
         Self::faults(faults.iter().map(hint))
@@ -71,8 +71,8 @@ impl Failure {
     }
 
     /// Prints the lines on stderr; returns the exit status.
-    pub fn complain(&self) -> u8 {
-        self.lines.iter().for_each(|line| complain!("upm: {line}"));
+    pub fn errln(&self) -> u8 {
+        self.lines.iter().for_each(|line| errln!("upm: {line}"));
         self.status
     }
 }
@@ -91,7 +91,7 @@ pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
 /// Prints a result as one JSON document.
 pub(super) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
-    say!("{text}")
+    outln!("{text}")
 }
 
 /// Prints a result as a JSON document or by `text`; returns exit status 0.

@@ -48,8 +48,8 @@ mod tests {
         });
         panic::set_hook(before);
         let lines = page.lines().into_iter().map(|line| serde_json::from_str(&line).unwrap());
-        let told = |line: &serde_json::Value| line["message"].as_str().is_some_and(|it| it.starts_with("panicked"));
-        let panics: Vec<serde_json::Value> = lines.filter(told).collect();
+        let is_panic = |line: &serde_json::Value| line["message"].as_str().is_some_and(|it| it.starts_with("panicked"));
+        let panics: Vec<serde_json::Value> = lines.filter(is_panic).collect();
         let messages: Vec<&str> = panics.iter().map(|line| line["message"].as_str().unwrap()).collect();
         assert_eq!(
             messages,

@@ -131,7 +131,7 @@ impl<C: Clock> LateProgress<C> {
             ProgressMode::Hidden => {}
             ProgressMode::Lines => {
                 if let Some(line) = self.line(done, message) {
-                    complain!("{line}");
+                    errln!("{line}");
                 }
             }
             ProgressMode::Bar => {

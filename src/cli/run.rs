@@ -10,7 +10,7 @@ use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingOptions, Report, Verdict};
-use upm_runner::config::{Fault, FaultClass, JobSpec};
+use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 /// Default folder for run folders.
@@ -73,8 +73,8 @@ pub(super) fn status_of(report: &Report) -> u8 {
 }
 
 /// Failure by the faults of the job in `file`; if it cannot be read, with a hint where to find jobs.
-fn unread(file: &Path, faults: Vec<Fault>) -> Failure {
-    let is_read = !faults.iter().any(|fault| fault.class == FaultClass::Unreadable && fault.named_by.is_none());
+fn unread(file: &Path, faults: Vec<Diagnostic>) -> Failure {
+    let is_read = !faults.iter().any(|fault| fault.class == DiagnosticClass::Unreadable && fault.named_by.is_none());
     let mut failure = Failure::of_files(faults);
     if !is_read && !is_shipped(&file.display().to_string()) {
         failure.lines.iter_mut().for_each(|line| line.push_str("; `upm run` lists the jobs there are"));

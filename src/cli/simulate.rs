@@ -23,13 +23,13 @@ fn as_json(result: &OpenLoopTrajectories) -> serde_json::Value {
 }
 
 fn print_table(spec: &SimulateSpec, result: &OpenLoopTrajectories) -> Result<(), Failure> {
-    say!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len())?;
-    say!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °")?;
+    outln!("{:.3} s of plate time, {} pulses", result.t_s.last().unwrap_or(&0.0), spec.pulses.len())?;
+    outln!("  {:12} {:>19} {:>19} {:>9} {:>9}", "part", "from mm", "to mm", "moved mm", "turned °")?;
     for (placed, part) in spec.parts.iter().zip(&result.parts) {
         let ends = |values: &[f64]| [values.first(), values.last()].map(|v| v.copied().unwrap_or_default());
         let (x, y, theta) = (ends(&part.x_m).map(mm_from_m), ends(&part.y_m).map(mm_from_m), ends(&part.theta_rad));
         let moved = (x[1] - x[0]).hypot(y[1] - y[0]);
-        say!(
+        outln!(
             "  {:12} {:9.3},{:9.3} {:9.3},{:9.3} {moved:9.3} {:9.2}",
             placed.id,
             x[0],

@@ -7,13 +7,13 @@ use upm_runner::run::RunResult;
 /// Prints the result of a run as text.
 pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
-    say!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;
+    outln!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;
     for (label, text) in rows(&result.report) {
-        say!("  {label:15} {text}")?;
+        outln!("  {label:15} {text}")?;
     }
-    say!("  {:15} {}", "run folder", result.folder.display())?;
+    outln!("  {:15} {}", "run folder", result.folder.display())?;
     if result.folder.join("run.rrd").exists() {
-        say!("  {:15} upm replay {}", "watch it", result.folder.display())?;
+        outln!("  {:15} upm replay {}", "watch it", result.folder.display())?;
     }
     Ok(())
 }

@@ -27,9 +27,9 @@ pub(super) fn token(args: &TokenArgs, common: Common) -> Result<u8, Failure> {
     })?;
     print(common.json, &json!({ "file": file.display().to_string() }), || {
         let file = file.display();
-        say!("{file}: a new token")?;
-        say!("  {:10} \"token_file\": \"{file}\" in its file, relative to that", "daemon")?;
-        say!("  {:10} --token-file {file}, or UPM_TOKEN_FILE={file}", "clients")
+        outln!("{file}: a new token")?;
+        outln!("  {:10} \"token_file\": \"{file}\" in its file, relative to that", "daemon")?;
+        outln!("  {:10} --token-file {file}, or UPM_TOKEN_FILE={file}", "clients")
     })
 }
 

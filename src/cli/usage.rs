@@ -17,7 +17,7 @@ pub(super) fn answer(error: &Error) -> ExitCode {
         error.print().ok();
         return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(BAD_INPUT));
     }
-    complain!("upm: {}", line(error));
+    errln!("upm: {}", line(error));
     ExitCode::from(BAD_INPUT)
 }
 

@@ -46,15 +46,15 @@ fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {
     let run = run.display();
     match verdict {
         Verification::Equal { lines, stopped: false } => {
-            say!("{run}: the repetition's journal is equal byte for byte, {lines} lines")
+            outln!("{run}: the repetition's journal is equal byte for byte, {lines} lines")
         }
         Verification::Equal { lines, stopped: true } => {
-            say!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
+            outln!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
         }
         Verification::Differs { line, recorded, repeated } => {
-            say!("{run}: journals differ from line {line} on")?;
-            say!("  recorded: {}", shown(recorded))?;
-            say!("  repeated: {}", shown(repeated))
+            outln!("{run}: journals differ from line {line} on")?;
+            outln!("  recorded: {}", shown(recorded))?;
+            outln!("  repeated: {}", shown(repeated))
         }
     }
 }

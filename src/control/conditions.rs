@@ -103,28 +103,28 @@ mod tests {
     }
 
     /// Runs cycles of 1 s; `holds` gives the conditions that hold in each.
-    fn told(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> RecordedChanges {
-        let (mut conditions, mut told) = (Conditions::default(), RecordedChanges::default());
+    fn recorded(cycles: u32, holds: impl Fn(u32) -> Vec<Condition>) -> RecordedChanges {
+        let (mut conditions, mut recorded) = (Conditions::default(), RecordedChanges::default());
         for cycle in 0..cycles {
             let at = PlateTime::from_secs(f64::from(cycle));
             for condition in holds(cycle) {
-                conditions.note(at, condition, || format!("reason of cycle {cycle}"), &mut told);
+                conditions.note(at, condition, || format!("reason of cycle {cycle}"), &mut recorded);
             }
-            conditions.end_cycle(at, &mut told);
+            conditions.end_cycle(at, &mut recorded);
         }
-        conditions.end_run(PlateTime::from_secs(f64::from(cycles)), &mut told);
-        told
+        conditions.end_run(PlateTime::from_secs(f64::from(cycles)), &mut recorded);
+        recorded
     }
 
     #[test]
     fn lasting_condition_is_told_at_its_begin_and_its_end_with_the_count() {
-        let RecordedChanges(told) =
-            told(40, |cycle| if (3..20).contains(&cycle) { vec![Condition::StepsMeetParts] } else { vec![] });
-        assert_eq!(told.len(), 2, "{told:?}");
-        let (at_s, code, change, text) = &told[0];
+        let RecordedChanges(recorded) =
+            recorded(40, |cycle| if (3..20).contains(&cycle) { vec![Condition::StepsMeetParts] } else { vec![] });
+        assert_eq!(recorded.len(), 2, "{recorded:?}");
+        let (at_s, code, change, text) = &recorded[0];
         assert_eq!((*at_s, *code, *change), (3.0, "steps_meet_parts", ConditionChange::Began));
         assert!(text.starts_with("reason of cycle 3; ") && text.contains("more room"), "{text}");
-        let (at_s, code, change, text) = &told[1];
+        let (at_s, code, change, text) = &recorded[1];
         assert_eq!((*at_s, *code), (39.0, "steps_meet_parts"), "twenty quiet cycles after cycle 19");
         assert_eq!(*change, ConditionChange::Ended { times: 17, lasted_s: 16.0 });
         assert_eq!(text, "no longer: reason of cycle 3 (in 17 cycles over 16.0 s)");
@@ -132,32 +132,32 @@ mod tests {
 
     #[test]
     fn condition_of_sight_ends_soon_after_it_was_last_noted() {
-        let (mut conditions, mut told) = (Conditions::default(), RecordedChanges::default());
+        let (mut conditions, mut recorded) = (Conditions::default(), RecordedChanges::default());
         let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
         for tenths in 0..=20 {
-            conditions.note(at(tenths), Condition::ViewHidden, || "hidden".into(), &mut told);
+            conditions.note(at(tenths), Condition::ViewHidden, || "hidden".into(), &mut recorded);
         }
-        conditions.end_cycle(at(22), &mut told);
-        assert_eq!(told.0.len(), 1, "it may come back");
-        conditions.end_cycle(at(30), &mut told);
-        assert_eq!(told.0[1].3, "no longer: hidden (in 1 cycle over 2.0 s)");
+        conditions.end_cycle(at(22), &mut recorded);
+        assert_eq!(recorded.0.len(), 1, "it may come back");
+        conditions.end_cycle(at(30), &mut recorded);
+        assert_eq!(recorded.0[1].3, "no longer: hidden (in 1 cycle over 2.0 s)");
     }
 
     #[test]
     fn condition_that_comes_and_goes_is_one_until_it_stays_away() {
         let now_and_then =
-            |every: u32| told(60, move |cycle| [Condition::SolverFails].repeat((cycle % every == 0).into()));
+            |every: u32| recorded(60, move |cycle| [Condition::SolverFails].repeat((cycle % every == 0).into()));
         assert_eq!(now_and_then(4).0.len(), 2);
         assert_eq!(now_and_then(25).0.len(), 6, "each of three is told twice");
     }
 
     #[test]
     fn conditions_of_several_parts_are_told_apart_and_end_with_the_run() {
-        let RecordedChanges(told) = told(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
-        let ends: Vec<&ConditionChange> = told.iter().map(|(_, _, change, _)| change).collect();
+        let RecordedChanges(recorded) = recorded(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
+        let ends: Vec<&ConditionChange> = recorded.iter().map(|(_, _, change, _)| change).collect();
         let ended = ConditionChange::Ended { times: 2, lasted_s: 1.0 };
         assert_eq!(ends, [&ConditionChange::Began, &ConditionChange::Began, &ended, &ended]);
-        assert!(told[2].3.starts_with("until the end: "), "{told:?}");
+        assert!(recorded[2].3.starts_with("until the end: "), "{recorded:?}");
     }
 
     #[test]

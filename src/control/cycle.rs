@@ -133,7 +133,7 @@ struct ControlCycle<'a> {
     coil_responses: CoilResponses,
     motion: MotionGuard,
     steps: StepGuard,
-    /// Number of times the goal seemed reached and a second look contradicted.
+    /// Number of times the goal seemed reached and a second observation contradicted.
     unconfirmed: u32,
     /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
     is_cautious: bool,
@@ -143,9 +143,9 @@ impl ControlCycle<'_> {
     fn until_end(&mut self) -> FinalState {
         let mut last_pulse_at = self.rig.now();
         self.task.first_seen(&self.perception.positions_m());
-        let mut look = self.look_at_rest();
+        let mut observe = self.observe_at_rest();
         let ending = loop {
-            look = match look {
+            observe = match observe {
                 // the last cycle is over here, its parts seen at rest
                 Continue(_) if self.give_way.load(Ordering::Relaxed) => {
                     break RunEnd::gave_way(self.params.endless && self.is_getting_on());
@@ -163,13 +163,13 @@ impl ControlCycle<'_> {
         FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
     }
 
-    /// One cycle, from a look at rest to the next, whose positions it returns.
+    /// One cycle, from an observation at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> OrEnd<Vec<Vec2>> {
         if self.perception.take_relocated() {
             // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
             self.probe()?;
-            return self.look_at_rest();
+            return self.observe_at_rest();
         }
         let started = self.clock.elapsed();
         let observed_at = self.perception.seen_at();
@@ -182,11 +182,11 @@ impl ControlCycle<'_> {
             self.planning.check_controllable(&observed, &wanted)?;
             self.check_limits()?;
             self.probe()?;
-            return self.look_at_rest();
+            return self.observe_at_rest();
         }
-        self.warn_of_blocked(&wanted.boxed_in);
+        self.warn_of_blocked(&wanted.blocked);
         self.check_limits()?;
-        if self.planning.watch.look(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
+        if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
             return Break(self.planning.no_progress(&wanted, &observed));
         }
         let planning = self.clock.elapsed();
@@ -200,14 +200,14 @@ impl ControlCycle<'_> {
             self.check_limits()?;
             self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
             *last_pulse_at = self.rig.now();
-            self.look_for_missing()?;
+            self.search_missing()?;
             if self.perception.invalidates_plan() {
                 break;
             }
         }
         // the last frame of a pulse shows everything at rest: it starts the next cycle, unless a part is missing in it
         let seen = !plan.pulses.is_empty() && self.perception.missing_for() == 0;
-        let result = if seen { self.perception.positions_m() } else { self.look_at_rest()? };
+        let result = if seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         if plan.pulses.is_empty() {
             // a task that advances by time alone asks for no pulse
             if wanted.progress > self.furthest {
@@ -271,7 +271,7 @@ impl ControlCycle<'_> {
     }
 
     /// Notes each part that moves much less far than calibration predicts.
-    fn tell_slow_parts(&mut self) {
+    fn warn_of_slow_parts(&mut self) {
         for part in 0..self.params.parts.len() {
             let (condition, gain) = (Condition::PartSlow { part }, self.planning.gains.of_part(part));
             let below = if self.conditions.holds(condition) { NOT_SLOW } else { SLOW };
@@ -292,18 +292,18 @@ impl ControlCycle<'_> {
     }
 
     /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
-    fn look_for_missing(&mut self) -> OrEnd {
+    fn search_missing(&mut self) -> OrEnd {
         if self.perception.missing_for() > self.params.lost_after_frames && !self.perception.silenced_pulse() {
-            self.look_at_rest()?;
+            self.observe_at_rest()?;
         }
         Continue(())
     }
 
     /// Captures frames until one at rest shows every part; a part that stays missing is lost.
-    fn look_at_rest(&mut self) -> OrEnd<Vec<Vec2>> {
+    fn observe_at_rest(&mut self) -> OrEnd<Vec<Vec2>> {
         loop {
             self.check_stop()?;
-            let at_rest = self.perception.look(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
+            let at_rest = self.perception.observe(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
             if at_rest && self.perception.missing_for() == 0 {
                 return Continue(self.perception.positions_m());
             }

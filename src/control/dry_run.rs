@@ -1,8 +1,8 @@
 //! Dry run of a job on the library's displacement model, before anything moves: without rig, camera or ground truth.
 //!
-//! The loop is that of a run: ask the task, plan, play, look again, learn the parts' gains. Parts move exactly as the
-//! run's planner forecasts, with a friction unknown to it, on a plate whose motions deviate slightly from the commanded
-//! ones, as in runs. Looks are exact, and parts that meet only push each other aside.
+//! The loop is that of a run: ask the task, plan, play, observe again, learn the parts' gains. Parts move exactly as
+//! the run's planner forecasts, with a friction unknown to it, on a plate whose motions deviate slightly from the
+//! commanded ones, as in runs. Observations are exact, and parts that meet only push each other aside.
 
 mod disturbance;
 mod kinematic_plate;
@@ -38,11 +38,11 @@ const GROUP: usize = 8;
 /// cycles correct a sequence, some plan a new one. On average 8 parts take 10 ms a cycle, 16 take 40 ms.
 const CYCLE_MS: f64 = 2.5;
 const SQUARE_MS: f64 = 0.15;
-/// Evaluating a look, ms.
+/// Evaluating an observation, ms.
 const LOOK_MS: f64 = 0.02;
 
 /// Plays `task` to its end by `planner` on the displacement model of `library`. `watch` receives the plate time and the
-/// task's progress, 0 to 1, once per look.
+/// task's progress, 0 to 1, once per observation.
 pub fn rehearse(
     library: &Arc<Library>,
     planner: &FreshPlanner,
@@ -128,7 +128,7 @@ impl DryRunLoop<'_> {
     /// The ending, `None` when the rehearsal is broken off, and the task's last request.
     fn until_end(&mut self, task: &mut dyn Task, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<RunEnd>, Setpoints) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
-        let (mut looked, mut played) = (false, false);
+        let (mut observed_once, mut played) = (false, false);
         loop {
             let now = self.stage.now();
             let wanted = task.next(now, &self.stage.positions_m);
@@ -136,7 +136,7 @@ impl DryRunLoop<'_> {
             if wanted.done {
                 return (Some(RunEnd::completed(wanted.phase.clone())), wanted);
             }
-            if !std::mem::replace(&mut looked, true)
+            if !std::mem::replace(&mut observed_once, true)
                 && let Break(ending) = self.planning.check_controllable(&self.stage.positions_m, &wanted)
             {
                 return (Some(ending), wanted);
@@ -147,7 +147,7 @@ impl DryRunLoop<'_> {
             if wanted.progress > furthest {
                 (furthest, went_on_at) = (wanted.progress, now);
             }
-            if self.planning.watch.look(&wanted, &self.stage.positions_m, played) {
+            if self.planning.watch.observe(&wanted, &self.stage.positions_m, played) {
                 return (Some(self.planning.no_progress(&wanted, &self.stage.positions_m)), wanted);
             }
             let once = self.once(&wanted);
@@ -179,7 +179,7 @@ impl DryRunLoop<'_> {
         RunEnd::failed(format!("left off after {plate_s:.0} s of plate time, {percent:.0} % of the way"))
     }
 
-    /// One cycle from a look to the next; true when it had a pulse.
+    /// One cycle from an observation to the next; true when it had a pulse.
     fn once(&mut self, wanted: &Setpoints) -> OrEnd<bool> {
         self.check_time()?;
         let plan = self.plan(wanted)?;
@@ -209,7 +209,7 @@ impl DryRunLoop<'_> {
             }
             self.check_on_plate()?;
         }
-        self.stage.look();
+        self.stage.observe();
         let moved = !plan.pulses.is_empty();
         self.cycles += u64::from(moved);
         Continue(moved)

@@ -8,7 +8,7 @@ use upm_perception::vision::{DebugImages, Detection, Table, Track};
 use upm_planner::{Plan, PlannedPulse};
 use upm_task::Setpoints;
 
-/// The first look: table and parts located without prior knowledge.
+/// The first observation: table and parts located without prior knowledge.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalisedFacts<'a> {
     /// The frame looked at.
@@ -23,8 +23,8 @@ pub struct LocalisedFacts<'a> {
     pub localise_us: f64,
 }
 
-/// A look before a task counts as reached: table and parts located without prior knowledge, at the places where they
-/// were tracked.
+/// An observation before a task counts as completed: table and parts located without prior knowledge, at the places
+/// where they were tracked.
 #[derive(Clone, Copy, Debug)]
 pub struct ConfirmedFacts<'a> {
     /// Exposure time of the frame.
@@ -45,7 +45,7 @@ pub struct FrameFacts<'a> {
     /// The parts in it.
     pub tracks: &'a [Track],
     /// True while the plate vibrates or parts may still coast.
-    pub sounding: bool,
+    pub driving: bool,
     /// True while the pictures are unreliable and control waits for that to end; control ends the run when it has
     /// waited for too long.
     pub blind: bool,
@@ -89,12 +89,12 @@ pub struct PulseDisplacements<'a> {
     pub by_learning_m: &'a [Vec2],
 }
 
-/// One cycle, after its last pulse and the look that follows it.
+/// One cycle, after its last pulse and the observation that follows it.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleFacts<'a> {
     /// Number of the cycle, from 0.
     pub index: u64,
-    /// Time of the look that the plan is based on.
+    /// Time of the observation that the plan is based on.
     pub observed_at: PlateTime,
     /// Positions measured then, m.
     pub observed_m: &'a [Vec2],
@@ -102,7 +102,7 @@ pub struct CycleFacts<'a> {
     pub wanted: &'a Setpoints,
     /// The plan.
     pub plan: &'a Plan,
-    /// Time of the next look.
+    /// Time of the next observation.
     pub ended_at: PlateTime,
     /// Positions measured then, m.
     pub result_m: &'a [Vec2],
@@ -182,7 +182,7 @@ impl EventLevel {
 pub trait Sink {
     /// Table and parts were found.
     fn localised(&mut self, _facts: &LocalisedFacts<'_>) {}
-    /// A look confirmed the table and the parts.
+    /// An observation confirmed the table and the parts.
     fn confirmed(&mut self, _facts: &ConfirmedFacts<'_>) {}
     /// A frame was tracked.
     fn frame(&mut self, _facts: &FrameFacts<'_>) {}

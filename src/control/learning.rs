@@ -24,7 +24,7 @@ const FARTHEST: f64 = 0.6;
 /// Limits of a gain.
 const RANGE: (f64, f64) = (0.4, 2.5);
 
-/// Gain increment of the second forecast of a lesson.
+/// Gain increment of the second forecast of an observation.
 pub(super) const MORE: f64 = 0.05;
 
 /// Forecast and measured effect of one pulse; each m, in the order of the parts.

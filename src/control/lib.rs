@@ -1,4 +1,5 @@
-//! The control cycle (look, ask the task, plan, play, look again) and the supervisor that ends a run in good order.
+//! The control cycle (observe, ask the task, plan, play, observe again) and the supervisor that ends a run in good
+//! order.
 //!
 //! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 

@@ -1,4 +1,4 @@
-mod first_look;
+mod first_observation;
 mod motion;
 mod naming;
 mod relocate;
@@ -8,7 +8,7 @@ mod settling;
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
 
-use self::first_look::find_table;
+use self::first_observation::find_table;
 use self::naming::name_parts;
 use self::scene::{Blind, SceneMonitor};
 use self::settling::{PlateInImage, SWING_S};
@@ -25,13 +25,13 @@ use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 
 pub use self::naming::ExpectedPart;
 
-/// Number of looks at rest without the table, once it was found, before it counts as missing.
+/// Number of observations at rest without the table, once it was found, before it counts as missing.
 const TABLE_LOOKS: usize = 5;
 /// Number of frames without sight after which the motors are silenced and the condition is reported, and the limit for
 /// that time where frames are slow, s.
 const BLIND_FRAMES: f64 = 3.0;
 const BLIND_S: f64 = 0.1;
-/// Number of consecutive looks at rest that must show a foreign object.
+/// Number of consecutive observations at rest that must show a foreign object.
 const FOREIGN: u32 = 2;
 /// Number of frames that must lack a part before frames that never arrived count, too.
 const LEAST_LOOKS: u32 = 5;
@@ -82,7 +82,7 @@ pub struct Perception {
     /// Number of frames of the present that showed the plate without a part, those that never arrived included, and the
     /// number of those that did arrive.
     missing: (f64, u32),
-    looked_at: PlateTime,
+    observed_at: PlateTime,
     frame_hz: f64,
     /// Number of consecutive frames that show a part off the plate.
     off_plate: u32,
@@ -147,7 +147,7 @@ impl Perception {
             displaced_px: 0.0,
             foreign: 0,
             missing: (0.0, 0),
-            looked_at: PlateTime::default(),
+            observed_at: PlateTime::default(),
             frame_hz: model.frame_hz,
             off_plate: 0,
             relocated: false,
@@ -163,7 +163,7 @@ impl Perception {
     ///
     /// # Errors
     /// The ending of a run whose view stays lost.
-    pub fn look(
+    pub fn observe(
         &mut self,
         rig: &mut dyn Rig,
         purpose: FramePurpose,
@@ -195,7 +195,7 @@ impl Perception {
         sink.frame(&FrameFacts {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
-            sounding: !at_rest,
+            driving: !at_rest,
             blind: blind.is_some(),
             starts_cycle: is_plain && purpose == FramePurpose::Cycle,
             track_us,
@@ -207,9 +207,9 @@ impl Perception {
         }
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
-        let frames = self.frame.exposed_at.secs_since(self.looked_at) * self.frame_hz;
+        let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.frame_hz;
         // a time stamp in the future must not stop the count
-        self.looked_at = self.looked_at.max(self.frame.exposed_at.min(rig.now()));
+        self.observed_at = self.observed_at.max(self.frame.exposed_at.min(rig.now()));
         self.missing = match (self.missing_for(), swing_px) {
             (0, _) => (0.0, 0),
             (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),

@@ -63,8 +63,8 @@ struct Creep {
 }
 
 impl Creep {
-    /// Takes a look at rest, after pulses if `played`, at which a step of `step_m` is asked for.
-    fn look(&mut self, seen_m: &[Vec2], step_m: f64, played: bool) {
+    /// Takes an observation at rest, after pulses if `played`, at which a step of `step_m` is asked for.
+    fn observe(&mut self, seen_m: &[Vec2], step_m: f64, played: bool) {
         let begins = self.from_m.len() != seen_m.len();
         if begins || farthest_m(&self.from_m, seen_m) > CREEP_M.max(CREEP_SHARE * self.asked_m) {
             *self = Self { from_m: seen_m.to_vec(), ..Self::default() };
@@ -97,9 +97,9 @@ impl ProgressWatch {
         }
     }
 
-    /// Takes a look at rest; `played` is true when pulses came before it. Returns true when the run no longer makes
-    /// progress.
-    pub fn look(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> bool {
+    /// Takes an observation at rest; `played` is true when pulses came before it. Returns true when the run no longer
+    /// makes progress.
+    pub fn observe(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> bool {
         if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
             // no part has a target: a hold that succeeds
             *self = Self::new(self.follows_paths, self.tolerance_m);
@@ -121,7 +121,7 @@ impl ProgressWatch {
             self.from_subgoals_m = from_subgoals_m;
         }
         let nearer = improves(&mut self.from_targets_m, from_targets_m);
-        self.creep.look(seen_m, farthest_m(seen_m, &wanted.subgoals_m), played);
+        self.creep.observe(seen_m, farthest_m(seen_m, &wanted.subgoals_m), played);
         let is_carried_on = self.follows_paths && self.creep.cycles == 0;
         let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || is_carried_on;
         let one_gets_on = self.one_is_nearer(seen_m);
@@ -174,9 +174,9 @@ impl ProgressWatch {
     pub fn held_up_in_words<'a>(&self, wanted: &Setpoints, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
         let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
-        let boxed_in = if wanted.boxed_in.contains(&part) { ", and boxed in by other parts" } else { "" };
+        let blocked = if wanted.blocked.contains(&part) { ", and boxed in by other parts" } else { "" };
         let way_mm = 1e3 * way_m.norm();
-        format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{boxed_in}", id(part))
+        format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
     }
 
     /// The part that is farthest from where it should be, among those that are boxed in if there are any; `None`
@@ -184,7 +184,7 @@ impl ProgressWatch {
     fn held_up(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<HeldUp> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
-        let is_limiting = |held_up: &HeldUp| wanted.boxed_in.is_empty() || wanted.boxed_in.contains(&held_up.part);
+        let is_limiting = |held_up: &HeldUp| wanted.blocked.is_empty() || wanted.blocked.contains(&held_up.part);
         ways.filter(is_limiting).max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
     }
 }
@@ -226,12 +226,13 @@ mod tests {
         Vec2::new(x_m, 0.0)
     }
 
-    /// Feeds looks until a run of one part is ended; `at` gives the request and the part's position in each cycle.
+    /// Feeds observations until a run of one part is ended; `at` gives the request and the part's position in each
+    /// cycle.
     fn ended_at(paths: bool, cycles: u32, at: impl Fn(u32) -> (Setpoints, Vec2)) -> Option<u32> {
         let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
             let (wanted, seen_m) = at(cycle);
-            watch.look(&wanted, &[seen_m], cycle > 0)
+            watch.observe(&wanted, &[seen_m], cycle > 0)
         })
     }
 
@@ -254,18 +255,19 @@ mod tests {
         // the first comes nearer step by step while the second moves away by as much or more
         let ended = (0..300).find(|&cycle| {
             let at_m = 0.02 * 0.99_f64.powi(cycle);
-            watch.look(&wanted, &[x(at_m), x(0.1 + 0.05 - at_m)], cycle > 0)
+            watch.observe(&wanted, &[x(at_m), x(0.1 + 0.05 - at_m)], cycle > 0)
         });
         assert_eq!(ended, Some(DETOUR_CYCLES as i32), "and not without end");
         let mut watch = ProgressWatch::new(false, TOLERANCE_M);
-        let ended = (0..200).find(|&cycle| watch.look(&wanted, &[x(1e-4 * 0.9_f64.powi(cycle)), x(0.15)], cycle > 0));
+        let ended =
+            (0..200).find(|&cycle| watch.observe(&wanted, &[x(1e-4 * 0.9_f64.powi(cycle)), x(0.15)], cycle > 0));
         assert_eq!(ended, Some(FUTILE_CYCLES as i32), "one that is there does not count");
     }
 
     #[test]
     fn cycles_without_pulses_do_not_count() {
         let mut watch = ProgressWatch::new(false, TOLERANCE_M);
-        assert!((0..100).all(|_| !watch.look(&wanted(x(0.05), x(0.05)), &[x(0.0)], false)));
+        assert!((0..100).all(|_| !watch.observe(&wanted(x(0.05), x(0.05)), &[x(0.0)], false)));
     }
 
     #[test]
@@ -314,7 +316,7 @@ mod tests {
         let is_getting_on = |step_m: f64| {
             let mut watch = ProgressWatch::new(false, TOLERANCE_M);
             for (wanted, seen_m) in (0..10).map(creeps(step_m)) {
-                assert!(!watch.look(&wanted, &[seen_m], true));
+                assert!(!watch.observe(&wanted, &[seen_m], true));
             }
             watch.is_getting_on()
         };
@@ -327,19 +329,19 @@ mod tests {
         let wanted =
             Setpoints { subgoals_m: vec![x(0.0), x(0.02)], targets_m: vec![x(0.0), x(0.02)], ..Setpoints::default() };
         let seen_m = [x(0.001), Vec2::new(0.02, -0.003)];
-        watch.look(&wanted, &seen_m, false);
+        watch.observe(&wanted, &seen_m, false);
         watch.note(&PlanStatus::Infeasible(Limit::Edge { part: 1 }));
-        let ended = (0..FUTILE_CYCLES).filter(|_| watch.look(&wanted, &seen_m, true)).count();
+        let ended = (0..FUTILE_CYCLES).filter(|_| watch.observe(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
         let ending = watch.ending(&wanted, &seen_m, PlanningMethod::CorSequence, |part| ["a", "b"][part]);
         assert_eq!(ending.cause, Some(StopCause::NoProgress));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
-        let boxed_in = Setpoints { boxed_in: vec![0], ..wanted.clone() };
-        let said = watch.held_up_in_words(&boxed_in, &seen_m, |part| ["a", "b"][part]);
+        let blocked = Setpoints { blocked: vec![0], ..wanted.clone() };
+        let said = watch.held_up_in_words(&blocked, &seen_m, |part| ["a", "b"][part]);
         assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and boxed in by other parts");
-        watch.look(&wanted, &[x(0.0), x(0.0201)], true);
+        watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::{AxisShape, Entry, FieldResponse, Library, PlateResponse};
 use upm_core::units::mm_from_m;
-use upm_document::Fault;
+use upm_document::Diagnostic;
 
 /// Largest difference of two measurements of the same quantity, in standard deviations, the scatter of both included.
 const SIGMAS: f64 = 3.0 * std::f64::consts::SQRT_2;
@@ -33,7 +33,7 @@ impl Library {
     /// Steps may also be those that `own` predicts for coins of up to 42 % more or less friction, which is as far apart
     /// as two single coins are, or for a plate speed changed as much. Standard deviations are those of `own` alone, so
     /// that another library cannot widen them.
-    pub fn disagreement(&self, own: &Self) -> Option<Fault> {
+    pub fn disagreement(&self, own: &Self) -> Option<Diagnostic> {
         self.other_gain(own)
             .or_else(|| self.other_shape(own))
             .or_else(|| other_plate(self.plate.as_ref(), own.plate.as_ref()))
@@ -42,13 +42,13 @@ impl Library {
             .or_else(|| other_field(self.fields.as_ref(), own.fields.as_ref()))
     }
 
-    fn other_gain(&self, own: &Self) -> Option<Fault> {
+    fn other_gain(&self, own: &Self) -> Option<Diagnostic> {
         let pairs = self.accelerometer_gain.iter().zip(&own.accelerometer_gain).enumerate();
         let mut others = pairs.filter(|(_, (found, its))| differ(**found, **its, GAIN));
         others.next().map(|(k, (found, its))| beside_own(format!("accelerometer_gain[{k}]"), found, its))
     }
 
-    fn other_shape(&self, own: &Self) -> Option<Fault> {
+    fn other_shape(&self, own: &Self) -> Option<Diagnostic> {
         let flat = |AxisShape([first, second]): AxisShape| [first.cos, first.sin, second.cos, second.sin];
         let pairs = self.shapes.map(flat).into_iter().zip(own.shapes.map(flat));
         let mut named = ["x", "y", "spin"].into_iter().zip(pairs);
@@ -57,7 +57,7 @@ impl Library {
         })
     }
 
-    fn other_entry(&self, own: &Self) -> Option<Fault> {
+    fn other_entry(&self, own: &Self) -> Option<Diagnostic> {
         let answer = MotorAnswer::of(own);
         let mut entries = self.entries.iter().enumerate();
         let (i, entry, expected) = entries.find_map(|(i, entry)| {
@@ -76,7 +76,7 @@ impl Library {
 
     /// Compares steps at every node of this library's grid, and at those of `own` within it: a coarse grid also
     /// predicts between its nodes.
-    fn other_step(&self, own: &Self) -> Option<Fault> {
+    fn other_step(&self, own: &Self) -> Option<Diagnostic> {
         let (mine, its) = (&self.displacement, &own.displacement);
         let other = |speed_mps: f64, sustain_s: f64| {
             let [found_m, own_m] = [mine, its].map(|model| model.distance(speed_mps, sustain_s));
@@ -156,7 +156,7 @@ fn velocity(entry: &Entry, reach_m: f64) -> Vector3<f64> {
     Vector3::new(pump.velocity_mps.x, pump.velocity_mps.y, pump.spin_radps * reach_m)
 }
 
-fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Option<Fault> {
+fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Option<Diagnostic> {
     let (found, own) = match (found, own) {
         (None, None) => return None,
         (Some(found), Some(own)) => (found, own),
@@ -181,7 +181,7 @@ fn other_plate(found: Option<&PlateResponse>, own: Option<&PlateResponse>) -> Op
 }
 
 /// Compares the responses of each axis, harmonic by harmonic.
-fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Option<Fault> {
+fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Option<Diagnostic> {
     let (Some(found), Some(own)) = (found, own) else { return None };
     let rows = |matrix: &Matrix3<Complex<f64>>, row: usize| -> Vec<f64> {
         matrix.row(row).iter().flat_map(|part| [part.re, part.im]).collect()
@@ -192,7 +192,7 @@ fn other_field(found: Option<&FieldResponse>, own: Option<&FieldResponse>) -> Op
     let size = |row: &[f64]| row.iter().map(|part| part * part).sum::<f64>().sqrt();
     let off = found.iter().zip(&own).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() / size(&own);
     let path = format!("fields.twist_from_counts[{k}][{row}]");
-    Some(Fault::new("", path, format!("{:.0} % off the plate's own", 100.0 * off), format!("{} %", 100.0 * SHARE)))
+    Some(Diagnostic::new("", path, format!("{:.0} % off the plate's own", 100.0 * off), format!("{} %", 100.0 * SHARE)))
 }
 
 /// Written so that NaN differs from everything.
@@ -208,9 +208,9 @@ fn differ_much(found: &[f64], own: &[f64]) -> bool {
     differ(off, 0.0, SHARE * size)
 }
 
-fn beside_own(path: impl std::fmt::Display, found: impl std::fmt::Display, own: impl std::fmt::Display) -> Fault {
+fn beside_own(path: impl std::fmt::Display, found: impl std::fmt::Display, own: impl std::fmt::Display) -> Diagnostic {
     let allowed = format!("{own} within the scatter of calibration, as the plate's own library has it");
-    Fault::new("", path, found, allowed)
+    Diagnostic::new("", path, found, allowed)
 }
 
 #[cfg(test)]

@@ -135,7 +135,7 @@ fn a_harmonic_is_a_line_of_the_file() {
 #[test]
 fn values_no_rig_has_are_reported() {
     let good = || library(responses(0.1, [0.0; 6]));
-    let told = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
+    let fault_lines = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
         let mut bad = good();
         bad.fields.as_mut().into_iter().for_each(change);
         Library::from_json(&bad.to_json(), "l").unwrap_err().iter().map(ToString::to_string).collect()
@@ -155,9 +155,9 @@ fn values_no_rig_has_are_reported() {
         ),
     ];
     for (change, line) in cases {
-        assert_eq!(told(&change), [line]);
+        assert_eq!(fault_lines(&change), [line]);
     }
-    let singular = told(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
+    let singular = fault_lines(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
     let allowed = "forces on x, y and spin that move the plate independently";
     assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: expected {allowed}, found a singular matrix")]);
     let text = good().to_json().replacen("  \"limit_counts\": 2047.0,\n", "", 1);
@@ -179,20 +179,20 @@ fn fields_of_another_rig_are_refused() {
         count_limit: 2047.0,
         fields: Some(fields),
     };
-    let told = |library: &Library, rig: RigFacts<'_>| -> Vec<String> {
-        library.check_fits(&rig).iter().map(|fault| format!("{}: {}", fault.path, fault.allowed)).collect()
+    let fault_lines = |library: &Library, rig: RigFacts<'_>| -> Vec<String> {
+        library.check_fits(&rig).iter().map(|fault| format!("{}: {}", fault.path, fault.expected)).collect()
     };
-    assert_eq!(told(&library, rig), [""; 0]);
-    let with = |fields: FieldFacts| told(&library, RigFacts { fields: Some(fields), ..rig });
+    assert_eq!(fault_lines(&library, rig), [""; 0]);
+    let with = |fields: FieldFacts| fault_lines(&library, RigFacts { fields: Some(fields), ..rig });
     assert_eq!(with(FieldFacts { base_radps: TAU * 40.0, ..fields }), ["fields.base_hz: 40, as the rig has it"]);
     assert_eq!(with(FieldFacts { attack_s: 0.05, ..fields }), ["fields.attack_s: 0.05, as the rig has it"]);
     assert_eq!(with(FieldFacts { rest_s: 0.05, ..fields }), ["fields.rest_s: 0.05, as the rig has it"]);
     assert_eq!(with(FieldFacts { harmonics: 8, ..fields }), ["fields.twist_from_counts: 8, as the rig has it"]);
     let strong = RigFacts { count_limit: 4095.0, ..rig };
-    assert_eq!(told(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
+    assert_eq!(fault_lines(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
     let none = RigFacts { fields: None, ..rig };
-    assert_eq!(told(&library, none), ["fields: nothing (the rig has no fields: run `upm calibrate`)"]);
+    assert_eq!(fault_lines(&library, none), ["fields: nothing (the rig has no fields: run `upm calibrate`)"]);
     let bare = Library { fields: None, ..library.clone() };
-    assert_eq!(told(&bare, rig), ["fields: the response to the rig's fields (run `upm calibrate`)"]);
-    assert_eq!(told(&bare, none), [""; 0]);
+    assert_eq!(fault_lines(&bare, rig), ["fields: the response to the rig's fields (run `upm calibrate`)"]);
+    assert_eq!(fault_lines(&bare, none), [""; 0]);
 }

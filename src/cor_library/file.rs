@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{Library, RawFieldResponse, RawLibrary};
-use upm_document::{Fault, parse, text_of};
+use upm_document::{Diagnostic, parse, text_of};
 
 impl Library {
     /// The file format: JSON, millimetres, one line per entry and per row of the displacement.
@@ -46,7 +46,7 @@ impl Library {
 
     /// Reads [`Self::to_json`]; the faults name `file`. All wrong keys, types and ranges are reported together; once
     /// those are right, all values that are inconsistent with others.
-    pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Fault>> {
+    pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Diagnostic>> {
         let raw: RawLibrary = parse(text, file)?;
         Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
     }
@@ -57,7 +57,7 @@ impl Library {
     }
 
     /// Reads and validates the library at `path`; reports all faults.
-    pub fn load(path: &Path) -> Result<Self, Vec<Fault>> {
+    pub fn load(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &path.display().to_string())
     }
@@ -142,7 +142,7 @@ mod tests {
         assert!(text.lines().any(|l| l == line), "{text}");
     }
 
-    fn told(text: &str) -> Vec<String> {
+    fn fault_lines(text: &str) -> Vec<String> {
         let faults = Library::from_json(text, "l.json").unwrap_err();
         faults.iter().map(|fault| fault.to_string().replacen("l.json: ", "", 1)).collect()
     }
@@ -154,9 +154,9 @@ mod tests {
         bad.displacement.sd_m.pop();
         bad.entries[1].pump = Twist::ZERO;
         let faults = Library::from_json(&bad.to_json(), "l.json").unwrap_err();
-        let told: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
         assert_eq!(
-            told,
+            lines,
             [
                 "l.json: entries[1]: expected a velocity or a spin, found a plate that does not move",
                 "l.json: displacement.speed_mm_s[1]: expected rising numbers above 0, found 100 after 500",
@@ -169,7 +169,10 @@ mod tests {
     fn foreign_keys_and_types_are_told_with_their_path() {
         let text = library(three()).to_json();
         let wrong = text.replacen("\"spin_rad_s\":8.0", "\"spin_rad_s\":\"fast\"", 1);
-        assert_eq!(told(&wrong), ["entries[2].spin_rad_s: expected a number from -10000 to 10000, found \"fast\""]);
+        assert_eq!(
+            fault_lines(&wrong),
+            ["entries[2].spin_rad_s: expected a number from -10000 to 10000, found \"fast\""]
+        );
         for (from, to, line) in [
             (
                 "\"rest_s\"",
@@ -214,12 +217,16 @@ mod tests {
         ] {
             let changed = text.replacen(from, to, 1);
             assert_ne!(changed, text, "{from}");
-            assert_eq!(told(&changed), [line]);
+            assert_eq!(fault_lines(&changed), [line]);
         }
-        assert!(told("[]")[0].starts_with("expected "), "{:?}", told("[]"));
-        assert!(told("{")[0].starts_with("not valid JSON: EOF while parsing an object at line 1"), "{:?}", told("{"));
+        assert!(fault_lines("[]")[0].starts_with("expected "), "{:?}", fault_lines("[]"));
         assert!(
-            told(&format!("{text} x"))[0].starts_with("not valid JSON: trailing characters"),
+            fault_lines("{")[0].starts_with("not valid JSON: EOF while parsing an object at line 1"),
+            "{:?}",
+            fault_lines("{")
+        );
+        assert!(
+            fault_lines(&format!("{text} x"))[0].starts_with("not valid JSON: trailing characters"),
             "only one document a file"
         );
     }
@@ -253,7 +260,7 @@ mod tests {
         assert_eq!(paths(RigFacts { plate_side_m: 0.3, ..rig }), ["plate_side_mm"]);
         assert_eq!(paths(RigFacts { base_radps: 1.00001 * rig.base_radps, ..rig }), ["base_hz"]);
         let fault = &library.check_fits(&RigFacts { base_radps: TAU * 50.0, ..rig })[0];
-        assert_eq!((fault.found.as_str(), fault.allowed.as_str()), ("60", "50, as the rig has it"));
+        assert_eq!((fault.found.as_str(), fault.expected.as_str()), ("60", "50, as the rig has it"));
         assert_eq!(paths(RigFacts { attack_s: 0.010_002, ..rig }), ["attack_s"]);
         let both = RigFacts { fingerprint: "34cd", rest_s: 0.0, ..rig };
         assert_eq!(paths(both), ["fingerprint", "rest_s"]);
@@ -282,7 +289,7 @@ mod tests {
         let refused = |change: &dyn Fn(&mut Library)| {
             let mut bad = library(three());
             change(&mut bad);
-            told(&bad.to_json())
+            fault_lines(&bad.to_json())
         };
         type Change = fn(&mut Library);
         let cases: [(Change, &str); 12] = [

@@ -4,7 +4,7 @@ use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrar
 use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Fault, Faults};
+use upm_document::{Diagnostic, Diagnostics};
 
 /// Fewest entries with which a part can be steered.
 const MIN_ENTRIES: usize = 3;
@@ -19,11 +19,11 @@ const SAME: f64 = 1e-6;
 const FILE_ROUNDING: f64 = 0.501e-6;
 
 impl TryFrom<RawLibrary> for Library {
-    type Error = Vec<Fault>;
+    type Error = Vec<Diagnostic>;
 
     /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
     fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
-        let mut faults = Faults::of("");
+        let mut faults = Diagnostics::of("");
         check_head(&raw, &mut faults);
         check_entries(&raw.entries, &mut faults);
         check_displacement(&raw.displacement, &mut faults);
@@ -74,15 +74,15 @@ pub struct FieldFacts {
 impl Library {
     /// All reasons why the library cannot be used on `rig`: distances and centres hold for one rig and its drive only.
     /// A library of a rig with another name is a single fault, since all others follow from it.
-    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Fault> {
+    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
         if self.rig != rig.name {
             let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
-            return vec![Fault::new("", "rig", format!("{:?}", self.rig), allowed)];
+            return vec![Diagnostic::new("", "rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();
         if self.fingerprint != rig.fingerprint {
             let allowed = format!("{:?} (the rig's file has changed: run `upm calibrate`)", rig.fingerprint);
-            faults.push(Fault::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
+            faults.push(Diagnostic::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
         faults.extend(differences([
             ("plate_side_mm", mm_from_m(self.plate_side_m), mm_from_m(rig.plate_side_m)),
@@ -96,11 +96,11 @@ impl Library {
     }
 
     /// Faults for entries that the rig's motors cannot play: their waveforms peak above `count_limit`.
-    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Fault> {
+    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Diagnostic> {
         let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
         let fault = |(entry, peak): (usize, f64)| {
             let allowed = format!("amplitudes whose waveform peaks at {count_limit:.0} counts or less");
-            Fault::new("", format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
+            Diagnostic::new("", format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
         };
         let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
         peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
@@ -108,28 +108,28 @@ impl Library {
 }
 
 /// A fault for every number of the library that differs from the rig's, with its path.
-fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Fault> {
+fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Diagnostic> {
     let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
     let faults: Vec<_> = others
         .map(|(path, found, its)| {
             let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
-            Fault::new("", path, found, format!("{its}, as the rig has it"))
+            Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
         })
         .collect();
     faults.into_iter()
 }
 
-fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Fault> {
+fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
     let (response, fields) = match (response, &rig.fields) {
         (None, None) => return Vec::new(),
         (Some(response), Some(fields)) => (response, fields),
         (None, Some(_)) => {
             let allowed = "the response to the rig's fields (run `upm calibrate`)";
-            return vec![Fault::missing("", "fields", allowed)];
+            return vec![Diagnostic::missing("", "fields", allowed)];
         }
         (Some(_), None) => {
             let allowed = "nothing (the rig has no fields: run `upm calibrate`)";
-            return vec![Fault::new("", "fields", "a response", allowed)];
+            return vec![Diagnostic::new("", "fields", "a response", allowed)];
         }
     };
     let measured = response.twist_from_counts.len() as f64;
@@ -155,16 +155,16 @@ fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-fn check_head(raw: &RawLibrary, faults: &mut Faults) {
-    faults.demand(!raw.rig.is_empty(), "rig", "\"\"", "the name of a rig");
+fn check_head(raw: &RawLibrary, faults: &mut Diagnostics) {
+    faults.require(!raw.rig.is_empty(), "rig", "\"\"", "the name of a rig");
     for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
         let moves = shape.as_flattened().iter().any(|&v| v != 0.0);
-        faults.demand(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
+        faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
     }
 }
 
-fn check_entries(entries: &[RawEntry], faults: &mut Faults) {
-    faults.demand(
+fn check_entries(entries: &[RawEntry], faults: &mut Diagnostics) {
+    faults.require(
         entries.len() >= MIN_ENTRIES,
         "entries",
         counted(entries.len(), "entry", "entries"),
@@ -174,55 +174,55 @@ fn check_entries(entries: &[RawEntry], faults: &mut Faults) {
         // by Eq. 7 four equal amplitudes only squeeze the plate: no net force, no torque
         let moves = amplitudes.iter().any(|&amplitude| amplitude != amplitudes[0]);
         let allowed = "four that make a force or a torque, not all the same";
-        faults.demand(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
+        faults.require(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
         let is_moved = [vx, vy, spin_rad_s].iter().any(|&&v| v != 0.0);
-        faults.demand(is_moved, format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
+        faults.require(is_moved, format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
     }
 }
 
-fn check_displacement(raw: &RawDisplacement, faults: &mut Faults) {
+fn check_displacement(raw: &RawDisplacement, faults: &mut Diagnostics) {
     let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
     check_rising("displacement.speed_mm_s", speeds, "rising numbers above 0", faults);
-    faults.demand(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
+    faults.require(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
     check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
     for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
         check_table(name, table, speeds.len(), sustains.len(), faults);
     }
 }
 
-fn check_fields(raw: &RawFieldResponse, faults: &mut Faults) {
+fn check_fields(raw: &RawFieldResponse, faults: &mut Diagnostics) {
     for (k, rows) in raw.twist_from_counts.iter().enumerate() {
         let allowed = "forces on x, y and spin that move the plate independently";
         let path = format!("fields.twist_from_counts[{k}]");
-        faults.demand(matrix(rows).try_inverse().is_some(), path, "a singular matrix", allowed);
+        faults.require(matrix(rows).try_inverse().is_some(), path, "a singular matrix", allowed);
     }
 }
 
-fn check_plate(raw: &RawPlateResponse, faults: &mut Faults) {
+fn check_plate(raw: &RawPlateResponse, faults: &mut Diagnostics) {
     for (key, axes, (low, high)) in
         [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
     {
         for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
             let allowed = format!("a number from {low} to {high}");
-            faults.demand((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
+            faults.require((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
         }
     }
 }
 
-fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Faults) {
+fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Diagnostics) {
     for (i, pair) in grid.windows(2).enumerate() {
         let found = format!("{} after {}", pair[1], pair[0]);
-        faults.demand(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
+        faults.require(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
     }
 }
 
-fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Faults) {
+fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Diagnostics) {
     let path = format!("displacement.{name}");
     let allowed = format!("{rows}, one for each speed");
-    faults.demand(table.len() == rows, &path, counted(table.len(), "row", "rows"), allowed);
+    faults.require(table.len() == rows, &path, counted(table.len(), "row", "rows"), allowed);
     for (i, row) in table.iter().enumerate() {
         let allowed = format!("{columns}, one for each sustain");
         let found = counted(row.len(), "number", "numbers");
-        faults.demand(row.len() == columns, format!("{path}[{i}]"), found, allowed);
+        faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
     }
 }

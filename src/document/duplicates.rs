@@ -5,10 +5,10 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-use super::fault::{Faults, Path};
+use super::diagnostic::{Diagnostics, Path};
 
 /// Adds a fault for each key of the JSON in `text` that its object already has.
-pub(super) fn check(text: &str, faults: &mut Faults) {
+pub(super) fn check(text: &str, faults: &mut Diagnostics) {
     let walk = Walk { at: Path::root(), faults };
     // invalid JSON has been reported before
     let _ = walk.deserialize(&mut serde_json::Deserializer::from_str(text));
@@ -16,7 +16,7 @@ pub(super) fn check(text: &str, faults: &mut Faults) {
 
 struct Walk<'a> {
     at: Path,
-    faults: &'a mut Faults,
+    faults: &'a mut Diagnostics,
 }
 
 impl<'de> DeserializeSeed<'de> for Walk<'_> {
@@ -86,11 +86,11 @@ mod tests {
 
     #[test]
     fn every_key_that_stands_twice_is_told_with_its_place() {
-        let mut faults = Faults::of("f");
+        let mut faults = Diagnostics::of("f");
         check(r#"{"a": 1, "b": [{"c": null, "d": 2.5, "c": true}], "a": "x", "e": {"a": -1}}"#, &mut faults);
-        let told: Vec<String> = faults.into_list().iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = faults.into_list().iter().map(ToString::to_string).collect();
         assert_eq!(
-            told,
+            lines,
             [
                 "f: b[0].c: expected each key once, found the key \"c\" a second time",
                 "f: a: expected each key once, found the key \"a\" a second time",

@@ -6,7 +6,7 @@ use schemars::{JsonSchema, schema_for};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use super::fault::{Fault, Faults, Path, nearest};
+use super::diagnostic::{Diagnostic, Diagnostics, Path, nearest};
 use super::{Document, duplicates, shape};
 
 /// Largest file that is read, bytes: 1 MiB.
@@ -18,8 +18,9 @@ pub fn schema_of<T: JsonSchema>() -> Value {
 }
 
 /// The text of the file at `path`, or the reason that it cannot be read.
-pub fn text_of(path: &FilePath) -> Result<String, Fault> {
-    let fault = |found: String, allowed: &str| Fault::new(&path.display().to_string(), Path::root(), found, allowed);
+pub fn text_of(path: &FilePath) -> Result<String, Diagnostic> {
+    let fault =
+        |found: String, allowed: &str| Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed);
     let bytes = bytes_of(path).map_err(|error| unreadable(path, &error))?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
@@ -31,10 +32,10 @@ pub fn text_of(path: &FilePath) -> Result<String, Fault> {
 }
 
 /// The fault of an unreadable file, with the file in the same folder that was probably meant.
-fn unreadable(path: &FilePath, error: &io::Error) -> Fault {
+fn unreadable(path: &FilePath, error: &io::Error) -> Diagnostic {
     let meant = (error.kind() == ErrorKind::NotFound).then(|| sibling(path)).flatten();
     let meant = meant.map(|name| format!(" (did you mean {}?)", path.with_file_name(name).display()));
-    Fault::unreadable(&path.display().to_string(), reason(error) + &meant.unwrap_or_default())
+    Diagnostic::unreadable(&path.display().to_string(), reason(error) + &meant.unwrap_or_default())
 }
 
 /// The name in the folder of `path` that is nearest to its own.
@@ -74,21 +75,21 @@ fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
 pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
     text: &str,
     file: &str,
-    build: impl FnOnce(Raw, &mut Faults) -> Option<Made>,
-) -> Result<Made, Vec<Fault>> {
+    build: impl FnOnce(Raw, &mut Diagnostics) -> Option<Made>,
+) -> Result<Made, Vec<Diagnostic>> {
     let raw = parse(text, file)?;
-    let mut faults = Faults::of(file);
+    let mut faults = Diagnostics::of(file);
     let made = build(raw, &mut faults);
     faults.into_result(made)
 }
 
 /// Parses the document in `text`. It is checked against its schema for all faults of keys, types and ranges at once,
 /// then read by serde for rules that a schema cannot express. A document of another kind yields that single fault.
-pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Fault>> {
-    let mut faults = Faults::of(file);
+pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Diagnostic>> {
+    let mut faults = Diagnostics::of(file);
     let value: Value = match serde_json::from_str(text) {
         Ok(value) => value,
-        Err(error) => return Err(vec![Fault::syntax(file, error)]),
+        Err(error) => return Err(vec![Diagnostic::syntax(file, error)]),
     };
     let schema = schema_of::<T>();
     match Document::mistaken(&value, &schema) {
@@ -107,6 +108,6 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result
     made.map_err(|error| {
         let path = Some(error.path().to_string()).filter(|path| path != ".").unwrap_or("$".to_owned());
         let found = error.inner().to_string();
-        vec![Fault::new(file, path, found, "what `upm schema` prints")]
+        vec![Diagnostic::new(file, path, found, "what `upm schema` prints")]
     })
 }

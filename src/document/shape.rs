@@ -1,16 +1,16 @@
 use serde_json::{Map, Value};
 
-use super::fault::{Faults, Path, listed, one_of, quoted, shown};
+use super::diagnostic::{Diagnostics, Path, listed, one_of, quoted, shown};
 
 /// Checks `value` against the JSON Schema of a serde type and lists every deviation: unknown and missing keys, wrong
 /// types, unknown words, numbers out of range. Supports exactly the keywords those schemas use.
-pub(super) fn check(value: &Value, schema: &Value, at: &Path, faults: &mut Faults) {
+pub(super) fn check(value: &Value, schema: &Value, at: &Path, faults: &mut Diagnostics) {
     Walker { root: schema, faults }.visit(value, schema, at);
 }
 
 struct Walker<'a> {
     root: &'a Value,
-    faults: &'a mut Faults,
+    faults: &'a mut Diagnostics,
 }
 
 impl<'a> Walker<'a> {

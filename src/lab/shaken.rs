@@ -52,24 +52,24 @@ impl PlateModel {
         let params = CalibrationParams::full(Vec::new(), Vec::new());
         let found =
             calibration::measure_axes(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
-        found.map_err(told)
+        found.map_err(lab_fault)
     }
 
     /// The resonances of x, y and spin as determined by calibration; `None` where the sustain is too short.
     pub fn resonances(&mut self) -> Result<Option<[AxisResonance; 3]>, LabFault> {
         let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
-        calibration::measure_resonances(&mut self.rig, &self.model, &params, &stop, &mut |_| ()).map_err(told)
+        calibration::measure_resonances(&mut self.rig, &self.model, &params, &stop, &mut |_| ()).map_err(lab_fault)
     }
 
     /// The axes and every motion of the library as determined by calibration.
     pub fn steer(&mut self) -> Result<(Axes, Vec<Entry>), LabFault> {
         let params = CalibrationParams::full(Vec::new(), Vec::new());
         let found = calibration::steer(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
-        found.map_err(told)
+        found.map_err(lab_fault)
     }
 }
 
-fn told(fault: CalibrationFault) -> LabFault {
+fn lab_fault(fault: CalibrationFault) -> LabFault {
     match fault {
         CalibrationFault::Trace { what, fault } => LabFault::Trace { what, fault },
         other => LabFault::Rig(other.to_string()),

@@ -1,5 +1,5 @@
 //! Two parts, four centres of rotation (UPM paper, Fig. 3 and Eqs. 1 to 3): distance by which one large step misses its
-//! goals, and its decrease when the same step is split into several, each planned from a new observation (a look).
+//! goals, and its decrease when the same step is split into several, each planned from a new observation.
 //!
 //! First in the ideal field, which parts follow exactly; then on a plate with sufficiently strong motors, whose motion
 //! is prescribed; then on the rig's own plate, as strongly as its motors can. The paper prints no figures.
@@ -17,8 +17,8 @@ use super::{ExperimentResult, LabFault, LabRig};
 use upm_core::geometry::Vec2;
 use upm_sim::PlateMode;
 
-/// Makes one large step with two parts about four centres, then the same in more looks: in the ideal field, on a plate
-/// with strong motors and on the rig's own.
+/// Makes one large step with two parts about four centres, then the same in more observations: in the ideal field, on a
+/// plate with strong motors and on the rig's own.
 pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let task = TwoPartProblem::on(rig);
     let exactly = |parts: &PartPositions, center: usize, d: f64| {
@@ -102,9 +102,9 @@ mod tests {
         assert!(own.iter().zip(&strong).all(|(own, strong)| own > strong), "{own:?}");
         let failed = outcome.figures.iter().filter(|figure| figure.name == "failed try, rig's plate").count();
         assert_eq!(own.len() + failed, LOOKS.len());
-        let looks = outcome.charts.iter().find(|chart| chart.name == "two-parts-looks").unwrap();
+        let observations = outcome.charts.iter().find(|chart| chart.name == "two-parts-looks").unwrap();
         let legend =
-            |name: &str| looks.layers.iter().find(|layer| layer.label.starts_with(name)).unwrap().label.clone();
+            |name: &str| observations.layers.iter().find(|layer| layer.label.starts_with(name)).unwrap().label.clone();
         assert_eq!(legend("strong plate"), "strong plate");
         assert_eq!(legend("rig's plate").contains("failed"), failed > 0);
         assert_sources_are_short(&outcome);

@@ -10,20 +10,20 @@ use upm_scene::{Difficulty, Scene};
 use verdict_counts::VerdictCounts;
 use verdicts::judge;
 
-/// Scenes of each family by default.
+/// Scenes of each difficulty by default.
 const SCENES: usize = 50;
 /// Width of the histogram's bins, px, and their number; the last holds all larger values.
 const BIN_PX: f64 = 0.01;
 const BINS: usize = 40;
 
-/// Locates table and parts without prior knowledge in 50 scenes of every family, starting at the seed. Independent of
-/// the rig.
+/// Locates table and parts without prior knowledge in 50 scenes of every difficulty, starting at the seed. Independent
+/// of the rig.
 pub fn vision(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     Ok(vision_of(lab.seed, SCENES))
 }
 
-/// The same in `scenes` scenes of every family, of the seeds `seed`, `seed + 1`, ... The result does not depend on the
-/// number of threads.
+/// The same in `scenes` scenes of every difficulty, of the seeds `seed`, `seed + 1`, ... The result does not depend on
+/// the number of threads.
 pub fn vision_of(seed: u64, scenes: usize) -> ExperimentResult {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
     let tallies = Difficulty::ALL.map(|difficulty| {

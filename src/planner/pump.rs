@@ -15,7 +15,7 @@
 
 use std::f64::consts::TAU;
 
-use wide::f64x8 as Lanes;
+use wide::f64x8 as SimdF64;
 
 use upm_cor_library::Library;
 use upm_core::disc_friction::DiscFriction;
@@ -68,11 +68,11 @@ pub(crate) struct Pump {
 /// Position and velocity, m and m/s, and speed of the rim about the disc's centre, m/s.
 #[derive(Clone, Copy, Debug, Default)]
 struct SlipState {
-    x: Lanes,
-    y: Lanes,
-    u: Lanes,
-    v: Lanes,
-    rim: Lanes,
+    x: SimdF64,
+    y: SimdF64,
+    u: SimdF64,
+    v: SimdF64,
+    rim: SimdF64,
 }
 
 impl Pump {
@@ -144,10 +144,10 @@ impl Pump {
 
 /// Constants of one pulse.
 struct PulseConstants {
-    speed: Lanes,
-    spin: Lanes,
+    speed: SimdF64,
+    spin: SimdF64,
     /// Amplitude of the rim speed due to the plate's spin, m/s.
-    rim: Lanes,
+    rim: SimdF64,
     /// Deceleration by friction, m/s².
     friction_mps2: [f64; LANES],
     dt: f64,
@@ -156,9 +156,9 @@ struct PulseConstants {
 
 impl PulseConstants {
     fn of(discs: &Discs, dt: f64) -> Self {
-        let spin = Lanes::from(discs.spin_radps);
+        let spin = SimdF64::from(discs.spin_radps);
         Self {
-            speed: Lanes::from(discs.speed_mps),
+            speed: SimdF64::from(discs.speed_mps),
             spin,
             rim: spin * discs.radius_m,
             friction_mps2: discs.friction.map(|friction| friction * GRAVITY_MPS2),
@@ -187,7 +187,7 @@ impl PulseConstants {
     /// Second order in `dt`: friction points along the mean slip and is scaled by the mean of the two slip speeds, so
     /// that it averages out where the slip reverses within the step.
     #[inline]
-    fn dragged(&self, state: SlipState, plates: [(Lanes, Lanes, Lanes); 2], dt: f64) -> SlipState {
+    fn dragged(&self, state: SlipState, plates: [(SimdF64, SimdF64, SimdF64); 2], dt: f64) -> SlipState {
         let slips = plates.map(|(u, v, rim)| (u - state.u, v - state.v, rim - state.rim));
         let [before, after] = slips.map(|(u, v, rim)| ((u * u + v * v).sqrt(), rim.abs()));
         let slide = ((before.0 + after.0) * 0.5).to_array();
@@ -197,7 +197,7 @@ impl PulseConstants {
             let [kept, kept_rim] = self.friction.kept(slide[i], turn[i], self.friction_mps2[i] * dt);
             (taken[i], taken_rim[i]) = (1.0 - kept, 1.0 - kept_rim);
         }
-        let (taken, taken_rim) = (Lanes::from(taken) * 0.5, Lanes::from(taken_rim) * 0.5);
+        let (taken, taken_rim) = (SimdF64::from(taken) * 0.5, SimdF64::from(taken_rim) * 0.5);
         let [before, after] = slips;
         SlipState {
             u: state.u + taken * (before.0 + after.0),
@@ -210,24 +210,24 @@ impl PulseConstants {
     /// Displacements once the discs have come to rest on the resting plate.
     fn rest(&self, mut state: SlipState) -> [Travel; LANES] {
         let dt = COASTING * self.dt;
-        let mut coasts_s = Lanes::ZERO;
+        let mut coasts_s = SimdF64::ZERO;
         for _ in 0..MOST_COASTING {
             let speed = (state.u * state.u + state.v * state.v).sqrt();
-            let moves = speed.simd_gt(Lanes::ZERO);
+            let moves = speed.simd_gt(SimdF64::ZERO);
             if moves.none() {
                 break;
             }
-            let next = self.dragged(state, [(Lanes::ZERO, Lanes::ZERO, Lanes::ZERO); 2], dt);
+            let next = self.dragged(state, [(SimdF64::ZERO, SimdF64::ZERO, SimdF64::ZERO); 2], dt);
             // in the step in which it comes to rest, it does so after a fraction of the step
-            let stops = (next.u * next.u + next.v * next.v).simd_le(Lanes::ZERO);
-            let needed = speed / Lanes::from(self.friction_mps2);
-            let time = moves.select(stops.select(needed.min(Lanes::splat(dt)), Lanes::splat(dt)), Lanes::ZERO);
+            let stops = (next.u * next.u + next.v * next.v).simd_le(SimdF64::ZERO);
+            let needed = speed / SimdF64::from(self.friction_mps2);
+            let time = moves.select(stops.select(needed.min(SimdF64::splat(dt)), SimdF64::splat(dt)), SimdF64::ZERO);
             let half = time * 0.5;
             state =
                 SlipState { x: state.x + (state.u + next.u) * half, y: state.y + (state.v + next.v) * half, ..next };
             coasts_s += time;
         }
-        let [along, across, coasts_s] = [state.x, state.y, coasts_s].map(Lanes::to_array);
+        let [along, across, coasts_s] = [state.x, state.y, coasts_s].map(SimdF64::to_array);
         std::array::from_fn(|i| Travel { along_m: along[i], across_m: across[i], coasts_s: coasts_s[i] })
     }
 }

@@ -58,10 +58,10 @@ impl BackgroundWriter {
         watch: WriterStatus,
     ) -> io::Result<Self> {
         let (lines, waiting) = Queue::bounded(QUEUE, overflow);
-        let told = watch.clone();
+        let status = watch.clone();
         let thread = BackgroundThread::start("writer", steps_back, move || {
-            let written = transcribe(&mut out, &waiting, &clock, &told).inspect_err(|fault| told.fail(fault));
-            told.go_on();
+            let written = transcribe(&mut out, &waiting, &clock, &status).inspect_err(|fault| status.fail(fault));
+            status.go_on();
             written
         })?;
         Ok(Self { lines: Some(lines), thread, overflow, watch, fault: None })
@@ -187,19 +187,19 @@ mod tests {
     /// A simulated disk that records its calls. It blocks at a gate first, and is full after a given number of bytes.
     #[derive(Clone, Default)]
     struct RecordedDisk {
-        told: Arc<Mutex<Vec<DiskCall>>>,
+        calls: Arc<Mutex<Vec<DiskCall>>>,
         gate: Arc<Mutex<()>>,
         room_bytes: Option<usize>,
     }
 
     impl RecordedDisk {
-        fn told(&self) -> Vec<DiskCall> {
-            self.told.lock().unwrap().clone()
+        fn calls(&self) -> Vec<DiskCall> {
+            self.calls.lock().unwrap().clone()
         }
 
         fn text(&self) -> String {
-            let text = |told| if let DiskCall::Written(text) = told { text } else { String::new() };
-            self.told().into_iter().map(text).collect()
+            let text = |call| if let DiskCall::Written(text) = call { text } else { String::new() };
+            self.calls().into_iter().map(text).collect()
         }
     }
 
@@ -209,7 +209,7 @@ mod tests {
             if let Some(room) = &mut self.room_bytes {
                 *room = room.checked_sub(bytes.len()).ok_or(ErrorKind::StorageFull)?;
             }
-            self.told.lock().unwrap().push(DiskCall::Written(String::from_utf8(bytes.to_vec()).unwrap()));
+            self.calls.lock().unwrap().push(DiskCall::Written(String::from_utf8(bytes.to_vec()).unwrap()));
             Ok(bytes.len())
         }
 
@@ -220,7 +220,7 @@ mod tests {
 
     impl SyncWrite for RecordedDisk {
         fn commit(&mut self) -> io::Result<()> {
-            self.told.lock().unwrap().push(DiskCall::Committed);
+            self.calls.lock().unwrap().push(DiskCall::Committed);
             Ok(())
         }
     }
@@ -254,8 +254,8 @@ mod tests {
         lines.split_inclusive('\n').for_each(|line| writer.write_all(line.as_bytes()).unwrap());
         writer.finish().unwrap();
         assert_eq!(disk.text(), lines);
-        assert_eq!(disk.told().last(), Some(&DiskCall::Committed));
-        assert!(disk.told().iter().all(|told| !matches!(told, DiskCall::Written(text) if !text.ends_with('\n'))));
+        assert_eq!(disk.calls().last(), Some(&DiskCall::Committed));
+        assert!(disk.calls().iter().all(|call| !matches!(call, DiskCall::Written(text) if !text.ends_with('\n'))));
     }
 
     #[test]
@@ -270,8 +270,8 @@ mod tests {
         )
         .unwrap();
         writer.write_all(b"first\n").unwrap();
-        wait_until(|| disk.told().contains(&DiskCall::Committed));
-        assert_eq!(disk.told(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
+        wait_until(|| disk.calls().contains(&DiskCall::Committed));
+        assert_eq!(disk.calls(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
         writer.finish().unwrap();
     }
 
@@ -284,8 +284,8 @@ mod tests {
         // two readings a line: 20 ms a line
         transcribe(&mut disk.clone(), &waiting, &Steps(AtomicU64::new(0), 10), &WriterStatus::default()).unwrap();
         let mut since_commit = 0;
-        for told in disk.told() {
-            match told {
+        for call in disk.calls() {
+            match call {
                 DiskCall::Written(text) => {
                     let lines = text.lines().count();
                     since_commit += lines;
@@ -306,7 +306,7 @@ mod tests {
             BackgroundWriter::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone())
                 .unwrap();
         let fault = (0..9 * QUEUE).find_map(|_| {
-            thread::sleep(Duration::from_millis(u64::from(disk.told().is_empty()))); // lets the thread run into the gate
+            thread::sleep(Duration::from_millis(u64::from(disk.calls().is_empty()))); // lets the thread run into the gate
             writer.write_all(b"x\n").err()
         });
         assert_eq!(fault.unwrap().kind(), ErrorKind::WouldBlock);

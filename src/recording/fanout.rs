@@ -26,9 +26,9 @@ impl<'a> Fanout<'a> {
         self
     }
 
-    /// Calls `look` after each frame, once all sinks have received it.
-    pub fn after_frame(self, look: &'a mut AfterFrame<'a>) -> Self {
-        Self { after_frame: Some(look), ..self }
+    /// Calls `hook` after each frame, once all sinks have received it.
+    pub fn after_frame(self, hook: &'a mut AfterFrame<'a>) -> Self {
+        Self { after_frame: Some(hook), ..self }
     }
 }
 
@@ -43,9 +43,9 @@ impl Sink for Fanout<'_> {
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         self.sinks.iter_mut().for_each(|sink| sink.frame(facts));
-        if let Some(look) = self.after_frame.take() {
-            look(self, facts.frame.exposed_at);
-            self.after_frame = Some(look);
+        if let Some(hook) = self.after_frame.take() {
+            hook(self, facts.frame.exposed_at);
+            self.after_frame = Some(hook);
         }
     }
 

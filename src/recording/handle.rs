@@ -35,7 +35,7 @@ struct RecordingCell {
     wanted_stop: OnceLock<String>,
     /// The first final state; later ones are ignored.
     end: OnceLock<RecordingState>,
-    told: AtomicBool,
+    is_reported: AtomicBool,
 }
 
 impl RecordingHandle {
@@ -61,7 +61,7 @@ impl RecordingHandle {
     /// Returns, once, the report of a recording that ended before its run.
     pub fn take_end(&self) -> Option<RecordingReport> {
         let end = self.ended_early()?;
-        (!self.0.told.swap(true, Ordering::AcqRel)).then_some(end)
+        (!self.0.is_reported.swap(true, Ordering::AcqRel)).then_some(end)
     }
 
     /// The report of a recording that does not hold the whole run.

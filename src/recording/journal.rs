@@ -19,7 +19,7 @@ pub use schema::journal_schema;
 /// Writes `journal.jsonl`: one JSON object per line, each with a `type`.
 ///
 /// `localised`: table and parts located without prior knowledge. `confirmed`: the same at the places where they were
-/// tracked, with the differences, before a task counts as reached. `cycle`: observed, wanted, planned, sent to the
+/// tracked, with the differences, before a task counts as completed. `cycle`: observed, wanted, planned, sent to the
 /// motors, read back from the accelerometers, predicted and measured. `event`: level and text; for a lasting condition
 /// also its code and whether it began or ended; for the end of the run its outcome and the code of its cause; for a
 /// recording that ended early a code. `unfinished_cycle`: pulses sent in a cycle that never ended. Lengths are

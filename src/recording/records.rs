@@ -69,7 +69,7 @@ impl From<&PulseFacts<'_>> for PulseRecord {
 pub struct CycleRecord {
     /// Number of the cycle, from 0.
     pub index: u64,
-    /// Time of the look that the plan is based on.
+    /// Time of the observation that the plan is based on.
     pub observed_at: PlateTime,
     /// Positions measured then, m.
     pub observed_m: Vec<Vec2>,
@@ -77,7 +77,7 @@ pub struct CycleRecord {
     pub wanted: Setpoints,
     /// The plan.
     pub plan: Plan,
-    /// Time of the next look.
+    /// Time of the next observation.
     pub ended_at: PlateTime,
     /// Positions measured then, m.
     pub result_m: Vec<Vec2>,

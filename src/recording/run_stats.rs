@@ -11,7 +11,7 @@ use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
 
-/// Largest time difference between a look and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
+/// Largest time difference between an observation and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
 
 /// Largest number of reported guards: one that comes and goes is reported each time.
@@ -93,7 +93,7 @@ pub struct PartEnd {
 }
 
 impl RunStats {
-    /// A tally that compares with `truth`, if given.
+    /// Statistics that compare with `truth`, if given.
     pub fn new(truth: Option<GroundTruthHandle>) -> Self {
         Self { truth, ..Self::default() }
     }
@@ -193,7 +193,7 @@ impl Sink for RunStats {
             }
             let error_m = (track.seen.position_m - part.part_in_table.position_m).norm();
             self.sensing.push(error_m);
-            if !facts.sounding {
+            if !facts.driving {
                 self.sensing_at_rest.push(error_m);
             }
         }

@@ -52,7 +52,7 @@ use upm_viewer::{BinLook, LiveServer, PathLook, RerunSink, RunContext};
 use end_facts::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
 use paced::{PaceClock, RealTimeRig};
-use time_figure::FirstLook;
+use time_figure::FirstObservation;
 
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
@@ -165,8 +165,8 @@ struct Session<'a> {
 
 impl Session<'_> {
     fn run(&self, mut setup: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
-        let fitted = setup.rig.attach(self.controls.interlock.clone()).map_err(RunError::Rig);
-        let done = fitted.and_then(|()| self.run_into(&mut setup, watcher));
+        let attached = setup.rig.attach(self.controls.interlock.clone()).map_err(RunError::Rig);
+        let done = attached.and_then(|()| self.run_into(&mut setup, watcher));
         if let Err(error) = &done {
             self.leave_reason(Some(&setup), error);
         }
@@ -190,15 +190,19 @@ impl Session<'_> {
         let mut stats = RunStats::new(Some(setup.truth()));
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let (mut named, mut first_look) = (TruthInJobOrder::new(setup.truth()), FirstLook::default());
-        let mut unwritten =
-            StopOnJournalFailure { journal: &options.recording_options.journal, stop: controls.stop, told: false };
-        let mut look = |sinks: &mut dyn Sink, at| {
-            unwritten.check(sinks, at);
+        let (mut named, mut first_observation) = (TruthInJobOrder::new(setup.truth()), FirstObservation::default());
+        let mut journal_failure = StopOnJournalFailure {
+            journal: &options.recording_options.journal,
+            stop: controls.stop,
+            is_reported: false,
+        };
+        let mut report_end = |sinks: &mut dyn Sink, at| {
+            journal_failure.check(sinks, at);
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
-        let mut sinks = Fanout::new().with(&mut named).with(&mut first_look).with(&mut journal);
-        sinks = sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut look);
+        let mut sinks = Fanout::new().with(&mut named).with(&mut first_observation).with(&mut journal);
+        sinks =
+            sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut report_end);
         let missed_before = controls.pacing.start_run();
         let (stop, give_way) = (controls.stop, controls.give_way);
         let mut finish = play(setup, library, self.pace(setup), &mut sinks, *clock, stop, give_way);
@@ -213,7 +217,7 @@ impl Session<'_> {
         let written =
             written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
         let mut ending = ending(job, Some(setup), finish, wall_time_s);
-        ending.bound_s = first_look.time_figure_s(job, library, &setup.params);
+        ending.bound_s = first_observation.time_figure_s(job, library, &setup.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: controls.pacing.misses().saturating_sub(missed_before),
             worst_frames: controls.pacing.worst_frames(),
@@ -236,7 +240,7 @@ impl Session<'_> {
     fn pace(&self, setup: &RunSetup) -> Option<PaceClock<'_>> {
         self.options.real_time.then_some(PaceClock {
             clock: self.clock,
-            nap: &std::thread::park_timeout,
+            sleep: &std::thread::park_timeout,
             stats: self.controls.pacing,
             interlock: self.controls.interlock,
             frame_hz: setup.model.frame_hz,
@@ -250,21 +254,21 @@ struct StopOnJournalFailure<'a> {
     journal: &'a WriterStatus,
     stop: &'a AtomicBool,
     /// True once the failure was reported.
-    told: bool,
+    is_reported: bool,
 }
 
 impl StopOnJournalFailure<'_> {
     /// Stops the run and reports to `sinks`, once, if the journal has failed.
     fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
-        if let (Some(fault), false) = (self.journal.fault(), self.told) {
-            self.told = true;
+        if let (Some(fault), false) = (self.journal.fault(), self.is_reported) {
+            self.is_reported = true;
             self.stop.store(true, Ordering::SeqCst);
             sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
         }
     }
 }
 
-/// Runs the control loop on the bench, at `pace` or at full speed.
+/// Runs the control loop on the rig of `setup`, at `pace` or at full speed.
 fn play(
     setup: &mut RunSetup,
     library: &Arc<Library>,

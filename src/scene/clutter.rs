@@ -31,7 +31,7 @@ impl Scene {
         } else {
             hand(sampler, at, outward, hidden, inward)
         };
-        self.covers.extend(shapes.into_iter().map(|shape| ClutterShape { shape, level }));
+        self.occluders.extend(shapes.into_iter().map(|shape| ClutterShape { shape, level }));
     }
 
     /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them is a square as large as the
@@ -60,7 +60,7 @@ impl Scene {
                     ClutterOutline::rectangle(at(near + half[0] + half[1] * turn.abs(), aside), half, across + turn)
                 }
             };
-            self.strays.push(ClutterShape { shape, level });
+            self.clutter.push(ClutterShape { shape, level });
         }
     }
 
@@ -151,14 +151,14 @@ mod tests {
     fn at_most_a_quarter_of_one_side_is_hidden() {
         let mut most = 0.0f64;
         for scene in (0..300).map(|seed| Scene::generate(Difficulty::Hard, seed)) {
-            let hidden = |p: &Vec2| scene.covers.iter().any(|cover| cover.shape.depth(*p) > 0.0);
+            let hidden = |p: &Vec2| scene.occluders.iter().any(|cover| cover.shape.depth(*p) > 0.0);
             let outline = outline(&scene);
             let shares: Vec<f64> = outline
                 .chunks(STEPS)
                 .map(|side| side.iter().filter(|p| hidden(p)).count() as f64 / STEPS as f64)
                 .collect();
             let sides = shares.iter().filter(|&&share| share > 0.0).count();
-            assert_eq!(sides, usize::from(!scene.covers.is_empty()), "{}: {shares:?}", scene.seed);
+            assert_eq!(sides, usize::from(!scene.occluders.is_empty()), "{}: {shares:?}", scene.seed);
             most = shares.iter().fold(most, |a, &b| a.max(b));
         }
         assert!(most > 0.2 && most < 0.25, "{most}");
@@ -168,7 +168,7 @@ mod tests {
     fn things_on_the_ground_keep_off_the_plate() {
         for scene in (0..300).map(|seed| Scene::generate(Difficulty::Hard, seed)) {
             for p in outline(&scene) {
-                let deepest = scene.strays.iter().map(|stray| stray.shape.depth(p)).fold(f64::NEG_INFINITY, f64::max);
+                let deepest = scene.clutter.iter().map(|item| item.shape.depth(p)).fold(f64::NEG_INFINITY, f64::max);
                 assert!(deepest < -3e-3, "{}: {deepest}", scene.seed);
             }
         }

@@ -31,10 +31,10 @@ pub enum Difficulty {
 }
 
 impl Difficulty {
-    /// All families.
+    /// All difficulties.
     pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
 
-    /// The family's name on the command line.
+    /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Clean => "clean",
@@ -61,7 +61,7 @@ impl FromStr for Difficulty {
 }
 
 impl Scene {
-    /// The scene of `seed` in a family; equal seeds give equal pictures.
+    /// The scene of `seed` in this difficulty; equal seeds give equal pictures.
     pub fn generate(difficulty: Difficulty, seed: u64) -> Self {
         let streams = Streams::new(seed);
         let stream = |name: &str| SceneSampler(streams.stream(name));
@@ -273,15 +273,15 @@ mod tests {
         let share =
             |has: &dyn Fn(&Scene) -> bool| hard.iter().filter(|scene| has(scene)).count() as f64 / hard.len() as f64;
         assert!((0.2..0.8).contains(&share(&|scene| scene.dark_parts())));
-        assert!(share(&|scene| !scene.covers.is_empty()) > 0.2);
-        assert!(share(&|scene| !scene.strays.is_empty()) > 0.3);
+        assert!(share(&|scene| !scene.occluders.is_empty()) > 0.2);
+        assert!(share(&|scene| !scene.clutter.is_empty()) > 0.3);
         assert!(share(&|scene| !scene.glints.is_empty()) > 0.2);
         assert!(share(&|scene| scene.parts.iter().any(|part| part.relief.is_some())) > 0.3);
         assert!(share(&|scene| scene.parts.iter().any(|part| !part.glints.is_empty())) > 0.3);
     }
 
     #[test]
-    fn families_are_found_by_name() {
+    fn difficulties_are_found_by_name() {
         for difficulty in Difficulty::ALL {
             assert_eq!(difficulty.to_string().parse(), Ok(difficulty));
         }

@@ -19,7 +19,7 @@ impl Scene {
         let plate_paint = Paint { level, frame: (Vec2::zeros(), 1.0), relief: None, glints: &self.glints };
         let plate = PaintLayer { shape: ClutterOutline::square(self.side_m), paint: plate_paint };
         let parts = parts.iter().map(|part| PaintLayer { shape: self.silhouette(part), paint: self.face(part) });
-        things(&self.strays).chain([plate]).chain(parts).chain(things(&self.covers)).collect()
+        things(&self.clutter).chain([plate]).chain(parts).chain(things(&self.occluders)).collect()
     }
 
     fn face<'a>(&self, part: &'a SceneDisc) -> Paint<'a> {

@@ -80,7 +80,7 @@ impl Scene {
     fn fits(&self, at_m: Vec2, radius_m: f64) -> bool {
         at_m.amax() + radius_m <= self.side_m / 2.0
             && self.parts.iter().all(|other| (other.at_m - at_m).norm() >= other.radius_m + radius_m)
-            && self.covers.iter().all(|cover| cover.shape.depth(at_m) < -radius_m - CLEAR_M)
+            && self.occluders.iter().all(|cover| cover.shape.depth(at_m) < -radius_m - CLEAR_M)
     }
 }
 
@@ -109,7 +109,7 @@ mod tests {
                     assert!(scene.parts[..i].iter().all(apart), "{difficulty} {}", scene.seed);
                     let clear =
                         |cover: &super::super::ClutterShape| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
-                    assert!(scene.covers.iter().all(clear), "{difficulty} {}", scene.seed);
+                    assert!(scene.occluders.iter().all(clear), "{difficulty} {}", scene.seed);
                     let kind = &kinds()[part.kind];
                     assert_eq!((part.radius_m, part.thickness_m), (kind.radius_m, kind.thickness_m));
                 }

@@ -26,12 +26,12 @@ fn small() -> Scene {
         penny(0.03 - 0.009525 - 1e-4, 0.0),
     ];
     scene.glints = vec![Glint { at: Vec2::new(0.01, -0.02), half_axes: [0.004, 0.003], ..glint }];
-    scene.strays = vec![ClutterShape {
+    scene.clutter = vec![ClutterShape {
         shape: ClutterOutline::rectangle(Vec2::new(-0.036, 0.0), [0.003, 0.02], 0.1),
         level: 180.0,
     }];
     let finger = ClutterOutline::capsule(Vec2::new(0.01, 0.027), Vec2::new(0.02, 0.06), 0.004);
-    scene.covers = vec![ClutterShape { shape: finger, level: 100.0 }];
+    scene.occluders = vec![ClutterShape { shape: finger, level: 100.0 }];
     scene
 }
 
@@ -41,7 +41,7 @@ fn traced(scene: &Scene, image_px: Vec2) -> f64 {
     let direction = scene.camera_from_table().transpose() * in_camera.push(1.0);
     let at_height = |z: f64| (scene.camera_m + direction * ((z - scene.camera_m.z) / direction.z)).xy();
     let p = at_height(0.0);
-    if let Some(cover) = scene.covers.iter().find(|cover| cover.shape.depth(p) > 0.0) {
+    if let Some(cover) = scene.occluders.iter().find(|cover| cover.shape.depth(p) > 0.0) {
         return cover.level;
     }
     let [ground, plate, part_level] = scene.levels;
@@ -59,7 +59,7 @@ fn traced(scene: &Scene, image_px: Vec2) -> f64 {
         let frame = (Vec2::zeros(), 1.0);
         return Paint { level: plate, frame, relief: None, glints: &scene.glints }.level_at(p);
     }
-    scene.strays.iter().find(|stray| stray.shape.depth(p) > 0.0).map_or(ground, |stray| stray.level)
+    scene.clutter.iter().find(|item| item.shape.depth(p) > 0.0).map_or(ground, |item| item.level)
 }
 
 /// Mean level of a pixel by its top left corner; many points where its corners differ.

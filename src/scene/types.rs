@@ -35,9 +35,9 @@ pub struct Scene {
     /// Reflections of lamps in the plate, in m of the table frame.
     pub glints: Vec<Glint>,
     /// Objects on the ground, behind the plate.
-    pub strays: Vec<ClutterShape>,
+    pub clutter: Vec<ClutterShape>,
     /// Objects in front of everything.
-    pub covers: Vec<ClutterShape>,
+    pub occluders: Vec<ClutterShape>,
 }
 
 /// A part: a disc on the plate.
@@ -128,8 +128,8 @@ impl Scene {
             seed,
             parts: Vec::new(),
             glints: Vec::new(),
-            strays: Vec::new(),
-            covers: Vec::new(),
+            clutter: Vec::new(),
+            occluders: Vec::new(),
         }
     }
 

@@ -40,7 +40,7 @@ pub use ages::Clocks;
 pub use handle::Store;
 pub use held::{Displaced, HeldPath, PathObject};
 pub use ids::JobId;
-pub use inspect::{InspectLimits, StoreSnapshot, peek};
+pub use inspect::{InspectLimits, StoreSnapshot, inspect};
 pub use job_store::{JobStore, MakeFolder, Publish};
 #[cfg(test)]
 pub use memory::InMemoryJobStore;

@@ -180,7 +180,7 @@ impl Camera {
         }
     }
 
-    /// Repaints the blocks of a tile whose shares changed.
+    /// Repaints the blocks of a tile whose coverage changed.
     fn paint(&mut self, index: usize) {
         let (column, row) = (index % self.grid.columns, index / self.grid.columns);
         let (Some(tile), Some(painted)) = (self.grid.tiles.get(index), self.painted.get_mut(index)) else { return };
@@ -227,7 +227,7 @@ impl Camera {
     }
 }
 
-/// Gray levels of one block, in the units of the clean picture, from the shares of plate and parts. A separate
+/// Gray levels of one block, in the units of the clean picture, from the coverage by plate and parts. A separate
 /// function, because inlined into the code that reads single pixels it is not vectorised.
 #[inline(never)]
 fn compose_block(

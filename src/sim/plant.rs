@@ -75,7 +75,7 @@ impl Plant {
         self.accelerometers.stop();
     }
 
-    /// Advances to the end of the first step that is not before `time`; skips time at rest. `guard` is asked before
+    /// Advances to the end of the first step that is not before `time`; skips time at rest. `port` is asked before
     /// every step whether to cut the motors in it, and notified when they are silent.
     pub(super) fn advance_to(&mut self, time: PlateTime, port: &mut InterlockPort) {
         while self.now_ns < time.nanos() {

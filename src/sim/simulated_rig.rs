@@ -28,7 +28,7 @@ pub struct SimRig {
     /// Factor on the exposure time, 1 without a fault.
     exposure_factor: f64,
     last_frame: u64,
-    quiet_at: PlateTime,
+    settled_at: PlateTime,
     rest_s: f64,
     port: InterlockPort,
 }
@@ -48,7 +48,7 @@ impl SimRig {
             exposure: Default::default(),
             exposure_factor: 1.0,
             last_frame: 0,
-            quiet_at: PlateTime::ZERO,
+            settled_at: PlateTime::ZERO,
             rest_s: 0.0,
             port: InterlockPort::default(),
         };
@@ -117,8 +117,8 @@ impl SimRig {
         if envelope.total_s() > LONGEST_PULSE_S {
             return bad("the pulse is longer than ten minutes");
         }
-        if self.now() < self.quiet_at {
-            return Err(RigFault::Busy(self.quiet_at));
+        if self.now() < self.settled_at {
+            return Err(RigFault::Busy(self.settled_at));
         }
         let (peak_counts, limit_counts) = (drive.peak_counts(), self.model.count_limit);
         if peak_counts > limit_counts {
@@ -137,14 +137,14 @@ impl Rig for SimRig {
         self.stop_if_tripped()?;
         self.check(drive)?;
         self.port.energize()?;
-        self.quiet_at = self.now() + drive.envelope.total_s();
+        self.settled_at = self.now() + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         self.plant.play(drive.clone());
         Ok(())
     }
 
     fn settled_at(&self) -> PlateTime {
-        self.quiet_at
+        self.settled_at
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
@@ -182,7 +182,7 @@ impl Rig for SimRig {
     fn stop(&mut self) {
         self.plant.stop();
         self.port.motors_off(self.now());
-        self.quiet_at = self.quiet_at.min(self.now() + self.rest_s);
+        self.settled_at = self.settled_at.min(self.now() + self.rest_s);
     }
 
     fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {

@@ -47,7 +47,7 @@ impl Task for Arrange {
         let begin =
             || PathFollower::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
-        steering.look(parts_in_table_m);
+        steering.observe(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
         let done = of > 0 && there == of;
         let wanted = steering.wanted("to the places", there);
@@ -90,15 +90,15 @@ mod tests {
     #[test]
     fn it_is_done_when_all_are_there_at_once() {
         let mut task = arrange(&[0, 1], &PLACES[..2], true);
-        let mut look = |x: f64| task.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
-        let wanted = look(0.04);
+        let mut observe = |x: f64| task.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
+        let wanted = observe(0.04);
         assert_eq!(
             (wanted.phase.as_str(), wanted.done, wanted.progress),
             ("to the places, straight: 1 of 2 there", false, 0.0)
         );
-        let wanted = look(0.02);
+        let wanted = observe(0.02);
         assert!(!wanted.done && wanted.progress > 0.49 && wanted.progress < 0.51, "{wanted:?}");
-        let wanted = look(0.0004);
+        let wanted = observe(0.0004);
         assert_eq!((wanted.phase.as_str(), wanted.done, wanted.progress), ("every part is at its place", true, 1.0));
     }
 

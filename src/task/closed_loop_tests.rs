@@ -25,7 +25,7 @@ struct ClosedLoopResult {
     gap_m: f64,
     /// Least gap between a rim and the plate's edge, m.
     edge_gap_m: f64,
-    boxed_in: Vec<usize>,
+    blocked: Vec<usize>,
 }
 
 /// All parts move the same fraction of their displacements, at most a stride; each strays from it by `noise` of it.
@@ -55,11 +55,11 @@ fn run(task: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64
     let mut rng = Streams::new(1).stream("strays");
     let mut parts_m = starts_m.to_vec();
     let mut course =
-        ClosedLoopResult { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, boxed_in: Vec::new() };
+        ClosedLoopResult { cycles: 0, gap_m: f64::INFINITY, edge_gap_m: f64::INFINITY, blocked: Vec::new() };
     for cycle in 0..cycles {
         course.cycles = cycle;
         let wanted = task.next(PlateTime::from_secs(0.3 * cycle as f64), &parts_m);
-        course.boxed_in = wanted.boxed_in;
+        course.blocked = wanted.blocked;
         if wanted.done {
             return course;
         }
@@ -161,9 +161,9 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
     };
     let mut task = Arrange::new(params);
     let course = run(&mut task, &discs, &starts_m, 0.03, 40);
-    assert_eq!((course.cycles, course.boxed_in), (usize::MAX, vec![1]));
+    assert_eq!((course.cycles, course.blocked), (usize::MAX, vec![1]));
     let wanted = task.next(PlateTime::from_secs(100.0), &starts_m);
-    assert_eq!(wanted.boxed_in, [1]);
+    assert_eq!(wanted.blocked, [1]);
     assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 boxed in");
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
 }

@@ -51,7 +51,7 @@ impl Task for Hold {
         }
         let Some(steering) = &mut self.steering else { return Setpoints::default() };
         let HoldParams { duration_s, arrive_m, .. } = &self.params;
-        steering.look(parts_in_table_m);
+        steering.observe(parts_in_table_m);
 
         let furthest_m = steering.distances_m().fold(0.0, f64::max);
         self.correcting = furthest_m > if self.correcting { BROUGHT_BACK * arrive_m } else { *arrive_m };
@@ -81,7 +81,7 @@ mod tests {
     const PARAMS: HoldParams = HoldParams { half_side_m: 0.1524, discs: Vec::new(), duration_s: 2.0, arrive_m: 0.0005 };
 
     #[test]
-    fn parts_moved_between_the_first_look_and_the_first_cycle_are_brought_back() {
+    fn parts_moved_between_the_first_observation_and_the_first_cycle_are_brought_back() {
         let (mut task, home) = (Hold::new(PARAMS), [Vec2::new(0.02, 0.0)]);
         task.first_seen(&home);
         let wanted = task.next(PlateTime::from_secs(5.0), &[Vec2::new(0.021, 0.0)]);
@@ -92,17 +92,17 @@ mod tests {
     fn parts_are_let_be_until_they_drift_and_then_brought_back() {
         let mut task = Hold::new(PARAMS);
         let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];
-        let mut look = |at_s: f64, drift_m: f64| {
+        let mut observe = |at_s: f64, drift_m: f64| {
             let parts = [home[0], home[1] + Vec2::new(drift_m, 0.0)];
             let wanted = task.next(PlateTime::from_secs(at_s), &parts);
             assert_eq!(wanted.targets_m, home);
             (wanted.subgoals_m == parts, wanted.subgoals_m == home, wanted.done, wanted.progress)
         };
-        assert_eq!(look(10.0, 0.0), (true, true, false, 0.0));
-        assert_eq!(look(10.5, 0.0004), (true, false, false, 0.25));
-        assert_eq!(look(11.0, 0.0006), (false, true, false, 0.5));
-        assert_eq!(look(11.5, 0.0004), (false, true, false, 0.75));
-        assert_eq!(look(12.0, 0.0003), (false, true, false, 1.0));
-        assert_eq!(look(12.5, 0.0002), (true, false, true, 1.0));
+        assert_eq!(observe(10.0, 0.0), (true, true, false, 0.0));
+        assert_eq!(observe(10.5, 0.0004), (true, false, false, 0.25));
+        assert_eq!(observe(11.0, 0.0006), (false, true, false, 0.5));
+        assert_eq!(observe(11.5, 0.0004), (false, true, false, 0.75));
+        assert_eq!(observe(12.0, 0.0003), (false, true, false, 1.0));
+        assert_eq!(observe(12.5, 0.0002), (true, false, true, 1.0));
     }
 }

@@ -103,13 +103,13 @@ impl InPhase {
         if self.params.laps == 0 { f64::INFINITY } else { f64::from(self.params.laps) }
     }
 
-    /// Task while parts are on their way to the first corners.
+    /// Setpoints while parts are on their way to the first corners.
     fn approach(&self, steering: &PathFollower) -> Setpoints {
         let there = steering.distances_m().filter(|distance_m| *distance_m <= self.params.arrive_m).count();
         Setpoints { progress: 0.0, ..steering.wanted("to the first corners", there) }
     }
 
-    /// Task on the loops, `elapsed_s` after the previous observation.
+    /// Setpoints on the loops, `elapsed_s` after the previous observation.
     fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Setpoints {
         let InPhaseParams { period_s, lead_m, stride_m, arrive_m, laps, .. } = self.params;
         let places: Vec<LoopPosition> =
@@ -159,7 +159,7 @@ impl Task for InPhase {
             }
         };
         if self.reference.is_none() {
-            steering.look(parts_in_table_m);
+            steering.observe(parts_in_table_m);
             if of > 0 && steering.distances_m().all(|distance_m| distance_m <= self.params.arrive_m) {
                 (self.reference, elapsed_s) = (Some(0.0), 0.0);
             }
@@ -274,9 +274,9 @@ mod tests {
         let firsts = [Vec2::zeros(), Vec2::new(0.1, 0.1), Vec2::new(-0.1, 0.1)];
         task.next(PlateTime::ZERO, &firsts);
         // half a lap on, the loop passes the same position again
-        for (look, x) in (1..).zip([0.001, -0.001, 0.0005]) {
+        for (observe, x) in (1..).zip([0.001, -0.001, 0.0005]) {
             let seen = [Vec2::new(x, -x), firsts[1], firsts[2]];
-            let wanted = task.next(PlateTime::from_secs(0.01 * f64::from(look)), &seen);
+            let wanted = task.next(PlateTime::from_secs(0.01 * f64::from(observe)), &seen);
             assert!(wanted.phase_error[0].abs() < 0.01 && wanted.phase_error[1..] == [0.0, 0.0], "{wanted:?}");
             assert_eq!(wanted.subgoals_m[1..], firsts[1..]);
         }
@@ -287,8 +287,8 @@ mod tests {
         for period_s in [0.0, f64::NAN, f64::INFINITY, -1.0, 1e-300] {
             for parts in [&[][..], &[Vec2::new(f64::NAN, 0.0); 3], &[Vec2::zeros(); 4]] {
                 let mut task = InPhase::new(InPhaseParams { period_s, arrive_m: 1.0, ..three_on_one_eight(2) });
-                for look in 0..5 {
-                    let wanted = task.next(PlateTime::from_secs(f64::from(look)), parts);
+                for observe in 0..5 {
+                    let wanted = task.next(PlateTime::from_secs(f64::from(observe)), parts);
                     let numbers = wanted.subgoals_m.iter().flat_map(|p| p.iter()).chain(&wanted.cross_track_m);
                     assert!(numbers.chain(&wanted.phase_error).all(|x| x.is_finite()), "{wanted:?}");
                 }

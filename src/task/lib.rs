@@ -56,7 +56,7 @@ pub struct Setpoints {
     /// For each part the distance from its path, m; 0 where there is no path.
     pub cross_track_m: Vec<f64>,
     /// Indices of the parts without a path to their targets at present.
-    pub boxed_in: Vec<usize>,
+    pub blocked: Vec<usize>,
     /// Phase of each part along its path relative to the common reference, as a fraction of a period; empty where parts
     /// need not keep in phase.
     pub phase_error: Vec<f64>,

@@ -63,9 +63,9 @@ pub(super) struct PathFollower {
     begun_m: f64,
     /// True while the routes lead round each other.
     round: bool,
-    boxed_in: Vec<usize>,
+    blocked: Vec<usize>,
     /// Cycles since the last search for a route.
-    looks: usize,
+    observations: usize,
     rng: Rng,
     /// Sum of the parts' initial distances from their places, m.
     at_first_m: f64,
@@ -100,8 +100,8 @@ impl PathFollower {
             stages_m: Vec::new(),
             begun_m: 0.0,
             round: false,
-            boxed_in: Vec::new(),
-            looks: 0,
+            blocked: Vec::new(),
+            observations: 0,
             rng: Streams::new(0).stream("routes"),
             at_first_m: 0.0,
             progress: 0.0,
@@ -124,7 +124,7 @@ impl PathFollower {
     }
 
     /// Records the parts' positions, m, and updates assignment and route.
-    pub(super) fn look(&mut self, parts_in_table_m: &[Vec2]) {
+    pub(super) fn observe(&mut self, parts_in_table_m: &[Vec2]) {
         self.see(parts_in_table_m);
         if matches!(self.motions, Motions::Independent) {
             self.exchange_places();
@@ -133,7 +133,7 @@ impl PathFollower {
             let left = self.distances_m().sum::<f64>() / self.at_first_m;
             self.progress = self.progress.max(1.0 - left);
         }
-        self.looks += 1;
+        self.observations += 1;
         match self.motions.clone() {
             Motions::Independent if self.keep_way() => {}
             Motions::Independent => self.find_way(),
@@ -160,7 +160,7 @@ impl PathFollower {
             phase: self.phase(to, there),
             progress: self.progress,
             cross_track_m: vec![0.0; self.seen_m.len()],
-            boxed_in: self.boxed_in.clone(),
+            blocked: self.blocked.clone(),
             ..Setpoints::default()
         }
     }
@@ -169,7 +169,7 @@ impl PathFollower {
     /// order of the job, from 1.
     fn phase(&self, to: &str, there: usize) -> String {
         let of = self.seen_m.len();
-        let numbers: Vec<String> = self.boxed_in.iter().map(|part| (part + 1).to_string()).collect();
+        let numbers: Vec<String> = self.blocked.iter().map(|part| (part + 1).to_string()).collect();
         let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
         match round {
             _ if of == 0 => "no parts".into(),
@@ -230,7 +230,7 @@ impl PathFollower {
 
     /// Advances to the last stage that can be reached straight; false without such a stage.
     fn keep_way(&mut self) -> bool {
-        if !self.boxed_in.is_empty() && self.looks > PATIENCE {
+        if !self.blocked.is_empty() && self.observations > PATIENCE {
             return false;
         }
         let problem = self.problem(&self.place_of);
@@ -246,7 +246,7 @@ impl PathFollower {
     /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
     /// further on. False where the path is no longer clear.
     fn keep_turning_way(&mut self, stride_m: f64) -> bool {
-        if !self.boxed_in.is_empty() && self.looks > PATIENCE {
+        if !self.blocked.is_empty() && self.observations > PATIENCE {
             return false;
         }
         let Some(present_m) = self.stages_m.first() else { return false };
@@ -313,22 +313,22 @@ impl PathFollower {
 
     /// Finds a new path. Where it leaves parts boxed in, others of their kind may take their places.
     fn find_way(&mut self) {
-        self.looks = 0;
+        self.observations = 0;
         let mut best = self.stages(&self.place_of.clone());
         let mut never = Vec::new();
         for _ in 0..EXCHANGES {
-            never.extend(best.boxed_in.iter().map(|&part| (part, self.place_of[part])));
+            never.extend(best.blocked.iter().map(|&part| (part, self.place_of[part])));
             let other = self.best_assignment(&self.seen_m, &never);
-            if best.boxed_in.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
+            if best.blocked.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
                 break;
             }
             let found = self.stages(&other);
-            if found.boxed_in.len() < best.boxed_in.len() {
+            if found.blocked.len() < best.blocked.len() {
                 (best, self.place_of) = (found, other);
             }
         }
         self.round = best.round;
-        (self.boxed_in, self.stages_m) = (best.boxed_in, best.places_m);
+        (self.blocked, self.stages_m) = (best.blocked, best.places_m);
     }
 }
 

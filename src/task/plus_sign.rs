@@ -14,7 +14,7 @@ pub struct PlusSignParams {
     pub edge_margin_m: f64,
     /// Laps of four branches; 0 for an endless task.
     pub laps: u32,
-    /// Distance from the end of a stretch within which the part has arrived, m.
+    /// Distance from the end of a segment within which the part has arrived, m.
     pub arrive_m: f64,
     /// Largest distance from the part to its subgoal ahead, m.
     pub stride_m: f64,
@@ -76,7 +76,7 @@ pub struct PlusSign {
     seen_m: Vec<Vec2>,
     /// First position of each part, m.
     first_seen_m: Vec<Vec2>,
-    /// Furthest progress along the present stretch, as a fraction of its length.
+    /// Furthest progress along the present segment, as a fraction of its length.
     furthest: f64,
 }
 
@@ -95,7 +95,7 @@ impl PlusSign {
     }
 
     /// Records the parts' positions; a part keeps its last one when the new one is not finite.
-    fn look(&mut self, parts_in_table_m: &[Vec2]) {
+    fn observe(&mut self, parts_in_table_m: &[Vec2]) {
         let begins = self.first_seen_m.is_empty();
         self.seen_m.resize(parts_in_table_m.len(), Vec2::zeros());
         for (seen, part) in self.seen_m.iter_mut().zip(parts_in_table_m) {
@@ -195,11 +195,11 @@ impl PlusSign {
 
 impl Task for PlusSign {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
-        self.look(parts_in_table_m);
+        self.observe(parts_in_table_m);
         let Some(part_m) = self.seen_m.first().copied() else {
             return Setpoints { phase: "no part".into(), ..Setpoints::default() };
         };
-        // From any position at most both centring stretches and one more stretch are over at once.
+        // From any position at most both centring segments and one more segment are over at once.
         for _ in 0..3 {
             if self.arrived(part_m) {
                 self.advance(part_m);
@@ -241,7 +241,7 @@ mod tests {
         stride_m: 0.008,
     };
 
-    /// Follows a plus sign until it is done; returns the ends of the branches' stretches and the number of cycles.
+    /// Follows a plus sign until it is done; returns the ends of the branches' segments and the number of cycles.
     fn follow(params: PlusSignParams, start_m: Vec2, mut step: impl FnMut(Vec2, Vec2) -> Vec2) -> (Vec<Vec2>, usize) {
         let (mut task, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
         let (mut stage, mut progress) = (task.stage, 0.0);

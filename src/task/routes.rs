@@ -36,14 +36,14 @@ pub(super) struct PrioritizedPlanner<'a> {
     starts_m: &'a [Vec2],
     /// Search nodes left.
     effort: usize,
-    boxed_in: Vec<usize>,
+    blocked: Vec<usize>,
     /// Parts that failed to find a route in some order.
     failed: Vec<bool>,
 }
 
 impl<'a> PrioritizedPlanner<'a> {
     pub(super) fn new(problem: &'a MultiDiscProblem, starts_m: &'a [Vec2]) -> Self {
-        Self { problem, starts_m, effort: MAX_EXPANSIONS.1, boxed_in: Vec::new(), failed: vec![false; problem.len()] }
+        Self { problem, starts_m, effort: MAX_EXPANSIONS.1, blocked: Vec::new(), failed: vec![false; problem.len()] }
     }
 
     /// Routes of all parts; those of boxed-in parts end where they begin.
@@ -60,7 +60,7 @@ impl<'a> PrioritizedPlanner<'a> {
     pub(super) fn other_routes(&mut self, rng: &mut Rng) -> Option<PathSet> {
         let mut order = self.first_order();
         order.shuffle(rng);
-        if self.boxed_in.is_empty() { self.try_orders(order, rng) } else { None }
+        if self.blocked.is_empty() { self.try_orders(order, rng) } else { None }
     }
 
     /// Routes of all parts except those boxed in, which stay at rest.
@@ -70,7 +70,7 @@ impl<'a> PrioritizedPlanner<'a> {
                 break;
             }
             let part = match self.ways(&order, *manner) {
-                Ok(ways_m) => return Some(PathSet { ways_m, blocked: self.boxed_in.clone() }),
+                Ok(ways_m) => return Some(PathSet { ways_m, blocked: self.blocked.clone() }),
                 Err(part) => part,
             };
             self.failed[part] = true;
@@ -91,7 +91,7 @@ impl<'a> PrioritizedPlanner<'a> {
             conflicts[a] += 1;
             conflicts[b] += 1;
         }
-        let mut order: Vec<usize> = (0..self.problem.len()).filter(|part| !self.boxed_in.contains(part)).collect();
+        let mut order: Vec<usize> = (0..self.problem.len()).filter(|part| !self.blocked.contains(part)).collect();
         order.sort_by_key(|&part| conflicts[part]);
         order
     }
@@ -99,7 +99,7 @@ impl<'a> PrioritizedPlanner<'a> {
     /// Routes in this order of precedence, or the first part that has none.
     fn ways(&mut self, order: &[usize], (pitch_m, grace): (f64, usize)) -> Result<Vec<Vec<Vec2>>, usize> {
         let mut ways_m: Vec<Vec<Vec2>> = vec![Vec::new(); self.problem.len()];
-        for &part in &self.boxed_in {
+        for &part in &self.blocked {
             ways_m[part] = vec![self.starts_m[part]];
         }
         let moments = self.moments(pitch_m);
@@ -145,9 +145,9 @@ impl<'a> PrioritizedPlanner<'a> {
     /// Declares a part boxed in: of those that failed to find a route, the one furthest from its target.
     fn give_one_up(&mut self) {
         let way_m = |part: usize| (self.problem.targets_m()[part] - self.starts_m[part]).norm();
-        let left = (0..self.problem.len()).filter(|part| !self.boxed_in.contains(part));
+        let left = (0..self.problem.len()).filter(|part| !self.blocked.contains(part));
         let furthest = left.max_by(|&a, &b| self.failed[a].cmp(&self.failed[b]).then(way_m(a).total_cmp(&way_m(b))));
-        self.boxed_in.extend(furthest);
+        self.blocked.extend(furthest);
         self.failed.fill(false);
         self.effort = self.effort.max(MAX_EXPANSIONS.1 / 5);
     }

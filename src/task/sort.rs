@@ -173,7 +173,7 @@ impl Task for Sort {
         let of = parts_in_table_m.len();
         let kept = self.steering.take().filter(|steering| steering.seen_m().len() == of);
         let mut steering = kept.unwrap_or_else(|| self.steering(parts_in_table_m));
-        steering.look(parts_in_table_m);
+        steering.observe(parts_in_table_m);
         let inside = |(part, seen_m): (usize, &Vec2)| {
             self.params.inside_m(part, *seen_m).is_none_or(|inside_m| inside_m >= self.params.margin_m)
         };

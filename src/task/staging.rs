@@ -15,7 +15,7 @@ pub(super) struct StagedPaths {
     /// Positions of all parts at successive stages, m; from each to the next they move straight and in step.
     pub(super) places_m: Vec<Vec<Vec2>>,
     /// Parts without a route, which stay at rest.
-    pub(super) boxed_in: Vec<usize>,
+    pub(super) blocked: Vec<usize>,
     /// True where the parts cannot all go straight.
     pub(super) round: bool,
     /// Cost: the effort of rotations in pulses, or the sum over the stages of the longest displacement and a constant,
@@ -108,7 +108,7 @@ fn stages(problem: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
         k = best[k].1;
     }
     places_m.reverse();
-    StagedPaths { places_m, boxed_in: routes.blocked, round: true, cost: best.last().map_or(0.0, |last| last.0) }
+    StagedPaths { places_m, blocked: routes.blocked, round: true, cost: best.last().map_or(0.0, |last| last.0) }
 }
 
 #[cfg(test)]
@@ -146,8 +146,8 @@ mod tests {
             let (starts_m, targets_m) = (scattered(count, &mut rng), scattered(count, &mut rng));
             let discs = vec![PartOutline { kind: 0, radius_m: 0.0095 }; count];
             let problem = MultiDiscProblem::new(discs, 0.1524, targets_m.clone());
-            let StagedPaths { places_m, boxed_in, .. } = find_stages(&problem, &starts_m, &mut rng);
-            prop_assert_eq!(boxed_in, Vec::<usize>::new());
+            let StagedPaths { places_m, blocked, .. } = find_stages(&problem, &starts_m, &mut rng);
+            prop_assert_eq!(blocked, Vec::<usize>::new());
             prop_assert_eq!(places_m.last(), Some(&targets_m));
             let mut from_m = &starts_m;
             for to_m in &places_m {

@@ -75,7 +75,7 @@ impl Task for Trajectories {
         self.meet(parts_in_table_m);
         let elapsed_s = self.looked_at.replace(now).map_or(0.0, |before| now.secs_since(before));
         for (follower, part_m) in self.followers.iter_mut().zip(parts_in_table_m) {
-            follower.look(*part_m);
+            follower.observe(*part_m);
             follower.advance(elapsed_s, self.lead_m, self.arrive_m);
         }
         let done = !self.followers.is_empty() && self.followers.iter().all(|f| f.finished(self.arrive_m));
@@ -142,7 +142,7 @@ impl CurveFollower {
     }
 
     /// Records the part's position; the part keeps its last one when the new one is not finite.
-    fn look(&mut self, part_m: Vec2) {
+    fn observe(&mut self, part_m: Vec2) {
         if is_finite(part_m) {
             self.part_m = part_m;
         }

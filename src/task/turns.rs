@@ -116,7 +116,7 @@ impl RigidMotionProblem<'_> {
             let moments = routes.ways_m.first().map_or(0, Vec::len);
             let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
             let way_m: JointPath = (0..moments).map(at).collect();
-            StagedPaths { cost: f64::INFINITY, places_m: fine(&way_m), boxed_in: routes.blocked, round: true }
+            StagedPaths { cost: f64::INFINITY, places_m: fine(&way_m), blocked: routes.blocked, round: true }
         })
     }
 
@@ -125,7 +125,7 @@ impl RigidMotionProblem<'_> {
         let (way_m, _) = eased(way_m, self.problem, self.effort, ROUNDS);
         let clear = way_m.windows(2).all(|pair| self.problem.is_clear(&pair[0], &pair[1], LEAST_GAP_M));
         let cost = clear.then(|| effort_of(&way_m, self.effort))?;
-        Some(StagedPaths { cost, places_m: fine(&way_m), boxed_in: Vec::new(), round })
+        Some(StagedPaths { cost, places_m: fine(&way_m), blocked: Vec::new(), round })
     }
 
     /// Effort of straight paths in the frame of all parts, ignoring collisions.

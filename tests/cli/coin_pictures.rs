@@ -87,12 +87,12 @@ impl CoinPicture {
         let pixel = |i: u32| self.pixel(&camera, f64::from(i % width), f64::from(i / width));
         let levels: Vec<[f64; 3]> = (0..width * height).map(pixel).collect();
         let levels = blurred(levels, width as usize, self.blur_px);
-        let mut dice = Dice(self.seed);
+        let mut rng = Rng(self.seed);
         RgbImage::from_fn(width, height, |x, y| {
             let [r, g, b] = levels[(y * width + x) as usize];
             let colour = if self.gray { [0.299 * r + 0.587 * g + 0.114 * b; 3] } else { [r, g, b] };
-            let common = dice.normal();
-            let noise = [(); 3].map(|()| if self.gray { common } else { dice.normal() });
+            let common = rng.normal();
+            let noise = [(); 3].map(|()| if self.gray { common } else { rng.normal() });
             let level = |c: usize| (colour[c] + self.noise_sd * noise[c]).round().clamp(0.0, 255.0) as u8;
             Rgb([level(0), level(1), level(2)])
         })
@@ -244,9 +244,9 @@ fn blurred(levels: Vec<[f64; 3]>, width: usize, sd_px: f64) -> Vec<[f64; 3]> {
 }
 
 /// Random number generator: splitmix64.
-pub(super) struct Dice(pub u64);
+pub(super) struct Rng(pub u64);
 
-impl Dice {
+impl Rng {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

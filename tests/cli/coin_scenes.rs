@@ -1,6 +1,6 @@
 //! Twelve pictures of mixed coins, with the options that a user would type for each.
 
-use super::coin_pictures::{Coin, CoinPicture, Dice, Metal};
+use super::coin_pictures::{Coin, CoinPicture, Metal, Rng};
 
 /// A picture, and the options with which it is searched.
 pub(super) struct CoinScene {
@@ -26,12 +26,12 @@ pub(super) const fn coin(name: Option<&'static str>, diameter_mm: f64, height_mm
 }
 
 /// Places each of `coins` `count` times, in turn, at random positions with gaps of at least `gap_mm`.
-fn scattered(dice: &mut Dice, side_mm: f64, coins: &[Coin], count: usize, gap_mm: f64) -> Vec<Coin> {
+fn scattered(rng: &mut Rng, side_mm: f64, coins: &[Coin], count: usize, gap_mm: f64) -> Vec<Coin> {
     let mut placed: Vec<Coin> = Vec::new();
     for coin in coins.iter().cycle().take(coins.len() * count) {
         let reach = side_mm / 2.0 - coin.diameter_mm / 2.0 - 5.0;
         for _ in 0..2000 {
-            let at_mm = [dice.within(-reach, reach), dice.within(-reach, reach)];
+            let at_mm = [rng.within(-reach, reach), rng.within(-reach, reach)];
             let gap = |other: &Coin| {
                 let apart = (other.at_mm[0] - at_mm[0]).hypot(other.at_mm[1] - at_mm[1]);
                 apart - (other.diameter_mm + coin.diameter_mm) / 2.0
@@ -49,11 +49,11 @@ fn scattered(dice: &mut Dice, side_mm: f64, coins: &[Coin], count: usize, gap_mm
 pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
     let four = [PENNY, NICKEL, DIME, QUARTER];
     let silver = [NICKEL, DIME, QUARTER];
-    let mut dice = Dice(seed);
+    let mut rng = Rng(seed);
     let mut scenes: Vec<CoinScene> = Vec::new();
     let mut add = |name, side_mm: f64, coins: &[Coin], count, change: &dyn Fn(&mut CoinPicture)| {
-        let coins = scattered(&mut dice, side_mm, coins, count, 2.0);
-        let mut picture = daylight(&mut dice, side_mm, coins);
+        let coins = scattered(&mut rng, side_mm, coins, count, 2.0);
+        let mut picture = daylight(&mut rng, side_mm, coins);
         change(&mut picture);
         scenes.push(CoinScene { name, picture, options: Vec::new(), scale_is_known: true });
     };
@@ -95,20 +95,20 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
 }
 
 /// A sharp picture in colour from above, with a shadow to one side.
-fn daylight(dice: &mut Dice, side_mm: f64, coins: Vec<Coin>) -> CoinPicture {
+fn daylight(rng: &mut Rng, side_mm: f64, coins: Vec<Coin>) -> CoinPicture {
     CoinPicture {
-        seed: dice.within(0.0, 1e9) as u64,
+        seed: rng.within(0.0, 1e9) as u64,
         size_px: [1200, 1000],
         side_mm,
         focal_widths: 3.0,
         side_share: 0.85,
-        tilt_deg: [0.5, -0.5, dice.within(-8.0, 8.0)],
+        tilt_deg: [0.5, -0.5, rng.within(-8.0, 8.0)],
         coins,
         shadow: 0.35,
         shadow_at_mm: [1.5, -1.0],
         softness_mm: 1.5,
-        fall: dice.within(0.1, 0.3),
-        fall_direction: dice.within(0.0, std::f64::consts::TAU),
+        fall: rng.within(0.1, 0.3),
+        fall_direction: rng.within(0.0, std::f64::consts::TAU),
         vignette: 0.1,
         blur_px: 0.8,
         noise_sd: 2.0,
@@ -127,6 +127,6 @@ pub(super) fn plain(side_mm: f64, coins: &[(Coin, [f64; 2])]) -> CoinPicture {
         fall: 0.1,
         vignette: 0.0,
         gray: true,
-        ..daylight(&mut Dice(7), side_mm, coins)
+        ..daylight(&mut Rng(7), side_mm, coins)
     }
 }

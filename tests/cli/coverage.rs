@@ -106,11 +106,11 @@ fn what_a_library_cannot_reach_is_marked() {
         .count();
     assert!((50..200).contains(&marked), "{said}");
     assert!(fs::read_to_string(map).unwrap().contains("out of reach"));
-    let told = coverage(&[path, "--rig", "configs/rigs/upm-1.json"]);
-    let share = told["out_of_reach_share"].as_f64().unwrap();
+    let report = coverage(&[path, "--rig", "configs/rigs/upm-1.json"]);
+    let share = report["out_of_reach_share"].as_f64().unwrap();
     assert!((share - marked as f64 / 441.0).abs() < 1e-4, "{share} {marked}");
-    assert_eq!(told["centres"], json!({"inside": 1, "outside": 0, "translations": 2}));
-    let degrees = told["weakest"]["direction_deg"].as_f64().unwrap();
+    assert_eq!(report["centres"], json!({"inside": 1, "outside": 0, "translations": 2}));
+    let degrees = report["weakest"]["direction_deg"].as_f64().unwrap();
     assert!((degrees - 90.0).abs() < 5.0, "{degrees}");
 }
 

@@ -163,15 +163,15 @@ fn killed_run_is_exported_as_far_as_it_went() {
     fs::remove_file(run.join("report.json")).unwrap();
     let (stdout, stderr) = status(&["export", run.to_str().unwrap(), "--csv", "--json"], 0);
     assert!(stderr.contains("half a line") && stderr.contains("no report.json"), "{stderr}");
-    let told: Value = serde_json::from_str(&stdout).unwrap();
-    let beside = PathBuf::from(told["folder"].as_str().unwrap());
+    let summary: Value = serde_json::from_str(&stdout).unwrap();
+    let beside = PathBuf::from(summary["folder"].as_str().unwrap());
     assert_eq!(beside.parent().unwrap(), run.canonicalize().unwrap().parent().unwrap());
     let rows = table(&beside.join("positions.csv"));
     let cycles = journal_cycles(&whole);
     assert_eq!(rows.len(), 2 * cycles, "two parts a cycle");
     assert!(rows.iter().all(|row| row["id"].is_empty() && !row["part"].is_empty()));
     assert_eq!(table(&beside.join("timings.csv")).len(), 0);
-    assert_eq!(told["files"].as_array().unwrap().len(), 4);
+    assert_eq!(summary["files"].as_array().unwrap().len(), 4);
 }
 
 fn journal_cycles(text: &str) -> usize {

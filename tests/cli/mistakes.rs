@@ -108,9 +108,9 @@ fn with_value(folder: &Path, name: &str, pointer: &str, value: &Value, ask: impl
         object => drop(object.as_object_mut().unwrap().insert(key.to_owned(), value.clone())),
     }
     fs::write(&path, document.to_string()).unwrap();
-    let told = ask(&format!("configs/{name}"));
+    let answer = ask(&format!("configs/{name}"));
     fs::write(&path, text).unwrap();
-    told
+    answer
 }
 
 /// `UPM_REMAKE_GOLDEN=1` writes the file anew.
@@ -118,22 +118,22 @@ fn with_value(folder: &Path, name: &str, pointer: &str, value: &Value, ask: impl
 fn each_mistake_is_answered_in_one_line_with_a_remedy() {
     let folder = TempDir::new().unwrap();
     upm().args(["init", "."]).current_dir(folder.path()).assert().success();
-    let mut told = String::new();
+    let mut text = String::new();
     for command in COMMANDS {
         let args: Vec<&str> = command.split(' ').collect();
-        told += &format!("$ upm {command}\n{}\n", refusal(folder.path(), &args));
+        text += &format!("$ upm {command}\n{}\n", refusal(folder.path(), &args));
     }
     for (name, pointer, value) in wrong_values() {
         let line = with_value(folder.path(), name, pointer, &value, |file| refusal(folder.path(), &["check", file]));
-        told += &format!("{name} {pointer} = {value}\n{line}\n");
+        text += &format!("{name} {pointer} = {value}\n{line}\n");
     }
     let golden = root().join("tests/golden/mistakes.txt");
     if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
-        fs::write(&golden, &told).unwrap();
+        fs::write(&golden, &text).unwrap();
     }
-    for answer in told.trim_end().split("\n\n") {
+    for answer in text.trim_end().split("\n\n") {
         let lines: Vec<&str> = answer.lines().collect();
         assert!(lines.len() == 2 && lines[1].starts_with("upm: "), "one line of answer: {answer}");
     }
-    assert_eq!(told, fs::read_to_string(&golden).unwrap());
+    assert_eq!(text, fs::read_to_string(&golden).unwrap());
 }

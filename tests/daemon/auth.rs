@@ -7,14 +7,14 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use super::served::{LEFT, Served, config, rest, serve, until};
-use super::wire::exchange;
+use super::daemon_process::{LEFT, TestDaemon, config, rest, serve, until};
+use super::http::exchange;
 
 const OPERATE: &str = "operate-0123456789abcdef0123456789abcdef";
 const READ: &str = "readonly-0123456789abcdef0123456789abcdef";
 
 /// Method, path and required token: none, one to read, or one to operate.
-const ROUTES: [(&str, &str, Needs); 18] = [
+const ROUTES: [(&str, &str, Needs); 19] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/readyz", Needs::Nothing),
     ("GET", "/", Needs::Nothing),
@@ -30,6 +30,7 @@ const ROUTES: [(&str, &str, Needs); 18] = [
     ("POST", "/v1/plates/nowhere/estop", Needs::Read),
     ("POST", "/v1/jobs", Needs::Operate),
     ("POST", "/v1/check", Needs::Operate),
+    ("POST", "/v1/jobs/ID/run-next", Needs::Operate),
     ("POST", "/v1/jobs/ID/cancel", Needs::Operate),
     ("DELETE", "/v1/jobs/ID", Needs::Operate),
     ("POST", "/v1/plates/nowhere/resume", Needs::Operate),
@@ -48,7 +49,7 @@ fn secret(path: &Path, text: &str) {
     fs::set_permissions(path, fs::Permissions::from_mode(0o600)).unwrap();
 }
 
-fn guarded() -> Served {
+fn guarded() -> TestDaemon {
     let folder = TempDir::new().unwrap();
     let file = |name: &str, token: &str| {
         let path = folder.path().join(name);
@@ -59,7 +60,7 @@ fn guarded() -> Served {
     config["token_file"] = file("operate", OPERATE).to_str().unwrap().into();
     config["read_token_file"] = file("read", READ).to_str().unwrap().into();
     fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
-    Served::in_folder(folder)
+    TestDaemon::in_folder(folder)
 }
 
 #[test]
@@ -147,7 +148,7 @@ fn commands_show_their_token_and_a_reader_may_stop() {
 
 #[test]
 fn pages_and_names_of_others_are_refused_even_on_loopback() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let estop = format!("/v1/plates/{LEFT}/estop");
     for (name, value) in [("Origin", "http://evil.example"), ("Origin", "null"), ("Sec-Fetch-Site", "cross-site")] {
         served.ask("POST", &estop, &[(name, value)], "").is_problem(403);

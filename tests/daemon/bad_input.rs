@@ -8,13 +8,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::served::{LEFT, Served, moving, rest, root, until};
-use super::wire::{Answer, ask, connect, exchange, head, read};
+use super::daemon_process::{LEFT, TestDaemon, moving, rest, root, until};
+use super::http::{Answer, ask, connect, exchange, head, read};
 
 const JSON: [(&str, &str); 1] = [("Content-Type", "application/json")];
 
 /// Journal of `upm run` with the same job.
-fn journal_of_run(served: &Served, job: &Value) -> Vec<u8> {
+fn journal_of_run(served: &TestDaemon, job: &Value) -> Vec<u8> {
     let mut job = job.clone();
     job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
     let (file, out) = (served.folder.path().join("alone.json"), served.folder.path().join("alone"));
@@ -33,7 +33,7 @@ fn journal_of_run(served: &Served, job: &Value) -> Vec<u8> {
 
 #[test]
 fn bad_requests_are_answered_and_the_plate_goes_on_undisturbed() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let mut job = moving("undisturbed", 20.0);
     job["seed"] = json!(11);
     let id = served.submit(&job, "real-time");
@@ -57,11 +57,11 @@ fn bad_requests_are_answered_and_the_plate_goes_on_undisturbed() {
     assert_eq!(served.get("/healthz"), json!({"ok": true}));
 }
 
-fn post(served: &Served, body: &[u8]) -> Answer {
+fn post(served: &TestDaemon, body: &[u8]) -> Answer {
     ask(served.address(), "POST", "/v1/jobs", &JSON, body)
 }
 
-fn bodies(served: &Served) {
+fn bodies(served: &TestDaemon) {
     let good = rest("rest").to_string();
     let deep = format!("{{\"name\": {}1{}}}", "[".repeat(100_000), "]".repeat(100_000));
     for malformed in [&good.as_bytes()[..good.len() / 2], b"", b"{\"name\": \"\xe9\"}", b"{} {}", b"\0"] {
@@ -96,7 +96,7 @@ fn bodies(served: &Served) {
     plate("{\"operator\": \"\", \"reason\": \"r\"}").is_problem(422);
 }
 
-fn addresses(served: &Served, id: &str) {
+fn addresses(served: &TestDaemon, id: &str) {
     let get = |path: &str| served.ask("GET", path, &[], "");
     let unknown = "0".repeat(32);
     for id in [unknown.as_str(), "x", "..", "%2e%2e", "..%2f..%2fetc%2fpasswd", "%00", &"a".repeat(2000), "%ff"] {
@@ -119,7 +119,7 @@ fn addresses(served: &Served, id: &str) {
     }
 }
 
-fn methods_and_types(served: &Served, id: &str) {
+fn methods_and_types(served: &TestDaemon, id: &str) {
     for (method, path) in
         [("DELETE", "/v1/jobs"), ("PUT", "/v1/plates"), ("PATCH", "/healthz"), ("GET", "/v1/plates/left/estop")]
     {
@@ -135,7 +135,7 @@ fn methods_and_types(served: &Served, id: &str) {
     served.ask("GET", &format!("/v1/jobs/{id}/recording"), &[("Range", "bytes=0-1")], "").is_problem(409);
 }
 
-fn heads(served: &Served) {
+fn heads(served: &TestDaemon) {
     let large = "x".repeat(20 << 10);
     served.ask("GET", "/v1/jobs", &[("X-Large", &large)], "").is_problem(431);
     let many: Vec<(&str, &str)> = (0..80).map(|_| ("X-Many", "1")).collect();
@@ -150,7 +150,7 @@ fn heads(served: &Served) {
 }
 
 /// Connections of clients that stall in the middle of a header; another client disconnects in the middle of a body.
-fn slow_writers(served: &Served) -> Vec<TcpStream> {
+fn slow_writers(served: &TestDaemon) -> Vec<TcpStream> {
     let body = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";
     connect(served.address()).write_all(body.as_bytes()).unwrap();
     let begin = |start: &str| {
@@ -170,7 +170,7 @@ fn assert_closed(slow: Vec<TcpStream>) {
 
 #[test]
 fn a_body_that_does_not_come_is_reported() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let mut in_body = connect(served.address());
     let request = head(served.address(), "POST", "/v1/jobs", &JSON) + "Content-Length: 100\r\n\r\n{";
     in_body.write_all(request.as_bytes()).unwrap();

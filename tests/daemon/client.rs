@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::served::{LEFT, RIGHT, Served, moving, rest, root, status_of};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, moving, rest, root, status_of};
 
 /// Writes the job to a file, with a rig if given.
-fn file(served: &Served, job: &Value, rig: Option<&str>) -> String {
+fn file(served: &TestDaemon, job: &Value, rig: Option<&str>) -> String {
     let mut job = job.clone();
     if let Some(rig) = rig {
         job["rig"] = json!(root().join("configs/rigs").join(rig));
@@ -28,7 +28,7 @@ fn json_of(text: &str) -> Value {
 
 #[test]
 fn a_job_goes_in_is_watched_and_shown() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     for (rig, name) in [(Some("upm-2.json"), "with-library"), (Some("upm-2.json"), "with-rig"), (None, "without-rig")] {
         let mut job = rest(name);
         if name == "with-library" {
@@ -56,7 +56,7 @@ fn a_job_goes_in_is_watched_and_shown() {
 
 #[test]
 fn what_is_wrong_is_told_in_a_line_each_under_the_name_of_the_file() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let mut bad = rest("bad");
     bad["parts"][0]["kind"] = json!("pennyy");
     bad["seed"] = json!("seven");
@@ -87,7 +87,7 @@ fn what_is_wrong_is_told_in_a_line_each_under_the_name_of_the_file() {
 
 #[test]
 fn a_plate_is_stopped_reset_and_resumed_by_hand() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let job = file(&served, &moving("endless", 600.0), Some("upm-2.json"));
     let (stdout, _) = served.status(&["submit", &job], 0);
     let id = stdout.trim_end();
@@ -132,7 +132,7 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
 
 #[test]
 fn ctrl_c_ends_the_watching_and_not_the_job() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let id = served.submit(&moving("endless", 600.0), "real-time");
     served.until_moving("endless", &id);
     let mut watch = served.upm(&["watch", &id]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -148,7 +148,7 @@ fn ctrl_c_ends_the_watching_and_not_the_job() {
 
 #[test]
 fn watching_goes_on_over_a_kill_of_the_daemon() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let id = served.submit(&moving("endless", 600.0), "real-time");
     served.until_moving("endless", &id);
     let args = ["watch", &id, "--json"];
@@ -158,14 +158,14 @@ fn watching_goes_on_over_a_kill_of_the_daemon() {
     while !before.contains("\"event\":\"look\"") {
         assert_ne!(stdout.read_line(&mut before).unwrap(), 0, "{before}");
     }
-    let served = served.again_there(Served::kill);
+    let served = served.again_there(TestDaemon::kill);
     let mut after = String::new();
     stdout.read_to_string(&mut after).unwrap();
     let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 1);
     assert!(stderr.contains("the connection"), "it says that it was away: {stderr}");
     let events: Vec<Value> = before.lines().chain(after.lines()).map(json_of).collect();
-    let told = events.iter().filter(|event| event["event"] != "snapshot");
-    let kept: Vec<u64> = told.filter_map(|event| event["id"].as_u64()).collect();
+    let later = events.iter().filter(|event| event["event"] != "snapshot");
+    let kept: Vec<u64> = later.filter_map(|event| event["id"].as_u64()).collect();
     assert!(kept.is_sorted_by(|a, b| a < b), "nothing is told twice: {kept:?}");
     let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
     assert_eq!(finished["data"]["state"], "interrupted", "{finished}");
@@ -173,8 +173,24 @@ fn watching_goes_on_over_a_kill_of_the_daemon() {
 }
 
 #[test]
+fn queued_job_can_be_run_before_the_others() {
+    let served = TestDaemon::start();
+    let running = served.submit(&moving("running", 600.0), "real-time");
+    served.until_moving("running", &running);
+    let [first, second] = ["first", "second"].map(|name| served.submit(&moving(name, 600.0), "real-time"));
+    let (stdout, _) = served.status(&["run-next", &second], 0);
+    assert_eq!(stdout, format!("{second}: runs next on plate {LEFT}\n"));
+    assert!(served.job(&second)["turn"].as_i64() < served.job(&first)["turn"].as_i64());
+    let (_, stderr) = served.status(&["run-next", &running], 1);
+    assert!(stderr.contains("the job does not wait for its plate: running"), "{stderr}");
+    served.status(&["cancel", &running], 0);
+    served.until_state(&second, "running");
+    assert_eq!(served.job(&first)["state"], "queued");
+}
+
+#[test]
 fn a_job_is_cancelled_in_the_queue_and_on_the_plate() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let running = served.submit(&moving("running", 600.0), "real-time");
     served.until_moving("running", &running);
     let waiting = served.submit(&rest("waiting"), "max");

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::served::{LEFT, RIGHT, Served, rest, serve, status_of, until};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, rest, serve, status_of, until};
 
 #[test]
 fn stop_whose_latch_file_is_lost_holds_over_an_orderly_restart() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     served.status(&["estop", LEFT], 0);
     let served = served.again(|served| {
         assert!(served.terminate().success());
@@ -29,13 +29,13 @@ fn stop_whose_latch_file_is_lost_holds_over_an_orderly_restart() {
 }
 
 #[test]
-fn deleted_data_folder_is_told_and_nothing_is_accepted_into_it() {
-    let served = Served::start();
+fn deleted_data_folder_is_reported_and_nothing_is_accepted_into_it() {
+    let served = TestDaemon::start();
     fs::remove_dir_all(served.folder.path().join("data")).unwrap();
     let (stdout, _) = served.status(&["--json", "estop", LEFT], 1);
-    let told: Value = serde_json::from_str(&stdout).unwrap();
-    let stop = &told["stops"][0]["answer"];
-    assert_eq!((&stop["silent"], &stop["persisted"]), (&true.into(), &false.into()), "{told}");
+    let answer: Value = serde_json::from_str(&stdout).unwrap();
+    let stop = &answer["stops"][0]["answer"];
+    assert_eq!((&stop["silent"], &stop["persisted"]), (&true.into(), &false.into()), "{answer}");
     for path in ["/healthz", "/readyz"] {
         let problem = until(path, || Some(served.ask("GET", path, &[], "")).filter(|answer| answer.status == 503));
         assert_eq!(problem.json()["reasons"][0]["code"], "data_displaced", "{problem:?}");
@@ -52,8 +52,8 @@ fn deleted_data_folder_is_told_and_nothing_is_accepted_into_it() {
 }
 
 #[test]
-fn store_of_a_newer_release_is_bad_input_and_told_on_one_line() {
-    let mut served = Served::start();
+fn store_of_a_newer_release_is_bad_input_in_one_line() {
+    let mut served = TestDaemon::start();
     assert!(served.terminate().success());
     let db = served.folder.path().join("data/upm.db");
     for ending in ["-wal", "-shm"] {
@@ -68,15 +68,15 @@ fn store_of_a_newer_release_is_bad_input_and_told_on_one_line() {
     let output = serve(served.folder.path(), "127.0.0.1:0").output().unwrap();
     status_of(&output, &["serve"], 2);
     let log = fs::read_to_string(served.folder.path().join("log")).unwrap();
-    let told: Vec<&str> = log.lines().filter(|line| line.starts_with("upm: ")).collect();
-    assert_eq!(told.len(), 1, "{log}");
-    assert!(told[0].contains("data/upm.db: found a job store of version 99, expected version "), "{log}");
+    let lines: Vec<&str> = log.lines().filter(|line| line.starts_with("upm: ")).collect();
+    assert_eq!(lines.len(), 1, "{log}");
+    assert!(lines[0].contains("data/upm.db: found a job store of version 99, expected version "), "{log}");
     assert!(fs::read(&db).unwrap() == before && !served.folder.path().join("data/upm.db-wal").exists());
 }
 
 #[test]
 fn files_of_the_daemon_are_its_users_alone() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let id = served.submit(&rest("one"), "max");
     until("the job ends", || served.job(&id)["finished_at"].as_str().map(drop));
     let data = served.folder.path().join("data");
@@ -87,7 +87,7 @@ fn files_of_the_daemon_are_its_users_alone() {
 
 #[test]
 fn data_folder_that_others_may_read_becomes_private_at_start() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let (data, elsewhere) = (served.folder.path().join("data"), served.folder.path().join("elsewhere"));
     let served = served.again(|served| {
         assert!(served.terminate().success());

@@ -1,10 +1,10 @@
 //! Jobs named by a prefix of their id or as the last one.
 
-use super::served::{Served, rest};
+use super::daemon_process::{TestDaemon, rest};
 
 #[test]
 fn job_is_found_by_a_unique_beginning_of_its_id_and_as_the_last() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let jobs: Vec<String> = ["first", "second", "third"].map(|name| served.submit(&rest(name), "max")).into();
     jobs.iter().for_each(|id| drop(served.until_state(id, "completed")));
     let shown = |text: &str| served.status(&["show", text], 0).0;
@@ -27,7 +27,7 @@ fn job_is_found_by_a_unique_beginning_of_its_id_and_as_the_last() {
 
 #[test]
 fn text_that_begins_no_id_is_refused_in_one_line() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     assert!(served.status(&["show", "last"], 2).1.contains(", found no jobs"));
     served.submit(&rest("only"), "max");
     for text in ["", "f", "xyz", "../metrics", "LAST", "0123456789abcdef0123456789abcdef0"] {

@@ -6,10 +6,10 @@ use std::thread;
 
 use serde_json::{Value, json};
 
-use super::served::{LEFT, Served, config, moving, rest};
-use super::wire::Answer;
+use super::daemon_process::{LEFT, TestDaemon, config, moving, rest};
+use super::http::Answer;
 
-fn send(served: &Served, key: &str, query: &str, job: &Value) -> Answer {
+fn send(served: &TestDaemon, key: &str, query: &str, job: &Value) -> Answer {
     let headers = [("Content-Type", "application/json"), ("Idempotency-Key", key)];
     served.ask("POST", &format!("/v1/jobs{query}"), &headers, &job.to_string())
 }
@@ -21,7 +21,7 @@ fn id(answer: &Answer) -> String {
 
 #[test]
 fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
-    let mut served = Served::start();
+    let mut served = TestDaemon::start();
     served.status(&["estop", LEFT], 0);
     served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "test"], 0);
     let first = send(&served, "one", "", &rest("one"));
@@ -29,7 +29,7 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
     let job = id(&first);
     assert_eq!(first.header("location"), Some(format!("/v1/jobs/{job}").as_str()));
 
-    let again = |served: &Served| {
+    let again = |served: &TestDaemon| {
         let answer = send(served, "one", "", &rest("one"));
         assert_eq!((id(&answer), answer.header("idempotency-replayed")), (job.clone(), Some("true")));
         send(served, "one", "", &rest("two")).is_problem(422);
@@ -39,7 +39,7 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
     again(&served);
     served = served.again(|served| assert!(served.terminate().success()));
     again(&served);
-    served = served.again(Served::kill);
+    served = served.again(TestDaemon::kill);
     again(&served);
     served.status(&["estop", LEFT], 0);
     again(&served);
@@ -51,7 +51,7 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
 
 #[test]
 fn a_key_is_known_whatever_the_configuration_says_by_now() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     served.status(&["estop", LEFT], 0);
     served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "test"], 0);
     let mut job = rest("one");
@@ -72,7 +72,7 @@ fn a_key_is_known_whatever_the_configuration_says_by_now() {
 
 #[test]
 fn twenty_at_once_are_one_job() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     served.submit(&moving("first", 600.0), "real-time");
     let ids: BTreeSet<String> = thread::scope(|scope| {
         let senders: Vec<_> = (0..20).map(|_| scope.spawn(|| id(&send(&served, "k", "", &rest("once"))))).collect();

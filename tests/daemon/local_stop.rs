@@ -7,10 +7,10 @@ use std::os::unix::net::UnixStream;
 
 use serde_json::Value;
 
-use super::served::{LEFT, RIGHT, Served, moving, until};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, moving, until};
 
 /// Answer of the socket to this line.
-fn said(served: &Served, line: &str) -> Value {
+fn said(served: &TestDaemon, line: &str) -> Value {
     let mut socket = UnixStream::connect(served.folder.path().join("data/estop.sock")).unwrap();
     socket.write_all(line.as_bytes()).unwrap();
     let mut text = String::new();
@@ -20,7 +20,7 @@ fn said(served: &Served, line: &str) -> Value {
 
 #[test]
 fn estop_through_the_socket_stops_a_running_job_and_holds_over_a_restart() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let job = served.submit(&moving("moving", 600.0), "max");
     served.until_moving("moving", &job);
     let data = served.folder.path().join("data");
@@ -30,7 +30,7 @@ fn estop_through_the_socket_stops_a_running_job_and_holds_over_a_restart() {
     assert_eq!((&stop["via"], &stop["plate"]), (&"socket".into(), &LEFT.into()), "{stdout}{stderr}");
     assert_eq!((&stop["answer"]["silent"], &stop["answer"]["persisted"]), (&true.into(), &true.into()), "{stdout}");
     assert_eq!(served.plate(RIGHT)["state"], "idle");
-    let served = served.again(Served::kill);
+    let served = served.again(TestDaemon::kill);
     assert_eq!(served.plate(LEFT)["state"], "stopped");
     assert_eq!(said(&served, "\n")["stops"].as_array().unwrap().len(), 2, "the socket was replaced, and stops all");
     assert_eq!(served.plate(RIGHT)["state"], "stopped");
@@ -38,7 +38,7 @@ fn estop_through_the_socket_stops_a_running_job_and_holds_over_a_restart() {
 
 #[test]
 fn socket_belongs_to_the_daemons_user_and_goes_with_the_daemon() {
-    let mut served = Served::start();
+    let mut served = TestDaemon::start();
     let socket = served.folder.path().join("data/estop.sock");
     assert_eq!(fs::metadata(&socket).unwrap().permissions().mode() & 0o777, 0o600);
     assert!(served.terminate().success());
@@ -47,7 +47,7 @@ fn socket_belongs_to_the_daemons_user_and_goes_with_the_daemon() {
 
 #[test]
 fn socket_stops_nothing_when_it_is_asked_for_nothing_that_there_is() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     for line in ["stop\n", "{\"plates\": [\"left\"], \"port\": 1}\n", "{\"plate\": \"left\"}\n"] {
         let answer = said(&served, line);
         assert!(answer["error"].is_string() && answer["stops"] == Value::Array(Vec::new()), "{line}: {answer}");
@@ -59,7 +59,7 @@ fn socket_stops_nothing_when_it_is_asked_for_nothing_that_there_is() {
 
 #[test]
 fn estop_without_a_socket_goes_over_http() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let nowhere = served.folder.path().join("nowhere");
     let args = ["estop", LEFT, "--json", "--data", nowhere.to_str().unwrap()];
     let (stdout, stderr) = served.status(&args, 0);
@@ -69,7 +69,7 @@ fn estop_without_a_socket_goes_over_http() {
 
 #[test]
 fn sigusr1_stops_every_plate() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let job = served.submit(&moving("moving", 600.0), "max");
     served.until_moving("moving", &job);
     served.signal("-USR1");

@@ -6,17 +6,17 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::served::{LEFT, RIGHT, Served, moving, put_fifo, rest};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, moving, put_fifo, rest};
 
 #[test]
 fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let done = served.submit(&rest("done"), "max");
     served.until_state(&done, "completed");
     let running = served.submit(&moving("running", 600.0), "real-time");
     let waiting: Vec<String> = (0..3).map(|i| served.submit(&rest(&format!("waiting-{i}")), "max")).collect();
     served.until_moving("running", &running);
-    let served = served.again(Served::kill);
+    let served = served.again(TestDaemon::kill);
 
     let state = |id: &str| served.job(id)["state"].as_str().unwrap().to_owned();
     let interrupted = served.job(&running);
@@ -55,11 +55,11 @@ fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
 
 #[test]
 fn an_emergency_stop_holds_over_a_kill() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let running = served.submit(&moving("running", 600.0), "real-time");
     served.until_moving("running", &running);
     served.status(&["estop", LEFT], 0);
-    let served = served.again(Served::kill);
+    let served = served.again(TestDaemon::kill);
     assert_eq!(served.plate(LEFT)["state"], "stopped");
     assert_ne!(served.plate(RIGHT)["state"], "stopped");
     let json = [("Content-Type", "application/json")];
@@ -72,7 +72,7 @@ fn an_emergency_stop_holds_over_a_kill() {
 #[test]
 #[cfg(feature = "rerun")]
 fn fifo_in_place_of_a_recording_is_refused_at_once() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let id = served.submit(&rest("one"), "max");
     assert_eq!(served.until_state(&id, "completed")["recording"], "whole");
     put_fifo(&served.run_folder("one").join("run.rrd"));
@@ -84,7 +84,7 @@ fn fifo_in_place_of_a_recording_is_refused_at_once() {
 
 #[test]
 fn fifos_in_the_folder_of_an_interrupted_run_do_not_block_the_start() {
-    let served = Served::start();
+    let served = TestDaemon::start();
     let running = served.submit(&moving("running", 600.0), "real-time");
     served.until_moving("running", &running);
     let served = served.again(|served| {

@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 use rustix::fs::{OFlags, fcntl_setfl};
 use tempfile::TempDir;
 
-use super::served::{LEFT, Served, config, moving, serve, until};
-use super::wire::{ask, connect, head};
+use super::daemon_process::{LEFT, TestDaemon, config, moving, serve, until};
+use super::http::{ask, connect, head};
 
-fn watcher(served: &Served, id: &str) -> TcpStream {
+fn watcher(served: &TestDaemon, id: &str) -> TcpStream {
     let mut stream = connect(served.address());
     let request = head(served.address(), "GET", &format!("/v1/jobs/{id}/events"), &[("Last-Event-ID", "0")]);
     stream.write_all(format!("{request}\r\n").as_bytes()).unwrap();
@@ -22,7 +22,7 @@ fn watcher(served: &Served, id: &str) -> TcpStream {
 
 #[test]
 fn sigterm_closes_everything_in_time_whatever_clients_do() {
-    let mut served = Served::start();
+    let mut served = TestDaemon::start();
     let id = served.submit(&moving("running", 600.0), "real-time");
     served.until_moving("running", &id);
 
@@ -105,10 +105,10 @@ fn a_log_that_nobody_reads_holds_up_neither_a_stop_nor_the_end() {
     for _ in 0..3 {
         assert_eq!(ask(address, "POST", &format!("/v1/plates/{LEFT}/estop"), &[], b"").status, 200);
     }
-    let told = Instant::now();
+    let asked_at = Instant::now();
     assert!(Command::new("kill").args(["-TERM", &daemon.0.id().to_string()]).status().unwrap().success());
     let status = until("the daemon ends", || daemon.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0), "it ended in order");
-    assert!(told.elapsed() < Duration::from_secs(2), "{:?}", told.elapsed());
+    assert!(asked_at.elapsed() < Duration::from_secs(2), "{:?}", asked_at.elapsed());
     drop(reader);
 }

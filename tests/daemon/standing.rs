@@ -6,7 +6,7 @@ use std::fs;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::served::{LEFT, RIGHT, Served, config, rest, root, serve, status_of, until};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, config, rest, root, serve, status_of, until};
 
 /// Configuration of two plates with a standing job on the left one, at full speed.
 fn with_standing(start: &str) -> Value {
@@ -29,12 +29,12 @@ fn folder(config: &Value, change: impl FnOnce(&mut Value)) -> TempDir {
     folder
 }
 
-fn served(start: &str) -> Served {
-    Served::in_folder(folder(&with_standing(start), |_| ()))
+fn served(start: &str) -> TestDaemon {
+    TestDaemon::in_folder(folder(&with_standing(start), |_| ()))
 }
 
 /// Waits until the standing job moves its part in a run other than `before`; returns that run's id.
-fn until_it_runs(served: &Served, before: Option<&str>) -> String {
+fn until_it_runs(served: &TestDaemon, before: Option<&str>) -> String {
     until("the standing job runs", || {
         let plate = served.plate(LEFT);
         let id = plate["job"].as_str().filter(|id| Some(*id) != before)?.to_owned();
@@ -79,8 +79,8 @@ fn paused_standing_job_starts_with_a_resume() {
     assert_eq!((&standing["state"], &plate["job"]), (&json!("paused"), &Value::Null));
     assert_eq!(standing["why"], "it starts paused, as the configuration says");
     assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
-    let (told, _) = served.status(&["resume", LEFT], 0);
-    assert!(told.starts_with(LEFT), "{told}");
+    let (stdout, _) = served.status(&["resume", LEFT], 0);
+    assert!(stdout.starts_with(LEFT), "{stdout}");
     until_it_runs(&served, None);
 }
 
@@ -132,7 +132,7 @@ fn standing_run_is_interrupted_by_sigterm_and_the_next_daemon_runs_it_again() {
 fn killed_daemon_starts_no_standing_job_before_a_resume() {
     let served = served("running");
     let first = until_it_runs(&served, None);
-    let served = served.again(Served::kill);
+    let served = served.again(TestDaemon::kill);
     assert_eq!(served.job(&first)["state"], "interrupted");
     let plate = served.plate(LEFT);
     assert_eq!((&plate["state"], &plate["standing_job"]["state"]), (&json!("paused"), &json!("waiting")), "{plate}");
@@ -144,7 +144,7 @@ fn killed_daemon_starts_no_standing_job_before_a_resume() {
 fn few_runs_of_a_standing_job_are_kept() {
     let mut config = with_standing("running");
     config["keep"] = json!({"standing_runs": 2});
-    let served = Served::in_folder(folder(&config, |_| ()));
+    let served = TestDaemon::in_folder(folder(&config, |_| ()));
     let mut runs: Vec<String> = Vec::new();
     for _ in 0..4 {
         runs.push(until_it_runs(&served, runs.last().map(String::as_str)));

@@ -18,7 +18,7 @@ import threading
 from dataclasses import dataclass
 
 from daemon_lib import FINAL, ROOT, Bars, Daemon, DaemonFault, parser_of, plus_sign, say, short_arrange, work_folder, write_config
-from own_venv import enter_venv
+from virtual_env import enter_venv
 
 CHECKS = [
     "not_a_server_error",

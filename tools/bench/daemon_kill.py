@@ -33,7 +33,7 @@ from daemon_lib import (
     work_folder, write_config,
 )
 from machine_probe import stolen_s
-from own_venv import enter_venv
+from virtual_env import enter_venv
 
 PLATES = ("upm-1", "upm-2", "upm-2-evening")
 COMPLETE_TO_S = 1.0

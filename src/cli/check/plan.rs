@@ -12,7 +12,7 @@ use upm_control::{ClosestApproach, DryRun, LimitMet};
 use upm_cor_library::Library;
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
-use upm_runner::config::{Fault, JobLayout, JobSpec};
+use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
 use upm_runner::run::{Forecast, PlanVerdict, rehearse};
 
 pub(super) struct Planned {
@@ -27,7 +27,7 @@ pub(super) struct Planned {
 
 impl Planned {
     /// Rehearses `job` with `library`; shows progress on stderr if it takes long.
-    pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Fault> {
+    pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Diagnostic> {
         let mut progress = LateProgress::new(progress, MonotonicClock::new());
         let forecast = rehearse(job, library, &mut |at| {
             progress.show(at.done, || format!("rehearsal {} of {}, plate {:6.1} s", at.rehearsal, at.of, at.at.secs()));
@@ -85,14 +85,14 @@ impl Planned {
             })
         });
         let parts = forecast.parts.iter().map(|part| {
-            let mut told = json!({ "id": part.id });
+            let mut object = json!({ "id": part.id });
             for (name, spot) in spots(part) {
-                told[name] = place_json(&spot.place);
-                told[name]["singular_values"] = json!(spot.singular_values.map(rounded));
+                object[name] = place_json(&spot.place);
+                object[name]["singular_values"] = json!(spot.singular_values.map(rounded));
             }
-            told
+            object
         });
-        let mut told = json!({
+        let mut object = json!({
             "planner": forecast.planner.report(),
             "verdict": forecast.verdict().code(),
             "can_be_done": match forecast.verdict() {
@@ -116,9 +116,9 @@ impl Planned {
             "rehearsals": rehearsals.collect::<Vec<_>>(),
         });
         if let Some(bound_s) = forecast.bound_s {
-            told["bound_s"] = json!(rounded(bound_s));
+            object["bound_s"] = json!(rounded(bound_s));
         }
-        told
+        object
     }
 }
 

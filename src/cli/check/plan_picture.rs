@@ -192,7 +192,7 @@ mod tests {
         let chart = plan_chart(&planned);
         let arrows = named(&chart, "weakest direction");
         let Mark::Arrows { vectors } = &arrows.mark else { panic!("arrows: {arrows:?}") };
-        assert_eq!((arrows.points.len(), vectors.len()), (4, 4), "two ways for each part");
+        assert_eq!((arrows.points.len(), vectors.len()), (4, 4), "two arrows for each part");
         for (i, part) in planned.forecast.parts.iter().enumerate() {
             assert_eq!(arrows.points[2 * i], at_mm(part.start.place.position_m));
             let length_mm = vectors[2 * i][0].hypot(vectors[2 * i][1]);

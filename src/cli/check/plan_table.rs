@@ -7,7 +7,7 @@ use upm_runner::run::{PartForecast, StartForecast};
 /// Values of a column that differ by less than this share of the largest are stated once.
 pub(super) const SAME: f64 = 0.05;
 
-/// Directions that differ by less than this from the first one are stated once, degrees.
+/// Directions of which none differs by more than this from the first one are stated once, degrees.
 const SAME_DIRECTION_DEG: f64 = 5.0;
 
 /// Start and, where there is one, target of a part.
@@ -26,7 +26,7 @@ struct PlanColumn {
     places: usize,
     /// One value per row, NaN where there is none.
     values: Vec<f64>,
-    /// Difference of two values from which on the column changes.
+    /// Difference of two values above which the column changes.
     tolerance: f64,
     /// Period of the values, 180 deg for directions; `None` for a quantity.
     period: Option<f64>,
@@ -193,6 +193,7 @@ mod tests {
         let two = lines(&two);
         assert!(two[1].contains("shortest (mm)") && !two[1].contains("longest (mm)"), "{two:?}");
     }
+
     #[test]
     fn step_that_no_part_has_is_said_in_words() {
         let parts = [part("a-1", spot(0.0, 0.02, None), None), part("a-2", spot(0.0, 0.02, None), None)];

@@ -25,13 +25,13 @@ pub(crate) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Fa
     let made = bundle(&sources).map_err(Failure::failed)?;
     let out = args.out.clone().unwrap_or_else(|| named(now));
     write(&out, &made.tar).map_err(|error| Failure::write(&out, error))?;
-    let told = json!({"bundle": out, "bytes": made.tar.len(), "files": made.files, "missing": made.missing});
-    print(common.json, &told, || {
+    let summary = json!({"bundle": out, "bytes": made.tar.len(), "files": made.files, "missing": made.missing});
+    print(common.json, &summary, || {
         if !common.quiet {
-            made.missing.iter().for_each(|missing| complain!("upm: not in the bundle: {missing}"));
+            made.missing.iter().for_each(|missing| errln!("upm: not in the bundle: {missing}"));
         }
         let (out, files, kilobytes) = (out.display(), made.files.len(), made.tar.len() as f64 * 1e-3);
-        say!("{out}: {files} files, {kilobytes:.1} kB; look through it before you send it")
+        outln!("{out}: {files} files, {kilobytes:.1} kB; look through it before you send it")
     })
 }
 

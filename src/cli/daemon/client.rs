@@ -85,7 +85,7 @@ impl Client {
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
         Self::new(args).or_else(|failure| {
             let client = Self::without_token(args)?;
-            failure.complain();
+            failure.errln();
             Ok(client)
         })
     }

@@ -18,7 +18,7 @@ pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &page, || {
         page.jobs.iter().try_for_each(print_line)?;
         if page.next.is_some() && !common.quiet {
-            complain!("upm: there are more: --limit N, or --all");
+            errln!("upm: there are more: --limit N, or --all");
         }
         Ok(())
     })
@@ -29,7 +29,7 @@ fn print_line(job: &Job) -> Result<(), Failure> {
     let (state, percent) = (job.state.code(), 100.0 * job.progress);
     let standing = if job.standing { " (standing job)" } else { "" };
     let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}{standing}", seconds(submitted_at));
-    say!("{}", on_one_line(&line))
+    outln!("{}", on_one_line(&line))
 }
 
 pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
@@ -38,19 +38,26 @@ pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &job, || print_job(&job))
 }
 
+pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {
+    let client = Client::new(&args.daemon)?;
+    let path = job_path(&job_id(&client, &args.id)?)?;
+    let job: Job = client.post(&format!("{path}/run-next"), "", &[])?;
+    print(common.json, &job, || outln!("{}: runs next on plate {}", job.id, job.plate))
+}
+
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
     let path = job_path(&job_id(&client, &args.id)?)?;
     let job: Job = client.post(&format!("{path}/cancel"), "", &[])?;
     let state = if job.state == JobState::Running { "is being stopped" } else { job.state.code() };
-    print(common.json, &job, || say!("{}: {state}", job.id))
+    print(common.json, &job, || outln!("{}: {state}", job.id))
 }
 
 /// Prints a job as text.
 pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
-    say!("{}", headline(job))?;
+    outln!("{}", headline(job))?;
     for (label, text) in rows(job) {
-        say!("  {label:15} {}", on_one_line(&text))?;
+        outln!("  {label:15} {}", on_one_line(&text))?;
     }
     Ok(())
 }
@@ -98,7 +105,7 @@ fn recording(state: RecordingStatus) -> &'static str {
 
 pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
     let plates: Plates = Client::new(&args.daemon)?.get("/v1/plates")?;
-    print(common.json, &plates, || plates.plates.iter().try_for_each(|plate| say!("{}", plate_line(plate))))
+    print(common.json, &plates, || plates.plates.iter().try_for_each(|plate| outln!("{}", plate_line(plate))))
 }
 
 /// Plate on one line, with the command to type if it waits for an operator.

@@ -40,7 +40,7 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
 fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
     let absent = matches!(kind, ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ConnectionRefused);
     if asked_for || !absent {
-        complain!("upm: {}: {error}; asking over HTTP", data.join(ESTOP_SOCKET).display());
+        errln!("upm: {}: {error}; asking over HTTP", data.join(ESTOP_SOCKET).display());
     }
 }
 

@@ -38,15 +38,15 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let spec = spec_of(args)?;
     let mut prepared = prepare(&spec).map_err(Failure::faults)?;
     let manager = service_manager()?;
-    let (stop, told_to_end) = stop_signals();
-    prepared.told_to_end = told_to_end;
+    let (stop, shutdown_requested) = stop_signals();
+    prepared.shutdown_requested = shutdown_requested;
     manager.extend(LONGEST_START);
     let names = spec.plate_names();
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
     let address = daemon.address().map_err(Failure::failed)?;
     attend_signals(daemon.emergency_stop(), daemon.token_reload());
-    say!("http://{address}")?;
+    outln!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))
 }
@@ -58,8 +58,8 @@ fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let measure = |startable: &Startable| startable.prepared.check_pace(&startable.spec, &MonotonicClock::new());
     let paces = checked.as_ref().map(measure).unwrap_or_default();
     if !common.json {
-        say!("{}: {}", args.config.display(), checked?.says)?;
-        paces.iter().try_for_each(|(plate, pace)| say!("{}", pace_line(plate, pace)))?;
+        outln!("{}: {}", args.config.display(), checked?.says)?;
+        paces.iter().try_for_each(|(plate, pace)| outln!("{}", pace_line(plate, pace)))?;
         return Ok(0);
     }
     print_json(&row(&args.config, &checked, &paces))?;
@@ -147,8 +147,8 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
 /// A message for every termination signal, and a flag that stays set from the first one on.
 fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     let (sender, stop) = sync_channel(1);
-    let told = Arc::<AtomicBool>::default();
-    let flag = Arc::clone(&told);
+    let requested = Arc::<AtomicBool>::default();
+    let flag = Arc::clone(&requested);
     let handler = move || {
         flag.store(true, Ordering::SeqCst);
         sender.try_send(()).ok();
@@ -156,7 +156,7 @@ fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
     if let Err(error) = ctrlc::set_handler(handler) {
         tracing::warn!("signals will not stop the daemon in order: {error}");
     }
-    (stop, told)
+    (stop, requested)
 }
 
 /// Blocks SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), which do not end the daemon, in this thread
@@ -164,7 +164,7 @@ fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
 /// signal stays pending for [`attend_signals`].
 pub(crate) fn hold_back_signals() {
     if let Err(error) = held_signals().thread_block() {
-        complain!("upm: SIGUSR1 will not stop the plates, SIGHUP ends the daemon: {error}");
+        errln!("upm: SIGUSR1 will not stop the plates, SIGHUP ends the daemon: {error}");
     }
 }
 
@@ -255,9 +255,9 @@ mod tests {
         let free = "127.0.0.1:0".parse().unwrap();
         let good = args("configs/daemon.json", free);
         let checked_good = checked(&good);
-        let told = row(&good.config, &checked_good, &[]);
-        assert_eq!((&told["valid"], &told["faults"]), (&json!(true), &Value::Null));
-        assert!(told["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{told}");
+        let line = row(&good.config, &checked_good, &[]);
+        assert_eq!((&line["valid"], &line["faults"]), (&json!(true), &Value::Null));
+        assert!(line["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{line}");
 
         let other = TcpListener::bind(free).unwrap();
         let taken = other.local_addr().unwrap();
@@ -267,9 +267,9 @@ mod tests {
 
         let bad = args("configs/plus-sign.json", free);
         let checked_bad = checked(&bad);
-        let told = row(&bad.config, &checked_bad, &[]);
-        assert_eq!((&told["valid"], &told["says"]), (&json!(false), &Value::Null));
-        assert!(!told["faults"].as_array().unwrap().is_empty(), "{told}");
+        let line = row(&bad.config, &checked_bad, &[]);
+        assert_eq!((&line["valid"], &line["says"]), (&json!(false), &Value::Null));
+        assert!(!line["faults"].as_array().unwrap().is_empty(), "{line}");
         assert_eq!(checked_bad.err().unwrap().status, BAD_INPUT);
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
         print_json(&serde_json::json!({ "stops": stops }))?;
     }
     for stop in &stops {
-        tell(stop, common)?;
+        report(stop, common)?;
     }
     Ok(stops.iter().map(|stop| stop.status).max().unwrap_or(0))
 }
@@ -146,11 +146,11 @@ fn with_retries<T>(ask: impl Fn() -> Result<T, ClientRefusal>) -> (Result<T, Cli
     }
 }
 
-fn tell(stop: &Stop, common: Common) -> Result<(), Failure> {
+fn report(stop: &Stop, common: Common) -> Result<(), Failure> {
     let Stop { plate, answer, error, attempts, wall_s, .. } = stop;
     let plate = on_one_line(plate);
     if let Some(error) = error {
-        complain!("upm: {plate}: NOT STOPPED after {attempts} requests: {error}");
+        errln!("upm: {plate}: NOT STOPPED after {attempts} requests: {error}");
     }
     let Some(answer) = answer else { return Ok(()) };
     if !common.json {
@@ -158,7 +158,7 @@ fn tell(stop: &Stop, common: Common) -> Result<(), Failure> {
         let held = if answer.persisted { "on the disk" } else { "NOT YET on the disk: a restart may lose it" };
         let sounded = answer.wall_s.filter(|&s| s > 0.0);
         let took = sounded.map(|s| format!("zero force after {:.2} ms, ", 1e3 * s)).unwrap_or_default();
-        say!("{plate}: {silent}, {held} ({took}answered after {:.1} ms)", 1e3 * wall_s)?;
+        outln!("{plate}: {silent}, {held} ({took}answered after {:.1} ms)", 1e3 * wall_s)?;
     }
     Ok(())
 }
@@ -170,14 +170,14 @@ pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
         return Err(Failure::bad_input(format!("--{member}: expected {allowed}, found {found}")));
     }
     let body = serde_json::to_string(&request).map_err(Failure::failed)?;
-    tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)
+    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)
 }
 
 pub(super) fn resume(args: &PlateArgs, common: Common) -> Result<u8, Failure> {
     let path = plate_path(&args.plate)?;
-    tell_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", &[])?, common)
+    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", &[])?, common)
 }
 
-fn tell_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {
-    print(common.json, plate, || say!("{}", jobs::plate_line(plate)))
+fn report_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {
+    print(common.json, plate, || outln!("{}", jobs::plate_line(plate)))
 }

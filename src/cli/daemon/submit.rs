@@ -9,7 +9,7 @@ use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
 use upm_cor_library::Library;
 use upm_core::job::Pace;
-use upm_runner::config::{FaultClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
+use upm_runner::config::{DiagnosticClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
 use upm_server::service::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
@@ -25,9 +25,9 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     let queued = queue(&client, &body, args.pace, &key);
     let queued = queued.map_err(|refusal| refusal.into_failure(&args.job.display().to_string()))?;
     match (common.json, args.watch) {
-        (true, true) => say!("{}", serde_json::to_string(&queued).unwrap_or_default())?,
+        (true, true) => outln!("{}", serde_json::to_string(&queued).unwrap_or_default())?,
         (true, false) => print_json(&queued)?,
-        (false, _) => say!("{}", queued.id)?,
+        (false, _) => outln!("{}", queued.id)?,
     }
     if args.watch { watch::follow(&client, &queued.id, Some(0), common) } else { Ok(0) }
 }
@@ -66,7 +66,7 @@ fn checked_job(file: &Path) -> Result<RawJob, Failure> {
     match JobSpec::load(file) {
         Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
-        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == FaultClass::Missing) => {
+        Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
             let job: RawJob = serde_json::from_str(&text).map_err(|error| unread(&error))?;
             job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)

@@ -143,32 +143,32 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
     if let Value::Object(found) = value {
         line.extend(found);
     }
-    say!("{}", Value::Object(line))
+    outln!("{}", Value::Object(line))
 }
 
 pub(super) fn say_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
     let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
     let is_reference = matches!(named(*method), ("reference", _));
     if is_reference {
-        say!("method: reference (Canny, Hough and template matching of imageproc)")?;
+        outln!("method: reference (Canny, Hough and template matching of imageproc)")?;
     }
-    say!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
+    outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
-        say!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
+        outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
     }
-    about_side(&located.side, setting).into_iter().try_for_each(|line| say!("{line}"))?;
-    say!("parts: {}", parts.len())?;
+    about_side(&located.side, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
+    outln!("parts: {}", parts.len())?;
     for NamedPart { part, doubts, .. } in parts {
         let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
         let (radius, score) = (part.radius_px, part.score);
         let doubts = if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(", ")) };
-        say!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
+        outln!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
     if !is_reference {
         if parts.is_empty() {
-            say!("{}", about_nothing(&located.others, &located.survey, setting))?;
+            outln!("{}", about_nothing(&located.others, &located.survey, setting))?;
         }
-        about_others(&located.others, setting).into_iter().try_for_each(|line| say!("{line}"))?;
+        about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
     }
     say_times(located, setting, *time_us)
 }
@@ -178,7 +178,7 @@ fn say_times(located: &LocatedPicture, setting: &LocateSetup, time_us: TimeUs) -
     let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
     let survey_ms = survey.unwrap_or(0.0) / 1e3;
     let survey = survey.map_or(String::new(), |_| format!(", survey {survey_ms:.1}"));
-    say!(
+    outln!(
         "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}{survey}); decoded in {decode:.1} ms",
         counted(located, setting),
         table + parts + survey_ms

@@ -168,7 +168,7 @@ fn pulse(
     (entry, reversed): (usize, bool),
     (sustain, sustain_s): (usize, f64),
 ) -> Result<Vec<DisplacementSample>, CalibrationFault> {
-    let before = look_at_rest(session, perception)?;
+    let before = observe_at_rest(session, perception)?;
     let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
         return Ok(Vec::new());
     };
@@ -182,9 +182,9 @@ fn pulse(
     session.rig.play(&if reversed { drive.reversed() } else { drive })?;
     while session.rig.now() < session.rig.settled_at() {
         session.stop_check()?;
-        into_result(perception.look(session.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
+        into_result(perception.observe(session.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
     }
-    let after = look_at_rest(session, perception)?;
+    let after = observe_at_rest(session, perception)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
         let middle = 0.5 * (a + b);
         let distance_m = (b - a).dot(&pump.direction_at(middle));
@@ -193,7 +193,7 @@ fn pulse(
     Ok(before.iter().zip(&after).map(sample).collect())
 }
 
-fn look_at_rest(
+fn observe_at_rest(
     session: &mut CalibrationSession<'_>,
     perception: &mut Perception,
 ) -> Result<Vec<Vec2>, CalibrationFault> {
@@ -201,7 +201,7 @@ fn look_at_rest(
     for _ in 0..LOOKS {
         session.stop_check()?;
         let is_at_rest =
-            into_result(perception.look(session.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
+            into_result(perception.observe(session.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
         if is_at_rest && perception.missing_for() == 0 {
             return Ok(perception.positions_m());
         }

@@ -8,7 +8,7 @@ use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 
-/// How often a task may seem reached without a second look confirming it.
+/// How often the goal may seem reached without a second observation confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
 
 impl ControlCycle<'_> {
@@ -32,10 +32,10 @@ impl ControlCycle<'_> {
         self.planning.watch.is_getting_on() || !self.params.guards.has_code("endless_progress")
     }
 
-    /// Returns `ending` of a task without an end if two more looks, with the table located anew, agree with the
+    /// Returns `ending` of a task without an end if two more observations, with the table located anew, agree with the
     /// tracking.
     fn confirmed(&mut self, ending: RunEnd) -> RunEnd {
-        match self.looks_agree() {
+        match self.observations_agree() {
             Continue(true) => ending,
             Continue(false) => RunEnd::guarded(
                 Condition::CameraMoved,
@@ -45,16 +45,16 @@ impl ControlCycle<'_> {
         }
     }
 
-    fn looks_agree(&mut self) -> OrEnd<bool> {
-        let looks_twice = self.params.guards.has_code("two_looks");
-        Continue(!looks_twice || self.perception.confirm(self.rig, self.sink, self.clock, self.stop)?)
+    fn observations_agree(&mut self) -> OrEnd<bool> {
+        let confirms = self.params.guards.has_code("two_looks");
+        Continue(!confirms || self.perception.confirm(self.rig, self.sink, self.clock, self.stop)?)
     }
 
-    /// Ends the run as completed if two more looks, with the table located anew, confirm the goal; otherwise the run
-    /// goes on from the positions these looks show.
+    /// Ends the run as completed if two more observations, with the table located anew, confirm the goal; otherwise the
+    /// run goes on from the positions these observations show.
     pub(super) fn finish(&mut self, reason: String) -> OrEnd<Vec<Vec2>> {
         self.check_limits()?;
-        if self.looks_agree()? {
+        if self.observations_agree()? {
             // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.perception.seen_at(), self.perception.positions_m());
             if self.task.next(at, &places_m).done {
@@ -66,7 +66,7 @@ impl ControlCycle<'_> {
             let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
             return Break(RunEnd::guarded(Condition::CameraMoved, reason));
         }
-        self.look_at_rest()
+        self.observe_at_rest()
     }
 
     pub(super) fn is_part_lost(&self) -> bool {

@@ -17,7 +17,7 @@ use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twis
 use upm_planner::PlannedPulse;
 
 impl ControlCycle<'_> {
-    /// Plays one pulse and tracks the parts until a frame shows everything at rest; `moment` gives the purpose of that
+    /// Plays one pulse and tracks the parts until a frame shows everything at rest; `purpose` is the purpose of that
     /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
         let drive = match drive_of(self.library, planned) {
@@ -71,7 +71,7 @@ impl ControlCycle<'_> {
                 measured_m: &after_m,
                 scatter: ForecastDeviation::of(planned),
             });
-            self.tell_slow_parts();
+            self.warn_of_slow_parts();
         }
         if self.perception.silenced_pulse() {
             return Continue(());
@@ -83,7 +83,7 @@ impl ControlCycle<'_> {
     /// Tracks the parts until a frame shows everything at rest.
     pub(super) fn follow(&mut self, purpose: FramePurpose) -> OrEnd {
         loop {
-            let at_rest = self.perception.look(self.rig, purpose, self.sink, self.clock)?;
+            let at_rest = self.perception.observe(self.rig, purpose, self.sink, self.clock)?;
             if at_rest {
                 return Continue(());
             }

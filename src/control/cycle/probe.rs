@@ -32,7 +32,7 @@ impl ControlCycle<'_> {
                 let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
                 self.report(found)?;
             }
-            self.look_at_rest()?;
+            self.observe_at_rest()?;
         }
         Continue(())
     }

@@ -63,7 +63,7 @@ impl KinematicPlate {
     }
 
     /// Waits for a frame at rest.
-    pub fn look(&mut self) {
+    pub fn observe(&mut self) {
         self.frames += 1;
     }
 

@@ -99,7 +99,7 @@ fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how
     rehearse(library, &FreshPlanner::new(params.method, library, params.planner), task, params, how, &mut |_, _| ())
 }
 
-/// A goal that wants parts to stay where they are; done after a time, or never.
+/// A task that wants parts to stay where they are; done after a time, or never.
 struct Stay {
     until_s: Option<f64>,
 }
@@ -118,7 +118,7 @@ impl Task for Stay {
     }
 }
 
-/// A goal that wants the first part in one place at once.
+/// A task that wants the first part in one place at once.
 struct There(Vec2);
 
 impl Task for There {
@@ -171,7 +171,7 @@ fn equal_seeds_rehearse_alike_and_numbers_differ() {
 }
 
 #[test]
-fn direction_that_the_library_lacks_is_refused_at_the_first_look() {
+fn direction_that_the_library_lacks_is_refused_at_the_first_observation() {
     let along_x = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)], 0.03);
     let done = play(&along_x, &mut There(Vec2::new(0.0, 0.05)), &params(1), &rehearsal(&[Vec2::zeros()], 0));
     assert_eq!((done.ending.outcome, done.ending.cause), (Outcome::Failed, Some(StopCause::Uncontrollable)));

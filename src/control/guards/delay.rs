@@ -225,9 +225,9 @@ impl DelayGuard {
     pub fn swing_seen(&self) -> SwingSeen {
         let Some((begin_s, _)) = self.pulses.back() else { return SwingSeen::Unclear };
         let (first, _) = self.window(*begin_s);
-        let told = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
-        let expected: f64 = told().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
-        let left: f64 = told().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
+        let counted = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
+        let expected: f64 = counted().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
+        let left: f64 = counted().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
         match left / expected {
             _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingSeen::Unclear,
             share if share < AS_DRIVEN => SwingSeen::AsDriven,

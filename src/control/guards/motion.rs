@@ -10,7 +10,7 @@ use upm_planner::PlannedPulse;
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
-/// Gains of a coil that the next look compensates for.
+/// Gains of a coil that the next observation compensates for.
 const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
 /// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
@@ -256,8 +256,10 @@ mod tests {
     #[test]
     fn motion_a_little_off_is_told_the_second_time_in_a_row() {
         let mut guard = MotionGuard::default();
-        let mut told = |verdict| guard.finding(verdict, 0.1, None, SwingSeen::Unclear).is_some();
-        assert!(!told(MotionVerdict::Other) && !told(MotionVerdict::AsPlanned) && !told(MotionVerdict::Other));
-        assert!(told(MotionVerdict::Other));
+        let mut is_found = |verdict| guard.finding(verdict, 0.1, None, SwingSeen::Unclear).is_some();
+        assert!(
+            !is_found(MotionVerdict::Other) && !is_found(MotionVerdict::AsPlanned) && !is_found(MotionVerdict::Other)
+        );
+        assert!(is_found(MotionVerdict::Other));
     }
 }

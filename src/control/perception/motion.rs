@@ -14,7 +14,7 @@ use upm_core::time::PlateTime;
 /// Additional tolerance for a part's place after a pulse, as a share of its forecast displacement.
 const REACH_OF_WAY: f64 = 0.7;
 /// Distance beyond the tolerance, m, from which on the detection is another disc: not even a hand pushes a part that
-/// far from one look to the next.
+/// far from one observation to the next.
 const LEAP_M: f64 = 0.04;
 
 impl Perception {

@@ -1,4 +1,4 @@
-//! Repeated localisation of table and parts: after a knock, and before a task counts as reached.
+//! Repeated localisation of table and parts: after a knock, and before a task counts as completed.
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
@@ -18,15 +18,16 @@ use upm_perception::vision::{CoinFinder, DebugImages, Detection, Table, Tracker,
 /// displacement.
 const SHAPE_PX: f64 = 0.5;
 const SHAPE_OF_WAY: f64 = 0.02;
-/// Consecutive looks at rest that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this time.
+/// Consecutive observations at rest that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this
+/// time.
 const MOVED: u32 = 6;
-/// Largest difference between looks that show the same displacement of a corner, px.
+/// Largest difference between observations that show the same displacement of a corner, px.
 const SAME_PLACE_PX: f64 = 0.3;
-/// Number of looks with the table located anew before a task counts as reached.
+/// Number of observations with the table located anew before a task counts as completed.
 const CONFIRMING_LOOKS: usize = 2;
-/// Number of consecutive looks at a still plate before these.
+/// Number of consecutive observations at a still plate before these.
 const STILL_LOOKS: usize = 2;
-/// Largest differences of corners and parts between such looks.
+/// Largest differences of corners and parts between such observations.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
 
@@ -155,11 +156,11 @@ impl Perception {
         Continue(())
     }
 
-    /// Takes two more looks with table and parts located without prior knowledge; true when both agree with the
+    /// Takes two more observations with table and parts located without prior knowledge; true when both agree with the
     /// tracking. Where they do not, the new localisation replaces the tracked one.
     ///
     /// # Errors
-    /// As [`Perception::look`].
+    /// As [`Perception::observe`].
     pub fn confirm(
         &mut self,
         rig: &mut dyn Rig,
@@ -195,7 +196,7 @@ impl Perception {
         let mut still = 0;
         while rig.now() < until && still < STILL_LOOKS {
             check_stop(stop)?;
-            self.look(rig, FramePurpose::Pulse, sink, clock)?;
+            self.observe(rig, FramePurpose::Pulse, sink, clock)?;
             still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
         }
         Continue(())
@@ -210,7 +211,7 @@ impl Perception {
     ) -> OrEnd<Relocated> {
         let mut last = None;
         for _ in 0..TABLE_LOOKS {
-            while !self.look(rig, FramePurpose::Pulse, sink, clock)? {
+            while !self.observe(rig, FramePurpose::Pulse, sink, clock)? {
                 check_stop(stop)?;
             }
             match self.locate(clock) {

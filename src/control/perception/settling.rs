@@ -8,8 +8,8 @@ use upm_perception::vision::TableMotion;
 /// Frames at rest with larger ones start no cycle.
 const SWING_CORNER_PX: f64 = 0.95;
 const SWING_SHIFT_PX: f64 = 0.7;
-/// Shift between two looks from which on the plate still swings, px, and the time without one after which it has swung
-/// out, s: half of the slowest swing.
+/// Shift between two observations from which on the plate still swings, px, and the time without one after which it has
+/// swung out, s: half of the slowest swing.
 const SWINGS_PX: f64 = 0.1;
 const STILL_S: f64 = 0.12;
 /// Time in which a plate swings out, s.
@@ -41,7 +41,7 @@ pub(super) struct Settling {
     rest_from: Option<PlateTime>,
     /// Time by which a plate that was seen elsewhere at rest has swung through its rest position and back.
     settled_from: PlateTime,
-    /// Shift of the plate since the table was located, as of the last look, px.
+    /// Shift of the plate since the table was located, as of the last observation, px.
     shift_px: Vec2,
 }
 
@@ -121,7 +121,7 @@ mod tests {
         let mut settling = Settling::default();
         settling.relocate(at(0), true);
         assert_eq!(settling.place(at(20), seen(0.0, 0.05)), PlateInImage::Swinging);
-        // a shift from one look to the next: it still swings
+        // a shift from one observation to the next: it still swings
         assert_eq!(settling.place(at(24), seen(0.0, 0.2)), PlateInImage::Swinging);
         assert_eq!(settling.place(at(33), seen(0.0, 0.2)), PlateInImage::SwungOut);
         assert_eq!(settling.place(at(34), seen(0.0, 0.2)), PlateInImage::Same);

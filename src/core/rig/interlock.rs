@@ -208,8 +208,8 @@ impl Interlock {
     /// Announces that the rig is about to play; refused once tripped.
     #[inline]
     pub fn energize(&self) -> Result<(), Trip> {
-        let sounding = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::SOUNDING));
-        self.0.change(sounding).map_err(|word| word.trip().unwrap_or(Trip::EStop))
+        let driving = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::SOUNDING));
+        self.0.change(driving).map_err(|word| word.trip().unwrap_or(Trip::EStop))
     }
 
     /// Records the rig's time before every step; `Some` when motors have to be silent in that step.

@@ -12,7 +12,7 @@ const START: f64 = 0.02;
 
 /// Results in addition to the runs.
 pub struct SideResults {
-    /// Solution of the step in one look, m.
+    /// Solution of the step in one observation, m.
     pub d_m: [f64; CENTERS],
     /// Spin of the rig's plate about each centre, rad/s.
     pub spin_radps: [f64; CENTERS],
@@ -59,9 +59,9 @@ fn of_one_look(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideRes
     for (j, d) in side_results.d_m.into_iter().enumerate() {
         figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
-    // Every look corrects the miss of the previous ones: only the second order of its own step remains.
+    // Every observation corrects the miss of the previous ones: only the second order of its own step remains.
     let second = "second order of each look's own step is left";
-    let measured = |looks: usize| 1e3 * ideal.miss_m(looks).unwrap_or(f64::NAN);
+    let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
     let [.., coarse, fine] = LOOKS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
     figures.extend([
@@ -78,24 +78,24 @@ fn of_plate(run: &StepSeries, ideal: &StepSeries, shortest_m: f64, saturation: f
         Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * shortest_m, source),
         Figure::alone(format!("saturation, {name}"), "1", saturation, SATURATION),
     ];
-    for (looks, way) in &run.ways {
-        let label = format!("E of {}, {name}", counted(*looks));
-        let exact = 1e3 * ideal.miss_m(*looks).unwrap_or(f64::NAN);
+    for (observations, way) in &run.ways {
+        let label = format!("E of {}, {name}", counted(*observations));
+        let exact = 1e3 * ideal.miss_m(*observations).unwrap_or(f64::NAN);
         figures.push(Figure::against(label, "mm", 1e3 * way.miss_m, exact, "the ideal field's E in as many looks"));
     }
-    for (looks, fault) in &run.failed {
-        figures.push(Figure::alone(format!("failed try, {name}"), "looks", *looks as f64, &fault.to_string()));
+    for (observations, fault) in &run.failed {
+        figures.push(Figure::alone(format!("failed try, {name}"), "looks", *observations as f64, &fault.to_string()));
     }
     figures
 }
 
-fn counted(looks: usize) -> String {
-    format!("{looks} {}", if looks == 1 { "look" } else { "looks" })
+fn counted(observations: usize) -> String {
+    format!("{observations} {}", if observations == 1 { "look" } else { "looks" })
 }
 
 fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
     [
-        Series::new(&format!("{name}_looks"), run.ways.iter().map(|(looks, _)| *looks as f64)),
+        Series::new(&format!("{name}_looks"), run.ways.iter().map(|(observations, _)| *observations as f64)),
         Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
     ]
 }
@@ -116,7 +116,7 @@ fn motion(rig: &LabRig, task: &TwoPartProblem, way: &TwoPartPath) -> Playback {
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.
 fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
-    let (looks, way) = run.ways.first()?;
+    let (observations, way) = run.ways.first()?;
     let corners = &way.corners;
     let centers = task.centers_m.map(mm);
     let names = Mark::Labels { texts: (1..=CENTERS).map(|center| format!("C{center}")).collect() };
@@ -142,7 +142,7 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
     }
     Some(Chart::plate_map(
         name,
-        format!("{}: two parts, four centres of rotation, a large step in {}", run.name, counted(*looks)),
+        format!("{}: two parts, four centres of rotation, a large step in {}", run.name, counted(*observations)),
         None,
         layers,
     ))
@@ -151,8 +151,9 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
 fn misses(runs: &[StepSeries; 3]) -> Chart {
     let mut layers = Vec::new();
     for (i, run) in runs.iter().enumerate() {
-        let points: Vec<[f64; 2]> = run.ways.iter().map(|(looks, way)| [*looks as f64, 1e3 * way.miss_m]).collect();
-        let failed: Vec<String> = run.failed.iter().map(|(looks, _)| looks.to_string()).collect();
+        let points: Vec<[f64; 2]> =
+            run.ways.iter().map(|(observations, way)| [*observations as f64, 1e3 * way.miss_m]).collect();
+        let failed: Vec<String> = run.failed.iter().map(|(observations, _)| observations.to_string()).collect();
         let label = match failed.as_slice() {
             [] => run.name.to_owned(),
             failed => format!("{} (failed with {} looks)", run.name, failed.join(", ")),

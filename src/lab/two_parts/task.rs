@@ -1,4 +1,4 @@
-//! The large step with two parts, and their paths to its goals in one look and in several.
+//! The large step with two parts, and their paths to its goals in one observation and in several.
 
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, PartPositions, condition, distances, field_matrix, mean_miss};
@@ -10,7 +10,7 @@ const CORNERS: [[f64; 2]; CENTERS] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [1
 /// Starts and goals, in half sides of the plate; the steps are large on purpose, as in the paper.
 const STARTS: [[f64; 2]; 2] = [[-0.26, -0.19], [0.49, 0.0]];
 const GOALS: [[f64; 2]; 2] = [[-0.6, -0.11], [0.3, -0.29]];
-/// Numbers of looks into which the step is split.
+/// Numbers of observations into which the step is split.
 pub const LOOKS: [usize; 4] = [1, 2, 4, 8];
 
 /// The problem on a plate of this size.
@@ -28,23 +28,23 @@ impl TwoPartProblem {
         Self { half_side_m, centers_m: CORNERS.map(scaled), starts_m: STARTS.map(scaled), goals_m: GOALS.map(scaled) }
     }
 
-    /// Target positions after `done` of `looks` looks: on straight lines to the goals.
-    fn waypoints_m(&self, done: usize, looks: usize) -> PartPositions {
-        let share = done as f64 / looks as f64;
+    /// Target positions after `done` of `observations` observations: on straight lines to the goals.
+    fn waypoints_m(&self, done: usize, observations: usize) -> PartPositions {
+        let share = done as f64 / observations as f64;
         std::array::from_fn(|i| self.starts_m[i] + (self.goals_m[i] - self.starts_m[i]) * share)
     }
 
-    /// Splits the step into `looks` looks; at each, solves for d at the parts' present positions and rotates them by it
-    /// with `rotate`, centre after centre.
+    /// Splits the step into `observations` observations; at each, solves for d at the parts' present positions and
+    /// rotates them by it with `rotate`, centre after centre.
     pub fn go(
         &self,
-        looks: usize,
+        observations: usize,
         mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
     ) -> Result<TwoPartPath, LabFault> {
         let mut at = self.starts_m;
         let mut way = TwoPartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
-        for look in 1..=looks {
-            let wanted = self.waypoints_m(look, looks);
+        for look in 1..=observations {
+            let wanted = self.waypoints_m(look, observations);
             let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
             for (center, &d) in d_m.iter().enumerate() {
                 let samples = rotate(&at, center, d)?;
@@ -77,12 +77,12 @@ pub struct TwoPartPath {
     pub miss_m: f64,
 }
 
-/// The step by one mover in 1, 2, 4 and 8 looks.
+/// The step by one mover in 1, 2, 4 and 8 observations.
 pub struct StepSeries {
     pub name: &'static str,
-    /// Numbers of looks and the resulting paths.
+    /// Numbers of observations and the resulting paths.
     pub ways: Vec<(usize, TwoPartPath)>,
-    /// Numbers of looks that failed, and the reason: a part fell, or the four fields became dependent.
+    /// Numbers of observations that failed, and the reason: a part fell, or the four fields became dependent.
     pub failed: Vec<(usize, LabFault)>,
 }
 
@@ -93,21 +93,21 @@ impl StepSeries {
         rotate: impl Fn(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
     ) -> Self {
         let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
-        for looks in LOOKS {
-            match task.go(looks, &rotate) {
-                Ok(way) => runs.ways.push((looks, way)),
-                Err(fault) => runs.failed.push((looks, fault)),
+        for observations in LOOKS {
+            match task.go(observations, &rotate) {
+                Ok(way) => runs.ways.push((observations, way)),
+                Err(fault) => runs.failed.push((observations, fault)),
             }
         }
         runs
     }
 
-    /// E after `looks` looks, m.
-    pub fn miss_m(&self, looks: usize) -> Option<f64> {
-        self.ways.iter().find(|(of, _)| *of == looks).map(|(_, way)| way.miss_m)
+    /// E after `observations` observations, m.
+    pub fn miss_m(&self, observations: usize) -> Option<f64> {
+        self.ways.iter().find(|(of, _)| *of == observations).map(|(_, way)| way.miss_m)
     }
 
-    /// The path with the fewest looks.
+    /// The path with the fewest observations.
     pub fn first(&self) -> Option<&TwoPartPath> {
         self.ways.first().map(|(_, way)| way)
     }

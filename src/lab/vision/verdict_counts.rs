@@ -8,7 +8,7 @@ const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed
 /// Most seeds reported for one cause.
 const MOST_SEEDS: usize = 10;
 
-/// Statistics of one family's verdicts.
+/// Statistics of one difficulty's verdicts.
 pub struct VerdictCounts {
     difficulty: Difficulty,
     scenes: usize,
@@ -87,7 +87,7 @@ impl VerdictCounts {
         CAUSES.into_iter().zip(self.seeds.iter().map(Vec::as_slice)).filter(|(_, seeds)| !seeds.is_empty())
     }
 
-    /// The family's figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
+    /// The figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
     /// located correctly are neither missed nor measured.
     pub fn figures(&self) -> Vec<Figure> {
         const TRUTH: &str = "rendered scenes, against the truth";

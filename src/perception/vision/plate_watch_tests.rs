@@ -173,7 +173,7 @@ fn hand_and_arm_hide_and_are_no_parts() {
             let arm = ClutterOutline::capsule(tip, tip + out * 0.4, 0.03);
             for (shape, least) in [(palm, 0.15), (arm, 0.05)] {
                 let tracks = tracks_behind(&discs, &shape);
-                let covered = Scene { covers: vec![ClutterShape { shape, level }], ..scene.clone() };
+                let covered = Scene { occluders: vec![ClutterShape { shape, level }], ..scene.clone() };
                 let sight = watch.check(&shot(&covered, 60 + k as u64, &discs), &tracks);
                 assert!(sight.foreign.is_empty() && !sight.dark, "level {level}, {k}: {sight:?}");
                 assert!(sight.hidden_share > least, "level {level}, {k}: {sight:?}");

@@ -166,8 +166,8 @@ fn quad(
             loose_px += loose as f64 * SHORT_END_PENALTY * visible[i];
         }
         let visible_px = visible.iter().sum::<f64>();
-        let worth_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
-        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, score_px: worth_px })
+        let score_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
+        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, score_px })
     };
     seen_as(true).or_else(|| seen_as(false))
 }

@@ -141,8 +141,8 @@ fn large_knock_is_displaced_or_large_in_any_direction() {
             for k in 0..8 {
                 let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
                 let motion = watch.check(&knocked(&scene, Vec2::new(cos, sin) * px, 0.0).frame_with(&discs()));
-                let told = motion.corner_px().unwrap_or(0.0);
-                assert!(told > 2.0, "{px} px to ({cos:.1}, {sin:.1}): {motion:?}");
+                let moved_px = motion.corner_px().unwrap_or(0.0);
+                assert!(moved_px > 2.0, "{px} px to ({cos:.1}, {sin:.1}): {motion:?}");
             }
         }
         for turn_rad in [0.01, 0.03, 0.08, -0.2] {
@@ -157,8 +157,8 @@ fn lifted_camera_is_a_knock() {
     let scene = Scene::plain(1);
     let mut after = scene.clone();
     after.camera_m.z *= 1.005;
-    let told = corner_px(watch(&scene).check(&after.frame_with(&discs())));
-    assert!((told / truth_px(&scene, &after) - 1.0).abs() < 0.1, "{told}");
+    let moved_px = corner_px(watch(&scene).check(&after.frame_with(&discs())));
+    assert!((moved_px / truth_px(&scene, &after) - 1.0).abs() < 0.1, "{moved_px}");
 }
 
 #[test]
@@ -190,15 +190,15 @@ fn hand_over_a_third_of_the_view_is_no_knock_and_hides_none() {
             let shape = ClutterOutline::rectangle(out * (SIDE_M * 0.66), [SIDE_M / 2.0, SIDE_M], 0.05 + sin.atan2(cos));
             let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
             let covered = |scene: &Scene| {
-                let covers = vec![ClutterShape { shape: shape.clone(), level }];
-                Scene { covers, ..scene.clone() }.frame_with(&discs())
+                let occluders = vec![ClutterShape { shape: shape.clone(), level }];
+                Scene { occluders, ..scene.clone() }.frame_with(&discs())
             };
             let watch = watch(&scene);
             let motion = watch.check(&covered(&scene));
             assert!(sides_seen(&motion) >= 3 && corner_px(motion) < KNOCK_PX, "level {level}, side {k}: {motion:?}");
             let after = knocked(&scene, Vec2::new(0.8, -0.6), 0.0);
-            let told = corner_px(watch.check(&covered(&after)));
-            assert!((told - 1.0).abs() < KNOCK_PX, "level {level}, side {k}: {told}");
+            let moved_px = corner_px(watch.check(&covered(&after)));
+            assert!((moved_px - 1.0).abs() < KNOCK_PX, "level {level}, side {k}: {moved_px}");
         }
     }
 }
@@ -208,9 +208,9 @@ fn hand_along_a_side_is_left_out() {
     let scene = Scene { noise_sd: 2.5, ..Scene::plain(4) };
     for depth_m in [-0.0008, 0.0, 0.0006, 0.001] {
         let at = Vec2::new(0.0, SIDE_M - depth_m);
-        let covers =
+        let occluders =
             vec![ClutterShape { shape: ClutterOutline::rectangle(at, [SIDE_M, SIDE_M / 2.0], 0.0), level: 150.0 }];
-        let motion = watch(&scene).check(&Scene { covers, ..scene.clone() }.frame_with(&discs()));
+        let motion = watch(&scene).check(&Scene { occluders, ..scene.clone() }.frame_with(&discs()));
         assert!(corner_px(motion) < KNOCK_PX, "{motion:?}");
     }
 }
@@ -236,8 +236,8 @@ proptest! {
         let motion = watch.check(&lit(scene.frame_with(&discs), light));
         prop_assert!(sides_seen(&motion) >= 3 && corner_px(motion) < KNOCK_PX, "{:?}", motion);
         let after = knocked(&scene, Vec2::new(0.6, 0.5), 0.0);
-        let told = corner_px(watch.check(&lit(after.frame_with(&discs), light)));
-        prop_assert!((told - 0.78).abs() < KNOCK_PX, "{}", told);
+        let moved_px = corner_px(watch.check(&lit(after.frame_with(&discs), light)));
+        prop_assert!((moved_px - 0.78).abs() < KNOCK_PX, "{}", moved_px);
     }
 
     #[test]
@@ -250,7 +250,7 @@ proptest! {
         let mut frame = Frame::new(size[0], size[1]);
         let mut rng = Streams::new(seed).stream("noise");
         frame.pixels.fill_with(|| rng.next_u64() as u8);
-        let told = TableWatch::new(&table, size).check(&frame).corner_px();
-        prop_assert!(told.is_none_or(|px| !px.is_nan()));
+        let moved_px = TableWatch::new(&table, size).check(&frame).corner_px();
+        prop_assert!(moved_px.is_none_or(|px| !px.is_nan()));
     }
 }

@@ -194,14 +194,14 @@ impl Tracker {
 
     /// For each part that was seen in the last frame, the detection at its expected position, if no other claims it.
     fn own_observations(&self, pool: &[Observation]) -> Vec<Option<usize>> {
-        let claim = |(track, motion): (&Track, &MotionModel)| {
+        let gated_pair = |(track, motion): (&Track, &MotionModel)| {
             let off = |look: &Observation| (look.part.center_px - motion.place_px).norm() / look.part.radius_px;
             let fits = |(_, look): &(usize, &Observation)| look.part.kind == track.seen.kind && off(look) < FAR_RADII;
             pool.iter().enumerate().filter(|_| track.frames_unseen == 0).find(fits).map(|(k, _)| k)
         };
-        let claims: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(claim).collect();
-        let alone = |claim: &Option<usize>| claims.iter().filter(|other| *other == claim).count() == 1;
-        claims.iter().map(|claim| claim.filter(|_| alone(claim))).collect()
+        let gated_pairs: Vec<Option<usize>> = self.tracks.iter().zip(&self.motions).map(gated_pair).collect();
+        let alone = |gated_pair: &Option<usize>| gated_pairs.iter().filter(|other| *other == gated_pair).count() == 1;
+        gated_pairs.iter().map(|gated_pair| gated_pair.filter(|_| alone(gated_pair))).collect()
     }
 
     fn see(&mut self, i: usize, look: Observation) {

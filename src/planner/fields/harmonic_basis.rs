@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Mul;
 
-pub(super) use wide::f64x8 as Lanes;
+pub(super) use wide::f64x8 as SimdF64;
 
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
@@ -58,13 +58,13 @@ impl HarmonicBasis {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
         let samples = (STEPS * harmonics).max(FEWEST) * STRIDE + 1;
         let phase = |q: usize| TAU * q as f64 / samples as f64;
-        let basis = |q: usize| {
+        let row = |q: usize| {
             (1..=harmonics).map(move |k| {
                 let (sin, cos) = (k as f64 * phase(q)).sin_cos();
                 [cos, sin]
             })
         };
-        let table = (0..=samples / 2).flat_map(basis).collect();
+        let table = (0..=samples / 2).flat_map(row).collect();
         Self { base_radps, half_side_m, harmonics, samples, table }
     }
 
@@ -107,10 +107,10 @@ impl HarmonicBasis {
         let factors = |k: usize| {
             let [x, y, spin] = [x, y, spin].map(|axis| [axis[2 * k - 2], axis[2 * k - 1]]);
             let [along_x, along_y] = [x, y].map(|axis| self.integral(axis, k));
-            [0, 1].map(|i| Lanes::from([x[i], y[i], spin[i], along_x[i], along_y[i], 0.0, 0.0, 0.0]))
+            [0, 1].map(|i| SimdF64::from([x[i], y[i], spin[i], along_x[i], along_y[i], 0.0, 0.0, 0.0]))
         };
-        let factors: Vec<[Lanes; 2]> = (1..=self.harmonics).map(factors).collect();
-        let instant = |lanes: Lanes| {
+        let factors: Vec<[SimdF64; 2]> = (1..=self.harmonics).map(factors).collect();
+        let instant = |lanes: SimdF64| {
             let [x, y, spin, along_x, along_y, ..] = lanes.to_array();
             PlateInstant {
                 velocity_mps: Vec2::new(x, y),
@@ -130,13 +130,13 @@ impl HarmonicBasis {
 
     /// Eight sums of harmonics in every phase of a period: `factors[k - 1]` are the coefficients of cos and sin of
     /// harmonic k.
-    pub fn sums(&self, factors: &[[Lanes; 2]]) -> Vec<Lanes> {
-        let mut sums = vec![Lanes::ZERO; self.samples];
-        for (q, basis) in self.table.chunks_exact(self.harmonics).enumerate() {
-            let (mut even, mut odd) = (Lanes::ZERO, Lanes::ZERO);
-            for ([by_cos, by_sin], [cos, sin]) in factors.iter().zip(basis) {
-                even += *by_cos * Lanes::splat(*cos);
-                odd += *by_sin * Lanes::splat(*sin);
+    pub fn sums(&self, factors: &[[SimdF64; 2]]) -> Vec<SimdF64> {
+        let mut sums = vec![SimdF64::ZERO; self.samples];
+        for (q, row) in self.table.chunks_exact(self.harmonics).enumerate() {
+            let (mut even, mut odd) = (SimdF64::ZERO, SimdF64::ZERO);
+            for ([by_cos, by_sin], [cos, sin]) in factors.iter().zip(row) {
+                even += *by_cos * SimdF64::splat(*cos);
+                odd += *by_sin * SimdF64::splat(*sin);
             }
             sums[q] = even + odd;
             sums[self.mirrored(q)] = even - odd;
@@ -146,18 +146,18 @@ impl HarmonicBasis {
 
     /// The transpose of [`Self::sums`]: for eight series over a period, the sums of products with cos and sin of each
     /// harmonic.
-    pub fn projections(&self, series: &[Lanes]) -> Vec<[Lanes; 2]> {
+    pub fn projections(&self, series: &[SimdF64]) -> Vec<[SimdF64; 2]> {
         let folded = |q: usize| {
             let (there, back) = (series[q], series[self.mirrored(q)]);
-            if q == 0 { [there, Lanes::ZERO] } else { [there + back, there - back] }
+            if q == 0 { [there, SimdF64::ZERO] } else { [there + back, there - back] }
         };
-        let folded: Vec<[Lanes; 2]> = (0..=self.samples / 2).map(folded).collect();
+        let folded: Vec<[SimdF64; 2]> = (0..=self.samples / 2).map(folded).collect();
         let projection = |k: usize| {
-            let basis = self.table.iter().skip(k).step_by(self.harmonics);
-            let sum = |[cos_sum, sin_sum]: [Lanes; 2], ([even, odd], [cos, sin]): (&[Lanes; 2], &[f64; 2])| {
-                [cos_sum + *even * Lanes::splat(*cos), sin_sum + *odd * Lanes::splat(*sin)]
+            let column = self.table.iter().skip(k).step_by(self.harmonics);
+            let sum = |[cos_sum, sin_sum]: [SimdF64; 2], ([even, odd], [cos, sin]): (&[SimdF64; 2], &[f64; 2])| {
+                [cos_sum + *even * SimdF64::splat(*cos), sin_sum + *odd * SimdF64::splat(*sin)]
             };
-            folded.iter().zip(basis).fold([Lanes::ZERO; 2], sum)
+            folded.iter().zip(column).fold([SimdF64::ZERO; 2], sum)
         };
         (0..self.harmonics).map(projection).collect()
     }
@@ -165,13 +165,13 @@ impl HarmonicBasis {
     /// Slopes, by the coefficients, of one quantity of each of eight parts, from its slopes by the plate's velocity (x,
     /// y, spin) in every phase.
     #[inline]
-    pub fn slopes(&self, by_motion: &[Vec<Lanes>; 3]) -> impl Iterator<Item = Lanes> {
+    pub fn slopes(&self, by_motion: &[Vec<SimdF64>; 3]) -> impl Iterator<Item = SimdF64> {
         let scales = [1.0, 1.0, 1.0 / self.half_side_m];
         let [x, y, spin] = by_motion.each_ref().map(|series| self.projections(series));
         [x, y, spin]
             .into_iter()
             .zip(scales)
-            .flat_map(|(axis, scale)| axis.into_iter().flatten().map(move |slope| slope * Lanes::splat(scale)))
+            .flat_map(|(axis, scale)| axis.into_iter().flatten().map(move |slope| slope * SimdF64::splat(scale)))
     }
 
     /// Index of the phase in which cosines equal those of phase `q` and sines are opposite.

@@ -3,7 +3,7 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 use wide::f64x4;
 
-use super::harmonic_basis::{HarmonicBasis, Lanes};
+use super::harmonic_basis::{HarmonicBasis, SimdF64};
 use upm_cor_library::{FieldResponse, motor_harmonics};
 use upm_core::signal::Envelope;
 
@@ -69,16 +69,16 @@ impl MotorEffort {
             let momenta = forces.map(|force| basis.integral(force, k));
             [0, 1].map(|i| {
                 let [[a, b, c, d], [e, f, g, h]] = [forces, momenta].map(|of_motors| of_motors.map(|parts| parts[i]));
-                Lanes::from([a, b, c, d, e, f, g, h])
+                SimdF64::from([a, b, c, d, e, f, g, h])
             })
         };
-        let factors: Vec<[Lanes; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
+        let factors: Vec<[SimdF64; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
         basis.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
     }
 
     /// The larger of `peak` and the highest count that a sample with these four forces and four momenta can reach,
     /// counts.
-    fn higher_peak(&self, peak: f64, forces_and_momenta: Lanes) -> f64 {
+    fn higher_peak(&self, peak: f64, forces_and_momenta: SimdF64) -> f64 {
         let [a, b, c, d, e, f, g, h] = forces_and_momenta.to_array();
         let (forces, momenta) = ([a, b, c, d], [e, f, g, h]);
         // upper bound over all flanks, which spares most samples the exact evaluation

@@ -126,8 +126,8 @@ impl ShootingProblem<'_> {
             if iterate.cost < good || reach < NARROWEST {
                 break;
             }
-            let of_shot = slopes.get_or_insert_with(|| self.slopes(&iterate));
-            let Some(change) = self.change(of_shot, &iterate, reach, &mut raised) else { break };
+            let of_iterate = slopes.get_or_insert_with(|| self.slopes(&iterate));
+            let Some(change) = self.change(of_iterate, &iterate, reach, &mut raised) else { break };
             let changed: Vec<f64> = iterate.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
             let next = self.iterate(&changed);
             if next.cost < iterate.cost {

@@ -152,7 +152,7 @@ impl FieldPlanner {
     /// Pushes of all start motions on parts at rest at `positions_m`: for each motion the mean direction of the slip, a
     /// vector of length at most 1.
     pub fn mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
-        self.seeds.all_pushes(positions_m)
+        self.seeds.all_mean_forces(positions_m)
     }
 
     /// Forecast positions of `parts` after `pulse`, m.

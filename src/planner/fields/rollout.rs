@@ -16,7 +16,7 @@
 
 use nalgebra::DMatrix;
 
-use super::harmonic_basis::{HarmonicBasis, Lanes, PlateInstant};
+use super::harmonic_basis::{HarmonicBasis, PlateInstant, SimdF64};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
@@ -59,25 +59,25 @@ struct PlateStep {
 #[derive(Clone, Debug, Default)]
 struct Group {
     /// Change of speed by full friction in a step, `μ g dt`, m/s.
-    pull_mps: Lanes,
+    pull_mps: SimdF64,
     /// `κ R²`, m².
-    turning_m2: Lanes,
+    turning_m2: SimdF64,
     /// `1/(2 μ g)`, s²/m.
-    coasting: Lanes,
+    coasting: SimdF64,
     /// State before every step.
     states: Vec<RolloutState>,
     /// Velocity when the motors fall silent, m/s.
-    last_mps: [Lanes; 2],
+    last_mps: [SimdF64; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct RolloutState {
     /// Position from the plate's centre, m.
-    arm_m: [Lanes; 2],
+    arm_m: [SimdF64; 2],
     /// Fraction of full friction, a vector: `s / sqrt(|s|² + κ R² ω² + ε²)`.
-    pull: [Lanes; 2],
+    pull: [SimdF64; 2],
     /// `1 / sqrt(|s|² + κ R² ω² + ε²)`, s/m.
-    inverse: Lanes,
+    inverse: SimdF64,
 }
 
 impl Rollout {
@@ -94,7 +94,7 @@ impl Rollout {
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
         for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
-            let [x, y] = group.play(&self.steps, dt, discs).map(Lanes::to_array);
+            let [x, y] = group.play(&self.steps, dt, discs).map(SimdF64::to_array);
             self.ends_m.extend(discs.iter().zip(x).zip(y).map(|((_, x), y)| Vec2::new(x, y)));
         }
     }
@@ -104,7 +104,7 @@ impl Rollout {
         let at = move |step: usize| {
             let offset_m = self.steps[step].plate.offset_m;
             let places = self.groups.iter().flat_map(move |group| {
-                let [x, y] = group.states[step].arm_m.map(Lanes::to_array);
+                let [x, y] = group.states[step].arm_m.map(SimdF64::to_array);
                 x.into_iter().zip(y).map(move |(x, y)| Vec2::new(x, y) + offset_m)
             });
             places.take(self.ends_m.len()).collect()
@@ -115,10 +115,10 @@ impl Rollout {
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
     pub fn slopes(&self, basis: &HarmonicBasis) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
-        let mut by_motion = [(); 3].map(|()| vec![Lanes::ZERO; basis.samples]);
+        let mut by_motion = [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
         for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
             for axis in 0..2 {
-                by_motion.iter_mut().for_each(|series| series.fill(Lanes::ZERO));
+                by_motion.iter_mut().for_each(|series| series.fill(SimdF64::ZERO));
                 group.adjoint(axis, &self.steps, basis.step_s(), &mut by_motion);
                 for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
@@ -132,16 +132,16 @@ impl Rollout {
 
 impl Group {
     /// Moves `discs` from rest through `steps` until they have coasted to rest; returns their final positions, m.
-    fn play(&mut self, steps: &[PlateStep], dt: f64, discs: &[RolloutDisc]) -> [Lanes; 2] {
+    fn play(&mut self, steps: &[PlateStep], dt: f64, discs: &[RolloutDisc]) -> [SimdF64; 2] {
         let each = |of: fn(&RolloutDisc) -> f64, idle: f64| {
-            Lanes::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
+            SimdF64::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
         };
         let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
         let pull_mps = friction_mps2 * dt;
         let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);
         let coasting = 0.5 / friction_mps2;
         let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
-        let [mut vx, mut vy] = [Lanes::ZERO; 2];
+        let [mut vx, mut vy] = [SimdF64::ZERO; 2];
         self.states.clear();
         self.states.extend(steps.iter().map(|PlateStep { plate, .. }| {
             let spin = plate.spin_radps;
@@ -163,9 +163,9 @@ impl Group {
     }
 
     /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).
-    fn adjoint(&self, axis: usize, steps: &[PlateStep], dt: f64, by_motion: &mut [Vec<Lanes>; 3]) {
-        let mut by_place = [Lanes::ZERO; 2];
-        by_place[axis] = Lanes::ONE;
+    fn adjoint(&self, axis: usize, steps: &[PlateStep], dt: f64, by_motion: &mut [Vec<SimdF64>; 3]) {
+        let mut by_place = [SimdF64::ZERO; 2];
+        by_place[axis] = SimdF64::ONE;
         let mut by_speed = self.coasting_slope(axis);
         let [by_x, by_y, by_spin] = by_motion;
         for (state, &PlateStep { phase, height, plate }) in self.states.iter().zip(steps).rev() {
@@ -184,10 +184,10 @@ impl Group {
     }
 
     /// Slope of the distance coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.
-    fn coasting_slope(&self, axis: usize) -> [Lanes; 2] {
+    fn coasting_slope(&self, axis: usize) -> [SimdF64; 2] {
         let [vx, vy] = self.last_mps;
         // avoids 0/0 for a part at rest: it does not coast in any direction
-        let speed = (vx * vx + vy * vy).sqrt().max(Lanes::splat(f64::MIN_POSITIVE));
+        let speed = (vx * vx + vy * vy).sqrt().max(SimdF64::splat(f64::MIN_POSITIVE));
         let mut slope = [vx, vy].map(|v| v * self.last_mps[axis] / speed);
         slope[axis] += speed;
         slope.map(|slope| slope * self.coasting)

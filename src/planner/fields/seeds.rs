@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
-use super::harmonic_basis::{HarmonicBasis, Lanes, PlateInstant};
+use super::harmonic_basis::{HarmonicBasis, PlateInstant, SimdF64};
 
 /// Motions that have a table, eight at a time.
 const MOTIONS: usize = 8 * EIGHTS;
@@ -56,7 +56,7 @@ pub(super) struct SeedLibrary {
     half_side_m: f64,
     motions: Vec<Vec<f64>>,
     /// `mean_forces[row * NODES + column]`: mean direction of the slip, x and y, for eight motions at a time.
-    pushes: Vec<[[Lanes; 2]; EIGHTS]>,
+    mean_forces: Vec<[[SimdF64; 2]; EIGHTS]>,
 }
 
 /// A motion of the seed library under one symmetry and direction, with its expected score.
@@ -84,13 +84,13 @@ impl SeedLibrary {
         let mut random = || (0..basis.len()).map(|j| draw() / basis.harmonic_of(j) as f64).collect::<Vec<f64>>();
         let motions: Vec<Vec<f64>> = (0..MOTIONS).map(|_| random()).collect();
         let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(basis, motion, half_side_m)).collect();
-        let pushes = |node: usize| {
+        let mean_forces = |node: usize| {
             std::array::from_fn(|k| {
                 let eight = |axis: usize| std::array::from_fn::<f64, 8, _>(|lane| tables[8 * k + lane][node][axis]);
-                [0, 1].map(|axis| Lanes::from(eight(axis)))
+                [0, 1].map(|axis| SimdF64::from(eight(axis)))
             })
         };
-        Self { half_side_m, motions, pushes: (0..NODES * NODES).map(pushes).collect() }
+        Self { half_side_m, motions, mean_forces: (0..NODES * NODES).map(mean_forces).collect() }
     }
 
     /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
@@ -106,13 +106,13 @@ impl SeedLibrary {
         promises.select_nth_unstable_by(count - 1, SeedScore::order);
         promises.truncate(count);
         promises.sort_by(SeedScore::order);
-        promises.iter().map(|promise| self.transformed(basis, promise)).collect()
+        promises.iter().map(|score| self.transformed(basis, score)).collect()
     }
 
     /// Scores of all motions under `symmetry`.
     fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = SeedScore> {
         let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
-        let mut sums = [[Lanes::ZERO; 2]; EIGHTS];
+        let mut sums = [[SimdF64::ZERO; 2]; EIGHTS];
         for (&p, &s) in positions_m.iter().zip(steps_m) {
             let step = symmetry.back(s) / length_m;
             for ([along, square], [x, y]) in sums.iter_mut().zip(self.pushes_at(symmetry.back(p))) {
@@ -120,8 +120,8 @@ impl SeedLibrary {
                 *square += x * x + y * y;
             }
         }
-        let scored = move |(k, [along, square]): (usize, [Lanes; 2])| {
-            let astray = (square - along * along).max(Lanes::ZERO).sqrt();
+        let scored = move |(k, [along, square]): (usize, [SimdF64; 2])| {
+            let astray = (square - along * along).max(SimdF64::ZERO).sqrt();
             let scores = (along.abs() - astray * ASTRAY).to_array();
             let lanes = scores.into_iter().zip(along.to_array()).enumerate();
             lanes.map(move |(lane, (score, along))| SeedScore {
@@ -135,12 +135,12 @@ impl SeedLibrary {
     }
 
     /// Pushes of every motion under every symmetry on parts at rest at `positions_m`: mean directions of the slip.
-    pub fn all_pushes(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+    pub fn all_mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
         (0..Symmetry::COUNT).map(Symmetry::number).flat_map(move |symmetry| {
-            let at: Vec<Vec<[Lanes; 2]>> =
+            let at: Vec<Vec<[SimdF64; 2]>> =
                 positions_m.iter().map(|&p| self.pushes_at(symmetry.back(p)).collect()).collect();
             (0..MOTIONS).map(move |motion| {
-                let push = |eights: &Vec<[Lanes; 2]>| {
+                let push = |eights: &Vec<[SimdF64; 2]>| {
                     let [x, y] = eights[motion / 8].map(|lanes| lanes.to_array()[motion % 8]);
                     symmetry.onto(Vec2::new(x, y))
                 };
@@ -150,9 +150,9 @@ impl SeedLibrary {
     }
 
     /// Pushes of all motions at `p_m`, in the order of the tables.
-    fn pushes_at(&self, p_m: Vec2) -> impl Iterator<Item = [Lanes; 2]> {
+    fn pushes_at(&self, p_m: Vec2) -> impl Iterator<Item = [SimdF64; 2]> {
         let (node, place) = self.node(p_m);
-        let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.pushes[node]);
+        let corners = [node, node + 1, node + NODES, node + NODES + 1].map(|node| &self.mean_forces[node]);
         let [left, low] = [1.0 - place.x, 1.0 - place.y];
         let weights = [left * low, place.x * low, left * place.y, place.x * place.y];
         (0..EIGHTS).map(move |k| {
@@ -166,14 +166,14 @@ impl SeedLibrary {
     /// Coefficients of the motion with its symmetry and direction applied.
     fn transformed(&self, basis: &HarmonicBasis, &SeedScore { motion, symmetry, reverse, .. }: &SeedScore) -> Vec<f64> {
         let n = basis.per_axis();
-        let mut laid = self.motions[motion].clone();
+        let mut transformed = self.motions[motion].clone();
         let sign = if reverse { -1.0 } else { 1.0 };
         for j in 0..n {
-            let along = symmetry.onto(Vec2::new(laid[j], laid[n + j])) * sign;
-            (laid[j], laid[n + j]) = (along.x, along.y);
-            laid[2 * n + j] *= if symmetry.mirrored { -sign } else { sign };
+            let along = symmetry.onto(Vec2::new(transformed[j], transformed[n + j])) * sign;
+            (transformed[j], transformed[n + j]) = (along.x, along.y);
+            transformed[2 * n + j] *= if symmetry.mirrored { -sign } else { sign };
         }
-        laid
+        transformed
     }
 
     /// The table's cell at `p_m`: its first node and the position in it, 0 to 1 on each axis.
@@ -191,18 +191,18 @@ fn table(basis: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
     let square = (0..PHASES).map(|i| phase(i).velocity_mps.norm_squared()).sum::<f64>() / PHASES as f64;
     let eight = |first: usize| {
         let each =
-            |of: fn(&PlateInstant) -> f64| Lanes::from(std::array::from_fn::<f64, 8, _>(|i| of(&phase(first + i))));
+            |of: fn(&PlateInstant) -> f64| SimdF64::from(std::array::from_fn::<f64, 8, _>(|i| of(&phase(first + i))));
         [each(|plate| plate.velocity_mps.x), each(|plate| plate.velocity_mps.y), each(|plate| plate.spin_radps)]
     };
-    let eights: Vec<[Lanes; 3]> = (0..PHASES).step_by(8).map(eight).collect();
+    let eights: Vec<[SimdF64; 3]> = (0..PHASES).step_by(8).map(eight).collect();
     let at = |i: usize| half_side_m * (2.0 * i as f64 / (NODES - 1) as f64 - 1.0);
     let mean = |p: Vec2| {
-        let push = |[sum_x, sum_y]: [Lanes; 2], [x, y, spin]: &[Lanes; 3]| {
+        let push = |[sum_x, sum_y]: [SimdF64; 2], [x, y, spin]: &[SimdF64; 3]| {
             let [slip_x, slip_y] = [*x - *spin * p.y, *y + *spin * p.x];
             let inverse = 1.0 / (slip_x * slip_x + slip_y * slip_y + SOFT * square).sqrt();
             [sum_x + slip_x * inverse, sum_y + slip_y * inverse]
         };
-        let [x, y] = eights.iter().fold([Lanes::ZERO; 2], push).map(Lanes::reduce_add);
+        let [x, y] = eights.iter().fold([SimdF64::ZERO; 2], push).map(SimdF64::reduce_add);
         Vec2::new(x, y) / PHASES as f64
     };
     (0..NODES * NODES).map(|i| mean(Vec2::new(at(i % NODES), at(i / NODES)))).collect()

@@ -35,12 +35,12 @@ fn upm_2() -> Arc<Library> {
     Arc::clone(&LOADED)
 }
 
-fn upm_2_waves() -> HarmonicBasis {
+fn upm_2_basis() -> HarmonicBasis {
     let fields = upm_2().fields.clone().unwrap();
     HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), HALF_SIDE_M)
 }
 
-fn upm_2_strength(basis: &HarmonicBasis) -> MotorEffort {
+fn upm_2_effort(basis: &HarmonicBasis) -> MotorEffort {
     MotorEffort::new(basis, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
 }
 

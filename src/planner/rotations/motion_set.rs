@@ -26,7 +26,7 @@ const LEAST_REST_S: f64 = 8e-3;
 /// One pulse: a motion and the distance that it carries on the motion's typical belt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pulse {
-    /// Index into the belts.
+    /// Index into [`MotionSet::dials`].
     pub belt: usize,
     /// Signed distance on the typical belt, m; negative runs the drive in reverse.
     pub way_m: f64,
@@ -73,7 +73,7 @@ pub(super) struct MotionDial {
 #[derive(Clone, Debug)]
 pub(super) struct MotionSet {
     pub table: BeltTable,
-    pub motion_set: Vec<MotionDial>,
+    pub dials: Vec<MotionDial>,
     attack_s: f64,
     frame_s: f64,
     exposure_s: f64,
@@ -86,25 +86,25 @@ impl MotionSet {
         let fastest = typical.iter().copied().fold(0.0, f64::max);
         let strong =
             library.entries.iter().zip(typical).enumerate().filter(|(_, (_, speed))| *speed >= STRONG * fastest);
-        let motion_set = strong.map(|(entry, (motion, speed))| MotionDial {
+        let dials = strong.map(|(entry, (motion, speed))| MotionDial {
             entry,
             twist: motion.pump,
             dial: dial(&table, &motion.pump, speed),
         });
-        let motion_set = motion_set.collect();
+        let dials = dials.collect();
         let (frame_s, exposure_s) = (params.frame_s, params.exposure_s);
-        Self { table, motion_set, attack_s: library.attack_s, frame_s, exposure_s }
+        Self { table, dials, attack_s: library.attack_s, frame_s, exposure_s }
     }
 
     /// Shortest and longest distance of a belt's pulses, m.
     pub fn range_m(&self, belt: usize) -> (f64, f64) {
-        let dial = &self.motion_set[belt].dial;
+        let dial = &self.dials[belt].dial;
         (dial.first().map_or(0.0, |d| d.0), dial.last().map_or(0.0, |d| d.0))
     }
 
     /// Amplitude and sustain of `pulse`.
     pub fn setting(&self, pulse: Pulse) -> DialSetting {
-        let (dial, way_m) = (&self.motion_set[pulse.belt].dial, pulse.way_m.abs());
+        let (dial, way_m) = (&self.dials[pulse.belt].dial, pulse.way_m.abs());
         let above = dial.partition_point(|d| d.0 < way_m);
         match (above.checked_sub(1).map(|below| dial[below]), dial.get(above)) {
             (Some((low_m, low)), Some(&(high_m, high))) => low.towards(high, (way_m - low_m) / (high_m - low_m)),
@@ -118,7 +118,7 @@ impl MotionSet {
 
     /// `pulse`, prepared for forecasts.
     pub fn motion(&self, pulse: Pulse) -> LibraryMotion {
-        self.motion_of(&self.motion_set[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
+        self.motion_of(&self.dials[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
     }
 
     /// The motion of a library entry's `twist` at `setting`.
@@ -141,12 +141,12 @@ impl MotionSet {
 
     /// Motions with a centre more than `nearest` radii from every one of these discs (position and radius, m).
     pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone, nearest: f64) -> Vec<usize> {
-        let carries = |belt: &MotionDial| {
+        let supports = |belt: &MotionDial| {
             discs.clone().all(|(p, radius_m)| {
                 belt.twist.velocity_at(p).norm() > nearest * radius_m * belt.twist.spin_radps.abs()
             })
         };
-        (0..self.motion_set.len()).filter(|&j| carries(&self.motion_set[j])).collect()
+        (0..self.dials.len()).filter(|&j| supports(&self.dials[j])).collect()
     }
 }
 

@@ -361,7 +361,7 @@ impl RotationPlanner {
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
             PlannedPulse::Rotation(Rotation {
-                entry: self.motion_set.motion_set[pulse.belt].entry,
+                entry: self.motion_set.dials[pulse.belt].entry,
                 distance_m: pulse.way_m,
                 amplitude: setting.amplitude,
                 sustain_s: setting.sustain_s,
@@ -372,7 +372,7 @@ impl RotationPlanner {
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
         let left = refined.pulses[count..].to_vec();
         self.running = Some(PlayedSequence { pulses: left, subgoals_m, targets_m, want_m });
-        let candidates = refined.pulses.iter().map(|pulse| self.motion_set.motion_set[pulse.belt].entry).collect();
+        let candidates = refined.pulses.iter().map(|pulse| self.motion_set.dials[pulse.belt].entry).collect();
         Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
     }
 }

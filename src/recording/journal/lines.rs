@@ -22,7 +22,7 @@ use upm_planner::{Limit, PlanStatus, PlannedPulse};
 pub(super) enum JournalLine<'a> {
     /// Table and parts located without prior knowledge.
     Localised(LocalisedLine),
-    /// The same at the places where they were tracked, before a task counts as reached.
+    /// The same at the places where they were tracked, before a task counts as completed.
     Confirmed(ConfirmedLine),
     /// A cycle: observed, wanted, planned, sent, read back, predicted and measured.
     Cycle(CycleLine<'a>),
@@ -36,7 +36,7 @@ pub(super) enum JournalLine<'a> {
 pub(super) struct CycleLine<'a> {
     /// From 0.
     cycle: u64,
-    /// Time of the look that the plan is based on.
+    /// Time of the observation that the plan is based on.
     observed_at_s: Seconds,
     /// A point for each part, in the order of the job.
     observed_mm: Vec<PointMm>,
@@ -45,7 +45,7 @@ pub(super) struct CycleLine<'a> {
     sent: &'a [SentLine],
     /// Predicted positions at the end of the plan; null without a plan.
     predicted_mm: Option<Vec<PointMm>>,
-    /// Time of the next look.
+    /// Time of the next observation.
     ended_at_s: Seconds,
     result_mm: Vec<PointMm>,
 }
@@ -247,7 +247,7 @@ enum ReadPart {
         /// the latter.
         off_asked: Option<Fixed<4>>,
     },
-    Fault {
+    Diagnostic {
         fault: String,
     },
 }
@@ -271,7 +271,7 @@ impl SentLine {
                     PlannedPulse::Rotation(_) => None,
                 },
             },
-            Err(fault) => ReadPart::Fault { fault: fault.to_string() },
+            Err(fault) => ReadPart::Diagnostic { fault: fault.to_string() },
         };
         Self {
             started_at_s: seconds(facts.started_at),

@@ -4,12 +4,12 @@ use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Faults, Path};
+use upm_document::{Diagnostics, Path};
 use upm_task::BinParams;
 
 impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
-    pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Faults) -> Option<TaskSpec> {
+    pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Diagnostics) -> Option<TaskSpec> {
         let at = self.at.key("bins");
         let mut bins: Vec<BinParams> = Vec::with_capacity(raw.len());
         for (i, raw) in raw.iter().enumerate() {
@@ -20,7 +20,7 @@ impl TaskContext<'_> {
                     bin.kinds.iter().take(k).chain(bins.iter().flat_map(|b| &b.kinds)).any(|other| other == kind);
                 let name = raw.kinds.get(k).map_or("", String::as_str);
                 let found = format!("{name:?} a second time");
-                faults.demand(!taken, at.key("kinds").index(k), found, "each kind in one bin");
+                faults.require(!taken, at.key("kinds").index(k), found, "each kind in one bin");
             }
             bins.push(bin);
         }
@@ -29,12 +29,12 @@ impl TaskContext<'_> {
             let parts = self.kinds.iter().filter(|&&other| other == kind).count();
             let has_bin = parts == 0 || bins.iter().any(|bin| bin.kinds.contains(&kind));
             let found = format!("no bin for {}, {parts} of them on the plate", spec.kind.name);
-            faults.demand(has_bin, &at, found, "a bin for every kind of part");
+            faults.require(has_bin, &at, found, "a bin for every kind of part");
         }
         Some(TaskSpec::Sort { bins })
     }
 
-    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Faults) -> BinParams {
+    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Diagnostics) -> BinParams {
         let kind = |(i, name): (usize, &String)| self.rig.known_kind(name, &at.key("kinds").index(i), faults);
         let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
         let bin = BinParams { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
@@ -43,7 +43,7 @@ impl TaskContext<'_> {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
         }
         let is_rectangle = (bin.max_m - bin.min_m).min() > 0.0;
-        faults.demand(is_rectangle, &at, in_words(&bin), "min below max along x and y");
+        faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y");
         if is_rectangle {
             self.check_room(&bin, &at, faults);
         }
@@ -53,7 +53,7 @@ impl TaskContext<'_> {
     /// Reports a bin whose parts do not fit in straight rows with [`REST_GAP_M`] between rims and half of that to the
     /// bin's border, beyond which the next bin may begin. All parts are assumed as large as the largest, as the goal
     /// does when it assigns slots.
-    fn check_room(&self, bin: &BinParams, at: &Path, faults: &mut Faults) {
+    fn check_room(&self, bin: &BinParams, at: &Path, faults: &mut Diagnostics) {
         let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
         let (count, radius_m) =
             parts.fold((0, 0.0), |(n, largest), (_, &radius_m)| (n + 1, f64::max(largest, radius_m)));
@@ -75,24 +75,24 @@ impl TaskContext<'_> {
             "room for {count}, the parts of its kinds (with {gap:.3} mm between rims, {border:.3} mm to the border and \
              {edge:.3} mm to the plate's edge)"
         );
-        faults.demand(room >= count, at, found, allowed);
+        faults.require(room >= count, at, found, allowed);
     }
 }
 
 /// Reports every bin that overlaps an earlier one; a common border is allowed.
-fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Faults) {
+fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Diagnostics) {
     for (i, bin) in bins.iter().enumerate() {
         let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
         let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
         if let Some((k, other)) = overlapped {
-            let found = format!("{} over {}, {}", in_words(bin), at.index(k), in_words(other));
+            let found = format!("{} over {}, {}", text_of_bin(bin), at.index(k), text_of_bin(other));
             faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
         }
     }
 }
 
 /// Text for messages: `[-60, 0] to [-20, 40.5]`, mm.
-fn in_words(bin: &BinParams) -> String {
+fn text_of_bin(bin: &BinParams) -> String {
     let corner = |p: Vec2| format!("[{:.3}, {:.3}]", mm_from_m(p.x), mm_from_m(p.y));
     format!("{} to {}", corner(bin.min_m), corner(bin.max_m))
 }

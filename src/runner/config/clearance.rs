@@ -6,7 +6,7 @@ use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M, PartGroup};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Faults, Path, counted};
+use upm_document::{Diagnostics, Path, counted};
 
 /// Least gap between the rims of parts placed at random, m.
 pub const START_GAP_M: f64 = 3e-3;
@@ -24,19 +24,19 @@ pub const REST_MARGIN_M: f64 = 1e-3;
 pub(super) const ROUNDING_M: f64 = 1e-9;
 
 /// True if a part of `kind` fits on the plate and the camera can find it, else a fault at `at`.
-pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Faults) -> bool {
+pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path, faults: &mut Diagnostics) -> bool {
     let margin_m = if at_random { START_MARGIN_M } else { 0.0 };
     let found = rig.kinds.get(kind).map_or(0.0, |spec| mm_from_m(2.0 * spec.kind.radius_m));
     let (least, most) = (mm_from_m(2.0 * LEAST_SEEN_RADIUS_M), mm_from_m(rig.model.plate_side_m - 2.0 * margin_m));
     let (is_seen, fits) = (rig.kinds.get(kind).is_none_or(KindSpec::can_be_seen), found <= most);
-    faults.demand(fits, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
+    faults.require(fits, at, format!("a part of {found:.3} mm"), format!("up to {most:.3} mm on this plate"));
     let allowed = format!("{least} mm or more (the camera cannot see less; `upm simulate` takes it)");
-    faults.demand(is_seen, at, format!("a part of {found:.3} mm"), allowed);
+    faults.require(is_seen, at, format!("a part of {found:.3} mm"), allowed);
     is_seen && fits
 }
 
 /// Reports parts that start off the plate or in one another, and more parts than there is room for.
-pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
     for (i, group) in groups.iter().enumerate() {
@@ -53,7 +53,14 @@ pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
 }
 
 /// Reports a disc at `at` whose rim is not on the plate, `margin_m` inside its edge.
-pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m: f64, at: &Path, faults: &mut Faults) {
+pub(super) fn check_inside(
+    center_m: Vec2,
+    radius_m: f64,
+    half_m: f64,
+    margin_m: f64,
+    at: &Path,
+    faults: &mut Diagnostics,
+) {
     let most_m = half_m - radius_m - margin_m;
     let most_mm = mm_from_m(most_m).max(0.0);
     let why = match margin_m {
@@ -63,12 +70,12 @@ pub(super) fn check_inside(center_m: Vec2, radius_m: f64, half_m: f64, margin_m:
     let allowed = format!("from {:.3} to {most_mm:.3} ({why})", -most_mm);
     for (i, found) in center_m.iter().enumerate() {
         let inside = found.abs() <= most_m + ROUNDING_M;
-        faults.demand(inside, at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
+        faults.require(inside, at.index(i), format!("{:.3}", mm_from_m(*found)), allowed.clone());
     }
 }
 
 /// Reports every disc whose rim is less than `gap_m` from that of an earlier one.
-pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Faults) {
+pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Diagnostics) {
     for (i, (center_m, radius_m, at)) in discs.iter().enumerate() {
         let least_m = |other_radius_m: &f64| radius_m + other_radius_m + gap_m;
         let near = discs
@@ -92,11 +99,11 @@ pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
 }
 
 /// Reports parts that cannot all be on the plate, by two bounds that hold for every arrangement.
-fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     const MOST_PARTS: usize = 64;
     let (side_m, at) = (rig.model.plate_side_m, Path::root().key("parts"));
     let total: usize = groups.iter().map(|group| group.count).sum();
-    faults.demand(total <= MOST_PARTS, &at, counted(total, "part"), format!("up to {MOST_PARTS} in all"));
+    faults.require(total <= MOST_PARTS, &at, counted(total, "part"), format!("up to {MOST_PARTS} in all"));
     let radii = |groups: &mut dyn Iterator<Item = &PartGroup>| -> Vec<f64> {
         let one = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
         groups.flat_map(|group| std::iter::repeat_n(one(group), group.count)).collect()

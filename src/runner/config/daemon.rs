@@ -9,7 +9,7 @@ use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawStanding
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use upm_core::job::Pace;
-use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 
 /// Validated daemon file: plates, limits and folders of a daemon.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,17 +117,17 @@ pub struct WatchdogSpec {
 
 impl DaemonSpec {
     /// Reads and validates the daemon file at `path` and the rigs it names. Errors list every fault.
-    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
     /// Validates the daemon file in `text`. Errors list every fault.
-    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
+    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
 
-    fn build(raw: RawDaemon, origin: &Origin, faults: &mut Faults) -> Option<Self> {
+    fn build(raw: RawDaemon, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
         let root = Path::root();
         let listen = listen_of(&raw.listen, faults);
         let plates = plates_of(&raw.plates, origin, faults);
@@ -178,23 +178,23 @@ impl DaemonSpec {
     }
 }
 
-fn listen_of(text: &str, faults: &mut Faults) -> Option<SocketAddr> {
+fn listen_of(text: &str, faults: &mut Diagnostics) -> Option<SocketAddr> {
     let address = text.parse().ok();
     let found = quoted(text);
     let allowed = "an IP address and a port like 127.0.0.1:8750 or [::1]:8750";
-    faults.demand(address.is_some(), Path::root().key("listen"), found, allowed);
+    faults.require(address.is_some(), Path::root().key("listen"), found, allowed);
     address
 }
 
 /// All plates, or `None` with the faults of every one.
-fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Faults) -> Option<Vec<PlateSpec>> {
+fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Diagnostics) -> Option<Vec<PlateSpec>> {
     let plate_of = |(i, plate): (usize, &RawServedPlate)| {
         let at = Path::root().key("plates").index(i);
         let name = quoted(&plate.name);
-        faults.demand(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
+        faults.require(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
         // case-insensitive file systems would map two latches to one file
         let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
-        faults.demand(!twice, at.key("name"), &name, "a name that no plate before has");
+        faults.require(!twice, at.key("name"), &name, "a name that no plate before has");
         let library = plate.library.as_ref().map(|named| origin.named_file(named, &at.key("library"), faults));
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
         let library = match library {
@@ -222,33 +222,33 @@ fn standing_of(
     rig: &RigSpec,
     origin: &Origin,
     at: &Path,
-    faults: &mut Faults,
+    faults: &mut Diagnostics,
 ) -> Option<StandingSpec> {
     let path = origin.named_file(&raw.job, &at.key("job"), faults)?;
     let text = text_of(&path).map_err(|fault| vec![fault]);
     let job = text.and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig)));
     let named_by = format!("{}: {}", origin.file, at.key("job"));
     let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
-    let mut of_job = Faults::of(&job.file);
+    let mut of_job = Diagnostics::of(&job.file);
     check_standing(&job, plate, rig, &mut of_job);
     faults.append_named(of_job.into_list(), &named_by);
     Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
 }
 
 /// Checks that the standing job uses the plate's rig and names neither a library file nor another plate.
-fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Faults) {
+fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Diagnostics) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
-    faults.demand(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
+    faults.require(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
     let asked = job.plate.as_deref().unwrap_or(name);
     let allowed = format!("{name} or nothing (it is the standing job of that plate)");
-    faults.demand(asked == name, root.key("plate"), quoted(asked), allowed);
+    faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
     let allowed = format!("the library itself, or nothing (that of plate {name} applies)");
-    faults.demand(!job.names_library_file(), root.key("library"), "a path", allowed);
+    faults.require(!job.names_library_file(), root.key("library"), "a path", allowed);
 }
 
 /// The library that the rig names. A plate needs one, since few jobs include a library.
-fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
     if rig.library.is_none() {
         let allowed = format!("a path (rig {} names no library)", rig.model.name);
         faults.push_missing(at.key("library"), allowed);
@@ -256,12 +256,12 @@ fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Faults) -> Option<PathB
     rig.library.clone()
 }
 
-fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
+fn default_plate_of(raw: &RawDaemon, faults: &mut Diagnostics) -> Option<String> {
     let names: Vec<&str> = raw.plates.iter().map(|plate| plate.name.as_str()).collect();
     match (&raw.default_plate, names.as_slice()) {
         (Some(named), _) => {
             let found = quoted(named);
-            faults.demand(
+            faults.require(
                 names.contains(&named.as_str()),
                 Path::root().key("default_plate"),
                 found,
@@ -275,11 +275,11 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Faults) -> Option<String> {
 }
 
 /// Names as in a Host header, without the port.
-fn hosts_of(raw: &[String], faults: &mut Faults) -> Vec<String> {
+fn hosts_of(raw: &[String], faults: &mut Diagnostics) -> Vec<String> {
     for (i, host) in raw.iter().enumerate() {
         let at = Path::root().key("hosts").index(i);
         let allowed = "a host name or IP address without a port like lab.example.org";
-        faults.demand(is_host(host), &at, quoted(host), allowed);
+        faults.require(is_host(host), &at, quoted(host), allowed);
     }
     raw.iter().map(|host| canonical(host)).collect()
 }
@@ -304,26 +304,26 @@ fn is_host(host: &str) -> bool {
 }
 
 /// Checks that each port is used only once.
-fn check_ports(raw: &RawDaemon, faults: &mut Faults) {
+fn check_ports(raw: &RawDaemon, faults: &mut Diagnostics) {
     let listen = raw.listen.parse().ok().map(|address: SocketAddr| address.port());
     for (i, plate) in raw.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
         let before = raw.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
         let at = Path::root().key("plates").index(i).key("live_port");
         let found = plate.live_port.unwrap_or_default();
-        faults.demand(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
+        faults.require(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
     }
 }
 
 /// Checks that recordings stop before the reserve is used.
-fn check_room(disk: &RawDisk, faults: &mut Faults) {
+fn check_room(disk: &RawDisk, faults: &mut Diagnostics) {
     let allowed = format!("at least twice disk.reserve_mb ({})", disk.reserve_mb);
     let at = Path::root().key("disk").key("min_free_mb");
-    faults.demand(disk.min_free_mb >= 2.0 * disk.reserve_mb, &at, disk.min_free_mb, allowed);
+    faults.require(disk.min_free_mb >= 2.0 * disk.reserve_mb, &at, disk.min_free_mb, allowed);
 }
 
-fn check_events(keep: &RawKeep, faults: &mut Faults) {
+fn check_events(keep: &RawKeep, faults: &mut Diagnostics) {
     let allowed = format!("at least keep.events_per_job ({})", keep.events_per_job);
-    faults.demand(keep.events >= keep.events_per_job, Path::root().key("keep").key("events"), keep.events, allowed);
+    faults.require(keep.events >= keep.events_per_job, Path::root().key("keep").key("events"), keep.events, allowed);
 }
 
 fn keep_of(raw: &RawKeep) -> KeepSpec {
@@ -359,7 +359,7 @@ mod tests {
 
     #[test]
     fn hosts_are_in_the_form_that_requests_are_compared_in() {
-        let mut faults = Faults::of("daemon.json");
+        let mut faults = Diagnostics::of("daemon.json");
         let raw = ["Lab.Example", "[fe80:0::1]", "FE80::00:2", "[::ffff:10.0.0.7]", "10.0.0.8"].map(str::to_owned);
         let hosts = hosts_of(&raw, &mut faults);
         assert_eq!(hosts, ["lab.example", "fe80::1", "fe80::2", "10.0.0.7", "10.0.0.8"]);

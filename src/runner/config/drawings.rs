@@ -3,7 +3,7 @@
 use super::raw_job::{RawJob, RawTask};
 use super::raw_shapes::RawSvg;
 use super::read::{Origin, exactly_one};
-use upm_document::{Fault, Faults, Path, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, text_of};
 use upm_shapes::path_data_of;
 
 /// Longest path data accepted in a job, bytes.
@@ -14,15 +14,15 @@ impl RawJob {
     ///
     /// # Errors
     /// Every file that cannot be read or contains no path.
-    pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Fault>> {
-        let mut faults = Faults::of(&origin.file);
+    pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
+        let mut faults = Diagnostics::of(&origin.file);
         write_out(&mut self.task, origin, &mut faults);
         faults.into_result(Some(self))
     }
 }
 
 /// Writes path data in place of every file that the task names.
-pub(super) fn write_out(task: &mut RawTask, origin: &Origin, faults: &mut Faults) {
+pub(super) fn write_out(task: &mut RawTask, origin: &Origin, faults: &mut Diagnostics) {
     let at = Path::root().key("task");
     match task {
         RawTask::Arrange { targets: Some(targets), .. } => {
@@ -39,7 +39,7 @@ pub(super) fn write_out(task: &mut RawTask, origin: &Origin, faults: &mut Faults
     }
 }
 
-fn write_out_one(svg: &mut RawSvg, at: &Path, origin: &Origin, faults: &mut Faults) {
+fn write_out_one(svg: &mut RawSvg, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
     if !exactly_one(&[("file", svg.file.is_some()), ("d", svg.d.is_some())], at, faults) {
         svg.d = None;
         return;

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use upm_core::time::PlateTime;
-use upm_document::{Faults, Path, one_of, quoted};
+use upm_document::{Diagnostics, Path, one_of, quoted};
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
 
 /// Names of components for error messages.
@@ -120,7 +120,7 @@ impl RawFault {
 }
 
 /// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
-pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Faults) -> Vec<FaultSpec> {
+pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Diagnostics) -> Vec<FaultSpec> {
     match raw {
         RawFaults::Drawn(drawn) => drawn_faults(drawn.seed, parts),
         RawFaults::List(list) => {
@@ -131,7 +131,7 @@ pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Fault
 }
 
 /// Simulated faults in `texts`, each one or several separated by commas, for a job of `parts` parts.
-pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Faults) -> Vec<FaultSpec> {
+pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Diagnostics) -> Vec<FaultSpec> {
     let each = texts.iter().flat_map(|text| text.split(',')).map(str::trim).filter(|text| !text.is_empty());
     let mut specs = Vec::new();
     for text in each {
@@ -156,7 +156,7 @@ fn components(found: &str) -> String {
     }
 }
 
-fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<FaultSpec> {
+fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Diagnostics) -> Option<FaultSpec> {
     let Some(component) = FaultyComponent::named(&raw.component) else {
         let found = quoted(&raw.component);
         faults.push(at.key("component"), found, components(&raw.component));
@@ -164,7 +164,7 @@ fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<
     };
     if let FaultyComponent::Part(part) = component {
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
-        faults.demand(part < parts, at.key("component"), &raw.component, allowed);
+        faults.require(part < parts, at.key("component"), &raw.component, allowed);
     }
     let Some(kind) = component.kinds().find(|kind| kind.name() == raw.kind) else {
         let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
@@ -173,10 +173,10 @@ fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Faults) -> Option<
     };
     let values = values(raw, component, kind, parts, &at.key("value"), faults)?;
     let in_time = |s: f64| (0.0..=LATEST_S).contains(&s);
-    faults.demand(in_time(raw.from_s), at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
+    faults.require(in_time(raw.from_s), at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
     if let Some(to_s) = raw.to_s {
         let allowed = format!("a time after from_s, {}, up to {LATEST_S}", raw.from_s);
-        faults.demand(in_time(to_s) && to_s > raw.from_s, at.key("to_s"), to_s, allowed);
+        faults.require(in_time(to_s) && to_s > raw.from_s, at.key("to_s"), to_s, allowed);
     }
     let (from, to) = (PlateTime::from_secs(raw.from_s), raw.to_s.map(PlateTime::from_secs));
     Some(FaultSpec { component, kind, values, from, to })
@@ -188,7 +188,7 @@ fn values(
     kind: FaultKind,
     parts: usize,
     at: &Path,
-    faults: &mut Faults,
+    faults: &mut Diagnostics,
 ) -> Option<[f64; 3]> {
     let given = raw.value.as_ref().map_or(&[][..], RawValue::numbers);
     let wanted = kind.values();
@@ -199,7 +199,7 @@ fn values(
     }
     if given.len() != wanted.len() {
         let found = format!("{} for {}", upm_document::counted(given.len(), "value"), kind.name());
-        faults.push(at, found, in_words(wanted));
+        faults.push(at, found, text_of_ranges(wanted));
         return None;
     }
     for (i, (value, range)) in given.iter().zip(wanted).enumerate() {
@@ -212,16 +212,16 @@ fn values(
         };
         let fits = (range.min..=top).contains(value) && (!range.whole || value.fract() == 0.0);
         let allowed = format!("{}{} to {top} ({})", if range.whole { "whole, " } else { "" }, range.min, range.name);
-        faults.demand(fits, at.index(i), value, allowed);
+        faults.require(fits, at.index(i), value, allowed);
         values[i] = *value;
     }
     if kind == FaultKind::Swapped {
-        faults.demand(values[0] != values[1], at, format!("{} and {}", values[0], values[1]), "two different ones");
+        faults.require(values[0] != values[1], at, format!("{} and {}", values[0], values[1]), "two different ones");
     }
     Some(values)
 }
 
-fn in_words(ranges: &[ValueRange]) -> String {
+fn text_of_ranges(ranges: &[ValueRange]) -> String {
     if ranges.is_empty() {
         return "no value".to_owned();
     }
@@ -235,7 +235,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Vec<FaultSpec>, Vec<String>> {
-        let mut faults = Faults::of("--faults");
+        let mut faults = Diagnostics::of("--faults");
         let specs = typed(&[text.to_owned()], 3, &mut faults);
         faults.into_result(Some(specs)).map_err(|list| list.iter().map(ToString::to_string).collect())
     }
@@ -279,7 +279,7 @@ mod tests {
         for seed in 0..500 {
             let drawn = drawn_faults(seed, 3);
             let list = RawFaults::List(drawn.iter().map(RawFault::of).collect());
-            let mut faults = Faults::of("job");
+            let mut faults = Diagnostics::of("job");
             assert_eq!(build(&list, 3, &Path::root(), &mut faults), drawn, "{:?}", faults.into_list());
         }
     }

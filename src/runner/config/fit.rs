@@ -4,7 +4,7 @@ use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
 use super::task::TaskContext;
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Faults, Path, counted};
+use upm_document::{Diagnostics, Path, counted};
 use upm_shapes::Pattern;
 
 /// Least ratio by which a pair must ask for a larger shape to be reported in place of an earlier pair.
@@ -78,7 +78,7 @@ pub(super) struct FittedOutline {
 impl TaskContext<'_> {
     /// Places of `shape` for the parts, m. Faults where they are too close to each other or to the edge; each names the
     /// size, or else the number of parts, that would fit.
-    pub(super) fn places_of(&self, shape: &FittedOutline, faults: &mut Faults) -> Option<Vec<Vec2>> {
+    pub(super) fn places_of(&self, shape: &FittedOutline, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
         let places_m = shape.pattern.places(self.kinds.len())?;
         let most = self.largest_scale(&places_m, &self.radii_m, shape.growth.center_m);
         let tightest = self.tightest(&places_m);
@@ -98,7 +98,14 @@ impl TaskContext<'_> {
     }
 
     /// Reports a part of radius `radius_m` that leaves the plate on its path through `points_m`.
-    pub(super) fn check_way(&self, points_m: &[Vec2], radius_m: f64, growth: &Growth, at: &Path, faults: &mut Faults) {
+    pub(super) fn check_way(
+        &self,
+        points_m: &[Vec2],
+        radius_m: f64,
+        growth: &Growth,
+        at: &Path,
+        faults: &mut Diagnostics,
+    ) {
         let Some(outside_m) = points_m.iter().find(|point_m| point_m.amax() > self.reach_m(radius_m)) else { return };
         let radii_m = vec![radius_m; points_m.len()];
         let most = self.largest_scale(points_m, &radii_m, growth.center_m);

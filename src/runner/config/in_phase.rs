@@ -5,14 +5,14 @@ use super::fit::TIGHTER;
 use super::part_path::PartPath;
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::mm_from_m;
-use upm_document::Faults;
+use upm_document::Diagnostics;
 use upm_task::PathParams;
 
 /// Relative difference in length up to which laps count as equal.
 const SAME_LENGTH: f64 = 0.01;
 
 /// Reports paths that differ in length, speed or repeat, and parts in phase that would touch.
-pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
+pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Diagnostics) {
     let laps: Vec<LoopLap> = paths.iter().map(|path| LoopLap::of(&path.params)).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
     let before = faults.len();
@@ -23,12 +23,12 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
         let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
         let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
         let allowed = format!("{:.3} mm within 1 % (that {named})", mm_from_m(first_lap.length_m));
-        faults.demand(same, shape_at, found, allowed);
+        faults.require(same, shape_at, found, allowed);
         let [found, allowed] = [params, &first.params].map(|path| mm_from_m(path.speed_mps));
         let same = (params.speed_mps - first.params.speed_mps).abs() <= 1e-9 * first.params.speed_mps;
-        faults.demand(same, at.key("speed_mm_s"), found, format!("{allowed} (that {named})"));
+        faults.require(same, at.key("speed_mm_s"), found, format!("{allowed} (that {named})"));
         let (found, allowed) = (params.repeat, first.params.repeat);
-        faults.demand(found == allowed, at.key("repeat"), found, format!("{allowed} (that {named})"));
+        faults.require(found == allowed, at.key("repeat"), found, format!("{allowed} (that {named})"));
     }
     if faults.len() == before {
         check_on_the_way(paths, &laps, radii_m, ids, faults);
@@ -37,7 +37,7 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
 
 /// Reports every path on which two of its parts come too close to each other during the lap, and every path with a part
 /// that comes too close to one of an earlier path.
-fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: &[String], faults: &mut Faults) {
+fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: &[String], faults: &mut Diagnostics) {
     let meetings = meetings(laps, radii_m);
     let of = |part: usize| paths.get(part).map(|path| &path.at);
     let (own, others): (Vec<&LoopMeeting>, Vec<&LoopMeeting>) =
@@ -45,12 +45,12 @@ fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: 
     for on_one in own.chunk_by(|a, b| of(a.parts[1]) == of(b.parts[1])) {
         let tightest = on_one.iter().reduce(|a, b| if b.scale() > a.scale() * TIGHTER { b } else { a });
         if let Some(meeting) = tightest {
-            meeting.tell(paths, ids, faults);
+            meeting.report(paths, ids, faults);
         }
     }
     for of_part in others.chunk_by(|a, b| a.parts[1] == b.parts[1]) {
         if let Some(meeting) = of_part.first() {
-            meeting.tell(paths, ids, faults);
+            meeting.report(paths, ids, faults);
         }
     }
 }
@@ -86,7 +86,7 @@ impl LoopMeeting {
         (self.least_m - ROUNDING_M) / self.distance_m
     }
 
-    fn tell(&self, paths: &[PartPath], ids: &[String], faults: &mut Faults) {
+    fn report(&self, paths: &[PartPath], ids: &[String], faults: &mut Diagnostics) {
         let [Some(other), Some(path)] = self.parts.map(|part| paths.get(part)) else { return };
         let (apart_mm, part) = (mm_from_m(self.distance_m), 100.0 * self.share);
         let allowed = apart_allowed(self.least_m, REST_GAP_M);

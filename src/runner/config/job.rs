@@ -13,7 +13,7 @@ use super::rig::RigSpec;
 use super::task::{self, TaskSpec};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Fault, Faults, Path, parse_and_build, quoted, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, quoted, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// Validated job file: rig, parts, task, planner and limits.
@@ -60,24 +60,24 @@ pub enum LibraryRef {
 
 impl JobSpec {
     /// Reads and validates the job file at `path` and the rig it names. Errors list every fault.
-    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path), None)
     }
 
     /// Validates the job in `text`. `plate_rig` is the default rig; a rig written out in the job must be equal to it.
     /// Errors list every fault.
-    pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Fault>> {
+    pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Diagnostic>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, plate_rig, faults))
     }
 
-    fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Faults) -> Option<Self> {
+    fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Diagnostics) -> Option<Self> {
         let root = Path::root();
-        faults.demand(is_plain_name(&raw.name), root.key("name"), format!("{:?}", raw.name), NAMES);
+        faults.require(is_plain_name(&raw.name), root.key("name"), format!("{:?}", raw.name), NAMES);
         for (i, group) in raw.parts.iter().enumerate() {
             let alone = group.position_mm.is_none() || group.count == 1;
             let at = root.key("parts").index(i).key("position_mm");
-            faults.demand(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
+            faults.require(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
         // path data replaces a drawing's file, so that a run folder needs no other file
         drawings::write_out(&mut raw.task, origin, faults);
@@ -114,7 +114,7 @@ impl JobSpec {
     }
 
     /// As [`Self::load`], on `rig` in place of the one that the file names.
-    pub fn load_on(path: &std::path::Path, rig: &RigSpec) -> Result<Self, Vec<Fault>> {
+    pub fn load_on(path: &std::path::Path, rig: &RigSpec) -> Result<Self, Vec<Diagnostic>> {
         let (text, origin) = (text_of(path).map_err(|fault| vec![fault])?, Origin::of_file(path));
         parse_and_build(&text, &origin.file, |raw: RawJob, faults| {
             Self::build(RawJob { rig: None, ..raw }, &origin, Some(rig), faults)
@@ -151,8 +151,8 @@ impl JobSpec {
     ///
     /// # Errors
     /// Every text that is not a valid fault.
-    pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Fault>> {
-        let mut faults = Faults::of("--faults");
+    pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Diagnostic>> {
+        let mut faults = Diagnostics::of("--faults");
         let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);
         let typed = faults.into_result(Some(typed))?;
         self.faults.extend(typed);
@@ -193,14 +193,14 @@ impl JobSpec {
     }
 }
 
-fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Faults) -> Option<LibraryRef> {
+fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Diagnostics) -> Option<LibraryRef> {
     match raw.library.as_ref()? {
         LibrarySource::Inline(content) => Some(LibraryRef::Inline(content.clone())),
         LibrarySource::File(named) => {
             let path = origin.resolve(named);
             let at = Path::root().key("library");
             let found = quoted(named);
-            faults.demand(path.is_some(), &at, found, "the library itself (files cannot be named here)");
+            faults.require(path.is_some(), &at, found, "the library itself (files cannot be named here)");
             path.map(LibraryRef::File)
         }
     }
@@ -211,7 +211,7 @@ fn rig_of(
     origin: &Origin,
     plate_rig: Option<&RigSpec>,
     plate: Option<&str>,
-    faults: &mut Faults,
+    faults: &mut Diagnostics,
 ) -> Option<RigSpec> {
     let at = Path::root().key("rig");
     match (source, plate_rig) {
@@ -226,10 +226,10 @@ fn rig_of(
 }
 
 /// The plate's rig, if the job's is equal to it. The library of the rig is not compared, since the plate chooses it.
-fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Faults) -> Option<RigSpec> {
+fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Diagnostics) -> Option<RigSpec> {
     let same = rig.is_as_in(raw);
     let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
-    faults.demand(same, at, "another rig", format!("the rig of {plate}, or nothing"));
+    faults.require(same, at, "another rig", format!("the rig of {plate}, or nothing"));
     same.then(|| rig.clone())
 }
 
@@ -237,17 +237,17 @@ fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults:
 const MOST_KNOCKS: f64 = 10_000.0;
 
 /// Reports a rig that is knocked too often for a run of `until_s`.
-fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Faults) {
+fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Diagnostics) {
     let Some(knocks) = &rig.raw.simulation.knocks else { return };
     // two knocks are half the mean time apart or more
     let least_s = until_s / (0.5 * MOST_KNOCKS);
     let allowed =
         format!("up to {} ({MOST_KNOCKS} knocks by the rig's simulation.knocks)", 0.5 * MOST_KNOCKS * knocks.every_s);
-    faults.demand(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
+    faults.require(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
 }
 
 /// Reports synthesised fields on a rig without `fields`.
-fn refuse_fields(faults: &mut Faults) {
+fn refuse_fields(faults: &mut Diagnostics) {
     let found = "\"synthesized_field\" on a rig without `fields`";
     let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
     faults.push(Path::root().key("planner"), found, allowed);
@@ -255,7 +255,7 @@ fn refuse_fields(faults: &mut Faults) {
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an
 /// invalid index, so that checks of everything else still run and no consequential faults are reported.
-fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup> {
+fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PartGroup> {
     let group_of = |(i, group): (usize, &RawParts)| {
         let at = Path::root().key("parts").index(i).key("kind");
         let kind = rig.known_kind(&group.kind, &at, faults);
@@ -276,7 +276,7 @@ fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Faults) -> Vec<PartGroup>
 const TOLD_APART: f64 = 0.03;
 
 /// Reports every kind that the camera cannot distinguish from an earlier kind on the plate.
-fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) {
+fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let mut before: Vec<usize> = Vec::new();
     for (i, group) in groups.iter().enumerate() {
         let Some(PartKind { name, radius_m, .. }) = rig.kinds.get(group.kind).map(|spec| &spec.kind) else { continue };

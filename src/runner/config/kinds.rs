@@ -3,7 +3,7 @@ use super::read::{NAMES, is_plain_name};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
-use upm_document::{Faults, Path};
+use upm_document::{Diagnostics, Path};
 use upm_sim::PartParams;
 
 /// US coins: name, diameter mm, mass g, height mm.
@@ -54,17 +54,17 @@ impl KindSpec {
 }
 
 /// The four coins, then the rig's kinds by name.
-pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Faults) -> Vec<KindSpec> {
+pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Diagnostics) -> Vec<KindSpec> {
     let friction = raw.friction.coefficient;
     let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
     for (name, kind) in &raw.kinds {
         let at = at.key("kinds").key(name);
-        faults.demand(is_plain_name(name), &at, format!("{name:?}"), NAMES);
+        faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
-        faults.demand(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
+        faults.require(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
         let side_mm = raw.plate.side_mm;
         let allowed = format!("up to {side_mm} (the plate's side)");
-        faults.demand(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
+        faults.require(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
         kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));
     }
     kinds

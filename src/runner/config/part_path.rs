@@ -7,7 +7,7 @@ use super::read::{exactly_one, point_m};
 use super::targets::drawing_of;
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_document::{Faults, Path};
+use upm_document::{Diagnostics, Path};
 use upm_shapes::{Lissajous, circle_path, closed_from};
 use upm_task::PathParams;
 
@@ -36,7 +36,7 @@ struct PathLine {
 impl PartPath {
     /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
     /// whole lap. Empty if the file is at fault.
-    pub fn each(raw: &RawPath, at: &Path, faults: &mut Faults) -> Vec<Self> {
+    pub fn each(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
         line_of(raw, at, faults).map(|line| part_paths(&line, raw, at)).unwrap_or_default()
     }
 }
@@ -55,7 +55,7 @@ fn part_paths(line: &PathLine, raw: &RawPath, at: &Path) -> Vec<PartPath> {
     (0..raw.count).map(part_path).collect()
 }
 
-fn line_of(raw: &RawPath, at: &Path, faults: &mut Faults) -> Option<PathLine> {
+fn line_of(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
     let RawPath { waypoints_mm, circle, lissajous, svg, .. } = raw;
     let keys = [
         ("waypoints_mm", waypoints_mm.is_some()),
@@ -86,7 +86,7 @@ fn circle_of(raw: &RawCircle) -> PathLine {
     PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
 }
 
-fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Faults) -> Option<PathLine> {
+fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
     let RawLissajous { center_mm, size_mm, frequencies: [a, b], phase_deg } = *raw;
     let common = common_factor(a, b);
     if common > 1 {
@@ -104,14 +104,14 @@ fn common_factor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { common_factor(b, a % b) }
 }
 
-fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<PathLine> {
+fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
     let (drawing, growth) = drawing_of(raw, at, faults)?;
     let Some(points_m) = drawing.single_line() else {
         faults.push(at, "a drawing of several lines", "one unbroken line");
         return None;
     };
     let corners = points_m.len();
-    faults.demand(
+    faults.require(
         corners <= MOST_CORNERS,
         at,
         format!("{corners} corners"),

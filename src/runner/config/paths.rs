@@ -5,11 +5,11 @@ use super::in_phase::check_in_phase;
 use super::part_path::PartPath;
 use super::raw_job::RawPath;
 use super::task::{TaskContext, TaskSpec};
-use upm_document::Faults;
+use upm_document::Diagnostics;
 
 impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
-    pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Faults) -> Option<TaskSpec> {
+    pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Diagnostics) -> Option<TaskSpec> {
         let at = self.at.key("paths");
         let total = raw.iter().map(|path| path.count as usize).sum();
         self.demand_one_each(total, "path", &at, faults);
@@ -21,7 +21,7 @@ impl TaskContext<'_> {
         for (i, raw) in raw.iter().enumerate() {
             let at = at.index(i);
             let alone = in_phase || raw.count == 1;
-            faults.demand(alone, at.key("count"), raw.count, "1 (more parts on one path only with in_phase)");
+            faults.require(alone, at.key("count"), raw.count, "1 (more parts on one path only with in_phase)");
             paths.extend(PartPath::each(raw, &at, faults));
         }
         if faults.len() > before {
@@ -36,7 +36,7 @@ impl TaskContext<'_> {
         Some(TaskSpec::Trajectories { paths: paths.into_iter().map(|path| path.params).collect(), in_phase })
     }
 
-    fn check_on_plate(&self, paths: &[PartPath], faults: &mut Faults) {
+    fn check_on_plate(&self, paths: &[PartPath], faults: &mut Diagnostics) {
         for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(&self.radii_m) {
             match growth {
                 Some(growth) => self.check_way(&params.waypoints_m, radius_m, growth, shape_at, faults),
@@ -52,7 +52,7 @@ impl TaskContext<'_> {
 
 /// Reports parts that begin, or end, too close to each other. Generated paths in phase are left out: all of their laps
 /// are checked.
-fn check_ends(paths: &[PartPath], radii_m: &[f64], in_phase: bool, faults: &mut Faults) {
+fn check_ends(paths: &[PartPath], radii_m: &[f64], in_phase: bool, faults: &mut Diagnostics) {
     let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
     for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(radii_m) {
         let is_made = growth.is_some();

@@ -5,7 +5,7 @@ use super::job::JobSpec;
 use super::kinds::part_ids;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
-use upm_document::{Fault, Path, counted};
+use upm_document::{Diagnostic, Path, counted};
 use upm_sim::PartParams;
 
 /// Attempts to place one part before starting over.
@@ -33,7 +33,7 @@ pub struct PlacedPart {
 /// Places the job's parts on the plate, in the order of the job: given positions as they are, the others at random by
 /// `streams`, with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws friction for each part.
 /// `Err` if no places are found.
-pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Fault> {
+pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Diagnostic> {
     let mut parts = unplaced(job, streams);
     let mut rng = streams.stream("placement");
     let half_m = 0.5 * job.rig.model.plate_side_m;
@@ -46,7 +46,7 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, F
         }
     }
     let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
-    Err(Fault::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
+    Err(Diagnostic::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
 }
 
 /// Each part, and its given position if it has one.

@@ -2,7 +2,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_document::{Faults, Path, quoted};
+use upm_document::{Diagnostics, Path, quoted};
 
 /// Origin of a document: the name for its faults, and the base of its relative paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,9 +30,9 @@ impl Origin {
         self.folder.as_ref().map(|folder| folder.join(named))
     }
     /// Path of the file that the document names `named`, else a fault at `at`.
-    pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Faults) -> Option<PathBuf> {
+    pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
         let path = self.resolve(named);
-        faults.demand(path.is_some(), at, quoted(named), "nothing (files cannot be named here)");
+        faults.require(path.is_some(), at, quoted(named), "nothing (files cannot be named here)");
         path
     }
 }
@@ -52,10 +52,10 @@ pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
 }
 
 /// True if exactly one of these keys of the object at `at` is present, else a fault.
-pub(super) fn exactly_one(keys: &[(&str, bool)], at: &Path, faults: &mut Faults) -> bool {
+pub(super) fn exactly_one(keys: &[(&str, bool)], at: &Path, faults: &mut Diagnostics) -> bool {
     let given: Vec<&str> = keys.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
     let all: Vec<&str> = keys.iter().map(|(key, _)| *key).collect();
-    faults.demand(given.len() == 1, at, found, format!("exactly one of {}", all.join(", ")));
+    faults.require(given.len() == 1, at, found, format!("exactly one of {}", all.join(", ")));
     given.len() == 1
 }

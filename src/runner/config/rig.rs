@@ -11,7 +11,7 @@ use super::rig_checks;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
-use upm_document::{Fault, Faults, Path, one_of, parse_and_build, quoted, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
 /// Validated rig file. `model` holds the properties that control may know; the rest is for the simulation.
@@ -35,27 +35,27 @@ pub struct RigSpec {
 
 impl RigSpec {
     /// Reads and validates the rig file at `path`. Errors list every fault.
-    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
     /// Validates the rig in `text`. Errors list every fault.
-    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
+    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, &Path::root(), faults))
     }
 
     /// The shipped weak prototype, without its library, which is a separate file; the rig is compiled into the program.
-    pub fn upm_1() -> Result<Self, Vec<Fault>> {
+    pub fn upm_1() -> Result<Self, Vec<Diagnostic>> {
         Self::shipped("configs/rigs/upm-1.json", include_str!("../../../configs/rigs/upm-1.json"))
     }
 
     /// The shipped strong rig, without its library.
-    pub fn upm_2() -> Result<Self, Vec<Fault>> {
+    pub fn upm_2() -> Result<Self, Vec<Diagnostic>> {
         Self::shipped("configs/rigs/upm-2.json", include_str!("../../../configs/rigs/upm-2.json"))
     }
 
-    fn shipped(file: &str, text: &str) -> Result<Self, Vec<Fault>> {
+    fn shipped(file: &str, text: &str) -> Result<Self, Vec<Diagnostic>> {
         let origin = Origin::of_request(file);
         parse_and_build(text, file, |raw: RawRig, faults| {
             Self::build(RawRig { library: None, ..raw }, &origin, &Path::root(), faults)
@@ -63,7 +63,7 @@ impl RigSpec {
     }
 
     /// The rig that `source` at `at` names or contains. Faults in the rig's file carry that file's name.
-    pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
+    pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {
         let named = match source {
             RigSource::Inline(raw) => return Self::build(*raw, origin, at, faults),
             RigSource::File(named) => named,
@@ -85,7 +85,7 @@ impl RigSpec {
         self
     }
 
-    fn build(mut raw: RawRig, origin: &Origin, at: &Path, faults: &mut Faults) -> Option<Self> {
+    fn build(mut raw: RawRig, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {
         let before = faults.len();
         fill_in(&mut raw);
         let kinds = kinds_of(&raw, at, faults);
@@ -118,7 +118,7 @@ impl RigSpec {
     }
 
     /// As [`RigSpec::kind`]; an unknown kind is a fault that lists the known ones.
-    pub(super) fn known_kind(&self, name: &str, at: &Path, faults: &mut Faults) -> Option<usize> {
+    pub(super) fn known_kind(&self, name: &str, at: &Path, faults: &mut Diagnostics) -> Option<usize> {
         let found = self.kind(name);
         if found.is_none() {
             let names: Vec<&str> = self.kinds.iter().map(|spec| spec.kind.name.as_str()).collect();

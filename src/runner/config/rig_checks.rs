@@ -2,12 +2,12 @@ use super::raw_rig::{RawLevels, RawRig};
 use super::read::{NAMES, is_plain_name};
 use super::view;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
-use upm_document::{Faults, Path};
+use upm_document::{Diagnostics, Path};
 use upm_sim::SimParams;
 
 /// Consistency checks between the numbers of a rig, beyond the range of each.
-pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
-    faults.demand(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
+pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
+    faults.require(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
     check_plate(raw, at, faults);
     check_motors(raw, at, faults);
     check_drive(raw, at, faults);
@@ -16,10 +16,10 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Fault
     check_camera(raw, sim, at, faults);
     let push_mm = raw.simulation.knocks.as_ref().map(|knocks| knocks.push_mm);
     let at_push = at.key("simulation").key("knocks").key("push_mm");
-    faults.demand(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
+    faults.require(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
     let step_s = raw.simulation.step_s;
     let longest_s = (0.01 / raw.drive.base_hz).min(1.0 / raw.motors.sample_hz).min(1.0 / raw.accelerometers.sample_hz);
-    faults.demand(
+    faults.require(
         step_s <= longest_s * (1.0 + 1e-9),
         at.key("simulation").key("step_s"),
         step_s,
@@ -27,12 +27,12 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Fault
     );
 }
 
-fn check_plate(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_plate(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let (plate, base_hz) = (&raw.plate, raw.drive.base_hz);
     let at = at.key("plate");
     let side_m = plate.side_mm * 1e-3;
     let (inertia, most) = (plate.inertia_kg_m2.unwrap_or_default(), 0.5 * plate.mass_kg * side_m * side_m);
-    faults.demand(
+    faults.require(
         inertia <= most,
         at.key("inertia_kg_m2"),
         inertia,
@@ -41,26 +41,26 @@ fn check_plate(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let axes = [("x", plate.resonance_hz.x), ("y", plate.resonance_hz.y), ("spin", plate.resonance_hz.spin)];
     for (axis, found) in axes {
         let allowed = format!("below drive.base_hz, {base_hz} (above resonance velocity is the force's integral)");
-        faults.demand(found < base_hz, at.key("resonance_hz").key(axis), found, allowed);
+        faults.require(found < base_hz, at.key("resonance_hz").key(axis), found, allowed);
     }
 }
 
-fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_motors(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let (motors, base_hz) = (&raw.motors, raw.drive.base_hz);
     let at = at.key("motors");
     let reach_mm = 0.5 * raw.plate.side_mm;
     let allowed = format!("up to {reach_mm} (half the plate's side)");
-    faults.demand(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
+    faults.require(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
     check_sampling(motors.sample_hz, base_hz, &at.key("sample_hz"), faults);
     let (low_pass, top) = (motors.low_pass_hz, 0.5 * motors.sample_hz);
-    faults.demand(
+    faults.require(
         low_pass > 2.0 * base_hz && low_pass < top,
         at.key("low_pass_hz"),
         low_pass,
         format!("above {} (the second harmonic must pass) and below {top} (half the sample rate)", 2.0 * base_hz),
     );
     check_force(raw, &at, faults);
-    faults.demand(
+    faults.require(
         motors.newtons_per_count <= motors.force_limit_n,
         at.key("newtons_per_count"),
         motors.newtons_per_count,
@@ -70,7 +70,7 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Faults) {
 
 /// Reports motors too weak for friction: two coils of an axis at their limit must accelerate the plate enough for a
 /// part to slide.
-fn check_force(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_force(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let (motors, plate_kg) = (&raw.motors, raw.plate.mass_kg);
     let hold_mps2 = raw.friction.coefficient * GRAVITY_MPS2;
     let (least_n, full_counts) = (0.5 * plate_kg * hold_mps2, f64::from(motors.count_limit));
@@ -78,27 +78,27 @@ fn check_force(raw: &RawRig, at: &Path, faults: &mut Faults) {
     let why = format!("less does not slide a part: two coils on {plate_kg} kg against friction of {hold_mps2:.2} m/s²");
     let allowed = format!("{} or more ({why})", rounded_up(least_n / full_counts));
     let is_strong = motors.newtons_per_count * full_counts >= least_n;
-    faults.demand(is_strong, at.key("newtons_per_count"), motors.newtons_per_count, allowed);
+    faults.require(is_strong, at.key("newtons_per_count"), motors.newtons_per_count, allowed);
     let allowed = format!("{} or more ({why})", rounded_up(least_n));
-    faults.demand(motors.force_limit_n >= least_n, at.key("force_limit_n"), motors.force_limit_n, allowed);
+    faults.require(motors.force_limit_n >= least_n, at.key("force_limit_n"), motors.force_limit_n, allowed);
 }
 
-fn check_drive(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_drive(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let (found, least) = (raw.drive.max_sustain_s, 3.0 / raw.drive.base_hz);
     let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
-    faults.demand(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
+    faults.require(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
 }
 
 /// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.
-fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_fields(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let (Some(fields), at) = (&raw.fields, at.key("fields")) else { return };
     let (base_hz, resonance) = (fields.base_hz, &raw.plate.resonance_hz);
     let stiffest_hz = resonance.x.max(resonance.y).max(resonance.spin);
     let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
-    faults.demand(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);
+    faults.require(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);
     let (least_hz, longest_s) = (3.0 / raw.drive.max_sustain_s, raw.drive.max_sustain_s);
     let allowed = format!("{least_hz:.4} or more (three periods within drive.max_sustain_s, {longest_s})");
-    faults.demand(base_hz >= least_hz * (1.0 - 1e-9), at.key("base_hz"), base_hz, allowed);
+    faults.require(base_hz >= least_hz * (1.0 - 1e-9), at.key("base_hz"), base_hz, allowed);
     let (highest_hz, low_pass_hz) = (base_hz * fields.harmonics as f64, raw.motors.low_pass_hz);
     let (motors_hz, read_hz) = (raw.motors.sample_hz / 4.0, raw.accelerometers.sample_hz / 8.0);
     let allowed = format!(
@@ -108,43 +108,43 @@ fn check_fields(raw: &RawRig, at: &Path, faults: &mut Faults) {
     );
     let found = format!("{} up to {highest_hz} Hz", fields.harmonics);
     let passes = highest_hz < low_pass_hz && highest_hz < motors_hz && highest_hz < read_hz;
-    faults.demand(passes, at.key("harmonics"), found, allowed);
+    faults.require(passes, at.key("harmonics"), found, allowed);
     let least_s = 0.5 / base_hz;
     let allowed = format!("{least_s:.6} or more (half a period of fields.base_hz)");
-    faults.demand(fields.attack_s >= least_s * (1.0 - 1e-4), at.key("attack_s"), fields.attack_s, allowed);
+    faults.require(fields.attack_s >= least_s * (1.0 - 1e-4), at.key("attack_s"), fields.attack_s, allowed);
 }
 
-fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Faults) {
+fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let at = at.key("accelerometers");
     check_sampling(raw.accelerometers.sample_hz, raw.drive.base_hz, &at.key("sample_hz"), faults);
     let ([x, y], half) = (raw.accelerometers.position_mm, 0.5 * raw.plate.side_mm);
     let place = at.key("position_mm");
     for (i, found) in [x, y].into_iter().enumerate() {
-        faults.demand(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
+        faults.require(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
     }
     let (arm, least) = (x.hypot(y), 0.2 * half);
     let allowed = format!("{least} mm or more from the centre (spin is read from the arm between the two)");
-    faults.demand(arm >= least, &place, format!("{arm:.3} mm from the centre"), allowed);
+    faults.require(arm >= least, &place, format!("{arm:.3} mm from the centre"), allowed);
     let allowed = format!("{least} mm or more off both axes (on one the gains of x and y cannot be told apart)");
     let off = x.abs().min(y.abs());
-    faults.demand(arm < least || off >= least, &place, format!("{off:.3} mm off an axis"), allowed);
+    faults.require(arm < least || off >= least, &place, format!("{off:.3} mm off an axis"), allowed);
 }
 
-fn check_sampling(found: f64, base_hz: f64, at: &Path, faults: &mut Faults) {
+fn check_sampling(found: f64, base_hz: f64, at: &Path, faults: &mut Diagnostics) {
     let least = 8.0 * base_hz;
-    faults.demand(found > least, at, found, format!("above {least} (four times the second harmonic)"));
+    faults.require(found > least, at, found, format!("above {least} (four times the second harmonic)"));
 }
 
-fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Faults) {
+fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
     let (camera, at) = (&raw.camera, at.key("camera"));
     let period_s = 1.0 / camera.frame_hz;
     let allowed = format!("below {period_s:.6} (one frame's period)");
-    faults.demand(camera.exposure_s < period_s, at.key("exposure_s"), camera.exposure_s, allowed);
+    faults.require(camera.exposure_s < period_s, at.key("exposure_s"), camera.exposure_s, allowed);
     check_levels(&camera.levels, &at.key("levels"), faults);
     let lowest_mm = 0.5 * raw.plate.side_mm;
     let height = &at.key("position_mm").index(2);
     let [_, _, z_mm] = camera.position_mm;
-    faults.demand(z_mm >= lowest_mm, height, z_mm, format!("{lowest_mm} or more (half the plate's side above it)"));
+    faults.require(z_mm >= lowest_mm, height, z_mm, format!("{lowest_mm} or more (half the plate's side above it)"));
     let least_px = view::FRAME_MARGIN * camera.size_px[1] as f64;
     match view::margin_px(&sim.camera, sim.plate.side_m) {
         Some(margin) if margin >= least_px => {}
@@ -173,18 +173,18 @@ fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
 /// Checks the gray levels. The finder detects parts from 20 % of the plate's level, at most 255, upwards; 60 leaves
 /// room for shading and noise. The table is the square whose edges are detected beside the picture's strongest, those
 /// of the parts: it is lost if its step is a fifth of theirs, and found if it is a quarter.
-fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Faults) {
+fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Diagnostics) {
     const LEAST_PART: f64 = 60.0;
     const LEAST_GROUND: f64 = 40.0;
     const GROUND_SHARE: f64 = 0.3;
     let RawLevels { ground, plate, part } = *levels;
     let contrast = (plate - part).abs();
     let allowed = format!("{LEAST_PART} or more away from levels.plate, {plate} (parts must stand out on the plate)");
-    faults.demand(contrast >= LEAST_PART, at.key("part"), part, allowed);
+    faults.require(contrast >= LEAST_PART, at.key("part"), part, allowed);
     let least = LEAST_GROUND.max(GROUND_SHARE * contrast);
     let allowed = format!(
         "{least} or more away from levels.plate, {plate} (the table must stand out from the ground: by {LEAST_GROUND} at \
          least, and by {GROUND_SHARE} of the step from plate to part)"
     );
-    faults.demand((plate - ground).abs() >= least, at.key("ground"), ground, allowed);
+    faults.require((plate - ground).abs() >= least, at.key("ground"), ground, allowed);
 }

@@ -6,7 +6,7 @@ use super::rig::RigSpec;
 use upm_core::geometry::Twist;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
-use upm_document::{Fault, Faults, Path, parse_and_build, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
 
 /// Most samples in the output, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
@@ -44,17 +44,17 @@ pub struct PulseSpec {
 
 impl SimulateSpec {
     /// Reads and validates the experiment file at `path` and the rig it names. Errors list every fault.
-    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Fault>> {
+    pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &Origin::of_file(path))
     }
 
     /// Validates the experiment in `text`. Errors list every fault.
-    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Fault>> {
+    pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
         parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
     }
 
-    fn build(raw: RawSimulate, origin: &Origin, faults: &mut Faults) -> Option<Self> {
+    fn build(raw: RawSimulate, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
         let root = Path::root();
         for (i, pulse) in raw.pulses.iter().enumerate() {
             check_pulse(pulse, &root.key("pulses").index(i), faults);
@@ -67,7 +67,7 @@ impl SimulateSpec {
         let total_s: f64 = pulses.iter().map(|pulse| pulse.envelope.total_s()).sum();
         let samples = total_s * raw.sample_hz * raw.parts.len() as f64;
         let found = format!("{samples:.0} samples of all parts over {total_s:.3} s");
-        faults.demand(samples <= MOST_SAMPLES, root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
+        faults.require(samples <= MOST_SAMPLES, root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
         let base_radps = std::f64::consts::TAU * base_hz;
         Some(Self { rig, plate: raw.plate, base_radps, parts, pulses, sample_hz: raw.sample_hz })
     }
@@ -113,7 +113,7 @@ fn pump_of(raw: &RawPulse) -> Option<Twist> {
     }
 }
 
-fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Faults) {
+fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Diagnostics) {
     let given = [
         raw.cor_mm.is_some(),
         raw.omega_rad_s.is_some(),
@@ -131,19 +131,19 @@ fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Faults) {
     }
     if let Some(harmonics) = &raw.harmonics {
         let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
-        faults.demand(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
+        faults.require(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
     }
 }
 
 /// Reports a harmonic too fast for the simulation's step or, if played by motors, for the generator, and a base
 /// frequency so low that the velocity is not the integral of the force.
-fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mut Faults) {
+fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mut Diagnostics) {
     let (highest_hz, why) = highest_hz(rig, raw.plate);
     let mut check = |harmonic: usize, at: &Path| {
         let found_hz = harmonic as f64 * base_hz;
         let (found, allowed) =
             (format!("harmonic {harmonic} at {found_hz} Hz"), format!("up to {highest_hz:.1} Hz ({why})"));
-        faults.demand(found_hz <= highest_hz * (1.0 + 1e-9), at, found, allowed);
+        faults.require(found_hz <= highest_hz * (1.0 + 1e-9), at, found, allowed);
     };
     let root = Path::root();
     if raw.pulses.iter().any(|pulse| pulse.harmonics.is_none()) {
@@ -158,7 +158,7 @@ fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mu
     let resonance_hz = rig.sim.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     let allowed = format!("above {resonance_hz}, the rig's highest resonance (velocity is the force's integral there)");
     let above = raw.plate == PlateMode::Kinematic || base_hz > resonance_hz;
-    faults.demand(above, root.key("base_hz"), base_hz, allowed);
+    faults.require(above, root.key("base_hz"), base_hz, allowed);
 }
 
 /// Highest frequency that can be simulated, Hz, and the limit behind it.
@@ -175,7 +175,7 @@ fn highest_hz(rig: &RigSpec, plate: PlateMode) -> (f64, String) {
     }
 }
 
-fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPart> {
+fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PlacedPart> {
     let half_m = 0.5 * rig.model.plate_side_m;
     let mut numbers = vec![0_usize; rig.kinds.len()];
     let (mut parts, mut discs) = (Vec::new(), Vec::new());
@@ -189,7 +189,7 @@ fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Faults) -> Vec<PlacedPa
         for (k, found) in part.position_mm.into_iter().enumerate() {
             let most_mm = mm_from_m(half_m);
             let allowed = format!("from -{most_mm} to {most_mm} (its centre on the plate)");
-            faults.demand(found.abs() <= most_mm, at.index(k), found, allowed);
+            faults.require(found.abs() <= most_mm, at.index(k), found, allowed);
         }
         discs.push((position_m, radius_m, at));
         let id = format!("{}-{number}", part.kind);

@@ -7,7 +7,7 @@ use super::read::{exactly_one, point_m};
 use super::task::TaskContext;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Faults, Path, counted, quoted};
+use upm_document::{Diagnostics, Path, counted, quoted};
 use upm_shapes::{Drawing, Pattern, Size, known_letters};
 
 impl TaskContext<'_> {
@@ -16,7 +16,7 @@ impl TaskContext<'_> {
         &self,
         typed_mm: Option<&[[f64; 2]]>,
         made: Option<&RawTargets>,
-        faults: &mut Faults,
+        faults: &mut Diagnostics,
     ) -> Option<Vec<Vec2>> {
         match (typed_mm, made) {
             (Some(targets_mm), None) => Some(self.typed_targets(targets_mm, faults)),
@@ -33,7 +33,7 @@ impl TaskContext<'_> {
         }
     }
 
-    fn typed_targets(&self, targets_mm: &[[f64; 2]], faults: &mut Faults) -> Vec<Vec2> {
+    fn typed_targets(&self, targets_mm: &[[f64; 2]], faults: &mut Diagnostics) -> Vec<Vec2> {
         let at = self.at.key("targets_mm");
         self.demand_one_each(targets_mm.len(), "target", &at, faults);
         let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
@@ -46,7 +46,7 @@ impl TaskContext<'_> {
         targets_m
     }
 
-    fn made_targets(&self, raw: &RawTargets, at: &Path, faults: &mut Faults) -> Option<Vec<Vec2>> {
+    fn made_targets(&self, raw: &RawTargets, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
         let RawTargets { line, grid, circle, text, svg } = raw;
         let keys = [
             ("line", line.is_some()),
@@ -74,7 +74,7 @@ impl TaskContext<'_> {
         self.places_of(&shape, faults)
     }
 
-    fn grid(&self, raw: &RawGrid, at: Path, faults: &mut Faults) -> Option<FittedOutline> {
+    fn grid(&self, raw: &RawGrid, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
         let RawGrid { center_mm, rows, columns, spacing_mm } = raw;
         let center_m = point_m(*center_mm);
         let parts = self.kinds.len();
@@ -94,7 +94,7 @@ impl TaskContext<'_> {
         Some(FittedOutline { at, pattern, growth: Growth { name: "spacing_mm", size_mm: vec![*spacing_mm], center_m } })
     }
 
-    fn text(&self, raw: &RawText, at: Path, faults: &mut Faults) -> Option<FittedOutline> {
+    fn text(&self, raw: &RawText, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
         let RawText { string, height_mm, center_mm } = raw;
         let center_m = point_m(*center_mm);
         let drawing = Drawing::of_text(string, m_from_mm(*height_mm), center_m);
@@ -118,10 +118,10 @@ impl TaskContext<'_> {
     }
 
     /// The drawing with its places; a fault if there are fewer parts than ends and corners.
-    fn drawn(&self, drawing: Drawing, growth: Growth, at: Path, faults: &mut Faults) -> Option<FittedOutline> {
+    fn drawn(&self, drawing: Drawing, growth: Growth, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
         let (parts, fewest) = (self.kinds.len(), drawing.fewest());
         let allowed = format!("{fewest} or more: one at every end and every corner of its lines");
-        faults.demand(parts >= fewest, &at, counted(parts, "part"), allowed);
+        faults.require(parts >= fewest, &at, counted(parts, "part"), allowed);
         (parts >= fewest).then_some(FittedOutline { at, pattern: Pattern::Drawn(drawing), growth })
     }
 }
@@ -142,7 +142,7 @@ fn circle_of(raw: &RawCircle, at: Path) -> FittedOutline {
 }
 
 /// The drawing at `at`, whose path data has been written out.
-pub(super) fn drawing_of(raw: &RawSvg, at: &Path, faults: &mut Faults) -> Option<(Drawing, Growth)> {
+pub(super) fn drawing_of(raw: &RawSvg, at: &Path, faults: &mut Diagnostics) -> Option<(Drawing, Growth)> {
     let RawSvg { d, width_mm, height_mm, center_mm, .. } = raw;
     let keys = [("width_mm", width_mm.is_some()), ("height_mm", height_mm.is_some())];
     if !exactly_one(&keys, at, faults) {

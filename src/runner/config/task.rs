@@ -3,7 +3,7 @@ use super::raw_job::{Assignment, RawTask};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Faults, Path, counted};
+use upm_document::{Diagnostics, Path, counted};
 use upm_task::{BinParams, PathParams};
 
 /// A task in SI.
@@ -55,7 +55,7 @@ impl TaskSpec {
 }
 
 /// The task in SI. Faults where it is not feasible.
-pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Faults) -> Option<TaskSpec> {
+pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) -> Option<TaskSpec> {
     let scene = TaskContext::new(groups, rig);
     match raw {
         RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
@@ -93,18 +93,18 @@ impl<'a> TaskContext<'a> {
         Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
     }
 
-    fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Faults) -> Option<TaskSpec> {
+    fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Diagnostics) -> Option<TaskSpec> {
         let found = counted(self.kinds.len(), "part");
-        faults.demand(self.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
+        faults.require(self.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
         let edge_margin_m = m_from_mm(edge_margin_mm);
         let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
         let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
-        faults.demand(edge_margin_m < most_m, self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
+        faults.require(edge_margin_m < most_m, self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
         Some(TaskSpec::PlusSign { laps, edge_margin_m })
     }
 
-    pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Faults) {
+    pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Diagnostics) {
         let parts = self.kinds.len();
-        faults.demand(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
+        faults.require(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
     }
 }

@@ -11,7 +11,7 @@ mod traces;
 
 use serde_json::Value;
 
-use super::{Fault, JobSpec, Origin, RigSpec};
+use super::{Diagnostic, JobSpec, Origin, RigSpec};
 
 /// A shipped file by its path in the repository.
 fn shipped(path: &str) -> std::path::PathBuf {
@@ -40,15 +40,15 @@ fn set(document: &mut Value, pointer: &str, value: Value) {
     }
 }
 
-fn job(document: &Value) -> Result<JobSpec, Vec<Fault>> {
+fn job(document: &Value) -> Result<JobSpec, Vec<Diagnostic>> {
     JobSpec::from_json(&document.to_string(), &origin(), None)
 }
 
-fn rig(document: &Value) -> Result<RigSpec, Vec<Fault>> {
+fn rig(document: &Value) -> Result<RigSpec, Vec<Diagnostic>> {
     RigSpec::from_json(&document.to_string(), &Origin::of_file(&shipped("rigs/test.json")))
 }
 
 /// Faults without the file name.
-fn lines(faults: Vec<Fault>) -> Vec<String> {
-    faults.into_iter().map(|f| format!("{}: expected {}, found {}", f.path, f.allowed, f.found)).collect()
+fn lines(faults: Vec<Diagnostic>) -> Vec<String> {
+    faults.into_iter().map(|f| format!("{}: expected {}, found {}", f.path, f.expected, f.found)).collect()
 }

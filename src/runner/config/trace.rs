@@ -6,20 +6,20 @@ use super::raw_trace::{RawCounts, RawTrace};
 use super::read::point_m;
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
-use upm_document::{Fault, Faults, Path, SchemaKey, counted, parse_and_build, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, SchemaKey, counted, parse_and_build, text_of};
 
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;
 
 /// Reads and validates the trace file at `path`. Errors list every fault.
-pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Fault>> {
+pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Diagnostic>> {
     let text = text_of(path).map_err(|fault| vec![fault])?;
     trace_from_json(&text, &path.display().to_string())
 }
 
 /// Validates the trace in `text`, called `file` in faults. Errors list every fault. Gaps and clipped samples are valid:
 /// the fit decides whether they matter.
-pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Fault>> {
+pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Diagnostic>> {
     parse_and_build(text, file, |raw, faults| {
         check(&raw, faults);
         Some(pulse_of(&raw))
@@ -41,24 +41,24 @@ fn laid_out(value: &Value, indent: usize) -> String {
     format!("{{\n{}\n{:indent$}}}", lines.join(",\n"), "")
 }
 
-fn check(raw: &RawTrace, faults: &mut Faults) {
+fn check(raw: &RawTrace, faults: &mut Diagnostics) {
     let root = Path::root();
     let least_hz = LEAST_SAMPLES * raw.base_hz;
     let allowed = format!("{least_hz} or more ({LEAST_SAMPLES} samples to a period of base_hz)");
-    faults.demand(raw.sample_hz >= least_hz, root.key("sample_hz"), raw.sample_hz, allowed);
+    faults.require(raw.sample_hz >= least_hz, root.key("sample_hz"), raw.sample_hz, allowed);
     let apart = raw.position_mm != [0.0, 0.0];
-    faults.demand(apart, root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
+    faults.require(apart, root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
     let at = root.key("counts");
     let samples = raw.counts.x1.len();
     for (name, channel) in raw.counts.named() {
         let found = counted(channel.len(), "sample");
-        faults.demand(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
+        faults.require(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
         check_range(channel, raw.count_limit, &at.key(name), faults);
     }
 }
 
 /// Checks counts against `limit`; in two's complement the range extends one further down than up.
-fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Faults) {
+fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Diagnostics) {
     let (low, high) = (-i32::from(limit) - 1, i32::from(limit));
     for (i, count) in channel.iter().enumerate() {
         if let Some(count) = count.filter(|&count| !(low..=high).contains(&i32::from(count))) {

@@ -19,7 +19,7 @@ const GAP_STEPS: usize = 200;
 /// than 6 degrees over the plate.
 const FAR_SIDES: f64 = 10.0;
 
-/// Difference of longest steps below which a plate counts as even, m: less than the last digit of the report.
+/// Difference of longest steps below which a plate counts as even, m: one unit of the last digit of the report.
 const EVEN_M: f64 = 1e-5;
 
 /// Coverage of a plate by a COR library.
@@ -138,8 +138,8 @@ impl Coverage {
         Some([least_m, steps().fold(least_m, f64::max)])
     }
 
-    /// True if the longest steps along the weakest direction are equal to a hundredth of a millimetre wherever every
-    /// direction is reached; false where none is reached.
+    /// True if the longest steps along the weakest direction differ by less than 0.01 mm wherever every direction is
+    /// reached; false where none is reached.
     pub fn is_even(&self) -> bool {
         self.steps_m().is_some_and(|[least_m, most_m]| most_m - least_m < EVEN_M)
     }

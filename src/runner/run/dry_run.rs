@@ -7,7 +7,7 @@ use super::coverage::WorstDirection;
 use super::planner_selection::PlannerSelection;
 use super::setup::{self, RunSetup};
 use super::time_figure::time_figure_s;
-use crate::config::{Fault, JobSpec, PlacedPart};
+use crate::config::{Diagnostic, JobSpec, PlacedPart};
 use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, FreshPlanner, LimitMet, RehearsalParams};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
@@ -126,7 +126,7 @@ pub fn rehearse(
     job: &JobSpec,
     library: &Arc<Library>,
     watch: &mut dyn FnMut(RehearsalProgress),
-) -> Result<Forecast, Fault> {
+) -> Result<Forecast, Diagnostic> {
     // only parts and parameters of the setup are used; nothing is played on its rig
     let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
     let starts_m = named(&placed, &params);

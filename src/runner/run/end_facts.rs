@@ -13,7 +13,7 @@ use upm_sim::faults::FaultSpec;
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
 
-/// Ending of a run; without a setup for a run that had no plate.
+/// Ending of a run; `setup` is `None` for a run that had no plate.
 pub(super) fn ending<R: Rig>(
     job: &JobSpec,
     setup: Option<&RunSetup<R>>,

@@ -50,7 +50,7 @@ struct InAPulse<'a> {
 impl Sink for InAPulse<'_> {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         let at_s = facts.frame.exposed_at.secs();
-        if facts.sounding && at_s > self.after_s && self.asked_s.is_none() {
+        if facts.driving && at_s > self.after_s && self.asked_s.is_none() {
             self.give_way.store(true, Ordering::Relaxed);
             self.asked_s = Some(at_s);
         }

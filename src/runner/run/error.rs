@@ -1,18 +1,18 @@
 use upm_core::rig::RigFault;
-use upm_document::Fault;
+use upm_document::Diagnostic;
 
 /// Reason why a job was not run, or its files were not written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// Faults of a file, or a missing file.
     #[error("{}", one_a_line(.0))]
-    Document(Vec<Fault>),
+    Document(Vec<Diagnostic>),
     /// Fault of a job that cannot be run.
     #[error("{0}")]
-    Job(Fault),
+    Job(Diagnostic),
     /// The library is invalid or was measured on another rig.
     #[error("{}", one_a_line(.0))]
-    Library(Vec<Fault>),
+    Library(Vec<Diagnostic>),
     /// A file of the run folder could not be written.
     #[error("cannot write {path}: {reason}")]
     Write {
@@ -32,8 +32,8 @@ pub enum RunError {
     Rig(#[from] RigFault),
 }
 
-impl From<Vec<Fault>> for RunError {
-    fn from(faults: Vec<Fault>) -> Self {
+impl From<Vec<Diagnostic>> for RunError {
+    fn from(faults: Vec<Diagnostic>) -> Self {
         Self::Document(faults)
     }
 }
@@ -50,6 +50,6 @@ impl RunError {
     }
 }
 
-fn one_a_line(faults: &[Fault]) -> String {
+fn one_a_line(faults: &[Diagnostic]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }

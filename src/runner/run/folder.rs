@@ -139,7 +139,7 @@ pub(super) struct TruthLog {
 }
 
 impl TruthLog {
-    /// Log for `setup`; writes nothing if the bench has no faults.
+    /// Log for `setup`; writes nothing if it has no faults.
     pub(super) fn of(setup: &RunSetup, folder: &RunFolder) -> Result<Self, RunError> {
         if setup.faults.is_empty() {
             return Ok(Self::default());

@@ -6,8 +6,8 @@ use super::error::RunError;
 use super::library::job_library;
 use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
-use super::time_figure::FirstLook;
-use crate::config::{Fault, JobSpec};
+use super::time_figure::FirstObservation;
+use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
 use upm_cor_library::Library;
 use upm_core::rig::Rig;
@@ -46,7 +46,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
-    /// [`done`](upm_task::Setpoints::done). The report then has no verdict, which would be about the task.
+    /// [`done`](upm_task::Setpoints::done). The report then has no verdict, which would be about the job's task.
     pub fn with_task(mut self, task: impl Task + 'static) -> Self {
         self.setup.task = Box::new(task);
         self.setup.params.endless = false;
@@ -82,7 +82,7 @@ impl<'a> InMemoryRun<'a> {
         let Self { job, library, setup, watcher, has_own_task } = self;
         if !setup.faults.is_empty() {
             let found = counted(setup.faults.len(), "fault");
-            return Err(RunError::Job(Fault::new(&job.file, "faults", found, "none on a rig of the caller's")));
+            return Err(RunError::Job(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's")));
         }
         let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
@@ -99,18 +99,18 @@ impl<'a> InMemoryRun<'a> {
 /// Sinks that the report is made from.
 struct ReportSinks {
     named: TruthInJobOrder,
-    first_look: FirstLook,
+    first_observation: FirstObservation,
     stats: RunStats,
 }
 
 impl ReportSinks {
     fn of(setup: &RunSetup) -> Self {
         let (named, stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
-        Self { named, first_look: FirstLook::default(), stats }
+        Self { named, first_observation: FirstObservation::default(), stats }
     }
 
     fn sinks<'s, 'w>(&'s mut self, watcher: Option<&'s mut (dyn Sink + 'w)>) -> Fanout<'s> {
-        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_look).with(&mut self.stats);
+        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_observation).with(&mut self.stats);
         match watcher {
             Some(watcher) => sinks.with(watcher),
             None => sinks,
@@ -129,7 +129,7 @@ impl ReportSinks {
         if has_own_task {
             return self.stats.report(ending);
         }
-        let bound_s = self.first_look.time_figure_s(job, library, &setup.params);
+        let bound_s = self.first_observation.time_figure_s(job, library, &setup.params);
         let report = self.stats.report(EndFacts { bound_s, ..ending });
         Report { verdict: verdict(job, &report), ..report }
     }
@@ -206,7 +206,7 @@ mod tests {
         assert!(error.to_string().contains("faults: expected none on a rig of the caller's, found 1 fault"), "{error}");
     }
 
-    /// Task that holds every part for this many looks.
+    /// Task that holds every part for this many observations.
     struct HoldForFrames(u32);
 
     impl Task for HoldForFrames {
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn own_task_replaces_the_task_and_has_no_verdict() {
+    fn callers_task_replaces_the_jobs_and_has_no_verdict() {
         let job = job(json!([]));
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run

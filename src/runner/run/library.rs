@@ -3,12 +3,12 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::config::{Fault, JobSpec, LibraryRef, RigSpec, place_parts};
+use crate::config::{Diagnostic, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_cor_library::{FieldFacts, Library, RigFacts};
 use upm_core::random::Streams;
 
 /// Reads the COR library of a job and checks it against the job's rig.
-pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
+pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let library = match &job.library {
         Some(LibraryRef::File(path)) => return load_library(path, &job.library_key(), &job.rig),
         Some(LibraryRef::Inline(members)) => {
@@ -16,42 +16,47 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Fault>> {
         }
         None => {
             let found = "nothing, in the job and in its rig";
-            return Err(vec![Fault::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")]);
+            return Err(vec![Diagnostic::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")]);
         }
     };
     fitting(library, &file_of(job), &job.rig)
 }
 
 /// Reads the COR library that `rig` names and checks it against the rig.
-pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let Some(path) = &rig.library else {
-        return Err(vec![Fault::new(&rig.model.name, "library", "nothing", "a COR library, made by `upm calibrate`")]);
+        return Err(vec![Diagnostic::new(
+            &rig.model.name,
+            "library",
+            "nothing",
+            "a COR library, made by `upm calibrate`",
+        )]);
     };
     load_library(path, &format!("rig {}: library", rig.model.name), rig)
 }
 
 /// `library`, read from `file`, or the reasons why it does not fit the rig.
-fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let faults = library_faults(&library, file, rig);
     if faults.is_empty() { Ok(Arc::new(library)) } else { Err(faults) }
 }
 
 /// Reads the COR library at `path` and checks it against `rig`; faults carry the key that names the file.
-pub fn load_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Fault>> {
+pub fn load_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let library = Library::load(path).and_then(|library| fitting(library, &path.display().to_string(), rig));
     library.map_err(|faults| faults.into_iter().map(|fault| fault.named_by(named_by)).collect())
 }
 
 /// Checks whether `job` can be run with `library`: that the library fits the rig and the parts find places. No picture
 /// is taken and nothing is planned, so the check is cheap enough for every submitted job.
-pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Fault>> {
+pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Diagnostic>> {
     let mut faults = library_faults(library, &file_of(job), &job.rig);
     faults.extend(check_places(job).err());
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
 /// The part of [`check_job`] for a library known to fit the rig: whether the parts find places.
-pub fn check_places(job: &JobSpec) -> Result<(), Fault> {
+pub fn check_places(job: &JobSpec) -> Result<(), Diagnostic> {
     place_parts(job, Streams::new(job.seed())).map(|_| ())
 }
 
@@ -64,7 +69,7 @@ fn file_of(job: &JobSpec) -> String {
 }
 
 /// All reasons why `library`, read from `file`, cannot be used on `rig`.
-pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Fault> {
+pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Diagnostic> {
     let model = &rig.model;
     let facts = RigFacts {
         name: &model.name,

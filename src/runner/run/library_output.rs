@@ -6,7 +6,7 @@ use super::library_faults;
 use crate::config::RigSpec;
 use upm_cor_library::Library;
 use upm_core::files::write_whole;
-use upm_document::{Fault, reason};
+use upm_document::{Diagnostic, reason};
 
 /// Output file of a library that is still to be measured.
 ///
@@ -37,7 +37,7 @@ pub enum LibraryOutputFault {
     },
     /// The measured library is invalid for runs; one line per fault.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Unusable(Vec<Fault>),
+    Unusable(Vec<Diagnostic>),
 }
 
 impl LibraryOutput {

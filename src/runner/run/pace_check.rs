@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::paced::PaceClock;
 use super::{PacingStats, RunSetup, play};
-use crate::config::{DeadlinePolicy, Fault, JobSpec, Origin, RigSpec};
+use crate::config::{DeadlinePolicy, Diagnostic, JobSpec, Origin, RigSpec};
 use upm_control::{FrameFacts, Sink};
 use upm_cor_library::Library;
 use upm_core::rig::Interlock;
@@ -42,7 +42,7 @@ pub fn check_pace(
     rig: &RigSpec,
     library: &Arc<Library>,
     clock: &dyn Clock,
-    nap: &dyn Fn(Duration),
+    sleep: &dyn Fn(Duration),
     lasting: Duration,
 ) -> Result<PaceCheck, String> {
     let job = json!({
@@ -55,12 +55,12 @@ pub fn check_pace(
     let (stats, interlock, napped) = (PacingStats::default(), Interlock::default(), Cell::new(Duration::ZERO));
     let timed_nap = |time| {
         let from = clock.elapsed();
-        nap(time);
+        sleep(time);
         napped.set(napped.get() + clock.elapsed().saturating_sub(from));
     };
     let frame_hz = setup.model.frame_hz;
     let deadlines = DeadlinePolicy::Relaxed;
-    let pace = PaceClock { clock, nap: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
+    let pace = PaceClock { clock, sleep: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
     let stop = AtomicBool::new(false);
     let mut loops =
         LoopTimes { clock, napped: &napped, stats: &stats, lasting, stop: &stop, begin: None, loops: vec![] };
@@ -68,7 +68,7 @@ pub fn check_pace(
     loops.result(1.0 / frame_hz).ok_or(finish.ending.reason)
 }
 
-fn one_line(faults: &[Fault]) -> String {
+fn one_line(faults: &[Diagnostic]) -> String {
     faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
@@ -149,8 +149,8 @@ mod tests {
         let rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
         let library = Arc::new(Library::load(&root.join("assets/libraries/upm-1.json")).unwrap());
         let computer = Computer { takes, ..Computer::default() };
-        let nap = |time| computer.now.set(computer.now.get() + time);
-        check_pace(&rig, &library, &computer, &nap, Duration::from_millis(500)).unwrap()
+        let sleep = |time| computer.now.set(computer.now.get() + time);
+        check_pace(&rig, &library, &computer, &sleep, Duration::from_millis(500)).unwrap()
     }
 
     #[test]

@@ -7,13 +7,13 @@ use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::{Clock, PlateTime};
 
 /// Interval at which a waiting thread polls an interlock that does not wake it.
-const LONGEST_NAP: Duration = Duration::from_millis(20);
+const LONGEST_SLEEP: Duration = Duration::from_millis(20);
 
 /// Clock, statistics and policies of real-time pacing.
 pub(super) struct PaceClock<'a> {
     pub(super) clock: &'a dyn Clock,
     /// Parks the thread for that long, or until it is woken.
-    pub(super) nap: &'a dyn Fn(Duration),
+    pub(super) sleep: &'a dyn Fn(Duration),
     pub(super) stats: &'a PacingStats,
     pub(super) interlock: &'a Interlock,
     /// Frames a second of the rig's camera.
@@ -35,7 +35,7 @@ pub(super) struct RealTimeRig<'a> {
     period: Duration,
     /// Reading of the clock at plate time zero, extrapolated from the present offset.
     epoch: Option<Epoch>,
-    sounding_until: PlateTime,
+    driving_until: PlateTime,
 }
 
 /// Reading of the clock at plate time zero, ns; negative if the plate's time began before the clock's.
@@ -64,7 +64,7 @@ impl<'a> RealTimeRig<'a> {
     pub(super) fn new(rig: &'a mut dyn Rig, pace: PaceClock<'a>) -> Self {
         pace.interlock.set_driver_thread();
         let period = Duration::try_from_secs_f64(1.0 / pace.frame_hz).unwrap_or(Duration::MAX);
-        Self { rig, pace, period, epoch: None, sounding_until: PlateTime::ZERO }
+        Self { rig, pace, period, epoch: None, driving_until: PlateTime::ZERO }
     }
 
     /// Accounts for a delay before the rig continues.
@@ -76,8 +76,8 @@ impl<'a> RealTimeRig<'a> {
         let frames = late.as_nanos().checked_div(self.period.as_nanos());
         self.pace.stats.miss(frames.and_then(|frames| frames.try_into().ok()).unwrap_or(u64::MAX));
         let is_strict = self.pace.deadlines == DeadlinePolicy::Strict;
-        let lease_ran_out = is_strict && late.as_secs_f64() > Interlock::LEASE_S;
-        if lease_ran_out && self.rig.now() < self.sounding_until {
+        let lease_expired = is_strict && late.as_secs_f64() > Interlock::LEASE_S;
+        if lease_expired && self.rig.now() < self.driving_until {
             self.rig.pass(self.rig.now() + late.as_secs_f64())?;
         }
         let behind = self.late();
@@ -103,7 +103,7 @@ impl<'a> RealTimeRig<'a> {
             if early.is_zero() {
                 return;
             }
-            (self.pace.nap)(early.min(LONGEST_NAP));
+            (self.pace.sleep)(early.min(LONGEST_SLEEP));
             let before = std::mem::replace(&mut elapsed, self.pace.clock.elapsed());
             if elapsed == before {
                 return;
@@ -122,7 +122,7 @@ impl Rig for RealTimeRig<'_> {
         self.keep_up()?;
         let started_at = self.rig.now();
         self.rig.play(drive)?;
-        self.sounding_until = started_at + drive.envelope.sounding_s();
+        self.driving_until = started_at + drive.envelope.sounding_s();
         Ok(())
     }
 

@@ -35,7 +35,7 @@ pub enum SelectionReason {
 }
 
 impl PlannerSelection {
-    /// Selects the planner of `job`. Every part counts as moved: each has a task, if only to stay at its place.
+    /// Selects the planner of `job`. Every part counts as moved: each has a target, if only its own place.
     pub fn of(job: &JobSpec) -> Self {
         let has_fields = job.rig.model.fields.is_some();
         let parts: usize = job.parts.iter().map(|group| group.count).sum();

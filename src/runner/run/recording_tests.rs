@@ -47,7 +47,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
 }
 
 /// Events about the recording in the journal of a run folder.
-fn told(folder: &Path) -> Vec<Value> {
+fn warnings(folder: &Path) -> Vec<Value> {
     let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
     let events = journal.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     events.filter(|line| line["code"].as_str().is_some_and(|code| code.starts_with("recording_"))).collect()
@@ -62,9 +62,9 @@ fn a_run_goes_on_without_its_recording_and_says_so() {
     let text = "the recording ends early: stopped, the disk is nearly full";
     assert_eq!(done.report.warnings, [text]);
     assert_eq!(done.warnings, [text]);
-    let told = told(&done.folder);
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert_eq!((&told[0]["level"], &told[0]["text"]), (&json!("warning"), &json!(text)));
+    let warnings = warnings(&done.folder);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert_eq!((&warnings[0]["level"], &warnings[0]["text"]), (&json!("warning"), &json!(text)));
     assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
     // the disk decided that, so a repetition has no such event
     let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingHandle::default())).unwrap();
@@ -76,6 +76,6 @@ fn a_run_with_a_whole_recording_says_nothing_of_it() {
     let out = tempfile::tempdir().unwrap();
     let (done, state) = run_until(out.path(), u64::MAX);
     assert_eq!(state, RecordingState::Whole);
-    assert!(done.report.warnings.is_empty() && done.warnings.is_empty() && told(&done.folder).is_empty());
+    assert!(done.report.warnings.is_empty() && done.warnings.is_empty() && warnings(&done.folder).is_empty());
     assert!(done.folder.join("run.rrd").exists() && !done.folder.join("run.rrd.part").exists());
 }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use super::knocks;
 use super::planner_selection::PlannerSelection;
-use crate::config::{Assignment, Fault, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
+use crate::config::{Assignment, Diagnostic, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
 use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
 use upm_cor_library::{Entry, Library};
 use upm_core::geometry::{Pose, Vec2};
@@ -41,7 +41,7 @@ pub struct RunSetup<R = SimRig> {
     pub truth: GroundTruthHandle,
     /// Model of the rig that control knows.
     pub model: RigModel,
-    /// Goal of the job.
+    /// Task of the job.
     pub task: Box<dyn Task>,
     /// Limits and parts for control.
     pub params: ControlParams,
@@ -55,7 +55,7 @@ pub struct RunSetup<R = SimRig> {
 
 impl RunSetup {
     /// Places the parts and builds rig, task and parameters. `Err` if the parts find no places.
-    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Fault> {
+    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Diagnostic> {
         let (rig, placed) = simulated_rig(job)?;
         let (kinds, kind_of_part) = kinds_present(job, &placed);
         let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
@@ -102,7 +102,7 @@ impl<R: Rig> RunSetup<R> {
 
     /// Appearance of the parts in a recording.
     pub fn part_looks(&self) -> Vec<PartLook> {
-        let look = |part: &ExpectedPart| {
+        let expected_disc = |part: &ExpectedPart| {
             let kind = self.params.kinds.get(part.kind);
             PartLook {
                 id: part.id.clone(),
@@ -110,7 +110,7 @@ impl<R: Rig> RunSetup<R> {
                 radius_m: kind.map_or(0.0, |kind| kind.radius_m),
             }
         };
-        self.params.parts.iter().map(look).collect()
+        self.params.parts.iter().map(expected_disc).collect()
     }
 }
 
@@ -121,7 +121,7 @@ fn lost_after_frames(frame_hz: f64) -> u32 {
 }
 
 /// The simulated rig of a job with its parts at their start.
-pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Fault> {
+pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Diagnostic> {
     let streams = Streams::new(job.seed());
     let placed = place_parts(job, streams)?;
     let poses = placed.iter().map(|part| (part.params, Pose::at(part.position_m)));

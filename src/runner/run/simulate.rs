@@ -1,7 +1,7 @@
 //! The simulated rig without control: pulses played open loop, and the first frame of a job.
 
 use super::setup::simulated_rig;
-use crate::config::{self, Fault, JobSpec, PulseSpec, SimulateSpec};
+use crate::config::{self, Diagnostic, JobSpec, PulseSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::Frame;
@@ -59,7 +59,7 @@ pub struct TruePart {
 pub enum FirstFrameError {
     /// The parts find no places.
     #[error("{0}")]
-    Job(Fault),
+    Job(Diagnostic),
     /// The camera fails.
     #[error(transparent)]
     Rig(#[from] RigFault),

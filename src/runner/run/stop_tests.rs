@@ -54,7 +54,7 @@ impl Clock for PlateClock {
 impl<F: FnMut()> Sink for InPulse<F> {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         self.clock.shown_ns.store(facts.frame.exposed_at.nanos(), Ordering::Relaxed);
-        self.frames = if facts.sounding { self.frames + 1 } else { 0 };
+        self.frames = if facts.driving { self.frames + 1 } else { 0 };
         if self.pulses + 1 == self.number && self.frames == 3 {
             (self.act)();
         }
@@ -176,8 +176,8 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
 #[test]
 fn a_watchdog_needs_no_flag_and_fails_the_run() {
     let plate = StoppedPlate::default();
-    let bark = || assert!(plate.interlock.trip(Trip::Watchdog));
-    let stopped = StopRecord::run(&plate, false, 1, bark, Some("no frame for 0.5 s"));
+    let trip_watchdog = || assert!(plate.interlock.trip(Trip::Watchdog));
+    let stopped = StopRecord::run(&plate, false, 1, trip_watchdog, Some("no frame for 0.5 s"));
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
     assert_eq!(stopped.report.reason, "no frame for 0.5 s");
     let by_rig = RunEnd::from(RigFault::Stopped(Trip::Watchdog)).reason;
@@ -265,7 +265,7 @@ fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
     assert!(lines.len() == 1 && lines[0].to_string().contains("not all placed"), "{lines:?}");
     let on_another_rig = JobSpec::load(&config_file("plus-sign-upm-2.json")).unwrap();
     let lines = check_job(&on_another_rig, &library).unwrap_err();
-    assert!(lines.iter().all(|fault| !fault.found.is_empty() && !fault.allowed.is_empty()), "{lines:?}");
+    assert!(lines.iter().all(|fault| !fault.found.is_empty() && !fault.expected.is_empty()), "{lines:?}");
     assert_eq!(check_job(&self::job(), &job_library(&self::job()).unwrap()), Ok(()));
 
     let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());

@@ -42,22 +42,22 @@ pub(super) fn time_figure_s(
     RotationPlanner::new(Arc::clone(library), params.planner).least_time_s(&parts)
 }
 
-/// Positions and final targets at the first look of a run. The figure is computed after the run, so that it costs the
-/// run no time.
+/// Positions and final targets at the first observation of a run. The figure is computed after the run, so that it
+/// costs the run no time.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FirstLook {
+pub(super) struct FirstObservation {
     observed_m: Vec<Vec2>,
     targets_m: Vec<Vec2>,
 }
 
-impl FirstLook {
+impl FirstObservation {
     /// Time figure of the run; also `None` for a run that ended in its first cycle.
     pub fn time_figure_s(&self, job: &JobSpec, library: &Arc<Library>, params: &ControlParams) -> Option<f64> {
         time_figure_s(job, library, params, &self.observed_m, &self.targets_m)
     }
 }
 
-impl Sink for FirstLook {
+impl Sink for FirstObservation {
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
         if facts.index == 0 {
             (self.observed_m, self.targets_m) = (facts.observed_m.to_vec(), facts.wanted.targets_m.clone());

@@ -4,7 +4,7 @@ use std::f64::consts::SQRT_2;
 
 use super::planner_selection::PlannerSelection;
 use super::setup::{MEASURED_SHARE, MIN_DISTANCE_M};
-use crate::config::{Fault, JobSpec, TaskSpec};
+use crate::config::{Diagnostic, JobSpec, TaskSpec};
 use upm_cor_library::{DisplacementModel, Library};
 use upm_core::units::mm_from_m;
 use upm_planner::PlanningMethod;
@@ -71,13 +71,13 @@ fn scatter_m(model: &DisplacementModel) -> f64 {
 
 /// Warning, in the form of a fault, for a job whose tolerance is finer than it can hold. The job stays valid: a run may
 /// reach its goal by luck, and ends where it makes no progress.
-pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Fault> {
+pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Diagnostic> {
     let finest_mm = (100.0 * mm_from_m(finest_tolerance_m(job, library)?)).ceil() / 100.0;
     let found_mm = mm_from_m(job.tolerance_m);
     (found_mm < finest_mm - 1e-9).then(|| {
         let found = format!("{found_mm} mm, finer than scatter and sensing let parts be brought");
         let allowed = format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).name());
-        Fault::new(&job.file, "tolerance_mm", found, allowed)
+        Diagnostic::new(&job.file, "tolerance_mm", found, allowed)
     })
 }
 
@@ -91,7 +91,7 @@ mod tests {
     use crate::config::Origin;
     use crate::run::job_library;
 
-    fn warning(name: &str, change: impl FnOnce(&mut Value)) -> Option<Fault> {
+    fn warning(name: &str, change: impl FnOnce(&mut Value)) -> Option<Diagnostic> {
         let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs").join(name);
         let mut job: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
         change(&mut job);
@@ -108,17 +108,17 @@ mod tests {
         };
         let fault = at("auto", 0.1).unwrap();
         assert!(fault.path == "tolerance_mm" && fault.found.starts_with("0.1 mm"), "{fault}");
-        assert!(fault.allowed.starts_with("0.29 mm or more with synthesized_field"), "{fault}");
+        assert!(fault.expected.starts_with("0.29 mm or more with synthesized_field"), "{fault}");
         assert_eq!(at("auto", 0.29), None);
         let fault = at("cor_sequence", 0.25).unwrap();
-        assert!(fault.allowed.starts_with("0.28 mm or more with cor_sequence"), "{fault}");
+        assert!(fault.expected.starts_with("0.28 mm or more with cor_sequence"), "{fault}");
         assert_eq!(at("cor_sequence", 0.28), None);
     }
 
     #[test]
     fn holds_need_room_to_bring_parts_back_and_sorting_none() {
         let fine = |job: &mut Value| job["tolerance_mm"] = json!(0.3);
-        assert!(warning("hold-4.json", fine).is_some_and(|fault| fault.allowed.starts_with("0.34 mm")));
+        assert!(warning("hold-4.json", fine).is_some_and(|fault| fault.expected.starts_with("0.34 mm")));
         assert_eq!(warning("sort-8.json", |job| job["tolerance_mm"] = json!(0.001)), None);
     }
 

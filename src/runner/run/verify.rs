@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{RunError, RunSetup, TruthInJobOrder, job_library, play};
-use crate::config::{Fault, JobSpec, Origin, reason};
+use crate::config::{Diagnostic, JobSpec, Origin, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::job::{RecordingEnd, StopCause, legacy};
 use upm_core::time::StoppedClock;
@@ -53,7 +53,7 @@ pub enum VerifyError {
     },
     /// The job in `effective.json` is not valid.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Job(Vec<Fault>),
+    Job(Vec<Diagnostic>),
     /// The job cannot be run.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -96,7 +96,7 @@ impl Sink for Until<'_> {
 fn read(path: &Path) -> Result<String, VerifyError> {
     let unread = |error: io::Error| {
         let reason = format!("{} (expected a run folder, as `upm run` leaves it)", reason(&error));
-        VerifyError::Job(vec![Fault::unreadable(&path.display().to_string(), reason)])
+        VerifyError::Job(vec![Diagnostic::unreadable(&path.display().to_string(), reason)])
     };
     fs::read_to_string(path).map_err(unread)
 }
@@ -134,7 +134,7 @@ impl<'a> Repetition<'a> {
         let stopped = stop.is_some();
         let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
         let this = Self { recorded, stopped, equal: 0, differs: None, enough };
-        this.tell_enough();
+        this.report_progress();
         this
     }
 
@@ -143,7 +143,7 @@ impl<'a> Repetition<'a> {
         self.stopped && self.equal == self.recorded.len()
     }
 
-    fn tell_enough(&self) {
+    fn report_progress(&self) {
         if self.differs.is_some() || self.is_through() {
             self.enough.store(true, Ordering::Relaxed);
         }
@@ -157,7 +157,7 @@ impl<'a> Repetition<'a> {
             Some(&recorded) if recorded == line => self.equal += 1,
             recorded => self.differs = Some(self.differs_in(recorded.copied(), Some(line))),
         }
-        self.tell_enough();
+        self.report_progress();
     }
 
     fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verification {

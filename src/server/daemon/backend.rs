@@ -105,6 +105,10 @@ impl Backend for DaemonBackend {
         })
     }
 
+    fn run_next(&self, id: &str, caller: Caller) -> Pending<Job> {
+        pending(|reply| submit::run_next(&self.state, id, &caller, reply))
+    }
+
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
         pending(|reply| estop::cancel(&self.state, id, &caller, reply))
     }
@@ -146,8 +150,8 @@ impl Backend for DaemonBackend {
                 if !reply.is_listening() {
                     return;
                 }
-                let is_awaited = || reply.is_listening();
-                match state.plate(&plate).and_then(|at| estop::reset(at, held, request, &caller, is_awaited)) {
+                let is_listening = || reply.is_listening();
+                match state.plate(&plate).and_then(|at| estop::reset(at, held, request, &caller, is_listening)) {
                     Ok(()) => state.answer_with(&plate, reply),
                     Err(refusal) => reply.send(Err(refusal)),
                 }
@@ -182,7 +186,7 @@ impl Backend for DaemonBackend {
                 if let Some(relay) = state.relays.get(&row.plate) {
                     relay.forward(row.id, sender);
                 }
-                // read again once the wire is connected: events published between the first read and that are in the
+                // read again once the relay is connected: events published between the first read and that are in the
                 // store by now
                 let again = Arc::clone(state);
                 state.store.job(&row.id, move |found| {

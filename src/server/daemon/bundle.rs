@@ -15,8 +15,8 @@ use serde_json::{Value, json};
 use tar::{Builder, Header};
 
 use self::folder::{BundledRun, latches, listed, runs, tail};
-use crate::store::{InspectLimits, JobId, peek};
-use upm_runner::config::{DaemonSpec, Fault};
+use crate::store::{InspectLimits, JobId, inspect};
+use upm_runner::config::{DaemonSpec, Diagnostic};
 
 /// Folder within the archive.
 const ROOT: &str = "upm-support";
@@ -58,7 +58,7 @@ pub struct BundleSources<'a> {
     /// Time the bundle is made.
     pub now: Timestamp,
     /// The configuration, or its faults.
-    pub config: Result<&'a DaemonSpec, &'a [Fault]>,
+    pub config: Result<&'a DaemonSpec, &'a [Diagnostic]>,
     /// The data folder; `None` where it is unknown.
     pub data: Option<&'a Path>,
 }
@@ -132,12 +132,12 @@ impl BundleBuilder {
     }
 
     /// Adds the configuration. The faults of an invalid one are listed without the values found, which may be secrets.
-    fn add_config(&mut self, config: Result<&DaemonSpec, &[Fault]>) -> io::Result<()> {
+    fn add_config(&mut self, config: Result<&DaemonSpec, &[Diagnostic]>) -> io::Result<()> {
         match config {
             Ok(spec) => self.add_json("config.json", &redact::configuration(spec.effective())),
             Err(faults) => {
                 self.missing.push(format!("the configuration has {} faults", faults.len()));
-                let shown = |fault: &Fault| json!({"path": redact::scrub(&fault.path), "allowed": redact::scrub(&fault.allowed)});
+                let shown = |fault: &Diagnostic| json!({"path": redact::scrub(&fault.path), "allowed": redact::scrub(&fault.expected)});
                 let faults: Vec<Value> = faults.iter().map(shown).collect();
                 self.add_json("config.json", &json!({ "faults": faults }))
             }
@@ -146,7 +146,7 @@ impl BundleBuilder {
 
     /// Adds the contents of the store; returns the ids of its jobs.
     fn add_store(&mut self, data: &Path) -> io::Result<Vec<JobId>> {
-        let snapshot = match peek(data, MOST) {
+        let snapshot = match inspect(data, MOST) {
             Ok(snapshot) => snapshot,
             Err(fault) => {
                 self.missing.push(redact::scrub(&fault.to_string()));

@@ -28,6 +28,7 @@ pub(super) fn job(row: &JobRow) -> Job {
         pace: row.pace,
         recording: row.recording,
         standing: row.standing,
+        turn: row.turn,
     }
 }
 
@@ -77,7 +78,7 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     if snapshot.job.is_none() {
         return Vec::new();
     }
-    let told = snapshot.observation.conditions.iter().map(|held| PlateCondition {
+    let lasting = snapshot.observation.conditions.iter().map(|held| PlateCondition {
         code: held.code.to_owned(),
         reason: held.reason.clone(),
         remedy: held.remedy.clone(),
@@ -90,7 +91,7 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
         ),
         remedy: StopCause::DeadlineMissed.remedy().unwrap_or_default().to_owned(),
     });
-    told.chain(busy).collect()
+    lasting.chain(busy).collect()
 }
 
 fn standing_job(snapshot: &plates::StandingSnapshot) -> StandingJob {

@@ -33,15 +33,15 @@ pub(super) fn reset(
     held: StopToken,
     request: ResetRequest,
     caller: &Caller,
-    is_awaited: impl Fn() -> bool,
+    is_listening: impl Fn() -> bool,
 ) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(held, plates::Requester { operator, reason, ..requester(caller) }, is_awaited).map_err(refusal)
+    plate.reset(held, plates::Requester { operator, reason, ..requester(caller) }, is_listening).map_err(refusal)
 }
 
 fn refusal(fault: ResetFault) -> Refusal {
     match fault {
-        ResetFault::Unwritten(fault) => convert::refusal(fault),
+        ResetFault::NotPersisted(fault) => convert::refusal(fault),
         fault => Refusal::Conflict(fault.to_string()),
     }
 }
@@ -69,12 +69,12 @@ pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
             }
             Ok(CancelOutcome::Not(row)) => {
                 let running = row.state == JobState::Running;
-                let told = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
+                let is_stopping = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
                 let too_late = || {
                     let ended = format!("the job has ended: {}", row.state.code());
                     Refusal::Conflict(if running { "the job has already finished".to_owned() } else { ended })
                 };
-                told.then(|| convert::job(&row)).ok_or_else(too_late)
+                is_stopping.then(|| convert::job(&row)).ok_or_else(too_late)
             }
         });
     });

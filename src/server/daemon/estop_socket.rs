@@ -91,7 +91,7 @@ impl EmergencyStops {
             plate.estop();
         }
         // in parallel: on a frozen disk each takes most of a second
-        let see = |name: &str| self.see_through(name, by);
+        let see = |name: &str| self.confirm_stop(name, by);
         thread::scope(|scope| {
             let start = |name| thread::Builder::new().spawn_scoped(scope, move || see(name)).ok();
             let seen: Vec<_> = names.iter().map(String::as_str).map(|name| (name, start(name))).collect();
@@ -102,7 +102,7 @@ impl EmergencyStops {
         })
     }
 
-    fn see_through(&self, name: &str, by: &str) -> LocalStop {
+    fn confirm_stop(&self, name: &str, by: &str) -> LocalStop {
         let caller = Caller { name: by.to_owned(), remote: None };
         let (answer, error) = match estop::confirm_stop(&self.0, name, &caller) {
             Ok(answer) => (Some(answer), None),

@@ -83,6 +83,7 @@ mod tests {
             folder: Some("rest-1".to_owned()),
             recording,
             standing: false,
+            turn: 0,
             last_event: 1,
         }
     }
@@ -90,16 +91,19 @@ mod tests {
     #[test]
     fn what_there_is_of_a_recording_that_failed_is_served() {
         let runs = tempfile::tempdir().unwrap();
-        let told = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
+        let recording_bytes = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
         let gone = |why: &str| Err(Refusal::Unknown(why.to_owned()));
-        assert_eq!(told(RecordingStatus::Failed), gone("the recording could not be written"));
-        assert_eq!(told(RecordingStatus::Whole), gone("the recording is gone"));
+        assert_eq!(recording_bytes(RecordingStatus::Failed), gone("the recording could not be written"));
+        assert_eq!(recording_bytes(RecordingStatus::Whole), gone("the recording is gone"));
         std::fs::create_dir(runs.path().join("rest-1")).unwrap();
         std::fs::write(runs.path().join("rest-1/run.rrd"), "RRF2").unwrap();
-        assert_eq!([told(RecordingStatus::Failed), told(RecordingStatus::Whole)], [Ok(4), Ok(4)]);
+        assert_eq!([recording_bytes(RecordingStatus::Failed), recording_bytes(RecordingStatus::Whole)], [Ok(4), Ok(4)]);
         std::fs::rename(runs.path().join("rest-1/run.rrd"), runs.path().join("elsewhere")).unwrap();
         std::os::unix::fs::symlink("../elsewhere", runs.path().join("rest-1/run.rrd")).unwrap();
-        assert!(matches!(told(RecordingStatus::Whole), Err(Refusal::Conflict(_))), "a link leaves the folder");
-        assert_eq!(told(RecordingStatus::Pruned), gone("the recording was deleted to make room"));
+        assert!(
+            matches!(recording_bytes(RecordingStatus::Whole), Err(Refusal::Conflict(_))),
+            "a link leaves the folder"
+        );
+        assert_eq!(recording_bytes(RecordingStatus::Pruned), gone("the recording was deleted to make room"));
     }
 }

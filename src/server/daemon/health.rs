@@ -13,36 +13,36 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// Reasons why the daemon does not work at all; empty when it is healthy.
 pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
-    let mut ailments = Vec::new();
+    let mut failures = Vec::new();
     if observed.store.heartbeat > LONGEST_SILENCE {
         let silent_s = observed.store.heartbeat.as_secs_f64();
-        ailments.push(Reason::new(ReasonCode::StoreHangs, format!("the job store hangs since {silent_s:.1} s")));
+        failures.push(Reason::new(ReasonCode::StoreHangs, format!("the job store hangs since {silent_s:.1} s")));
     }
     if observed.store.reader_busy > LONGEST_SILENCE {
         let busy_s = observed.store.reader_busy.as_secs_f64();
         let detail = format!("the job store has not answered a question for {busy_s:.1} s");
-        ailments.push(Reason::new(ReasonCode::StoreHangs, detail));
+        failures.push(Reason::new(ReasonCode::StoreHangs, detail));
     }
     let dead = observed.plates_alive.as_ref().err();
-    ailments.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
-    ailments.extend(observed.displaced.as_ref().map(data_watch::reason));
-    ailments
+    failures.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
+    failures.extend(observed.displaced.as_ref().map(data_watch::reason));
+    failures
 }
 
 /// Reasons why it takes no jobs; empty when it is ready.
 pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
-    let mut obstacles = liveness_failures(observed);
+    let mut failures = liveness_failures(observed);
     if observed.is_stopping {
-        obstacles.push(Reason::new(ReasonCode::Ending, "the daemon is ending"));
+        failures.push(Reason::new(ReasonCode::Ending, "the daemon is ending"));
     }
-    obstacles.extend(observed.damage.clone().map(|damage| Reason::new(ReasonCode::StoreDamaged, damage)));
+    failures.extend(observed.damage.clone().map(|damage| Reason::new(ReasonCode::StoreDamaged, damage)));
     let fault = observed.store.fault.as_ref();
-    obstacles.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
-    obstacles.extend(low_disk(observed).map(|low| Reason::new(ReasonCode::DiskLow, low)));
+    failures.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
+    failures.extend(low_disk(observed).map(|low| Reason::new(ReasonCode::DiskLow, low)));
     if observed.plates.iter().all(|plate| plate.state == PlateState::Stopped) {
-        obstacles.push(Reason::new(ReasonCode::AllStopped, "an emergency stop holds on every plate"));
+        failures.push(Reason::new(ReasonCode::AllStopped, "an emergency stop holds on every plate"));
     }
-    obstacles
+    failures
 }
 
 fn low_disk(observed: &Observed) -> Option<String> {
@@ -58,29 +58,29 @@ mod tests {
     use super::*;
     use crate::store::{Displaced, PathObject, StoreFault};
 
-    fn told(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
+    fn failures(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
         let mut observed = Observed::well();
         change(&mut observed);
-        let told = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.detail).collect();
-        (told(liveness_failures(&observed)), told(readiness_failures(&observed)))
+        let details = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.detail).collect();
+        (details(liveness_failures(&observed)), details(readiness_failures(&observed)))
     }
 
-    fn both(change: impl FnOnce(&mut Observed), told_of: &str) {
-        assert_eq!(told(change), (vec![told_of.to_owned()], vec![told_of.to_owned()]));
+    fn both(change: impl FnOnce(&mut Observed), detail: &str) {
+        assert_eq!(failures(change), (vec![detail.to_owned()], vec![detail.to_owned()]));
     }
 
-    fn unready(change: impl FnOnce(&mut Observed), told_of: &str) {
-        assert_eq!(told(change), (Vec::new(), vec![told_of.to_owned()]));
+    fn unready(change: impl FnOnce(&mut Observed), detail: &str) {
+        assert_eq!(failures(change), (Vec::new(), vec![detail.to_owned()]));
     }
 
     #[test]
     fn a_daemon_that_is_well_has_nothing_to_tell() {
-        assert_eq!(told(|_| ()), (Vec::new(), Vec::new()));
+        assert_eq!(failures(|_| ()), (Vec::new(), Vec::new()));
     }
 
     #[test]
     fn what_hangs_is_an_ailment() {
-        assert_eq!(told(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
+        assert_eq!(failures(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
         both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store hangs since 5.1 s");
         let busy = Duration::from_millis(6200);
         both(|o| o.store.reader_busy = busy, "the job store has not answered a question for 6.2 s");
@@ -108,25 +108,25 @@ mod tests {
         unready(|o| o.store.fault = Some(StoreFault::Full), "the disk of the job store is full");
         let full = "the disk has 16.0 MB left, jobs are taken from 16.0 MB on";
         unready(|o| o.disk.free_bytes = Some(15_999_999), full);
-        assert_eq!(told(|o| o.disk.free_bytes = Some(16_000_000)).1, [""; 0]);
-        assert_eq!(told(|o| o.disk.free_bytes = None).1, [""; 0]);
+        assert_eq!(failures(|o| o.disk.free_bytes = Some(16_000_000)).1, [""; 0]);
+        assert_eq!(failures(|o| o.disk.free_bytes = None).1, [""; 0]);
     }
 
     #[test]
     fn one_plate_that_may_move_is_enough() {
-        assert_eq!(told(|o| o.plates[0].state = PlateState::Stopped).1, [""; 0]);
+        assert_eq!(failures(|o| o.plates[0].state = PlateState::Stopped).1, [""; 0]);
         let stop_all = |o: &mut Observed| o.plates.iter_mut().for_each(|plate| plate.state = PlateState::Stopped);
         unready(stop_all, "an emergency stop holds on every plate");
     }
 
     #[test]
     fn every_reason_is_reported() {
-        let (ailments, obstacles) = told(|o| {
+        let (dead, unready) = failures(|o| {
             o.store.heartbeat = Duration::from_secs(9);
             o.plates_alive = Err("the worker of plate left has died".to_owned());
             o.is_stopping = true;
         });
-        assert_eq!((ailments.len(), obstacles.len()), (2, 3));
-        assert!(obstacles.starts_with(&ailments));
+        assert_eq!((dead.len(), unready.len()), (2, 3));
+        assert!(unready.starts_with(&dead));
     }
 }

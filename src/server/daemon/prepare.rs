@@ -13,7 +13,7 @@ use crate::service::{Scope, Tokens};
 use upm_cor_library::Library;
 use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::Clock;
-use upm_runner::config::{DaemonSpec, Fault, PlateSpec, reason};
+use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
 use upm_runner::run::{PaceCheck, check_pace, load_library};
 
 /// Largest token file that is read, bytes.
@@ -26,7 +26,7 @@ const PACE_CHECKED_FOR: Duration = Duration::from_secs(2);
 #[derive(Debug)]
 pub struct Prepared {
     /// Set when the daemon is to end. A start then skips the remaining repairs of recordings; the next start does them.
-    pub told_to_end: Arc<AtomicBool>,
+    pub shutdown_requested: Arc<AtomicBool>,
     /// Tokens that network clients must present.
     pub(super) tokens: Tokens,
     /// The library of each plate, in the order of the configuration.
@@ -65,7 +65,7 @@ pub fn keep_files_private() {
 
 /// Reads the files that `spec` names and checks everything that can be checked before anything starts. Returns every
 /// fault found. Starts and changes nothing.
-pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
+pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
     let libraries = spec.plates.iter().filter_map(|plate| taken(fitted_library(plate), &mut faults)).collect();
@@ -83,7 +83,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Fault>> {
             "with a `read_token_file` alone nobody can submit, cancel, reset or resume: name a `token_file`"
         );
     }
-    Ok(Prepared { told_to_end: Arc::default(), tokens, libraries })
+    Ok(Prepared { shutdown_requested: Arc::default(), tokens, libraries })
 }
 
 /// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
@@ -91,16 +91,16 @@ fn nobody_operates(spec: &DaemonSpec) -> bool {
     spec.token_file.is_none() && spec.read_token_file.is_some()
 }
 
-fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Fault {
-    Fault::new(&spec.file, path, found, allowed)
+fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Diagnostic {
+    Diagnostic::new(&spec.file, path, found, allowed)
 }
 
-fn taken<T>(made: Result<T, Vec<Fault>>, faults: &mut Vec<Fault>) -> Option<T> {
+fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> Option<T> {
     made.map_err(|found| faults.extend(found)).ok()
 }
 
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
-pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Fault>) -> Tokens {
+pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
     let mut tokens = Tokens::default();
     let files = [
         ("token_file", "operate", &spec.token_file, Scope::Operate),
@@ -135,7 +135,7 @@ fn secret_in(file: &Path) -> Result<String, String> {
 }
 
 /// The library of a plate; its standing job must be able to run with it.
-fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
+fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let library = library_of(plate)?;
     if let Some(standing) = &plate.standing {
         fitting_library(&standing.job, &library)?;
@@ -143,12 +143,12 @@ fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
     Ok(library)
 }
 
-fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Fault>> {
+fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     load_library(&plate.library, &plate.library_key, &plate.rig)
 }
 
 /// The fault of a data folder that this process cannot write to or create; `None` for a usable one.
-fn data_fault(spec: &DaemonSpec) -> Option<Fault> {
+fn data_fault(spec: &DaemonSpec) -> Option<Diagnostic> {
     let there = spec.data.ancestors().find(|folder| folder.exists() || folder.as_os_str().is_empty())?;
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
     let writable = there.is_dir() && access(there, Access::WRITE_OK | Access::EXEC_OK).is_ok();

@@ -99,7 +99,7 @@ impl Daemon {
             StoreFault::Newer { .. } => StartFault::NewerStore(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
-        let repair = |part: &Path, whole: &Path| repair_unless(&prepared.told_to_end, part, whole);
+        let repair = |part: &Path, whole: &Path| repair_unless(&prepared.shutdown_requested, part, whole);
         let clocks = Clocks::new(now, clock);
         let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks, &repair);
         let opened = opened.map_err(at_store)?;
@@ -160,7 +160,7 @@ impl Daemon {
     /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
-        let alive = show_life(&state, manager);
+        let alive = start_watchdog_ping(&state, manager);
         let (stopper, flag) = StopFlag::new();
         let tokens = self.tokens.clone();
         let answering = self.answer(flag);
@@ -215,12 +215,12 @@ impl TokenReload {
 }
 
 /// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
-fn show_life(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
+fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
     let state = Arc::clone(state);
     let well = move || {
-        let mut ailments = health::liveness_failures(&state.observed());
-        ailments.retain(|reason| reason.code.may_end_by_restart());
-        if ailments.is_empty() { Ok(()) } else { Err(joined(&ailments)) }
+        let mut failures = health::liveness_failures(&state.observed());
+        failures.retain(|reason| reason.code.may_end_by_restart());
+        if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) }
     };
     manager.keep_alive(well).unwrap_or_else(|error| {
         tracing::error!("no signs of life for the service manager: {error}");
@@ -240,7 +240,7 @@ fn count_until(
         state.count_queued(|_| {});
         // acknowledges the damage once the last plate is resumed, even when no request has asked since
         state.unseen_damage();
-        tokens.tell_wrong();
+        tokens.report_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             state.count_jobs();
         }
@@ -310,8 +310,8 @@ fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
 }
 
 /// Repairs a recording, unless the daemon is to end: a shutdown does not wait for the remaining repairs.
-fn repair_unless(told_to_end: &AtomicBool, part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
-    if told_to_end.load(Ordering::SeqCst) {
+fn repair_unless(shutdown_requested: &AtomicBool, part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
+    if shutdown_requested.load(Ordering::SeqCst) {
         return Err("the daemon is ending; the next one tries again".to_owned());
     }
     repair(part, whole)

@@ -217,7 +217,7 @@ impl EventRelay {
     /// Offers all further events of `job` to `sender` until its client is gone.
     pub fn forward(&self, job: JobId, sender: EventSender) {
         let mut senders = self.senders();
-        senders.retain(|(_, sender)| !sender.is_closed());
+        senders.retain(|(_, other)| !other.is_closed());
         senders.push((job, sender));
     }
 
@@ -261,8 +261,8 @@ mod tests {
         use PlateState::{Idle, Paused, Stopped};
         let damage = StoreDamage::found(Some("the job store was damaged".to_owned()));
         let states = [[Stopped, Stopped], [Paused, Stopped], [Idle, Paused], [Idle, Stopped], [Paused, Paused]];
-        let told = states.map(|states| damage.unacknowledged(&states).is_some());
-        assert_eq!(told, [true, true, true, false, false]);
+        let is_unacknowledged = states.map(|states| damage.unacknowledged(&states).is_some());
+        assert_eq!(is_unacknowledged, [true, true, true, false, false]);
         assert_eq!(StoreDamage::found(None).unacknowledged(&[Paused]), None);
     }
 }

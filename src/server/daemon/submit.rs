@@ -10,13 +10,13 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::convert;
-use super::state::DaemonState;
+use super::state::{DaemonState, no_job};
 use crate::plates::PlateHandle;
-use crate::service::{Checked, JobCreated, Refusal, Responder, Submission};
-use crate::store::{CancelOutcome, JobRow, NewJob, Pace, StoreFault, SubmitOutcome};
+use crate::service::{Caller, Checked, Job, JobCreated, Refusal, Responder, Submission};
+use crate::store::{CancelOutcome, JobId, JobRow, JobState, NewJob, Pace, StoreFault, SubmitOutcome};
 use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::{Fault, PlateSpec};
+use upm_runner::config::{Diagnostic, PlateSpec};
 
 /// Longest time a job waits to be checked. After it the client is answered with `Retry-After`, while it still listens.
 const CHECKED_WITHIN: Duration = Duration::from_secs(2);
@@ -86,9 +86,9 @@ impl SubmitResponder {
     fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
         let reply = Arc::downgrade(&self.0);
         move || {
-            let is_awaited =
+            let is_listening =
                 |reply: &Mutex<Option<Responder<_>>>| reply.lock().as_ref().is_some_and(Responder::is_listening);
-            reply.upgrade().is_some_and(|reply| is_awaited(&reply))
+            reply.upgrade().is_some_and(|reply| is_listening(&reply))
         }
     }
 }
@@ -162,6 +162,22 @@ fn queue(state: &Arc<DaemonState>, asked: &SubmitRequest, answer: SubmitResponde
     });
 }
 
+/// Moves a queued job to the front of its plate's queue.
+pub(super) fn run_next(state: &DaemonState, id: &str, caller: &Caller, reply: Responder<Job>) {
+    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+    tracing::info!(job = %id, caller = caller.name, "run next");
+    state.store.move_to_front(&id, move |moved| {
+        reply.send(match moved {
+            Err(fault) => Err(convert::refusal(fault)),
+            Ok(None) => Err(no_job()),
+            Ok(Some(row)) if row.state == JobState::Queued => Ok(convert::job(&row)),
+            Ok(Some(row)) => {
+                Err(Refusal::Conflict(format!("the job does not wait for its plate: {}", row.state.code())))
+            }
+        });
+    });
+}
+
 /// Takes a job out of the queue whose client was answered with an error while the job was being stored: it may send the
 /// job again. A job with an idempotency key stays, since sending it again yields the same job. Does not wake the plate.
 fn take_back(state: &Arc<DaemonState>, row: JobRow) {
@@ -174,8 +190,8 @@ fn take_back(state: &Arc<DaemonState>, row: JobRow) {
             }
         }
         Ok(CancelOutcome::Not(row)) => {
-            let told = then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&row.id));
-            tracing::warn!(job = %row.id, told, "the withdrawn job was on its plate already");
+            let is_stopping = then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&row.id));
+            tracing::warn!(job = %row.id, is_stopping, "the withdrawn job was on its plate already");
         }
         Ok(CancelOutcome::Unknown) => {}
         Err(fault) => tracing::error!(job = %row.id, "not withdrawn: {fault}"),
@@ -200,7 +216,7 @@ fn submitted(accepted: SubmitOutcome) -> Result<JobCreated, Refusal> {
 }
 
 /// The refusal of a job's text with its faults.
-fn faulty(text: &str, faults: Vec<Fault>) -> Refusal {
+fn faulty(text: &str, faults: Vec<Diagnostic>) -> Refusal {
     let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
     if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }
 }
@@ -227,7 +243,7 @@ impl DaemonState {
     fn unaddressed(&self, found: &str) -> Refusal {
         let allowed = format!("one of {}", self.spec.plate_names().join(", "));
         let (file, path) = ("job".to_owned(), "plate".to_owned());
-        Refusal::Invalid(vec![Fault::new(&file, path, found, allowed)])
+        Refusal::Invalid(vec![Diagnostic::new(&file, path, found, allowed)])
     }
 
     fn checked(&self, plate: &PlateHandle, asked: &SubmitRequest) -> Result<NewJob, Refusal> {
@@ -272,14 +288,14 @@ mod tests {
 
     #[test]
     fn dropped_submission_is_answered_with_retry() {
-        let told = |start: fn(Responder<JobCreated>)| {
-            let mut promise = pending(start);
-            promise.as_mut().poll(&mut Context::from_waker(Waker::noop()))
+        let first_poll = |start: fn(Responder<JobCreated>)| {
+            let mut pending = pending(start);
+            pending.as_mut().poll(&mut Context::from_waker(Waker::noop()))
         };
         let crowded = Poll::Ready(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
-        assert_eq!(told(|reply| drop(SubmitResponder::new(reply))), crowded);
-        assert_eq!(told(|reply| SubmitResponder::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
-        let once = told(|reply| SubmitResponder::new(reply).send(Err(Refusal::KeyReused)));
+        assert_eq!(first_poll(|reply| drop(SubmitResponder::new(reply))), crowded);
+        assert_eq!(first_poll(|reply| SubmitResponder::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
+        let once = first_poll(|reply| SubmitResponder::new(reply).send(Err(Refusal::KeyReused)));
         assert_eq!(once, Poll::Ready(Err(Refusal::KeyReused)));
     }
 

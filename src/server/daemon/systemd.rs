@@ -63,8 +63,8 @@ impl ServiceManager {
     ) -> io::Result<Option<WatchdogPing>> {
         let Some(patience) = self.patience else { return Ok(None) };
         let (ending, manager) = (Arc::new(AtomicBool::new(false)), self.clone());
-        let told = Arc::clone(&ending);
-        let show = move || manager.start_watchdog_ping(patience / 2, &told, &well);
+        let has_ended = Arc::clone(&ending);
+        let show = move || manager.start_watchdog_ping(patience / 2, &has_ended, &well);
         let thread = thread::Builder::new().name("alive".into()).spawn(show)?;
         Ok(Some(WatchdogPing { ending, thread: Some(thread) }))
     }

@@ -44,12 +44,12 @@ impl Wake for Unpark {
 }
 
 /// Waits for a promise.
-fn kept<T>(promise: impl Future<Output = T>) -> T {
-    let mut promise = pin!(promise);
+fn kept<T>(pending: impl Future<Output = T>) -> T {
+    let mut pending = pin!(pending);
     let waker = Waker::from(Arc::new(Unpark(thread::current())));
     let mut context = Context::from_waker(&waker);
     loop {
-        if let Poll::Ready(value) = promise.as_mut().poll(&mut context) {
+        if let Poll::Ready(value) = pending.as_mut().poll(&mut context) {
             return value;
         }
         thread::park();
@@ -130,11 +130,11 @@ impl Drop for RunningDaemon {
     }
 }
 
-/// Calls `look` repeatedly until it returns a value; panics with `otherwise` after [`PATIENCE`].
-fn soon<T>(otherwise: &str, look: impl Fn() -> Option<T>) -> T {
+/// Calls `ask` repeatedly until it returns a value; panics with `otherwise` after [`PATIENCE`].
+fn soon<T>(otherwise: &str, ask: impl Fn() -> Option<T>) -> T {
     let clock = MonotonicClock::new();
     while clock.elapsed() < PATIENCE {
-        if let Some(seen) = look() {
+        if let Some(seen) = ask() {
             return seen;
         }
         thread::sleep(Duration::from_millis(5));
@@ -195,9 +195,9 @@ fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
     assert!(matches!(full, Refusal::QueueFull { queued: 3, retry_after_s: 1.. }), "{full:?}");
     let cancelled = kept(running.backend.cancel(&jobs[1].id, caller())).unwrap();
     assert_eq!(cancelled.state, JobState::Cancelled);
-    let told = |id: &str| kept(running.backend.replay(id, 0, 100)).unwrap().events.len();
-    assert_eq!(told(&jobs[0].id), 0);
-    assert_eq!(told(&jobs[1].id), 1, "its end is kept in one with it");
+    let event_count = |id: &str| kept(running.backend.replay(id, 0, 100)).unwrap().events.len();
+    assert_eq!(event_count(&jobs[0].id), 0);
+    assert_eq!(event_count(&jobs[1].id), 1, "its end is kept in one with it");
     assert!(matches!(kept(running.backend.cancel(&jobs[1].id, caller())), Err(Refusal::Conflict(_))));
     assert_eq!(kept(running.backend.plates()).unwrap().plates[0].queued, 2);
     kept(running.backend.resume("upm-1", caller())).unwrap();
@@ -303,7 +303,7 @@ fn what_others_can_reach_wants_a_token_of_some_length() {
     let data = tempfile::tempdir().unwrap();
     let lines = |spec: &DaemonSpec| match prepare(spec) {
         Ok(_) => Vec::new(),
-        Err(faults) => faults.iter().map(|fault| format!("{}: {}", fault.path, fault.allowed)).collect(),
+        Err(faults) => faults.iter().map(|fault| format!("{}: {}", fault.path, fault.expected)).collect(),
     };
     let mut open = spec(data.path());
     open.listen = "0.0.0.0:0".parse().unwrap();

@@ -218,15 +218,15 @@ mod tests {
         let disk = DiskSpace::new(Path::new("/no/such/folder"), 500 * MB, &clock);
         let now = clock.elapsed();
         let job = |number: u8| JobId::parse(&format!("{number:032x}")).unwrap();
-        let promise = |number, bytes| disk.reserve(job(number), &RecordingHandle::default(), bytes, now);
-        assert_eq!((disk.free_bytes(now), promise(0, u64::MAX)), (None, Ok(())), "nobody knows");
+        let reserve = |number, bytes| disk.reserve(job(number), &RecordingHandle::default(), bytes, now);
+        assert_eq!((disk.free_bytes(now), reserve(0, u64::MAX)), (None, Ok(())), "nobody knows");
         disk.release(&job(0));
         disk.saw(Some(600 * MB), now);
-        assert_eq!((disk.free_bytes(now), promise(1, 100 * MB)), (Some(600 * MB), Ok(())));
+        assert_eq!((disk.free_bytes(now), reserve(1, 100 * MB)), (Some(600 * MB), Ok(())));
         disk.release(&job(1));
-        let told = "it may take 101 MB; the disk has 600 MB left, of which 500 MB stay free";
-        assert_eq!(promise(1, 101 * MB), Err(told.to_owned()));
-        assert!(promise(1, u64::MAX).is_err());
+        let refusal = "it may take 101 MB; the disk has 600 MB left, of which 500 MB stay free";
+        assert_eq!(reserve(1, 101 * MB), Err(refusal.to_owned()));
+        assert!(reserve(1, u64::MAX).is_err());
     }
 
     #[test]
@@ -237,9 +237,9 @@ mod tests {
         let (first, second) = (RecordingHandle::default(), RecordingHandle::default());
         disk.saw(Some(600 * MB), now);
         assert_eq!(disk.reserve(job(1), &first, 70 * MB, now), Ok(()));
-        let told =
+        let refusal =
             "it may take 40 MB, other recordings 70 MB more; the disk has 600 MB left, of which 500 MB stay free";
-        assert_eq!(disk.reserve(job(2), &second, 40 * MB, now), Err(told.to_owned()));
+        assert_eq!(disk.reserve(job(2), &second, 40 * MB, now), Err(refusal.to_owned()));
         assert_eq!(disk.reserve(job(2), &second, 30 * MB, now), Ok(()));
         disk.release(&job(1));
         assert_eq!(disk.reserve(job(1), &first, 70 * MB, now), Ok(()));

@@ -6,7 +6,7 @@
 //! |---|---|---|---|---|
 //! | free | released | [`StopState::Released`] | `Held` | refused: `NotStopped` |
 //! | tripped | released | [`StopState::Tripping`] | `Held` | refused: `StillStopping` |
-//! | tripped | stopped | [`StopState::Held`] | `Held`, older tokens void | `Released`; refused while a rig is fitted |
+//! | tripped | stopped | [`StopState::Held`] | `Held`, older tokens void | `Released`; refused while attached |
 //! | free | stopped | [`StopState::Resetting`] | `Held`, the reset fails | waits for the one under way |
 //!
 //! An interlock that tripped for another reason counts as free: an emergency stop overrides it.
@@ -43,7 +43,7 @@ pub struct EmergencyStop {
     interlock: Interlock,
     latch: Latch,
     /// Thread that writes the latch to the disk.
-    keeper: Thread,
+    persist_thread: Thread,
     /// Ends the run on the plate.
     end_run: Arc<AtomicBool>,
     /// Stops since the daemon started that changed the state.
@@ -54,11 +54,11 @@ pub struct EmergencyStop {
 
 impl EmergencyStop {
     /// The emergency stop of a plate whose latch was found as `latch`; a stop that holds trips the interlock.
-    pub fn new(latch: Latch, interlock: Interlock, keeper: Thread, end_run: Arc<AtomicBool>) -> Self {
+    pub fn new(latch: Latch, interlock: Interlock, persist_thread: Thread, end_run: Arc<AtomicBool>) -> Self {
         if latch.is_stopped() {
             interlock.trip(Trip::EStop);
         }
-        Self { interlock, latch, keeper, end_run, count: AtomicU64::new(0), resetting: Mutex::default() }
+        Self { interlock, latch, persist_thread, end_run, count: AtomicU64::new(0), resetting: Mutex::default() }
     }
 
     /// The interlock of the motors of the plate's rig.
@@ -79,7 +79,7 @@ impl EmergencyStop {
         }
         self.count.fetch_add(changed.into(), Ordering::Relaxed);
         self.end_run.store(true, Ordering::SeqCst);
-        self.keeper.unpark();
+        self.persist_thread.unpark();
         changed
     }
 
@@ -158,7 +158,7 @@ impl EmergencyStop {
             self.interlock.trip(Trip::EStop);
             return Err(ResetFault::StoppedAgain);
         }
-        self.keeper.unpark();
+        self.persist_thread.unpark();
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ const TICK: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub(super) enum Outgoing {
     /// Publish this event of a job.
-    Tell(JobId, EventDraft),
+    Event(JobId, EventDraft),
     /// Confirm that everything before this has been passed to the store.
     Pass(SyncSender<()>),
     /// End the publisher; always the last message.
@@ -26,19 +26,19 @@ pub(super) enum Outgoing {
 pub(super) fn publish(shared: &PlateInner, items: &Receiver<Outgoing>) {
     loop {
         match items.recv_timeout(TICK) {
-            Ok(Outgoing::Tell(job, draft)) => tell(shared, job, draft),
+            Ok(Outgoing::Event(job, draft)) => publish_event(shared, job, draft),
             // the waiting thread may be gone
             Ok(Outgoing::Pass(passed)) => drop(passed.try_send(())),
             Ok(Outgoing::End) | Err(RecvTimeoutError::Disconnected) => return,
             Err(RecvTimeoutError::Timeout) => {}
         }
-        shared.window.encode();
+        shared.preview.encode();
     }
 }
 
 /// Publishes an event. A durable one is published only once it is on the disk, so that a number a client has seen is
 /// never reused; one that the store cannot take is published without a number.
-fn tell(shared: &PlateInner, job: JobId, draft: EventDraft) {
+fn publish_event(shared: &PlateInner, job: JobId, draft: EventDraft) {
     let EventDraft { plate_time, kind, body, durable } = draft;
     let unnumbered = JobEvent { job, seq: None, kind, body: Arc::clone(&body) };
     if !durable {

@@ -16,8 +16,8 @@ use upm_planner::PlannedPulse;
 pub struct JobEvent {
     /// The job.
     pub job: JobId,
-    /// Number of the event within its job; `None` for events that are not stored: looks, and those the store could not
-    /// take.
+    /// Number of the event within its job; `None` for events that are not stored: observations, and those the store
+    /// could not take.
     pub seq: Option<u64>,
     /// `state`, `cycle`, `warning`, `recording`, `finished` or `look`.
     pub kind: &'static str,
@@ -145,7 +145,7 @@ impl EventDraft {
     }
 
     /// An observation; `behind` as in [`EventDraft::cycle`].
-    pub fn look(observation: &LastObservation, behind: Duration) -> Self {
+    pub fn observation(observation: &LastObservation, behind: Duration) -> Self {
         let body = EventBody::Look {
             at_s: observation.at.secs(),
             phase: &observation.phase,
@@ -174,9 +174,9 @@ mod tests {
             phase: "a \"phase\"".into(),
             ..LastObservation::default()
         };
-        let look = EventDraft::look(&observation, Duration::from_millis(8200));
-        assert!(!look.durable && look.kind == "look");
-        let read: serde_json::Value = serde_json::from_str(&look.body).unwrap();
+        let observation = EventDraft::observation(&observation, Duration::from_millis(8200));
+        assert!(!observation.durable && observation.kind == "look");
+        let read: serde_json::Value = serde_json::from_str(&observation.body).unwrap();
         let wanted = serde_json::json!({
             "at_s": 1.25, "phase": "a \"phase\"", "progress": 0.5,
             "positions_mm": [[12.346, -0.0]], "targets_mm": [[0.0, 0.0]], "behind_s": 8.2,

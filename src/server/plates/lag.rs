@@ -32,15 +32,15 @@ mod tests {
     #[test]
     fn lag_is_told_while_it_grows_and_no_longer() {
         let mut lag = Lag::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for tenths in 0..250_u64 {
             let now = Duration::from_millis(100 * tenths);
             // 10 ms lost per frame from 5 to 12 s
             let behind = Duration::from_millis(10 * tenths.clamp(50, 120));
-            told.push(lag.grows(now, behind));
+            reported.push(lag.grows(now, behind));
         }
-        let first = told.iter().position(|grows| *grows);
-        assert_eq!((first, told.iter().rposition(|grows| *grows)), (Some(100), Some(199)));
+        let first = reported.iter().position(|grows| *grows);
+        assert_eq!((first, reported.iter().rposition(|grows| *grows)), (Some(100), Some(199)));
     }
 
     #[test]

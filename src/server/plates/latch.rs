@@ -154,10 +154,11 @@ impl Latches {
         let latches: Vec<Latch> = stopped.into_iter().map(Latch::found).collect();
         let held = files.iter().map(|file| file.held().clone()).collect();
         let ending = Arc::new(AtomicBool::new(false));
-        let (cells, told) = (latches.clone(), Arc::clone(&ending));
-        let keeper = thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &told))?;
-        let thread = keeper.thread().clone();
-        Ok(Self { latches, held, ending, persist_thread: Some(keeper), thread })
+        let (cells, has_ended) = (latches.clone(), Arc::clone(&ending));
+        let persist_thread =
+            thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &has_ended))?;
+        let thread = persist_thread.thread().clone();
+        Ok(Self { latches, held, ending, persist_thread: Some(persist_thread), thread })
     }
 
     /// The latch of each plate, in their order.
@@ -173,7 +174,7 @@ impl Latches {
 
     /// True while the writing thread runs.
     pub fn is_alive(&self) -> bool {
-        self.persist_thread.as_ref().is_some_and(|keeper| !keeper.is_finished())
+        self.persist_thread.as_ref().is_some_and(|persist_thread| !persist_thread.is_finished())
     }
 
     /// The writing thread; unparking it makes it write at once.
@@ -186,8 +187,8 @@ impl Drop for Latches {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::SeqCst);
         self.thread.unpark();
-        if let Some(keeper) = self.persist_thread.take() {
-            keeper.join().ok();
+        if let Some(persist_thread) = self.persist_thread.take() {
+            persist_thread.join().ok();
         }
     }
 }

@@ -10,7 +10,7 @@ use super::{JobLayout, Pause, PlateSnapshot, PreviewPicture, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
 use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::Fault;
+use upm_runner::config::Diagnostic;
 
 /// Longest waits of an emergency stop for the motors to be silent, and for the disk.
 const SILENT_WITHIN: Duration = Duration::from_millis(400);
@@ -70,17 +70,17 @@ impl PlateHandle {
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
     /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_awaited` returns
     /// false.
-    pub fn reset(&self, held: StopToken, who: Requester, is_awaited: impl Fn() -> bool) -> Result<(), ResetFault> {
+    pub fn reset(&self, held: StopToken, who: Requester, is_listening: impl Fn() -> bool) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         let mut is_written = false;
         let allow = || {
             if shared.job.running().is_some() {
                 return Err(ResetFault::StillStopping);
             }
-            shared.job_store.audit_durably(self.told("reset", who.clone())).map_err(ResetFault::Unwritten)?;
+            shared.job_store.audit_durably(self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
-            is_awaited().then_some(()).ok_or(ResetFault::NotAwaited)
+            is_listening().then_some(()).ok_or(ResetFault::NotAwaited)
         };
         let pause = || {
             let remedy = "look at the plate, then resume";
@@ -182,7 +182,7 @@ impl PlateHandle {
         self.shared.snapshot(self.clock.elapsed())
     }
 
-    /// Delivers all further events of the plate to `tap`.
+    /// Delivers all further events of the plate to `subscriber`.
     pub fn subscribe(&self, subscriber: Arc<dyn EventSubscriber>) {
         self.shared.subscribers.add(subscriber);
     }
@@ -190,7 +190,7 @@ impl PlateHandle {
     /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
     pub fn picture(&self) -> Option<(Arc<PreviewPicture>, Duration)> {
         let now = self.clock.elapsed();
-        let picture = self.shared.window.look(now)?;
+        let picture = self.shared.preview.latest(now)?;
         let age = now.saturating_sub(picture.taken);
         Some((picture, age))
     }
@@ -201,25 +201,25 @@ impl PlateHandle {
     }
 
     /// A job ready to be queued, or all of its faults.
-    pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+    pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Diagnostic>> {
         validated(&self.shared.rules, text, pace, key)
     }
 
     /// Name and layout of a job that may be queued, or all of its faults. Queues nothing.
-    pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
+    pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
         laid_out(&self.shared.rules, text)
     }
 
     /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
     fn audit(&self, act: &str, who: Requester) {
-        let entry = self.told(act, who);
+        let entry = self.audit_entry(act, who);
         if !self.shared.job_store.audit(entry.clone()) {
             tracing::error!("audit queue full, entry dropped: {entry:?}");
         }
     }
 
     /// Logs an operation; returns the entry for the audit log.
-    fn told(&self, act: &str, who: Requester) -> AuditEntry {
+    fn audit_entry(&self, act: &str, who: Requester) -> AuditEntry {
         let Requester { operator, reason, remote, token_name } = who;
         let plate = &self.shared.name;
         if act == ESTOP {

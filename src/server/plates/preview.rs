@@ -52,7 +52,7 @@ pub(super) struct FramePreview {
 
 impl FramePreview {
     /// The newest picture, unless it is too old; requests further ones.
-    pub fn look(&self, now: Duration) -> Option<Arc<PreviewPicture>> {
+    pub fn latest(&self, now: Duration) -> Option<Arc<PreviewPicture>> {
         self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
         let newest = self.newest.lock().clone();
         newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
@@ -121,35 +121,35 @@ mod tests {
             taken
         };
         assert!(!give(1, 0), "nobody asked");
-        assert_eq!(window.look(at(10)), None);
+        assert_eq!(window.latest(at(10)), None);
         assert!(give(2, 20) && !give(3, 40) && !give(4, 519), "one in half a second");
-        assert!(give(5, 520) && window.look(at(530)).unwrap().taken == at(520));
+        assert!(give(5, 520) && window.latest(at(530)).unwrap().taken == at(520));
         assert!(give(6, 5529) && !give(7, 6100), "a wish ends");
         window.clear();
-        assert_eq!(window.look(at(7000)), None);
+        assert_eq!(window.latest(at(7000)), None);
     }
 
     #[test]
     fn a_picture_that_is_too_old_is_none() {
         let window = FramePreview::default();
-        window.look(at(0));
+        window.latest(at(0));
         window.offer(&frame(1), Vec::new, at(10));
         window.encode();
-        assert!(window.look(at(2010)).is_some());
-        assert_eq!(window.look(at(2011)), None, "it is wished for anew");
+        assert!(window.latest(at(2010)).is_some());
+        assert_eq!(window.latest(at(2011)), None, "it is wished for anew");
         window.offer(&frame(2), Vec::new, at(2100));
         window.encode();
-        assert_eq!(window.look(at(2101)).unwrap().taken, at(2100));
+        assert_eq!(window.latest(at(2101)).unwrap().taken, at(2100));
     }
 
     #[test]
     fn a_busy_encoder_costs_the_plate_nothing() {
         let window = FramePreview::default();
-        window.look(at(0));
+        window.latest(at(0));
         let encoding = window.raw.lock();
         window.offer(&frame(1), || unreachable!("the frame is not taken"), at(0));
         drop(encoding);
         window.encode();
-        assert_eq!(window.look(at(1)), None);
+        assert_eq!(window.latest(at(1)), None);
     }
 }

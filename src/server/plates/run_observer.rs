@@ -15,7 +15,7 @@ use upm_core::background::{OverflowPolicy, Queue, Unsent};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
 
-/// Least wall time between two published looks.
+/// Least wall time between two published observations.
 const LOOKS_APART: Duration = Duration::from_millis(100);
 
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: events that find the queue
@@ -57,17 +57,17 @@ impl<'a> RunObserver<'a> {
         }
     }
 
-    fn tell(&mut self, draft: EventDraft) {
+    fn publish(&mut self, draft: EventDraft) {
         if self.left_out > 0 {
             let text = format!("{} events were left out: too many at once", self.left_out);
             let missed = EventDraft::warning(draft.plate_time, EventLevel::Warning, &text);
-            if self.publisher.send(Outgoing::Tell(self.job, missed)).is_ok() {
+            if self.publisher.send(Outgoing::Event(self.job, missed)).is_ok() {
                 self.left_out = 0;
             }
         }
-        let sent = self.publisher.send(Outgoing::Tell(self.job, draft));
+        let sent = self.publisher.send(Outgoing::Event(self.job, draft));
         self.shared.job.heartbeat.could_tell(self.clock.elapsed(), sent.is_ok());
-        if let Err(Unsent::Full(Outgoing::Tell(_, draft))) = sent {
+        if let Err(Unsent::Full(Outgoing::Event(_, draft))) = sent {
             self.left_out += u64::from(draft.durable);
         }
     }
@@ -77,7 +77,7 @@ impl<'a> RunObserver<'a> {
         self.shared.job.saw(&self.observation, now);
         if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
             self.looked_at = Some(now);
-            self.tell(EventDraft::look(&self.observation, self.shared.job.pacing.behind()));
+            self.publish(EventDraft::observation(&self.observation, self.shared.job.pacing.behind()));
         }
     }
 
@@ -113,7 +113,7 @@ impl Sink for RunObserver<'_> {
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
         self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
         self.show(now);
-        self.shared.window.offer(facts.frame, || self.marks(facts.tracks), now);
+        self.shared.preview.offer(facts.frame, || self.marks(facts.tracks), now);
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
@@ -121,7 +121,7 @@ impl Sink for RunObserver<'_> {
         self.observation.progress = facts.wanted.progress;
         self.observation.phase.clone_from(&facts.wanted.phase);
         self.shared.job_store.progress(&self.job, facts.wanted.progress);
-        self.tell(EventDraft::cycle(facts, self.shared.job.pacing.behind()));
+        self.publish(EventDraft::cycle(facts, self.shared.job.pacing.behind()));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
@@ -130,7 +130,7 @@ impl Sink for RunObserver<'_> {
             self.shared.job.heartbeat.end();
         }
         if level != EventLevel::Info {
-            self.tell(EventDraft::warning(at, level, text));
+            self.publish(EventDraft::warning(at, level, text));
         }
     }
 

@@ -28,7 +28,7 @@ pub(super) struct PlateInner {
     pub job: CurrentJob,
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
-    pub window: FramePreview,
+    pub preview: FramePreview,
     pub subscribers: Arc<Subscribers>,
     /// The live stream of its runs.
     pub live: Option<LiveServer>,

@@ -87,10 +87,10 @@ impl PlateSupervisor {
 
     /// `Ok` while the watchdog checks and every plate's threads run; otherwise a sentence that says which do not.
     pub fn alive(&self) -> Result<(), String> {
-        let unlooked =
+        let unchecked =
             self.clock.elapsed().saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed)));
-        if self.watchdog.is_finished() || unlooked > LOOKS_WITHIN {
-            return Err(format!("the watchdog has not looked for {:.1} s", unlooked.as_secs_f64()));
+        if self.watchdog.is_finished() || unchecked > LOOKS_WITHIN {
+            return Err(format!("the watchdog has not looked for {:.1} s", unchecked.as_secs_f64()));
         }
         if !self.latches.is_alive() {
             return Err("the thread that keeps emergency stops has died".to_owned());
@@ -155,7 +155,7 @@ impl PlatesWatch {
                     continue;
                 };
                 let (run, unwritten_since) = (&shared.job, journal.waits_since());
-                if let Some(why) = watchdog.look(clock.elapsed(), &run.heartbeat, run.deadlines(), unwritten_since) {
+                if let Some(why) = watchdog.check(clock.elapsed(), &run.heartbeat, run.deadlines(), unwritten_since) {
                     shared.fail_job(&job, why);
                 }
             }
@@ -182,7 +182,12 @@ fn live(setup: &PlateSetup, around: &SharedServices) -> Option<LiveServer> {
 }
 
 /// The shared state of a plate at its start, without a job.
-fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &SharedServices) -> io::Result<PlateInner> {
+fn shared(
+    setup: PlateSetup,
+    latch: Latch,
+    persist_thread: thread::Thread,
+    around: &SharedServices,
+) -> io::Result<PlateInner> {
     let rules = JobRules::new(&setup, around.allow_inline_libraries);
     let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
     let job = CurrentJob::default();
@@ -192,10 +197,10 @@ fn shared(setup: PlateSetup, latch: Latch, keeper: thread::Thread, around: &Shar
         name: setup.name,
         rules,
         job_store: Arc::clone(&around.job_store),
-        emergency_stop: EmergencyStop::new(latch, interlock, keeper, Arc::clone(&job.end_run)),
+        emergency_stop: EmergencyStop::new(latch, interlock, persist_thread, Arc::clone(&job.end_run)),
         job,
         ending: AtomicBool::new(false),
-        window: FramePreview::default(),
+        preview: FramePreview::default(),
         subscribers: Arc::default(),
         standing,
         paused: Mutex::new(setup.paused),

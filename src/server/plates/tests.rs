@@ -221,10 +221,10 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!(test_plates.row(&second).state, JobState::Queued, "a reset starts nothing");
     assert!(plate.resume(caller("bob")));
     assert_eq!(next(&events, "finished")["state"], "completed");
-    let acts: Vec<(String, String)> =
+    let audit_entries: Vec<(String, String)> =
         test_plates.job_store.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
     let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
-    assert_eq!(acts, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+    assert_eq!(audit_entries, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
 }
 
 #[test]
@@ -297,10 +297,10 @@ fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let told = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
-    assert!(told(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
-    assert!(told(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
-    assert!(told("{").starts_with("job: "));
+    let refusal = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
+    assert!(refusal(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
+    assert!(refusal(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
+    assert!(refusal("{").starts_with("job: "));
     let key = Some("k".to_owned());
     let job = plate.validate(TWO_COINS, Pace::RealTime, key.clone()).unwrap();
     assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));

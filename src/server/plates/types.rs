@@ -130,5 +130,5 @@ pub enum ResetFault {
     NotAwaited,
     /// The audit log could not store the reset.
     #[error("reset refused: it could not be recorded ({0})")]
-    Unwritten(StoreFault),
+    NotPersisted(StoreFault),
 }

@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 use super::{JobLayout, PlateSetup};
 use crate::store::{NewJob, Pace};
 use upm_cor_library::Library;
-use upm_runner::config::{Fault, JobSpec, LibraryRef, Origin, Path, RigSpec};
+use upm_runner::config::{Diagnostic, JobSpec, LibraryRef, Origin, Path, RigSpec};
 use upm_runner::run::{check_job, check_places, job_library};
 
 /// Name of a submitted job in faults, in place of a file name.
@@ -50,7 +50,12 @@ fn sha256_hex(library: &Library) -> String {
 }
 
 /// A submitted job, checked completely: its text, its library and whether its parts fit on the plate.
-pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Fault>> {
+pub(super) fn validated(
+    rules: &JobRules,
+    text: &str,
+    pace: Pace,
+    key: Option<String>,
+) -> Result<NewJob, Vec<Diagnostic>> {
     let (job, library) = checked(rules, text)?;
     Ok(NewJob {
         name: job.name.clone(),
@@ -66,18 +71,18 @@ pub(super) fn validated(rules: &JobRules, text: &str, pace: Pace, key: Option<St
 }
 
 /// Name and layout of a submitted job that [`validated`] would accept.
-pub(super) fn laid_out(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Fault>> {
+pub(super) fn laid_out(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
     let (job, _) = checked(rules, text)?;
     Ok((job.name.clone(), JobLayout::of(&job)))
 }
 
-fn checked(rules: &JobRules, text: &str) -> Result<(JobSpec, Arc<Library>), Vec<Fault>> {
+fn checked(rules: &JobRules, text: &str) -> Result<(JobSpec, Arc<Library>), Vec<Diagnostic>> {
     let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&rules.rig))?;
     if !rules.allow_faults && !job.faults.is_empty() {
         let count = job.faults.len();
         let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
         let allowed = "none (unless the daemon's file says \"allow_faults\": true)";
-        return Err(vec![Fault::new(REQUEST, Path::root().key("faults"), found, allowed)]);
+        return Err(vec![Diagnostic::new(REQUEST, Path::root().key("faults"), found, allowed)]);
     }
     let library = fitting_library(&job, &rules.library)?;
     if !rules.allow_inline_libraries {
@@ -87,7 +92,7 @@ fn checked(rules: &JobRules, text: &str) -> Result<(JobSpec, Arc<Library>), Vec<
 }
 
 /// The library of `job` on a plate whose own is `of_plate`, checked together with the places of the parts.
-pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Fault>> {
+pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let library = library_for(job, of_plate)?;
     match &job.library {
         Some(LibraryRef::Inline(_)) => check_job(job, &library)?,
@@ -98,7 +103,7 @@ pub fn fitting_library(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Lib
 }
 
 /// Checks that a submitted library describes the plate as the plate's own does.
-fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), Fault> {
+fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), Diagnostic> {
     let disagreement = match &job.library {
         Some(LibraryRef::Inline(_)) => library.disagreement(of_plate),
         _ => None,
@@ -107,7 +112,7 @@ fn agreeing(job: &JobSpec, library: &Library, of_plate: &Library) -> Result<(), 
 }
 
 /// The job's own library, or the plate's.
-pub(super) fn library_for(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Fault>> {
+pub(super) fn library_for(job: &JobSpec, of_plate: &Arc<Library>) -> Result<Arc<Library>, Vec<Diagnostic>> {
     match job.library {
         Some(LibraryRef::Inline(_)) => job_library(job),
         _ => Ok(Arc::clone(of_plate)),

@@ -121,7 +121,7 @@ impl Watchdog {
     /// which the journal waits for the disk.
     ///
     /// Under relaxed deadlines a run may be slow; in wall time only a hung one is a fault.
-    pub fn look(
+    pub fn check(
         &mut self,
         now: Duration,
         heartbeat: &Heartbeat,

@@ -113,11 +113,11 @@ impl PlateWorker {
     fn run(&mut self, claimed: &Claimed) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
-        self.shared.window.clear();
+        self.shared.preview.clear();
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.code(), "begins: {name}");
-        self.tell(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
+        self.publish(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         self.place.disk.release(&id);
@@ -144,7 +144,7 @@ impl PlateWorker {
             self.settle_standing(&end, is_cancelled);
         }
         self.log(&id, &end);
-        self.tell(id, EventDraft::recording(end.at, kept, &why));
+        self.publish(id, EventDraft::recording(end.at, kept, &why));
         if let Some(finished) = self.store(&id, end) {
             self.shared.subscribers.offer(&JobEvent::finished(id, finished));
         }
@@ -212,7 +212,7 @@ impl PlateWorker {
         let Err(why) = disk.reserve(id, recording, wanted_bytes, clock.elapsed()) else { return true };
         let text = format!("there is no recording of this job: {why}");
         tracing::warn!(plate = self.shared.name, job = %id, "{text}");
-        self.tell(id, EventDraft::warning(PlateTime::ZERO, EventLevel::Warning, &text));
+        self.publish(id, EventDraft::warning(PlateTime::ZERO, EventLevel::Warning, &text));
         false
     }
 
@@ -271,17 +271,17 @@ impl PlateWorker {
     /// Waits until the end of a job is on the disk, after all of its events; the plate does nothing else meanwhile.
     /// `None` when the daemon ended first.
     fn store(&self, id: &JobId, end: JobEnd) -> Option<StoredEvent> {
-        let mut told = false;
+        let mut is_reported = false;
         loop {
             self.pass();
             let fault = match self.shared.job_store.finish(id, end.clone()) {
                 Ok(finished) => return finished,
                 Err(fault) => fault,
             };
-            if !std::mem::replace(&mut told, true) {
+            if !std::mem::replace(&mut is_reported, true) {
                 tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
                 let text = format!("the end of the job cannot be stored: {fault}");
-                self.tell(*id, EventDraft::warning(PlateTime::ZERO, EventLevel::Error, &text));
+                self.publish(*id, EventDraft::warning(PlateTime::ZERO, EventLevel::Error, &text));
             }
             if self.shared.ending.load(Ordering::SeqCst) {
                 return None;
@@ -299,8 +299,8 @@ impl PlateWorker {
     }
 
     /// Hands an event to the publisher. May wait for it, since the plate is at rest between runs.
-    fn tell(&self, id: JobId, draft: EventDraft) {
-        self.publisher.send(Outgoing::Tell(id, draft)).ok();
+    fn publish(&self, id: JobId, draft: EventDraft) {
+        self.publisher.send(Outgoing::Event(id, draft)).ok();
     }
 }
 

@@ -6,7 +6,7 @@ use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
 /// Columns that [`job_of`] reads, in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
-                              progress, reason, report, folder, recording, last_event, standing";
+                              progress, reason, report, folder, recording, last_event, standing, turn";
 
 /// The job in a row of [`JOB`].
 pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
@@ -29,6 +29,7 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         recording: row.get(15)?,
         last_event: row.get::<_, i64>(16)?.cast_unsigned(),
         standing: row.get(17)?,
+        turn: row.get(18)?,
     })
 }
 

@@ -23,7 +23,7 @@ pub(super) struct DeferredWrites {
 
 #[derive(Debug, Default)]
 pub(super) struct Deferred {
-    acts: VecDeque<(Timestamp, AuditEntry)>,
+    audit_entries: VecDeque<(Timestamp, AuditEntry)>,
     paused: BTreeMap<String, bool>,
     progress: BTreeMap<JobId, f64>,
 }
@@ -31,10 +31,10 @@ pub(super) struct Deferred {
 impl DeferredWrites {
     /// Adds an audit entry; false when too many wait already.
     pub fn act(&self, at: Timestamp, entry: AuditEntry) -> bool {
-        let acts = &mut self.notes.lock().acts;
-        let room = acts.len() + self.taken.load(Ordering::SeqCst) < MOST_ACTS;
+        let audit_entries = &mut self.notes.lock().audit_entries;
+        let room = audit_entries.len() + self.taken.load(Ordering::SeqCst) < MOST_ACTS;
         if room {
-            acts.push_back((at, entry));
+            audit_entries.push_back((at, entry));
         }
         room
     }
@@ -57,17 +57,17 @@ impl DeferredWrites {
     /// Number of audit entries that wait.
     pub fn acts_waiting(&self) -> usize {
         let notes = self.notes.lock();
-        notes.acts.len() + self.taken.load(Ordering::SeqCst)
+        notes.audit_entries.len() + self.taken.load(Ordering::SeqCst)
     }
 
     /// Takes everything that waits; `None` when that is only progress and `progress_too` is false. The caller reports
     /// back with [`Self::written`] or [`Self::put_back`].
     pub fn take(&self, progress_too: bool) -> Option<Deferred> {
         let mut notes = self.notes.lock();
-        let urgent = !notes.acts.is_empty() || !notes.paused.is_empty();
+        let urgent = !notes.audit_entries.is_empty() || !notes.paused.is_empty();
         let due = urgent || (progress_too && !notes.progress.is_empty());
         due.then(|| {
-            self.taken.store(notes.acts.len(), Ordering::SeqCst);
+            self.taken.store(notes.audit_entries.len(), Ordering::SeqCst);
             std::mem::take(&mut *notes)
         })
     }
@@ -81,8 +81,8 @@ impl DeferredWrites {
     pub fn put_back(&self, notes: Deferred) {
         let mut now = self.notes.lock();
         self.taken.store(0, Ordering::SeqCst);
-        let Deferred { acts, paused, progress } = std::mem::replace(&mut *now, notes);
-        now.acts.extend(acts);
+        let Deferred { audit_entries, paused, progress } = std::mem::replace(&mut *now, notes);
+        now.audit_entries.extend(audit_entries);
         now.paused.extend(paused);
         now.progress.extend(progress);
     }
@@ -90,7 +90,7 @@ impl DeferredWrites {
 
 impl Deferred {
     pub fn write(&self, tx: &WriteTx<'_>) -> rusqlite::Result<()> {
-        self.acts.iter().try_for_each(|(at, entry)| tx.note_act(*at, entry))?;
+        self.audit_entries.iter().try_for_each(|(at, entry)| tx.audit(*at, entry))?;
         self.paused.iter().try_for_each(|(plate, paused)| tx.set_paused(plate, *paused))?;
         self.progress.iter().try_for_each(|(id, progress)| tx.progress(id, *progress))
     }
@@ -124,7 +124,7 @@ mod tests {
             pending.put_back(notes);
             assert_eq!(pending.acts_waiting(), MOST_ACTS);
         }
-        assert_eq!(pending.take(false).unwrap().acts.len(), MOST_ACTS);
+        assert_eq!(pending.take(false).unwrap().audit_entries.len(), MOST_ACTS);
         pending.written();
         assert!(act() && pending.acts_waiting() == 1);
     }

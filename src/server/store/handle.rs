@@ -63,6 +63,13 @@ impl Store {
         self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
     }
 
+    /// Moves a queued job to the front of its plate's queue; a job in another state stays as it is. The answer is the
+    /// job as it is then; `None` when there is no such job.
+    pub fn move_to_front(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
+        let id = *id;
+        self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.move_to_front(&id), done));
+    }
+
     /// Deletes a job that does not run; its run folder is removed soon after.
     pub fn delete(&self, id: &JobId, done: impl FnOnce(Result<Deleted, StoreFault>) + Send + 'static) {
         let (id, discards) = (*id, self.retention.discards());
@@ -198,13 +205,13 @@ impl JobStore for Store {
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
         let written = self.queue.written(true, move |tx| {
-            let told = tx.end(&known, JobState::Running, &end)?;
-            Ok((told, tx.find(&known)?))
+            let finished = tx.end(&known, JobState::Running, &end)?;
+            Ok((finished, tx.find(&known)?))
         });
-        let (told, found) = written?;
+        let (finished, found) = written?;
         self.retention.notify();
         let never_began = || StoreFault::Io(format!("job {id} never began"));
-        found.filter(|row| row.state.is_final()).map(|_| told).ok_or_else(never_began)
+        found.filter(|row| row.state.is_final()).map(|_| finished).ok_or_else(never_began)
     }
 
     fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
@@ -212,7 +219,7 @@ impl JobStore for Store {
         let done = move |stored: Result<Option<StoredEvent>, StoreFault>| {
             published(stored.and_then(|event| event.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))));
         };
-        self.queue.offer(task(false, move |tx: &WriteTx<'_>| tx.tell(&id, &event), done)).is_ok()
+        self.queue.offer(task(false, move |tx: &WriteTx<'_>| tx.append_event(&id, &event), done)).is_ok()
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
@@ -232,6 +239,6 @@ impl JobStore for Store {
 
     fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
         let at = (self.now)();
-        self.queue.written(true, move |tx| tx.note_act(at, &entry))
+        self.queue.written(true, move |tx| tx.audit(at, &entry))
     }
 }

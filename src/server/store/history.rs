@@ -15,7 +15,7 @@ const EVENT: &str = "seq, at, plate_ns, kind, body";
 
 impl WriteTx<'_> {
     /// Stores an event under the job's next number; `None` when there is no such job.
-    pub fn tell(&self, id: &JobId, event: &NewEvent) -> rusqlite::Result<Option<StoredEvent>> {
+    pub fn append_event(&self, id: &JobId, event: &NewEvent) -> rusqlite::Result<Option<StoredEvent>> {
         let sql = "UPDATE jobs SET last_event = last_event + 1 WHERE id = ?1 RETURNING last_event, first_event";
         let numbers = self.connection.query_row(sql, [id], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)));
         let Some((seq, first)) = numbers.optional()? else { return Ok(None) };
@@ -37,7 +37,7 @@ impl WriteTx<'_> {
     }
 
     /// Adds an entry to the audit log. No operation changes or removes one.
-    pub fn note_act(&self, at: Timestamp, entry: &AuditEntry) -> rusqlite::Result<()> {
+    pub fn audit(&self, at: Timestamp, entry: &AuditEntry) -> rusqlite::Result<()> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
                    VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";

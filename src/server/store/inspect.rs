@@ -5,7 +5,7 @@ use super::connection::inspecting;
 use super::schema::{APPLICATION_ID, VERSION, identity, is_clean, refuse_newer};
 use super::{AuditRow, JobId, JobRow, JobSelection, JobState, StoreFault, StoredEvent, history, jobs};
 
-/// Limits of [`peek`].
+/// Limits of [`inspect`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InspectLimits {
     /// Most jobs, the newest first; at most [`JobSelection::MOST`].
@@ -35,7 +35,7 @@ pub struct StoreSnapshot {
 
 /// Reads the store of the data folder `data`, whether a daemon has it open or not. Writes nothing that the next start
 /// would detect, and blocks no writer: each part is read in one short transaction.
-pub fn peek(data: &Path, most: InspectLimits) -> Result<StoreSnapshot, StoreFault> {
+pub fn inspect(data: &Path, most: InspectLimits) -> Result<StoreSnapshot, StoreFault> {
     let db = data.join("upm.db");
     refuse_newer(&db)?;
     let connection = inspecting(&db)?;

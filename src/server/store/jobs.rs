@@ -99,8 +99,22 @@ impl WriteTx<'_> {
 
     /// The job that `plate` runs next.
     pub fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
-        let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY id LIMIT 1");
+        let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY turn, id LIMIT 1");
         self.connection.query_row(&sql, [plate], job_of).optional()
+    }
+
+    /// Moves a queued job to the front of its plate's queue; a job in another state stays as it is. The job as it is
+    /// then; `None` when there is no such job.
+    pub fn move_to_front(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
+        let Some(row) = self.find(id)? else { return Ok(None) };
+        let is_next = self.next_queued(&row.plate)?.is_some_and(|next| next.id == *id);
+        if row.state != JobState::Queued || is_next {
+            return Ok(Some(row));
+        }
+        let sql = "UPDATE jobs SET turn = (SELECT min(turn) - 1 FROM jobs WHERE plate = ?2 AND state = 'queued')
+                   WHERE id = ?1";
+        self.connection.execute(sql, params![id, row.plate])?;
+        self.find(id)
     }
 
     /// Marks a queued job as running.
@@ -160,15 +174,15 @@ impl WriteTx<'_> {
             return Ok(None);
         }
         self.drop_spec(id)?;
-        self.tell(id, &end.event())
+        self.append_event(id, &end.event())
     }
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<CancelOutcome> {
-        let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
-        Ok(match (self.find(id)?, told) {
+        let finished = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
+        Ok(match (self.find(id)?, finished) {
             (None, _) => CancelOutcome::Unknown,
-            (Some(row), Some(told)) => CancelOutcome::Now(row, told),
+            (Some(row), Some(finished)) => CancelOutcome::Now(row, finished),
             (Some(row), None) => CancelOutcome::Not(row),
         })
     }
@@ -176,7 +190,7 @@ impl WriteTx<'_> {
     /// Deletes a job that does not run, with its events. Its key stays spent: repeating the request does not run it
     /// again.
     pub fn delete(&self, id: &JobId) -> rusqlite::Result<Deleted> {
-        let told = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
+        let finished = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
         let Some(row) = self.find(id)? else { return Ok(Deleted::Unknown) };
         if row.state == JobState::Running {
             return Ok(Deleted::Not(row));
@@ -184,7 +198,7 @@ impl WriteTx<'_> {
         let sql = "INSERT OR REPLACE INTO spent_keys (key, uptime) SELECT key, uptime FROM keys WHERE job = ?1";
         self.connection.execute(sql, [id])?;
         self.connection.execute("DELETE FROM jobs WHERE id = ?1", [id])?;
-        Ok(Deleted::Now(row, told))
+        Ok(Deleted::Now(row, finished))
     }
 
     /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the
@@ -222,7 +236,7 @@ impl WriteTx<'_> {
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?17 + 1)"
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?17 + 1)"
     );
     let values = params![
         row.id,
@@ -243,6 +257,7 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.recording,
         row.last_event.cast_signed(),
         row.standing,
+        row.turn,
     ];
     tx.execute(&sql, values)?;
     match spec_json {

@@ -52,10 +52,10 @@ impl InMemoryJobStore {
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId) -> CancelOutcome {
         let mut kept = self.kept.lock();
-        let told = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
-        match (kept.jobs.get(id).map(|entry| entry.row.clone()), told) {
+        let finished = kept.end(id, JobState::Queued, JobEnd::before_it_began(), (self.now)());
+        match (kept.jobs.get(id).map(|entry| entry.row.clone()), finished) {
             (None, _) => CancelOutcome::Unknown,
-            (Some(row), Some(told)) => CancelOutcome::Now(row, told),
+            (Some(row), Some(finished)) => CancelOutcome::Now(row, finished),
             (Some(row), None) => CancelOutcome::Not(row),
         }
     }
@@ -95,12 +95,12 @@ impl Kept {
         let entry = self.jobs.get_mut(id).filter(|entry| entry.row.state == from)?;
         let event = end.event();
         entry.row.end(end, at);
-        Some(entry.tell(event, at))
+        Some(entry.append_event(event, at))
     }
 }
 
 impl StoredJob {
-    fn tell(&mut self, event: NewEvent, at: Timestamp) -> StoredEvent {
+    fn append_event(&mut self, event: NewEvent, at: Timestamp) -> StoredEvent {
         self.row.last_event += 1;
         let NewEvent { plate_time, kind, body } = event;
         let stored = StoredEvent { seq: self.row.last_event, at, plate_time, kind: kind.to_owned(), body };
@@ -140,9 +140,9 @@ impl JobStore for InMemoryJobStore {
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
-        let told = kept.end(id, JobState::Running, end, (self.now)());
+        let finished = kept.end(id, JobState::Running, end, (self.now)());
         let has_ended = kept.jobs.get(id).is_some_and(|entry| entry.row.state.is_final());
-        has_ended.then_some(told).ok_or_else(|| unknown(id))
+        has_ended.then_some(finished).ok_or_else(|| unknown(id))
     }
 
     fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
@@ -151,7 +151,7 @@ impl JobStore for InMemoryJobStore {
             let known = kept.check();
             known
                 .and_then(|()| kept.jobs.get_mut(id).ok_or_else(|| unknown(id)))
-                .map(|entry| entry.tell(event, (self.now)()))
+                .map(|entry| entry.append_event(event, (self.now)()))
         };
         published(stored);
         true
@@ -251,7 +251,7 @@ mod tests {
         job_store.fail_with(Some(StoreFault::Full));
         assert_eq!(job_store.finish(&id, end(JobState::Completed)), Err(StoreFault::Full));
         job_store.fail_with(None);
-        assert_eq!(job_store.finish(&id, end(JobState::Completed)).map(|told| told.unwrap().seq), Ok(1));
+        assert_eq!(job_store.finish(&id, end(JobState::Completed)).map(|finished| finished.unwrap().seq), Ok(1));
         assert_eq!(job_store.finish(&id, end(JobState::Failed)), Ok(None));
         let row = job_store.job(&id).unwrap();
         assert_eq!((row.state, row.progress, row.recording), (JobState::Completed, 1.0, RecordingStatus::Whole));

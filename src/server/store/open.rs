@@ -13,7 +13,7 @@ use super::ids::Ids;
 use super::layout::{DataDir, Lock, beside};
 use super::options::OpenOptions;
 use super::private::make_private;
-use super::quarantine::{damage_of, set_aside};
+use super::quarantine::{damage_of, quarantine};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Retention, StartLock, Sweeper, empty_trash};
@@ -107,7 +107,7 @@ impl OpenOptions<'_> {
             Ok(connection) => Ok((connection, found)),
             // damage that the first check missed and that the writes of the start met
             Err(StoreFault::Corrupt(damage)) if found.moved_aside.is_none() => {
-                let mut found = set_aside(dir, (self.clocks.wall)(), &damage)?;
+                let mut found = quarantine(dir, (self.clocks.wall)(), &damage)?;
                 let connection = self.recovered(writing(&dir.db)?, dir, &mut found)?;
                 Ok((connection, found))
             }
@@ -118,7 +118,7 @@ impl OpenOptions<'_> {
     /// Ensures that there is a sound database.
     fn make_whole(&self, dir: &DataDir) -> Result<RecoveryReport, StoreFault> {
         if dir.next.exists() {
-            return set_aside(dir, (self.clocks.wall)(), "putting a damaged store aside was cut short");
+            return quarantine(dir, (self.clocks.wall)(), "putting a damaged store aside was cut short");
         }
         let (there, runs) = (dir.db.exists(), !dir.run_names()?.is_empty());
         let log = beside(&dir.db, "-wal").exists();
@@ -129,7 +129,7 @@ impl OpenOptions<'_> {
         }
         let damage = if there { damage_of(&dir.db)? } else { Some("upm.db is missing".to_owned()) };
         if let Some(damage) = damage {
-            return set_aside(dir, (self.clocks.wall)(), &damage);
+            return quarantine(dir, (self.clocks.wall)(), &damage);
         }
         // after a crash there is a log; without it the database is sound but may be outdated
         let lost = !log && !is_clean(&reading(&dir.db)?)?;

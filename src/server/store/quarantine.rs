@@ -53,7 +53,7 @@ fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
 /// Makes a new store of the readable data in the old one and in the run folders, and moves the old one aside. If it is
 /// interrupted at any point, the next start resumes it without loss: the old store is moved only when the new one is
 /// complete.
-pub(super) fn set_aside(dir: &DataDir, now: Timestamp, damage: &str) -> Result<RecoveryReport, StoreFault> {
+pub(super) fn quarantine(dir: &DataDir, now: Timestamp, damage: &str) -> Result<RecoveryReport, StoreFault> {
     tracing::error!("the job store is damaged and moved aside: {damage}");
     if !dir.next.exists() {
         remove_all(&dir.draft)?;

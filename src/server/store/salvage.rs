@@ -52,10 +52,11 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     Ok(tx.commit()?)
 }
 
-/// The columns of [`JOB`]; a store of version 1 has no standing jobs.
+/// The columns of [`JOB`]; an older store has no standing jobs, or no turns.
 fn columns_of(old: &Connection) -> String {
-    let is_known = old.prepare("SELECT standing FROM jobs").is_ok();
-    if is_known { JOB.to_owned() } else { JOB.replace("standing", "0") }
+    let is_known = |column: &str| old.prepare(&format!("SELECT {column} FROM jobs")).is_ok();
+    let missing = ["standing", "turn"].into_iter().filter(|column| !is_known(column));
+    missing.fold(JOB.to_owned(), |columns, column| columns.replace(column, "0"))
 }
 
 /// The rows before the first unreadable one.

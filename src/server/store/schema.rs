@@ -14,7 +14,7 @@ pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 pub(super) const OLDEST: i32 = 1;
 
 /// Migration from each version to the next, beginning at [`OLDEST`].
-pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME, SPENT_KEYS];
+pub(super) const MIGRATIONS: &[&str] = &[STANDING, UPTIME, SPENT_KEYS, TURN];
 
 /// Schema version of this release.
 pub(super) const VERSION: i32 = OLDEST + MIGRATIONS.len() as i32;
@@ -38,6 +38,10 @@ INSERT INTO clock VALUES (1, 0);
 /// From version 3 to 4: idempotency keys of deleted jobs, so that repeating a request does not run it again.
 const SPENT_KEYS: &str = "
 CREATE TABLE spent_keys (key TEXT NOT NULL PRIMARY KEY, uptime INTEGER NOT NULL) STRICT, WITHOUT ROWID;
+";
+
+/// From version 4 to 5: a job that was moved to the front of its plate's queue has a turn below those of the others.
+const TURN: &str = "ALTER TABLE jobs ADD COLUMN turn INTEGER NOT NULL DEFAULT 0;
 ";
 
 /// Tables of version 1 without those of [`STATE`]; the migrations are applied to them.

@@ -92,7 +92,7 @@ fn set_paused(store: &Store, plate: &'static str, paused: bool) {
     store.queue.written(true, move |tx| tx.set_paused(plate, paused)).unwrap();
 }
 
-fn noon() -> Timestamp {
+fn fixed_time() -> Timestamp {
     Timestamp::from_second(1_800_000_000).unwrap()
 }
 
@@ -125,7 +125,7 @@ fn repair(part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
 }
 
 fn try_open(data: &Path, limits: StoreLimits) -> Result<OpenOutcome, StoreFault> {
-    Store::open(data, &plates(), limits, still(noon), &repair)
+    Store::open(data, &plates(), limits, still(fixed_time), &repair)
 }
 
 /// Opens a store that an earlier opener may still be closing.
@@ -225,7 +225,7 @@ fn event(kind: &'static str, body: &str) -> NewEvent {
 }
 
 /// Stores an event and returns its number.
-fn tell(store: &Store, id: JobId, body: &str) -> Result<u64, StoreFault> {
+fn append(store: &Store, id: JobId, body: &str) -> Result<u64, StoreFault> {
     ask(|done| assert!(store.append_event(&id, event("cycle", body), done))).map(|stored| stored.seq)
 }
 

@@ -58,6 +58,7 @@ impl NewJob {
             recording: RecordingStatus::None,
             last_event: 0,
             standing: false,
+            turn: 0,
         }
     }
 }
@@ -102,6 +103,9 @@ pub struct JobRow {
     pub last_event: u64,
     /// True for a run of its plate's standing job, which was never queued.
     pub standing: bool,
+    /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
+    /// moved to the front.
+    pub turn: i64,
 }
 
 impl JobRow {

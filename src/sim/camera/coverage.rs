@@ -15,7 +15,7 @@ impl PixelCoverage {
         Self { even: [0.0; LANES], each: [[0.0; LANES]; LANES] }
     }
 
-    /// Resets all shares to zero.
+    /// Resets all coverage to zero.
     pub(super) fn clear(&mut self) {
         self.even = [0.0; LANES];
     }

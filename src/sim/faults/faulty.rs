@@ -34,7 +34,7 @@ pub struct Faulty<'a, R> {
     streams: Streams,
     noise: Rng,
     /// Wait function for a hang, by wall time.
-    nap: &'a dyn Fn(Duration),
+    wait: &'a dyn Fn(Duration),
     plant: PlantFaults,
     started_at: PlateTime,
     /// Pictures before delay, newest last, for the fault `late`.
@@ -47,7 +47,7 @@ pub struct Faulty<'a, R> {
 
 impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     /// `rig` with `faults`; `nap` waits for the given wall time.
-    pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, nap: &'a dyn Fn(Duration)) -> Self {
+    pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, wait: &'a dyn Fn(Duration)) -> Self {
         let lag = |fault: &FaultSpec| {
             let is_late = fault.component == FaultyComponent::Camera && fault.kind == FaultKind::Late;
             if is_late { fault.values[0] as usize } else { 0 }
@@ -59,7 +59,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
             faults: faults.to_vec(),
             streams,
             noise: streams.stream("faults"),
-            nap,
+            wait,
             plant: PlantFaults::default(),
             started_at: PlateTime::ZERO,
             taken: VecDeque::new(),
@@ -114,7 +114,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         for i in 0..self.faults.len() {
             if self.faults[i].kind == FaultKind::Hang && self.faults[i].holds(now) && !self.done[i] {
                 self.done[i] = true;
-                (self.nap)(Duration::try_from_secs_f64(self.faults[i].values[0]).unwrap_or_default());
+                (self.wait)(Duration::try_from_secs_f64(self.faults[i].values[0]).unwrap_or_default());
             }
         }
     }

@@ -14,7 +14,7 @@ fn long_drive() -> Drive {
 }
 
 /// A rig under an interlock, shortly after the start of a long pulse.
-fn sounding() -> (SimRig, Interlock) {
+fn driving() -> (SimRig, Interlock) {
     let (mut rig, interlock) = (rig(1), Interlock::default());
     rig.attach(interlock.clone()).unwrap();
     rig.play(&long_drive()).unwrap();
@@ -31,7 +31,7 @@ proptest! {
 
     #[test]
     fn whenever_the_trip_comes_there_is_no_force_within_a_step(after in 0u32..6000, why in 0usize..4) {
-        let (mut rig, interlock) = sounding();
+        let (mut rig, interlock) = driving();
         let mut felt = Wrench::default();
         for _ in 0..after {
             felt = one_step(&mut rig);
@@ -52,7 +52,7 @@ proptest! {
 
     #[test]
     fn nobody_drives_for_a_tenth_of_a_second_and_motors_fall_silent(before in 0u32..4000, away_s in 0.101..2.0f64) {
-        let (mut rig, interlock) = sounding();
+        let (mut rig, interlock) = driving();
         for _ in 0..before {
             one_step(&mut rig);
         }
@@ -68,7 +68,7 @@ proptest! {
 
 #[test]
 fn a_lease_that_does_not_run_out_leaves_the_pulse_as_it_is() {
-    let (mut rig, interlock) = sounding();
+    let (mut rig, interlock) = driving();
     let mut other = self::rig(1);
     other.play(&long_drive()).unwrap();
     for _ in 0..3 {
@@ -91,7 +91,7 @@ fn a_lease_runs_out_without_an_interlock_too() {
 
 #[test]
 fn an_emergency_stop_goes_before_the_lease() {
-    let (mut rig, interlock) = sounding();
+    let (mut rig, interlock) = driving();
     interlock.trip(Trip::EStop);
     assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::EStop)));
     assert!(interlock.stop_times().unwrap().silent_at - PlateTime::ZERO <= STEP_S);
@@ -99,7 +99,7 @@ fn an_emergency_stop_goes_before_the_lease() {
 
 #[test]
 fn another_thread_stops_a_pulse_that_is_being_captured() {
-    let (mut rig, interlock) = sounding();
+    let (mut rig, interlock) = driving();
     let (fault, tripped_by) = std::thread::scope(|scope| {
         let presser = scope.spawn(|| {
             while interlock.now() < PlateTime::from_secs(0.03) {
@@ -129,7 +129,7 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
 
 #[test]
 fn the_next_rig_finds_the_trip_and_plays_nothing_until_it_is_released() {
-    let (first, interlock) = sounding();
+    let (first, interlock) = driving();
     interlock.trip(Trip::Watchdog);
     assert_eq!(
         rig(2).attach(interlock.clone()).map_err(|fault| fault.to_string()).unwrap_err(),

@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn names_stand_beside_their_discs_in_their_colours() {
+    fn names_are_beside_their_discs_in_their_colours() {
         let points = [[0.0, 0.0], [f64::NAN, 0.0], [100.0, 100.0]];
         let texts: Vec<String> = ["penny-1", "lost", "penny-2"].map(str::to_owned).to_vec();
         let (radii, colors) = (vec![9.5; 3], [[10, 20, 30], [0; 3], [200, 20, 30]].map(chart::Color::Rgb).to_vec());

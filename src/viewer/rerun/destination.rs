@@ -27,7 +27,7 @@ pub(super) struct Destination {
 }
 
 impl Destination {
-    /// Opens a partial file of the file at `path`, unless `mode` is off, and the viewer of `mode`, if it has one.
+    /// Creates the partial file of `path`, unless `mode` is off, and opens the viewer of `mode`, if it has one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();

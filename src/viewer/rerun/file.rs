@@ -26,7 +26,7 @@ struct State {
     encoder: Option<Encoder<CountingWriter>>,
     partial_file: Option<PartialFile>,
     /// `Some` while the file is written.
-    syncing: Option<PeriodicSync>,
+    periodic_sync: Option<PeriodicSync>,
     fault: Option<String>,
     messages: u64,
     feeds: Vec<MessageSink>,
@@ -44,8 +44,8 @@ impl RrdFile {
         let encoder = out.map(|out| encoder(out, &handle)).transpose()?;
         // without it the end of the file reaches the disk later
         let file = partial_file.as_ref().and_then(|partial_file| partial_file.to_sync().ok());
-        let syncing = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), handle.clone()).ok());
-        let state = State { encoder, partial_file, syncing, fault: None, messages: 0, feeds };
+        let periodic_sync = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), handle.clone()).ok());
+        let state = State { encoder, partial_file, periodic_sync, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
@@ -68,7 +68,7 @@ impl RrdFile {
     /// written, or the first failed write.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
         let mut state = self.state();
-        state.syncing = None;
+        state.periodic_sync = None;
         if let Some(mut encoder) = state.encoder.take() {
             let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
             let kept = closed.and_then(|out| {
@@ -90,7 +90,7 @@ impl RrdFile {
     /// Ends writing without a footer, which would follow an incomplete message.
     fn fail(&self, state: &mut State, fault: String) {
         state.encoder.take().map(Encoder::into_inner);
-        state.syncing = None;
+        state.periodic_sync = None;
         self.1.fail(fault.as_str());
         state.fault.get_or_insert(fault);
     }

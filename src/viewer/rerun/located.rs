@@ -62,6 +62,7 @@ mod tests {
         assert!(record_located(&RerunMode::Off, &folder.path().join("off.rrd"), "", &found, &[]).is_ok());
         assert!(!folder.path().join("off.rrd").exists());
     }
+
     #[test]
     fn kinds_that_differ_only_after_a_dash_have_different_colours() {
         let folder = tempfile::tempdir().unwrap();

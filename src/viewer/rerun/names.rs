@@ -113,8 +113,8 @@ impl Names {
 }
 
 /// The kind of each id shortened to the letters that tell it from the others: `penny-12` to `p12`, beside `dime-1` and
-/// `dollar-2` to `di1` and `do2`. An id keeps its whole text where the short one is the name of another part, or does
-/// not begin with its kind.
+/// `dollar-2` to `di1` and `do2`. An id that does not begin with its kind, or whose short text is also the name or the
+/// short text of another part, keeps its whole text.
 fn shortened(ids: &[&str], kinds: &[&str]) -> Vec<String> {
     let head = |kind: &str, letters: usize| kind.chars().take(letters).collect::<String>();
     let short = |kind: &str| {

@@ -58,7 +58,7 @@ impl Plots {
         stream.log_columns("errors/sensing_mm", samples.at.iter().copied().map(nanos), columns)
     }
 
-    /// Logs the errors at the look that starts a cycle, and its plan.
+    /// Logs the errors at the observation that starts a cycle, and its plan.
     pub(super) fn planned(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
         log_each(stream, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
         log_each(stream, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;

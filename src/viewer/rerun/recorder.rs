@@ -60,14 +60,14 @@ pub(super) struct Recorder {
     log_view: LogView,
     context: RunContext,
     /// True when the early end of the recording was logged.
-    end_told: bool,
+    is_end_reported: bool,
 }
 
 impl Recorder {
     /// Opens the stream into `file` and logs the static data.
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
         let name = format!("{}, seed {}", context.name, context.seed);
-        let stream = RunStream::start(file, name, |stream| blueprint::send(stream, &context))?;
+        let stream = RunStream::start(file, name, |recording| blueprint::send(recording, &context))?;
         let camera = CameraView::new(&context);
         let table = TableView::start(&stream, &context)?;
         let signals = Signals::start(&stream)?;
@@ -81,7 +81,7 @@ impl Recorder {
             plots,
             log_view: LogView::default(),
             context,
-            end_told: false,
+            is_end_reported: false,
         })
     }
 
@@ -125,8 +125,8 @@ impl Recorder {
 
     /// Logs the reason for the end of the recording, and flushes everything logged into the file.
     fn write_final_event(&mut self, text: String) -> LogResult {
-        if !self.end_told {
-            self.end_told = true;
+        if !self.is_end_reported {
+            self.is_end_reported = true;
             self.log_view.warn(&self.stream, text)?;
         }
         self.stream.flush()
@@ -170,7 +170,7 @@ impl Recorder {
                 Ok(())
             }
             Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
-                match self.end_told {
+                match self.is_end_reported {
                     true => Ok(()),
                     false => self.write_final_event(event.text),
                 }

@@ -39,7 +39,7 @@ impl Samples {
         (self.frames, self.track_us)
     }
 
-    /// Adds one look; a look with another number of parts is ignored.
+    /// Adds one observation; one with another number of parts is ignored.
     pub(super) fn push(&mut self, at: PlateTime, tracks: &[Track], truth: Option<&GroundTruth>) {
         if tracks.len() != self.parts || truth.is_some_and(|truth| truth.parts.len() != self.parts) {
             return;

@@ -35,7 +35,7 @@ const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Number of samples kept for trails per second of plate time.
-const LOOKS_HZ: f64 = 15.0;
+const SAMPLES_HZ: f64 = 15.0;
 
 /// Longest time for which samples are gathered, s of plate time.
 const GATHER_S: f64 = 0.2;
@@ -143,7 +143,7 @@ impl Drop for RerunSink {
 
 impl Running {
     fn close(mut self) -> Result<RecordingStats, RecordingError> {
-        self.send_looks();
+        self.send_samples();
         self.queue = None;
         let closed = match self.overflow {
             OverflowPolicy::Wait => self.recorder.wait(),
@@ -193,7 +193,7 @@ impl Running {
         }
     }
 
-    fn send_looks(&mut self) {
+    fn send_samples(&mut self) {
         if !self.samples.is_empty() {
             let next = Samples::new(self.samples.parts());
             let samples = std::mem::replace(&mut self.samples, next);
@@ -201,10 +201,10 @@ impl Running {
         }
     }
 
-    fn look(&mut self, facts: &FrameFacts<'_>) {
+    fn observe(&mut self, facts: &FrameFacts<'_>) {
         let at = facts.frame.exposed_at;
         self.samples.tracked_in(facts.track_us);
-        let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / LOOKS_HZ);
+        let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / SAMPLES_HZ);
         if due || facts.starts_cycle {
             self.last_look = Some(at);
             let truth = self.truth.as_ref().map(GroundTruthHandle::read);
@@ -212,7 +212,7 @@ impl Running {
         }
         let oldest = self.samples.at.first();
         if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
-            self.send_looks();
+            self.send_samples();
         }
         if facts.starts_cycle {
             let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
@@ -233,7 +233,7 @@ impl Sink for RerunSink {
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         if let Some(running) = &mut self.0 {
-            running.look(facts);
+            running.observe(facts);
         }
     }
 
@@ -245,7 +245,7 @@ impl Sink for RerunSink {
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
         if let Some(running) = &mut self.0 {
-            running.send_looks();
+            running.send_samples();
             running.send(Message::Cycle(Box::new(facts.into())));
         }
     }

@@ -72,7 +72,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
-        run.look(&mut sink, false, true);
+        run.observe(&mut sink, false, true);
         sink.event(run.now(), EventLevel::Info, "a frame");
         run.now().secs()
     });
@@ -86,7 +86,7 @@ fn looks_do_not_wait_for_the_end_of_a_long_cycle() {
     let mut run = SyntheticRun::new(2);
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     let age_s = age_in_file_s(&part, &["/errors/sensing_mm", "/table/measured"], || {
-        run.look(&mut sink, true, false);
+        run.observe(&mut sink, true, false);
         run.now().secs()
     });
     assert!(age_s <= 0.5, "{age_s} s");
@@ -118,8 +118,8 @@ fn cycles_until(
     done: RecordingState,
 ) -> MemorySink {
     let mut seen = MemorySink::default();
-    let mut tell = |sinks: &mut dyn Sink, at| report_recording_end(&recording_options.recording, sinks, at);
-    let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut tell);
+    let mut report_end = |sinks: &mut dyn Sink, at| report_recording_end(&recording_options.recording, sinks, at);
+    let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut report_end);
     for _ in 0..400 {
         run.cycle(&mut sinks);
         if recording_options.recording.state() == done {
@@ -152,7 +152,7 @@ fn a_stopped_recording_is_whole_while_the_run_goes_on() {
 }
 
 #[test]
-fn a_write_that_fails_is_told_at_once_and_the_partial_file_stays() {
+fn a_write_that_fails_is_reported_at_once_and_the_partial_file_stays() {
     struct Full(File, usize);
     impl Write for Full {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -215,7 +215,7 @@ fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
     });
     let lagging = RecordingState::Failed("the recorder lags".into());
     let ended = (1..=5000).any(|_| {
-        run.look(&mut sink, false, true);
+        run.observe(&mut sink, false, true);
         recording_options.recording.state() == lagging
     });
     assert!(ended && stopper.join().is_ok(), "{:?}", recording_options.recording.state());
@@ -234,7 +234,7 @@ fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let hanging = gate.lock().unwrap();
     let lagging = RecordingState::Failed("the recorder lags".into());
     let frames = (1..=5000).find(|_| {
-        run.look(&mut sink, false, true);
+        run.observe(&mut sink, false, true);
         recording_options.recording.state() == lagging
     });
     assert!(frames.is_some(), "{:?}", recording_options.recording.state());

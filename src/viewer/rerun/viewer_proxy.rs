@@ -264,15 +264,14 @@ mod tests {
     }
 
     #[test]
-    fn who_does_not_speak_as_viewers_do_hears_nothing() {
+    fn client_that_is_no_viewer_gets_no_answer() {
         let proxy = proxy(b"old");
         for words in [&b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"[..], b"P", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\t"] {
             let mut page = TcpStream::connect(proxy.address()).unwrap();
             page.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-            page.write_all(words).unwrap();
-            page.shutdown(Shutdown::Write).unwrap();
+            // the proxy refuses it, with or without an answer, and may hang up before all is sent
+            page.write_all(words).and_then(|()| page.shutdown(Shutdown::Write)).ok();
             let mut heard = Vec::new();
-            // the proxy refuses it, with or without an answer
             page.read_to_end(&mut heard).ok();
             assert_eq!(heard, b"", "{words:?}");
         }

@@ -5,7 +5,7 @@ use ureq::http::header::RETRY_AFTER;
 use ureq::{Error, Timeout};
 
 use crate::cli::output::{BAD_INPUT, Failure};
-use upm_runner::config::Fault;
+use upm_runner::config::Diagnostic;
 use upm_server::service::ProblemDocument;
 
 /// Reason why a request to a daemon did not succeed.
@@ -21,7 +21,7 @@ pub(crate) enum ClientRefusal {
         /// Explanation in a sentence.
         detail: String,
         /// Faults of the document that was sent.
-        faults: Vec<Fault>,
+        faults: Vec<Diagnostic>,
         /// Time after which to try again, s.
         retry_after_s: Option<u64>,
     },

@@ -148,6 +148,7 @@ pub fn job(state: JobState) -> Job {
         pace: Pace::RealTime,
         recording: RecordingStatus::None,
         standing: false,
+        turn: 0,
     }
 }
 

@@ -45,7 +45,7 @@ impl JobDisplay {
         match &self.how {
             How::Json => {
                 let ReceivedEvent { id, kind, data } = event;
-                say!("{}", json!({ "id": id, "event": kind, "data": data }))?;
+                outln!("{}", json!({ "id": id, "event": kind, "data": data }))?;
             }
             How::Bar(bar) => {
                 if let Some((done, message)) = bar_of(event) {
@@ -53,12 +53,12 @@ impl JobDisplay {
                     bar.set_message(message);
                 }
                 if let Some(note) = note_of(event) {
-                    bar.suspend(|| complain!("{note}"));
+                    bar.suspend(|| errln!("{note}"));
                 }
             }
             How::Lines => {
                 if let Some(line) = line_of(event) {
-                    say!("{line}")?;
+                    outln!("{line}")?;
                 }
             }
             How::EndAlone => {}
@@ -71,18 +71,18 @@ impl JobDisplay {
         let line = format!("upm: {}", on_one_line(line));
         match &self.how {
             _ if self.quiet => {}
-            How::Bar(bar) => bar.suspend(|| complain!("{line}")),
-            _ => complain!("{line}"),
+            How::Bar(bar) => bar.suspend(|| errln!("{line}")),
+            _ => errln!("{line}"),
         }
     }
 
     pub fn ended(&self, job: &Job) -> Result<(), Failure> {
         match self.how {
             How::Json => Ok(()),
-            How::EndAlone => say!("{}", headline(job)),
+            How::EndAlone => outln!("{}", headline(job)),
             How::Bar(_) | How::Lines => {
                 print_job(job)?;
-                say!("  {:15} upm show {}", "all of it", self.id)
+                outln!("  {:15} upm show {}", "all of it", self.id)
             }
         }
     }

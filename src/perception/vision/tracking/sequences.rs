@@ -39,7 +39,7 @@ impl TrackingSequence {
     /// Tracks the next frame. Every detection of a part must be within `most_px` of it, and no two tracks on one part.
     fn next(&mut self, places_m: &[Vec2], covers: Vec<ClutterShape>, most_px: f64) {
         self.scene.seed += 1;
-        self.scene.covers = covers;
+        self.scene.occluders = covers;
         self.show(&self.scene.frame_with(&discs(places_m)), places_m, most_px);
     }
 

@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 
-use super::super::harmonic_basis::Lanes;
+use super::super::harmonic_basis::SimdF64;
 use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;
@@ -57,18 +57,18 @@ proptest! {
         use rand::RngExt as _;
         let basis = basis(harmonics);
         let mut rng = upm_core::random::Streams::new(seed).stream("slopes");
-        let mut any = || Lanes::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
-        let by_motion = [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<Lanes>>());
+        let mut any = || SimdF64::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
+        let by_motion = [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<SimdF64>>());
         let motion = basis.motion(&coefficients);
         let velocities = [
             motion.iter().map(|plate| plate.velocity_mps.x).collect(),
             motion.iter().map(|plate| plate.velocity_mps.y).collect(),
             motion.iter().map(|plate| plate.spin_radps).collect::<Vec<f64>>(),
         ];
-        let forth: Lanes = by_motion.iter().flatten().zip(velocities.iter().flatten()).map(|(a, b)| *a * *b).sum();
-        let slopes: Vec<Lanes> = basis.slopes(&by_motion).collect();
+        let forth: SimdF64 = by_motion.iter().flatten().zip(velocities.iter().flatten()).map(|(a, b)| *a * *b).sum();
+        let slopes: Vec<SimdF64> = basis.slopes(&by_motion).collect();
         prop_assert_eq!(slopes.len(), coefficients.len());
-        let back: Lanes = slopes.iter().zip(&coefficients).map(|(a, b)| *a * *b).sum();
+        let back: SimdF64 = slopes.iter().zip(&coefficients).map(|(a, b)| *a * *b).sum();
         prop_assert!((forth - back).to_array().iter().all(|off| off.abs() < 1e-9), "{forth} {back}");
     }
 

@@ -25,7 +25,7 @@ proptest! {
     fn a_filled_motion_plays_up_to_its_share_of_the_limit(
         coefficients in motion(8), before in -3.0..3.0f64, periods in 0.5..3.0f64,
     ) {
-        let basis = upm_2_waves();
+        let basis = upm_2_basis();
         let mut library = Library::clone(&upm_2());
         let fields = library.fields.as_mut().unwrap();
         fields.attack_s = periods * TAU / fields.base_radps;
@@ -42,8 +42,8 @@ proptest! {
 
     #[test]
     fn weights_are_the_counts_a_coefficient_asks_for(j in 0..48usize, speed_mps in 0.01..2.0f64) {
-        let basis = upm_2_waves();
-        let effort = upm_2_strength(&basis);
+        let basis = upm_2_basis();
+        let effort = upm_2_effort(&basis);
         let mut coefficients = vec![0.0; basis.len()];
         coefficients[j] = speed_mps;
         let drive = drive(&basis, &coefficients, 0.1);
@@ -56,9 +56,9 @@ proptest! {
 
 #[test]
 fn a_still_motion_stays_still() {
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let mut coefficients = vec![0.0; basis.len()];
-    upm_2_strength(&basis).fill(&basis, &mut coefficients);
+    upm_2_effort(&basis).fill(&basis, &mut coefficients);
     assert!(coefficients.iter().all(|&c| c == 0.0));
 }
 
@@ -66,5 +66,5 @@ fn a_still_motion_stays_still() {
 fn a_plate_that_cannot_be_turned_has_no_strength() {
     let mut fields = upm_2().fields.clone().unwrap();
     fields.twist_from_counts[3].row_mut(2).fill(Default::default());
-    assert!(MotorEffort::new(&upm_2_waves(), &fields, HALF_SIDE_M).is_none());
+    assert!(MotorEffort::new(&upm_2_basis(), &fields, HALF_SIDE_M).is_none());
 }

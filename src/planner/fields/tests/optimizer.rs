@@ -52,8 +52,8 @@ proptest! {
 
     #[test]
     fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, guarded in any::<bool>()) {
-        let basis = upm_2_waves();
-        let effort = upm_2_strength(&basis);
+        let basis = upm_2_basis();
+        let effort = upm_2_effort(&basis);
         let guards: Vec<SeparationPenalty> =
             guarded.then(|| SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
         let ShootingSetup { discs, steps_m, start } = scene;
@@ -79,8 +79,8 @@ proptest! {
     /// the 2 % at which the search ends.
     #[test]
     fn ends_of_a_known_motion_are_met_from_nearby(scene in scene(8), off in motion(8), sustain_s in 0.0..0.2f64) {
-        let basis = upm_2_waves();
-        let effort = upm_2_strength(&basis);
+        let basis = upm_2_basis();
+        let effort = upm_2_effort(&basis);
         let envelope = upm_2_envelope(sustain_s);
         let ShootingSetup { discs, start: mut known, .. } = scene;
         effort.fill(&basis, &mut known);
@@ -106,8 +106,8 @@ proptest! {
 fn guards_hold_what_they_guard() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(2).stream("guards");
-    let basis = upm_2_waves();
-    let effort = upm_2_strength(&basis);
+    let basis = upm_2_basis();
+    let effort = upm_2_effort(&basis);
     let envelope = upm_2_envelope(0.15);
     let (mut sum_without, mut sum_with) = (0.0, 0.0);
     for count in [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8] {

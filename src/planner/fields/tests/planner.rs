@@ -32,7 +32,7 @@ fn pulse(plan: &Plan) -> Option<&FieldPulse> {
     }
 }
 
-/// Positions of all parts at every `every`-th step of the forecast course.
+/// Positions of all parts at every `every`-th step of the forecast rollout.
 fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
     let friction = friction_of(&upm_2()).unwrap();
     let disc = |part: &PartState| RolloutDisc {
@@ -41,7 +41,7 @@ fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec
         friction: friction * part.gain,
     };
     let discs: Vec<RolloutDisc> = parts.iter().map(disc).collect();
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let mut rollout = Rollout::default();
     rollout.run(&basis, &basis.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
     rollout.places_m(every).collect()
@@ -88,7 +88,7 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
 
 /// Plans for `parts` and checks every guarantee of a solved plan.
 fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
-    let (library, limits, basis) = (upm_2(), params(), upm_2_waves());
+    let (library, limits, basis) = (upm_2(), params(), upm_2_basis());
     let mut twin = planner.clone();
     let plan = planner.plan(parts);
     assert_eq!(twin.plan(parts), plan, "equal parts and states, equal plans");

@@ -14,7 +14,7 @@ fn point(position_m: Vec2) -> RolloutDisc {
 /// Coefficients scaled to the limit of upm-2's motors.
 fn full(basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<f64> {
     let mut filled = coefficients.to_vec();
-    upm_2_strength(basis).fill(basis, &mut filled);
+    upm_2_effort(basis).fill(basis, &mut filled);
     filled
 }
 
@@ -41,7 +41,7 @@ fn slope_error(
     chosen: std::ops::Range<usize>,
 ) -> f64 {
     const H_MPS: f64 = 1e-6;
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let mut rollout = Rollout::default();
     rollout.run(&basis, coefficients, envelope, discs);
     let (mut largest, mut worst) = (0.0f64, 0.0f64);
@@ -82,7 +82,7 @@ proptest! {
         mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
     ) {
         coefficients[32..].fill(0.0);
-        let coefficients = full(&upm_2_waves(), &coefficients);
+        let coefficients = full(&upm_2_basis(), &coefficients);
         let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 0..48);
         prop_assert!(error < 1e-5, "{error:.1e}");
     }
@@ -93,7 +93,7 @@ proptest! {
         mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
     ) {
         coefficients[..32].fill(0.0);
-        let coefficients = full(&upm_2_waves(), &coefficients);
+        let coefficients = full(&upm_2_basis(), &coefficients);
         let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 32..48);
         prop_assert!(error < 3e-5, "{error:.1e}");
     }
@@ -104,7 +104,7 @@ proptest! {
     fn slopes_are_central_differences_but_for_the_centre(
         coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
     ) {
-        let coefficients = full(&upm_2_waves(), &coefficients);
+        let coefficients = full(&upm_2_basis(), &coefficients);
         let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs, 0..48);
         prop_assert!(error < 0.05, "{error}");
     }
@@ -112,7 +112,7 @@ proptest! {
     /// A part's course does not depend on the other parts or on its index.
     #[test]
     fn each_part_goes_as_if_alone(coefficients in motion(8), discs in many_coins(), sustain_s in 0.0..0.2f64) {
-        let basis = upm_2_waves();
+        let basis = upm_2_basis();
         let coefficients = full(&basis, &coefficients);
         let envelope = upm_2_envelope(sustain_s);
         let course_of = |discs: &[RolloutDisc]| {
@@ -139,7 +139,7 @@ proptest! {
     ) {
         let basis = HarmonicBasis::new(TAU * 40.0, 4, HALF_SIDE_M);
         let envelope = Envelope { attack_s: 0.05, sustain_s, rest_s: 0.0 };
-        let laid = |onto: fn(Vec2) -> Vec2, spin: f64| {
+        let transformed = |onto: fn(Vec2) -> Vec2, spin: f64| {
             let mut wave = basis.wave(&coefficients);
             for twist in wave.harmonics.iter_mut().flat_map(|h| [&mut h.cos, &mut h.sin]) {
                 twist.velocity_mps = onto(twist.velocity_mps);
@@ -148,9 +148,9 @@ proptest! {
             let discs: Vec<RolloutDisc> = places.iter().map(|&p| coin(onto(p), FRICTION)).collect();
             ends(&basis, &basis.coefficients(&wave), &envelope, &discs)
         };
-        let as_is = laid(|v| v, 1.0);
-        let turned = laid(|v| Vec2::new(-v.y, v.x), 1.0);
-        let mirrored = laid(|v| Vec2::new(-v.x, v.y), -1.0);
+        let as_is = transformed(|v| v, 1.0);
+        let turned = transformed(|v| Vec2::new(-v.y, v.x), 1.0);
+        let mirrored = transformed(|v| Vec2::new(-v.x, v.y), -1.0);
         for ((p, turned), mirrored) in as_is.iter().zip(turned).zip(mirrored) {
             prop_assert!((turned - Vec2::new(-p.y, p.x)).norm() < 1e-9);
             prop_assert!((mirrored - Vec2::new(-p.x, p.y)).norm() < 1e-9);
@@ -161,7 +161,7 @@ proptest! {
     /// for the fixed slip ε of the friction law.
     #[test]
     fn frictions_scale(coefficients in motion(8), p in place(), sustain_s in 0.0..0.2f64, scale in 0.5..2.0f64) {
-        let small = upm_2_waves();
+        let small = upm_2_basis();
         let coefficients = full(&small, &coefficients);
         let large = HarmonicBasis::new(TAU * 30.0, 8, HALF_SIDE_M * scale);
         let faster: Vec<f64> = coefficients.iter().map(|c| c * scale).collect();
@@ -179,7 +179,7 @@ proptest! {
 fn points_end_where_coulombs_law_in_fine_steps_says() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(1).stream("points");
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
     for _ in 0..48 {
         let drawn: Vec<f64> = (0..48).map(|j| rng.random_range(-1.0..1.0) / basis.harmonic_of(j) as f64).collect();
@@ -228,7 +228,7 @@ fn the_belt_ends_up_at_half_its_amplitude() {
 /// one.
 #[test]
 fn parts_coast_by_the_square_of_their_speed() {
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let coefficients = full(&basis, &pump(&basis, 1.0, 0.3));
     let dt = basis.step_s();
     let disc = [point(Vec2::new(0.02, -0.03))];
@@ -249,7 +249,7 @@ fn parts_coast_by_the_square_of_their_speed() {
 
 #[test]
 fn nothing_moves_without_parts_or_motion() {
-    let basis = upm_2_waves();
+    let basis = upm_2_basis();
     let still = vec![0.0; basis.len()];
     assert!(ends(&basis, &still, &upm_2_envelope(0.1), &[]).is_empty());
     let discs = [coin(Vec2::new(0.05, 0.01), FRICTION), point(Vec2::zeros())];

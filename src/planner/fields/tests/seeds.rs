@@ -21,7 +21,7 @@ fn all(seeds: &SeedLibrary, basis: &HarmonicBasis, positions_m: &[Vec2], steps_m
 }
 
 /// Mean direction of a motion's slip at `p` over every sample of a period.
-fn push(samples: &[PlateInstant], p: Vec2) -> Vec2 {
+fn mean_force(samples: &[PlateInstant], p: Vec2) -> Vec2 {
     let direction = |plate: &PlateInstant| {
         let spin = plate.spin_radps;
         (plate.velocity_mps + Vec2::new(-spin * p.y, spin * p.x)).normalize()
@@ -30,10 +30,10 @@ fn push(samples: &[PlateInstant], p: Vec2) -> Vec2 {
 }
 
 /// The motion's score from its mean pushes: displacement along the steps less a share of the displacement across them.
-fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
+fn score(mean_forces: &[Vec2], steps_m: &[Vec2]) -> f64 {
     let length = steps_m.iter().map(Vec2::norm_squared).sum::<f64>().sqrt();
-    let along = pushes.iter().zip(steps_m).map(|(push, step)| push.dot(step)).sum::<f64>() / length;
-    let square: f64 = pushes.iter().map(Vec2::norm_squared).sum();
+    let along = mean_forces.iter().zip(steps_m).map(|(mean_force, step)| mean_force.dot(step)).sum::<f64>() / length;
+    let square: f64 = mean_forces.iter().map(Vec2::norm_squared).sum();
     along - ASTRAY * (square - along * along).max(0.0).sqrt()
 }
 
@@ -41,8 +41,8 @@ fn promise(pushes: &[Vec2], steps_m: &[Vec2]) -> f64 {
 fn promises(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
     let of = |motion: &Vec<f64>| {
         let samples = basis.motion(motion);
-        let pushes: Vec<Vec2> = positions_m.iter().map(|&p| push(&samples, p)).collect();
-        promise(&pushes, steps_m)
+        let mean_forces: Vec<Vec2> = positions_m.iter().map(|&p| mean_force(&samples, p)).collect();
+        score(&mean_forces, steps_m)
     };
     motions.iter().map(of).collect()
 }
@@ -89,16 +89,16 @@ proptest! {
         let basis = basis();
         let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let told = seeds.all_pushes(&positions_m).map(|there| {
-            let back: Vec<Vec2> = there.iter().map(|push| -push).collect();
-            promise(&there, &steps_m).max(promise(&back, &steps_m))
+        let scores = seeds.all_mean_forces(&positions_m).map(|there| {
+            let back: Vec<Vec2> = there.iter().map(|mean_force| -mean_force).collect();
+            score(&there, &steps_m).max(score(&back, &steps_m))
         });
-        let mut told: Vec<f64> = told.collect();
-        let mut laid = promises(&basis, &all(&seeds, &basis, &positions_m, &steps_m), &positions_m, &steps_m);
-        prop_assert_eq!(told.len(), laid.len());
-        told.sort_by(f64::total_cmp);
-        laid.sort_by(f64::total_cmp);
-        let worst = told.iter().zip(&laid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let mut scores: Vec<f64> = scores.collect();
+        let mut transformed = promises(&basis, &all(&seeds, &basis, &positions_m, &steps_m), &positions_m, &steps_m);
+        prop_assert_eq!(scores.len(), transformed.len());
+        scores.sort_by(f64::total_cmp);
+        transformed.sort_by(f64::total_cmp);
+        let worst = scores.iter().zip(&transformed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         prop_assert!(worst < 0.05, "{worst}");
     }
 
@@ -133,14 +133,14 @@ fn seeds_are_closed_under_the_symmetries_of_the_square() {
     keys.iter().for_each(|key| *alike.entry(key[2 * n]).or_insert(0) += 1);
     assert!(alike.values().all(|&times| times == SYMMETRIES));
     for motion in motions {
-        let laid = |onto: fn(f64, f64) -> (f64, f64), spin: f64| {
-            let mut laid = motion.clone();
-            (0..n).for_each(|j| (laid[j], laid[n + j]) = onto(motion[j], motion[n + j]));
-            laid[2 * n..].iter_mut().for_each(|c| *c *= spin);
-            key(laid)
+        let transformed = |onto: fn(f64, f64) -> (f64, f64), spin: f64| {
+            let mut transformed = motion.clone();
+            (0..n).for_each(|j| (transformed[j], transformed[n + j]) = onto(motion[j], motion[n + j]));
+            transformed[2 * n..].iter_mut().for_each(|c| *c *= spin);
+            key(transformed)
         };
-        assert!(keys.contains(&laid(|x, y| (-y, x), 1.0)), "turned");
-        assert!(keys.contains(&laid(|x, y| (-x, y), -1.0)), "mirrored");
+        assert!(keys.contains(&transformed(|x, y| (-y, x), 1.0)), "turned");
+        assert!(keys.contains(&transformed(|x, y| (-x, y), -1.0)), "mirrored");
     }
 }
 

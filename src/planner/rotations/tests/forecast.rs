@@ -88,10 +88,10 @@ proptest! {
     #[test]
     fn a_translation_goes_the_way_it_is_set_to(way_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
         let motion_set = motion_set();
-        let belt = motion_set.motion_set.iter().position(|belt| belt.entry == 289 + k).unwrap();
+        let belt = motion_set.dials.iter().position(|belt| belt.entry == 289 + k).unwrap();
         let way_m = if forwards { 1e-3 * way_mm } else { -1e-3 * way_mm };
         let (end, _) = motion_set.motion(Pulse { belt, way_m }).carry(Vec2::zeros(), 1.0);
-        let along = motion_set.motion_set[belt].twist.direction_at(Vec2::zeros());
+        let along = motion_set.dials[belt].twist.direction_at(Vec2::zeros());
         prop_assert!((end - along * way_m).norm() < 0.02 * way_m.abs() + 5e-6, "{end} {way_m}");
     }
 

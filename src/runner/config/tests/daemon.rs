@@ -82,7 +82,7 @@ keep.events: expected at least keep.events_per_job (10000), found 5000";
 
 #[test]
 fn keys_types_and_ranges_are_told_first() {
-    for (pointer, value, told) in [
+    for (pointer, value, expected) in [
         ("/queue", json!(0), ["queue: expected ", ", found 0"]),
         ("/queue", json!(10_001), ["queue: expected ", ", found 10001"]),
         ("/plates", json!([]), ["plates: expected ", ", found a list of 0"]),
@@ -96,15 +96,18 @@ fn keys_types_and_ranges_are_told_first() {
         ("/plates/0/name", json!("a b"), ["plates[0].name: expected 1 to 64 letters", ", found \"a b\""]),
         ("/plates/0/live_port", json!(8750), ["plates[0].live_port: expected a port that ", ", found 8750"]),
     ] {
-        let (faults, [begin, end]) = (changed(pointer, value), told);
-        assert!(faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end), "{told:?}: {faults:?}");
+        let (faults, [begin, end]) = (changed(pointer, value), expected);
+        assert!(
+            faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end),
+            "{expected:?}: {faults:?}"
+        );
     }
 }
 
 #[test]
 fn a_request_may_not_bring_a_daemon_that_names_files() {
     let faults = DaemonSpec::from_json(&text_of("daemon.json"), &Origin::of_request("daemon")).unwrap_err();
-    assert!(faults.iter().all(|fault| fault.allowed.contains("files cannot be named here")), "{faults:?}");
+    assert!(faults.iter().all(|fault| fault.expected.contains("files cannot be named here")), "{faults:?}");
     assert_eq!(faults.len(), 4);
 }
 
@@ -186,7 +189,7 @@ fn invalid_standing_job_is_told_in_one_line_with_its_place() {
         std::fs::write(&file, job.to_string()).unwrap();
         changed("/plates/0/standing_job/job", json!(file))
     };
-    for (pointer, value, told) in [
+    for (pointer, value, expected) in [
         (
             "/rig",
             json!(shipped("rigs/upm-2.json")),
@@ -209,9 +212,9 @@ fn invalid_standing_job_is_told_in_one_line_with_its_place() {
             "parts[0].kind: expected one of penny, nickel, dime, quarter (did you mean penny?), found \"pennyy\"",
         ),
     ] {
-        assert_eq!(with(pointer, value), [told], "{pointer}");
+        assert_eq!(with(pointer, value), [expected], "{pointer}");
     }
-    for (pointer, value, told) in [
+    for (pointer, value, expected) in [
         (
             "/plates/0/standing_job/job",
             json!("gone.json"),
@@ -231,7 +234,10 @@ fn invalid_standing_job_is_told_in_one_line_with_its_place() {
         ),
         ("/keep/standing_runs", json!(0), ["keep.standing_runs: expected ", ", found 0"]),
     ] {
-        let (faults, [begin, end]) = (changed(pointer, value), told);
-        assert!(faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end), "{told:?}: {faults:?}");
+        let (faults, [begin, end]) = (changed(pointer, value), expected);
+        assert!(
+            faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end),
+            "{expected:?}: {faults:?}"
+        );
     }
 }

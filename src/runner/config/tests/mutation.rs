@@ -3,7 +3,7 @@ use serde_json::{Map, Value, json};
 
 use super::traces::trace;
 use super::{origin, text_of, value_of};
-use crate::config::{DaemonSpec, Fault, JobSpec, RigSpec, SimulateSpec, place_parts, trace_from_json};
+use crate::config::{DaemonSpec, Diagnostic, JobSpec, RigSpec, SimulateSpec, place_parts, trace_from_json};
 use upm_core::random::Streams;
 
 fn scalar() -> impl Strategy<Value = Value> {
@@ -67,7 +67,7 @@ fn experiment() -> Value {
 
 /// Reads `text` as every kind of document; a refusal has at least one fault, each on one line.
 fn read(text: &str) -> Result<(), TestCaseError> {
-    fn refused<T>(result: Result<T, Vec<Fault>>) -> Result<Option<T>, TestCaseError> {
+    fn refused<T>(result: Result<T, Vec<Diagnostic>>) -> Result<Option<T>, TestCaseError> {
         match result {
             Ok(made) => Ok(Some(made)),
             Err(faults) => {

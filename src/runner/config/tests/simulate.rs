@@ -1,7 +1,7 @@
 use serde_json::{Value, json};
 
 use super::{job, lines, origin, set, value_of};
-use crate::config::{Fault, PlateMode, SimulateSpec};
+use crate::config::{Diagnostic, PlateMode, SimulateSpec};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{Envelope, TwistHarmonic};
 
@@ -17,7 +17,7 @@ fn experiment() -> Value {
     })
 }
 
-fn read(document: &Value) -> Result<SimulateSpec, Vec<Fault>> {
+fn read(document: &Value) -> Result<SimulateSpec, Vec<Diagnostic>> {
     SimulateSpec::from_json(&document.to_string(), &origin())
 }
 

@@ -1,7 +1,7 @@
 use serde_json::{Value, json};
 
 use super::{lines, set};
-use crate::config::{Fault, RigSpec, trace_from_json, trace_to_json};
+use crate::config::{Diagnostic, RigSpec, trace_from_json, trace_to_json};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, MISSING_SAMPLE, RecordedPulse};
 
@@ -19,7 +19,7 @@ pub(super) fn trace() -> Value {
     })
 }
 
-fn read(document: &Value) -> Result<RecordedPulse, Vec<Fault>> {
+fn read(document: &Value) -> Result<RecordedPulse, Vec<Diagnostic>> {
     trace_from_json(&document.to_string(), "trace.json")
 }
 

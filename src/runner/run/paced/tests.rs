@@ -43,8 +43,8 @@ impl World {
 
     /// Runs `work` on the paced rig.
     fn paced<T>(&self, work: impl FnOnce(&mut RealTimeRig<'_>) -> T) -> T {
-        let mut rig = MadeUp { world: self, quiet_at: PlateTime::ZERO };
-        let nap = |time: Duration| {
+        let mut rig = MadeUp { world: self, settled_at: PlateTime::ZERO };
+        let sleep = |time: Duration| {
             self.spend(time);
             if self.trip_in_nap.get() {
                 self.interlock.trip(Trip::EStop);
@@ -53,7 +53,7 @@ impl World {
         let (stats, interlock, deadlines) = (&self.stats, &self.interlock, self.deadlines);
         work(&mut RealTimeRig::new(
             &mut rig,
-            PaceClock { clock: self, nap: &nap, stats, interlock, frame_hz: 60.0, deadlines },
+            PaceClock { clock: self, sleep: &sleep, stats, interlock, frame_hz: 60.0, deadlines },
         ))
     }
 }
@@ -66,7 +66,7 @@ impl Clock for World {
 
 struct MadeUp<'a> {
     world: &'a World,
-    quiet_at: PlateTime,
+    settled_at: PlateTime,
 }
 
 impl Rig for MadeUp<'_> {
@@ -75,12 +75,12 @@ impl Rig for MadeUp<'_> {
     }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
-        self.quiet_at = self.now() + drive.envelope.total_s();
+        self.settled_at = self.now() + drive.envelope.total_s();
         Ok(())
     }
 
     fn settled_at(&self) -> PlateTime {
-        self.quiet_at
+        self.settled_at
     }
 
     fn capture(&mut self, _: &mut Frame) -> Result<(), RigFault> {
@@ -228,15 +228,15 @@ fn a_trip_ends_the_wait_and_stops_the_rig_at_once() {
         capture(rig)
     });
     assert_eq!(fault, Err(RigFault::Stopped(Trip::EStop)));
-    assert!(world.elapsed() <= LONGEST_NAP && world.called("stop") == 1);
+    assert!(world.elapsed() <= LONGEST_SLEEP && world.called("stop") == 1);
 }
 
 #[test]
 fn a_clock_that_stands_still_keeps_nobody_waiting() {
     let (world, clock) = (World::at(0), upm_core::time::StoppedClock);
-    let mut rig = MadeUp { world: &world, quiet_at: PlateTime::ZERO };
+    let mut rig = MadeUp { world: &world, settled_at: PlateTime::ZERO };
     let (stats, interlock, deadlines) = (&world.stats, &world.interlock, DeadlinePolicy::Strict);
-    let pace = PaceClock { clock: &clock, nap: &|_| (), stats, interlock, frame_hz: 60.0, deadlines };
+    let pace = PaceClock { clock: &clock, sleep: &|_| (), stats, interlock, frame_hz: 60.0, deadlines };
     capture(&mut RealTimeRig::new(&mut rig, pace)).unwrap();
 }
 

@@ -11,7 +11,7 @@ use upm_runner::config::Origin;
 
 const TOKEN: &str = "hIq8Zr0pT3vL5mWn9xYb2cKd7fGj4sAe";
 
-fn noon() -> Timestamp {
+fn fixed_time() -> Timestamp {
     Timestamp::from_second(1_800_000_000).unwrap()
 }
 
@@ -41,7 +41,7 @@ impl Planted {
         let data = folder.path().join(TOKEN);
         fs::create_dir(&data).unwrap();
         fs::write(data.join("token"), TOKEN).unwrap();
-        let clocks = Clocks::new(noon, MonotonicClock::new());
+        let clocks = Clocks::new(fixed_time, MonotonicClock::new());
         let opened =
             Store::open(&data, &["left".to_owned()], StoreLimits::default(), clocks, &|_, _| Err("none".to_owned()));
         let OpenOutcome { store, .. } = opened.unwrap();
@@ -69,9 +69,9 @@ impl Planted {
             .unwrap();
         let body = Arc::from(format!("{{\"text\": \"the token {TOKEN}\", \"n\": 4}}"));
         let event = NewEvent { plate_time: PlateTime::from_secs(1.5), kind: "cycle", body };
-        let (sender, told) = sync_channel(1);
+        let (sender, requests) = sync_channel(1);
         self.store.append_event(&id, event, Box::new(move |stored| sender.send(stored).unwrap()));
-        told.recv().unwrap().unwrap();
+        requests.recv().unwrap().unwrap();
         let reason = format!("my password is {TOKEN}");
         self.store.audit(AuditEntry { act: "reset".into(), operator: "Ana".into(), reason, ..AuditEntry::default() });
         let (sender, seen) = sync_channel(1);
@@ -92,8 +92,8 @@ impl Planted {
     }
 }
 
-fn made_of(config: Result<&DaemonSpec, &[Fault]>, data: Option<&Path>) -> (Bundle, Vec<(String, Vec<u8>)>) {
-    let made = bundle(&BundleSources { version: "1.2.3", target: "any", now: noon(), config, data }).unwrap();
+fn made_of(config: Result<&DaemonSpec, &[Diagnostic]>, data: Option<&Path>) -> (Bundle, Vec<(String, Vec<u8>)>) {
+    let made = bundle(&BundleSources { version: "1.2.3", target: "any", now: fixed_time(), config, data }).unwrap();
     let files = read(&made.tar);
     assert_eq!(made.files, files.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>());
     (made, files)

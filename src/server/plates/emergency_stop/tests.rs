@@ -23,8 +23,8 @@ enum ModelStep {
         allowed: bool,
         stop: Option<ModelMoment>,
     },
-    Fit,
-    Unfit,
+    Attach,
+    Detach,
     Keep,
     Restart,
 }
@@ -43,8 +43,8 @@ fn step() -> impl Strategy<Value = ModelStep> {
         1 => Just(ModelStep::Trip),
         3 => Just(ModelStep::TakeToken),
         5 => reset.prop_map(|(token, allowed, stop)| ModelStep::Reset { token, allowed, stop }),
-        1 => Just(ModelStep::Fit),
-        2 => Just(ModelStep::Unfit),
+        1 => Just(ModelStep::Attach),
+        2 => Just(ModelStep::Detach),
         2 => Just(ModelStep::Keep),
         1 => Just(ModelStep::Restart),
     ]
@@ -59,7 +59,7 @@ struct Model {
     kept: bool,
     /// State that the next start reads.
     on_disk: bool,
-    fitted: bool,
+    attached: bool,
     pauses: u32,
 }
 
@@ -89,7 +89,7 @@ impl Model {
         if !allowed {
             return Err(REFUSED);
         }
-        if self.fitted {
+        if self.attached {
             return Err(ResetFault::StillStopping);
         }
         self.pauses += 1;
@@ -105,7 +105,7 @@ impl Model {
     }
 }
 
-const REFUSED: ResetFault = ResetFault::Unwritten(StoreFault::Full);
+const REFUSED: ResetFault = ResetFault::NotPersisted(StoreFault::Full);
 
 fn stop_of(is_stopped: bool) -> EmergencyStop {
     EmergencyStop::new(Latch::found(is_stopped), Interlock::default(), thread::current(), Arc::default())
@@ -115,10 +115,10 @@ proptest! {
     #[test]
     fn every_step_does_what_the_table_says(steps in prop::collection::vec(step(), 1..60)) {
         let mut stop = stop_of(false);
-        let mut fitted: Option<InterlockGuard> = None;
+        let mut attached: Option<InterlockGuard> = None;
         let mut tokens: Vec<(StopToken, u32)> = Vec::new();
         let mut model =
-            Model { state: StopState::Released, change: 0, kept: false, on_disk: false, fitted: false, pauses: 0 };
+            Model { state: StopState::Released, change: 0, kept: false, on_disk: false, attached: false, pauses: 0 };
         for step in steps {
             let pauses = model.pauses;
             match step {
@@ -151,17 +151,17 @@ proptest! {
                     prop_assert_eq!(reset, model.reset(change, allowed, moment));
                     prop_assert_eq!(paused.get(), model.pauses - pauses, "it is paused before it may move");
                 }
-                ModelStep::Fit => {
-                    fitted = fitted.or_else(|| stop.interlock().attach(PlateTime::ZERO));
-                    model.fitted = true;
+                ModelStep::Attach => {
+                    attached = attached.or_else(|| stop.interlock().attach(PlateTime::ZERO));
+                    model.attached = true;
                 }
-                ModelStep::Unfit => (fitted, model.fitted) = (None, false),
+                ModelStep::Detach => (attached, model.attached) = (None, false),
                 ModelStep::Keep => {
                     stop.latch.keep();
                     (model.kept, model.on_disk) = (true, model.is_latched());
                 }
                 ModelStep::Restart => {
-                    (fitted, model.fitted) = (None, false);
+                    (attached, model.attached) = (None, false);
                     stop = stop_of(model.on_disk);
                     tokens.clear();
                     model.state = if model.on_disk { StopState::Held } else { StopState::Released };
@@ -174,7 +174,7 @@ proptest! {
             prop_assert_eq!(stop.cause().is_some(), stop.holds());
             prop_assert_eq!(stop.interlock().tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
         }
-        drop(fitted);
+        drop(attached);
     }
 }
 

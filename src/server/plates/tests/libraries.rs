@@ -3,9 +3,9 @@
 use serde_json::{Value, json};
 
 use super::*;
-use upm_runner::config::Fault;
+use upm_runner::config::Diagnostic;
 
-fn asked(test_plates: &TestPlates, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Fault> {
+fn asked(test_plates: &TestPlates, allow: bool, change: impl FnOnce(&mut Value)) -> Result<(), Diagnostic> {
     let plates = test_plates.open_with(None, |around| around.allow_inline_libraries = allow);
     let mut job: Value = serde_json::from_str(TWO_COINS).unwrap();
     job["library"] = serde_json::from_str(&library().to_json()).unwrap();

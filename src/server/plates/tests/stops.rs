@@ -92,8 +92,8 @@ fn a_stop_in_the_middle_of_a_reset_holds() {
     }));
     assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
     assert!(stopped(plate));
-    let acts: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
-    assert_eq!(acts, ["reset", "reset refused"]);
+    let audit_entries: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
+    assert_eq!(audit_entries, ["reset", "reset refused"]);
     assert!(plate.record_estop(caller("bob")));
     assert!(plate.stop_times().is_some());
     plates.shutdown(LONG);
@@ -128,8 +128,8 @@ fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stop
     plate.estop();
     assert_eq!(plate.reset(plate.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
     assert!(stopped(plate));
-    let acts: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
-    assert_eq!(acts, ["reset", "reset refused"]);
+    let audit_entries: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
+    assert_eq!(audit_entries, ["reset", "reset refused"]);
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn a_reset_that_cannot_be_written_down_is_none() {
     let plate = plates.get("one").unwrap();
     plate.estop();
     test_plates.job_store.fail_with(Some(StoreFault::Full));
-    assert_eq!(reset(plate, "ann"), Err(ResetFault::Unwritten(StoreFault::Full)));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::NotPersisted(StoreFault::Full)));
     assert!(stopped(plate));
     test_plates.job_store.fail_with(None);
     assert_eq!(reset(plate, "ann"), Ok(()));
@@ -213,7 +213,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let [first, second] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
     let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     let frame = || shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
-    let bark = |job: &JobId| {
+    let trip_watchdog = |job: &JobId| {
         shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
         shared.emergency_stop.interlock().tripped()
     };
@@ -221,14 +221,14 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     frame();
     shared.job.heartbeat.end();
     assert!(shared.job.driven().is_none());
-    assert_eq!(bark(&first), None, "control has returned");
+    assert_eq!(trip_watchdog(&first), None, "control has returned");
     assert_eq!(shared.job.end(), None);
-    assert_eq!(bark(&first), None);
+    assert_eq!(trip_watchdog(&first), None);
     begin(second);
     frame();
     assert_eq!(shared.job.driven().map(|(job, _)| job), Some(second));
-    assert_eq!(bark(&first), None, "it is the next one's turn");
-    assert_eq!(bark(&second), Some(Trip::Watchdog));
+    assert_eq!(trip_watchdog(&first), None, "it is the next one's turn");
+    assert_eq!(trip_watchdog(&second), Some(Trip::Watchdog));
     assert_eq!(shared.job.end(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
 }
 

@@ -24,13 +24,13 @@ fn first_found(
     watchdog: &mut Watchdog,
     from_ms: u64,
     until_ms: u64,
-    heartbeat: impl Fn(u64, &Heartbeat),
+    beat: impl Fn(u64, &Heartbeat),
     deadlines: impl Fn(u64) -> WatchdogDeadlines,
 ) -> Option<(u64, ExternalStop)> {
-    let state = Heartbeat::default();
+    let heartbeat = Heartbeat::default();
     (from_ms..until_ms).step_by(10).find_map(|now_ms| {
-        heartbeat(now_ms, &state);
-        Some((now_ms, watchdog.look(at(now_ms), &state, deadlines(now_ms), None)?))
+        beat(now_ms, &heartbeat);
+        Some((now_ms, watchdog.check(at(now_ms), &heartbeat, deadlines(now_ms), None)?))
     })
 }
 
@@ -155,7 +155,7 @@ fn a_journal_that_waits_for_the_disk_is_reported() {
         let mut watchdog = Watchdog::new(SPEC);
         (2000..4000).step_by(10).find_map(|now_ms| {
             heartbeat.frame(at(now_ms), PlateTime::ZERO, true, false);
-            Some((now_ms, watchdog.look(at(now_ms), &heartbeat, STRICT, Some(at(now_ms.min(since_ms))))?))
+            Some((now_ms, watchdog.check(at(now_ms), &heartbeat, STRICT, Some(at(now_ms.min(since_ms))))?))
         })
     };
     assert_eq!(first(u64::MAX), None);
@@ -166,12 +166,12 @@ fn a_journal_that_waits_for_the_disk_is_reported() {
 fn a_program_that_stood_still_is_nobodys_fault() {
     let (mut watchdog, heartbeat) = (Watchdog::new(SPEC), Heartbeat::default());
     heartbeat.frame(at(1000), PlateTime::ZERO, true, false);
-    assert_eq!(watchdog.look(at(1000), &heartbeat, STRICT, None), None);
-    assert_eq!(watchdog.look(at(61_000), &heartbeat, STRICT, None), None);
-    let later = (61_010..).step_by(10).find(|&ms| watchdog.look(at(ms), &heartbeat, STRICT, None).is_some());
+    assert_eq!(watchdog.check(at(1000), &heartbeat, STRICT, None), None);
+    assert_eq!(watchdog.check(at(61_000), &heartbeat, STRICT, None), None);
+    let later = (61_010..).step_by(10).find(|&ms| watchdog.check(at(ms), &heartbeat, STRICT, None).is_some());
     assert_eq!(later, Some(61_510), "but then frames should come again");
     watchdog.rest();
-    assert_eq!(watchdog.look(at(61_520), &heartbeat, STRICT, None), None, "a first look only looks");
+    assert_eq!(watchdog.check(at(61_520), &heartbeat, STRICT, None), None, "a first look only looks");
 }
 
 /// One frame a second, each late, and no plan within the limit for one.
@@ -208,11 +208,11 @@ fn time_in_which_the_program_stood_still_is_no_hang() {
     let (mut watchdog, heartbeat) = (Watchdog::new(SPEC), Heartbeat::default());
     heartbeat.frame(at(1000), PlateTime::ZERO, true, true);
     // suspended for a minute, then on a machine so busy that the watchdog itself checks twice a second
-    let looks_ms = [1000, 61_000].into_iter().chain((61_500..).step_by(500).take(280));
-    let found = looks_ms.map(|now_ms| watchdog.look(at(now_ms), &heartbeat, RELAXED, None)).find(Option::is_some);
+    let checks_ms = [1000, 61_000].into_iter().chain((61_500..).step_by(500).take(280));
+    let found = checks_ms.map(|now_ms| watchdog.check(at(now_ms), &heartbeat, RELAXED, None)).find(Option::is_some);
     assert_eq!(found, None, "of 500 ms no more than 100 ms are counted");
     let hung_ms =
-        (201_010..).step_by(10).find(|&now_ms| watchdog.look(at(now_ms), &heartbeat, RELAXED, None).is_some());
+        (201_010..).step_by(10).find(|&now_ms| watchdog.check(at(now_ms), &heartbeat, RELAXED, None).is_some());
     assert_eq!(hung_ms, Some(203_010), "but they are counted, however busy the machine is");
 }
 
@@ -222,7 +222,7 @@ fn journal_that_waits_for_the_disk_ends_a_relaxed_run_as_a_hang_does() {
     let mut watchdog = Watchdog::new(SPEC);
     let found = (2000..90_000).step_by(10).find_map(|now_ms| {
         heartbeat.frame(at(now_ms), PlateTime::ZERO, true, false);
-        Some((now_ms, watchdog.look(at(now_ms), &heartbeat, RELAXED, Some(at(now_ms.min(3000))))?))
+        Some((now_ms, watchdog.check(at(now_ms), &heartbeat, RELAXED, Some(at(now_ms.min(3000))))?))
     });
     assert_eq!(found, fault(33_010, StopCause::JournalBlocked, "the journal could not be written for 30.0 s"));
 }

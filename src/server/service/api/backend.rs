@@ -12,7 +12,7 @@ use super::query::JobsQuery;
 use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 use crate::service::http::{Caller, Problem, ProblemKind, Reason};
 use upm_core::job::Pace;
-use upm_runner::config::Fault;
+use upm_runner::config::Diagnostic;
 
 /// The future of an answer or refusal.
 pub type Pending<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
@@ -34,6 +34,9 @@ pub trait Backend: Send + Sync {
 
     /// A page of jobs, newest first.
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage>;
+
+    /// Moves a queued job to the front of its plate's queue.
+    fn run_next(&self, id: &str, caller: Caller) -> Pending<Job>;
 
     /// Takes a job out of the queue, or has its plate end it.
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job>;
@@ -143,9 +146,9 @@ pub enum Refusal {
     /// No such job, plate, picture or recording: 404.
     Unknown(String),
     /// The body is not JSON: 400.
-    Malformed(Vec<Fault>),
+    Malformed(Vec<Diagnostic>),
     /// The body is not a valid job: 422.
-    Invalid(Vec<Fault>),
+    Invalid(Vec<Diagnostic>),
     /// The idempotency key was already used with another body, or for a job that was deleted: 422.
     KeyReused,
     /// The state of the plate or the job does not allow it: 409.
@@ -179,7 +182,7 @@ pub enum Refusal {
 
 impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
-        let counted = |faults: &[Fault]| match faults.len() {
+        let counted = |faults: &[Diagnostic]| match faults.len() {
             1 => "1 fault".to_owned(),
             n => format!("{n} faults"),
         };

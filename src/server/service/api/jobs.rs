@@ -37,6 +37,10 @@ pub(super) async fn layout(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.backend.layout(call.job_id()?).await?).into_response())
 }
 
+pub(super) async fn run_next(call: RequestContext) -> Result<Response, Problem> {
+    Ok(Json(call.backend.run_next(call.job_id()?, call.caller.clone()).await?).into_response())
+}
+
 pub(super) async fn cancel(call: RequestContext) -> Result<Response, Problem> {
     Ok(Json(call.backend.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
 }

@@ -43,6 +43,10 @@ fn job_operations() -> Vec<Operation> {
         get("layout", "/v1/jobs/{id}/layout", layout, LAYOUT, jobs::layout),
         Operation {
             problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
+            ..post("run-next", "/v1/jobs/{id}/run-next", "Run a queued job before the others", JOB, jobs::run_next)
+        },
+        Operation {
+            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
             ..post("cancel", "/v1/jobs/{id}/cancel", "Take a job out of the queue, or stop it", JOB, jobs::cancel)
         },
         Operation {

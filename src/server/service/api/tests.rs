@@ -23,7 +23,7 @@ use crate::service::http::{
 };
 use fake::FakeBackend;
 
-const LOOK: &str = "look-look-look-look-look-look-look";
+const READING: &str = "look-look-look-look-look-look-look";
 const WORK: &str = "work-work-work-work-work-work-work";
 
 /// The API in front of a fake backend. Every answer is checked against the row of its operation.
@@ -48,7 +48,7 @@ impl TestApi {
     fn with_tokens() -> Self {
         let mut tokens = Tokens::default();
         tokens.add("desk", WORK, Scope::Operate).unwrap();
-        tokens.add("screen", LOOK, Scope::Read).unwrap();
+        tokens.add("screen", READING, Scope::Read).unwrap();
         Self::with(tokens, |_| ())
     }
 

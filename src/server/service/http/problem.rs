@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_runner::config::Fault;
+use upm_runner::config::Diagnostic;
 
 /// Media type of problem documents.
 pub(in crate::service) const PROBLEM_JSON: &str = "application/problem+json";
@@ -138,7 +138,7 @@ pub struct ProblemDocument {
     pub instance: Option<String>,
     /// Every fault of the request, where it was invalid.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<Fault>,
+    pub faults: Vec<Diagnostic>,
     /// Reasons of the daemon's state, where that causes a 503.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reasons: Vec<Reason>,
@@ -149,7 +149,7 @@ pub struct ProblemDocument {
 pub struct Problem {
     kind: ProblemKind,
     detail: String,
-    faults: Vec<Fault>,
+    faults: Vec<Diagnostic>,
     reasons: Vec<Reason>,
     headers: Vec<(HeaderName, HeaderValue)>,
 }
@@ -161,7 +161,7 @@ impl Problem {
     }
 
     /// Adds faults.
-    pub fn with_faults(mut self, faults: impl IntoIterator<Item = Fault>) -> Self {
+    pub fn with_faults(mut self, faults: impl IntoIterator<Item = Diagnostic>) -> Self {
         self.faults.extend(faults);
         self
     }
@@ -174,7 +174,7 @@ impl Problem {
 
     /// Adds one fault at `path`.
     pub fn with_fault(self, path: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        self.with_faults([Fault::new("", path, found.into(), allowed)])
+        self.with_faults([Diagnostic::new("", path, found.into(), allowed)])
     }
 
     /// Adds the time after which to try again, s.
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn a_problem_is_sent_as_its_document() {
-        let fault = Fault::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
+        let fault = Diagnostic::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
         let problem = Problem::new(ProblemKind::Invalid, "1 fault").with_faults([fault]).retry_after(7);
         let json = serde_json::to_value(problem.document(Some("a1"))).unwrap();
         assert_eq!(

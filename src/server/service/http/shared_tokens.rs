@@ -47,17 +47,17 @@ impl SharedTokens {
         let admitted = self.0.tokens.read().admit(headers, needed);
         let is_wrong = |problem: &Problem| problem.kind() == ProblemKind::Unauthorized;
         if headers.contains_key(AUTHORIZATION) && admitted.as_ref().is_err_and(is_wrong) {
-            self.tell(|wrong, now| wrong.note(remote, now));
+            self.report(|wrong, now| wrong.note(remote, now));
         }
         admitted
     }
 
     /// Logs wrong tokens that are not logged yet, once a minute has passed.
-    pub fn tell_wrong(&self) {
-        self.tell(WrongTokens::due);
+    pub fn report_wrong(&self) {
+        self.report(WrongTokens::due);
     }
 
-    fn tell(&self, due: impl FnOnce(&mut WrongTokens, Duration) -> Option<(u64, Option<SocketAddr>)>) {
+    fn report(&self, due: impl FnOnce(&mut WrongTokens, Duration) -> Option<(u64, Option<SocketAddr>)>) {
         let due = due(&mut self.0.wrong.lock(), self.0.clock.elapsed());
         if let Some((requests, remote)) = due {
             let remote = remote.map(|remote| remote.to_string()).unwrap_or_default();

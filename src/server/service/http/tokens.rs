@@ -138,13 +138,13 @@ fn challenge(problem: Problem, error: &str) -> Problem {
 mod tests {
     use super::*;
 
-    const LOOK: &str = "look-look-look-look-look-look-look";
+    const READING: &str = "look-look-look-look-look-look-look";
     const WORK: &str = "work-work-work-work-work-work-work";
 
     fn tokens() -> Tokens {
         let mut tokens = Tokens::default();
         tokens.add("desk", WORK, Scope::Operate).unwrap();
-        tokens.add("screen", LOOK, Scope::Read).unwrap();
+        tokens.add("screen", READING, Scope::Read).unwrap();
         tokens
     }
 
@@ -158,9 +158,9 @@ mod tests {
 
     #[test]
     fn scopes_hold() {
-        let (look, work) = (format!("Bearer {LOOK}"), format!("bEaReR   {WORK} "));
-        assert_eq!(admit(&[&look], Scope::Read), Ok("screen".to_owned()));
-        assert_eq!(admit(&[&look], Scope::Operate), Err(403));
+        let (reading, work) = (format!("Bearer {READING}"), format!("bEaReR   {WORK} "));
+        assert_eq!(admit(&[&reading], Scope::Read), Ok("screen".to_owned()));
+        assert_eq!(admit(&[&reading], Scope::Operate), Err(403));
         assert_eq!(admit(&[&work], Scope::Read), Ok("desk".to_owned()));
         assert_eq!(admit(&[&work], Scope::Operate), Ok("desk".to_owned()));
     }

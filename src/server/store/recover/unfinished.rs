@@ -152,13 +152,13 @@ mod tests {
         let journal = folder.path().join("journal.jsonl");
         assert!(!ends_early(folder.path()));
         let block = BLOCK_BYTES as usize;
-        for told in [
+        for line in [
             r#""text":"whatever it says","code":"recording_stopped""#,
             r#""text":"whatever it says","code":"recording_failed""#,
             r#""text":"the recording ends early: stopped, the disk is nearly full""#,
         ] {
-            for before in [0, block - told.len() / 2, block - 8, block, 2 * block + 5] {
-                fs::write(&journal, ["x".repeat(before).as_str(), told, &"x".repeat(99)].concat()).unwrap();
+            for before in [0, block - line.len() / 2, block - 8, block, 2 * block + 5] {
+                fs::write(&journal, ["x".repeat(before).as_str(), line, &"x".repeat(99)].concat()).unwrap();
                 assert!(ends_early(folder.path()), "{before} bytes before it");
             }
         }

@@ -14,7 +14,7 @@ fn nothing_that_was_answered_is_lost() {
     let (folder, store) = new_store(limits());
     let running = begin(&store, "one", "a").row.id;
     let waiting = queue(&store, "two", "a").id;
-    assert_eq!(tell(&store, running, "{}"), Ok(1));
+    assert_eq!(append(&store, running, "{}"), Ok(1));
     fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
     let (_copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
     assert_eq!((recovery.clean, recovery.damage, recovery.moved_aside), (false, None, None));
@@ -25,10 +25,10 @@ fn nothing_that_was_answered_is_lost() {
     assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingStatus::None));
     assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
     assert_eq!(job(&again, waiting).state, JobState::Queued);
-    let told = ask(|done| again.replay(&running, 1, 9, done)).unwrap().unwrap().events;
-    assert_eq!(told.iter().map(|event| (event.seq, event.kind.as_str())).collect::<Vec<_>>(), [(2, FINISHED)]);
-    assert!(told[0].body.contains(r#""state":"interrupted""#), "{told:?}");
-    assert_eq!(tell(&again, running, "{}"), Ok(3));
+    let events = ask(|done| again.replay(&running, 1, 9, done)).unwrap().unwrap().events;
+    assert_eq!(events.iter().map(|event| (event.seq, event.kind.as_str())).collect::<Vec<_>>(), [(2, FINISHED)]);
+    assert!(events[0].body.contains(r#""state":"interrupted""#), "{events:?}");
+    assert_eq!(append(&again, running, "{}"), Ok(3));
     // the queued job runs on demand, the other never again
     assert_eq!(again.claim("a", &super::folder(&again)).unwrap().unwrap().row.id, waiting);
     assert_eq!(again.claim("a", &super::folder(&again)), Ok(None));
@@ -140,7 +140,7 @@ fn recordings_that_were_not_closed_are_repaired_once() {
         Some("broken") => Err("not a recording".to_owned()),
         other => panic!("{other:?}"),
     };
-    let open = || Store::open(copy.path(), &plates(), limits(), still(noon), &repair).unwrap();
+    let open = || Store::open(copy.path(), &plates(), limits(), still(fixed_time), &repair).unwrap();
     let OpenOutcome { store: again, recovery } = open();
     let repaired = recovery.repaired.iter().map(|(path, result)| {
         let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
@@ -177,7 +177,7 @@ fn a_start_killed_after_a_repair_still_marks_it() {
         copy_folder(first.path(), second.path());
         mended
     };
-    Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
+    Store::open(first.path(), &plates(), limits(), still(fixed_time), &repair).unwrap();
     let OpenOutcome { store, recovery } = open(second.path(), limits());
     assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
     assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);

@@ -33,7 +33,7 @@ fn states(store: &Store) -> Vec<(String, JobState)> {
 }
 
 /// The jobs and states that can be recovered from the run folders alone.
-fn told_by_folders() -> [(String, JobState); 2] {
+fn jobs_by_folders() -> [(String, JobState); 2] {
     [("done".to_owned(), JobState::Completed), ("running".to_owned(), JobState::Interrupted)]
 }
 
@@ -65,7 +65,7 @@ fn garbage_is_moved_aside_and_history_recovered_from_run_folders() {
     let log = fs::read(data.path().join("upm.db-wal")).unwrap();
     let (store, aside, damage) = damaged(data.path());
     assert!(damage.contains("not a database"), "{damage}");
-    assert_eq!(without_the_new_one(states(&store)), told_by_folders());
+    assert_eq!(without_the_new_one(states(&store)), jobs_by_folders());
     let kept = all_jobs(&store).into_iter().find(|row| row.name == "running").unwrap();
     assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingStatus::Recovered));
     assert_eq!(fs::read(&aside).unwrap(), "garbage".repeat(1000).into_bytes());
@@ -106,7 +106,7 @@ fn zeroed_page_never_hides_a_run_or_starts_a_job() {
         assert_eq!((recovery.clean, recovery.paused), (false, plates()), "page {page}");
         noticed += usize::from(recovery.damage.is_some());
         let ran: Vec<_> = states(&store).into_iter().filter(|(name, _)| name != "queued").collect();
-        assert_eq!(ran, told_by_folders(), "page {page}");
+        assert_eq!(ran, jobs_by_folders(), "page {page}");
     }
     assert!(noticed > pages / 2, "{noticed} of {pages}");
 }
@@ -123,7 +123,7 @@ fn wherever_it_is_cut_off_what_ran_is_known_and_nothing_begins() {
         assert_eq!(fs::metadata(aside).unwrap().len(), length as u64);
         let ran: Vec<_> =
             without_the_new_one(states(&store)).into_iter().filter(|(name, _)| name != "queued").collect();
-        assert_eq!(ran, told_by_folders(), "{length} bytes");
+        assert_eq!(ran, jobs_by_folders(), "{length} bytes");
     }
 }
 
@@ -149,7 +149,7 @@ fn jobs_lost_with_the_log_are_recovered_from_their_folders() {
     // as old as its creation: only the tables
     let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert_eq!(recovery.paused, plates());
-    assert_eq!(states(&store), told_by_folders());
+    assert_eq!(states(&store), jobs_by_folders());
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn missing_database_is_recovered_from_run_folders() {
     fs::remove_file(data.path().join("upm.db")).unwrap();
     let OpenOutcome { store, recovery } = open(data.path(), limits());
     assert_eq!((recovery.damage.as_deref(), recovery.paused), (Some("upm.db is missing"), plates()));
-    assert_eq!(states(&store), told_by_folders());
+    assert_eq!(states(&store), jobs_by_folders());
     let aside = recovery.moved_aside.unwrap();
     assert!(!aside.exists() && PathBuf::from(format!("{}-wal", aside.display())).exists());
 }

@@ -12,7 +12,7 @@ fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
     let (folder, store) = new_store(limits());
     let [gone, kept] = ["gone", "kept"].map(|name| begin(&store, name, "a").row.id);
     for id in [gone, kept] {
-        tell(&store, id, "{}").unwrap();
+        append(&store, id, "{}").unwrap();
         store.finish(&id, end(JobState::Completed)).unwrap();
     }
     assert!(matches!(delete(&store, gone), Deleted::Now(row, None) if row.id == gone));
@@ -28,8 +28,8 @@ fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
 fn queued_job_that_is_deleted_never_runs_and_tells_its_end() {
     let (_folder, store) = new_store(limits());
     let [first, second] = ["first", "second"].map(|name| queue(&store, name, "a").id);
-    let Deleted::Now(row, Some(told)) = delete(&store, first) else { panic!("not deleted") };
-    assert_eq!((row.id, row.state, told.kind.as_str()), (first, JobState::Cancelled, FINISHED));
+    let Deleted::Now(row, Some(finished)) = delete(&store, first) else { panic!("not deleted") };
+    assert_eq!((row.id, row.state, finished.kind.as_str()), (first, JobState::Cancelled, FINISHED));
     assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, second);
 }
 
@@ -62,7 +62,7 @@ fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
 fn key_of_a_deleted_job_is_forgotten_with_age() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
-    let wall = || noon() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
+    let wall = || fixed_time() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
     let store =
         Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store;
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };

@@ -17,9 +17,9 @@ fn events_are_published_after_commit_and_replayed_from_any_number() {
     let (_folder, store) = new_store(limits());
     let [one, two] = ["one", "two"].map(|name| queue(&store, name, "a").id);
     for number in 1..=9 {
-        assert_eq!(tell(&store, one, &format!("{{\"number\": {number}}}")), Ok(number));
+        assert_eq!(append(&store, one, &format!("{{\"number\": {number}}}")), Ok(number));
     }
-    assert_eq!(tell(&store, two, "{}"), Ok(1));
+    assert_eq!(append(&store, two, "{}"), Ok(1));
     for after in 0..=10 {
         let found = replay(&store, one, after, 100).unwrap();
         assert_eq!(numbers(&found), (after + 1..=9).collect::<Vec<_>>());
@@ -28,13 +28,13 @@ fn events_are_published_after_commit_and_replayed_from_any_number() {
     let found = replay(&store, one, 4, 2).unwrap();
     assert_eq!(numbers(&found), [5, 6]);
     let first = found.events.first().unwrap();
-    let told = (first.at, first.plate_time, first.kind.as_str(), &*first.body);
-    assert_eq!(told, (noon(), PlateTime::from_secs(1.5), "cycle", r#"{"number": 5}"#));
+    let stored = (first.at, first.plate_time, first.kind.as_str(), &*first.body);
+    assert_eq!(stored, (fixed_time(), PlateTime::from_secs(1.5), "cycle", r#"{"number": 5}"#));
     assert_eq!(job(&store, one).last_event, 9);
     assert_eq!(replay(&store, one, u64::MAX, usize::MAX).unwrap().events, []);
     let unknown = JobId::from_bytes([1; 16]);
     assert_eq!(replay(&store, unknown, 0, 10), None);
-    assert!(tell(&store, unknown, "{}").is_err());
+    assert!(append(&store, unknown, "{}").is_err());
     let newest = ask(|done| store.newest_events(3, done)).unwrap();
     assert_eq!(newest.iter().map(|(id, event)| (*id, event.seq)).collect::<Vec<_>>(), [(two, 1), (one, 9), (one, 8)]);
 }
@@ -44,13 +44,13 @@ fn a_job_keeps_its_last_events() {
     let (folder, store) = new_store(StoreLimits { events_per_job: 5, ..limits() });
     let id = queue(&store, "one", "a").id;
     for number in 1..=12 {
-        assert_eq!(tell(&store, id, "{}"), Ok(number));
+        assert_eq!(append(&store, id, "{}"), Ok(number));
     }
     let found = replay(&store, id, 0, 100).unwrap();
     assert_eq!((found.oldest, found.last, numbers(&found)), (8, 12, vec![8, 9, 10, 11, 12]));
     assert!(store.close(PATIENCE));
     let store = open(folder.path(), limits()).store;
-    assert_eq!(tell(&store, id, "{}"), Ok(13));
+    assert_eq!(append(&store, id, "{}"), Ok(13));
     assert_eq!(replay(&store, id, 0, 100).unwrap().oldest, 8);
 }
 
@@ -60,19 +60,19 @@ fn the_oldest_jobs_that_have_ended_lose_their_events_first() {
     let ids: Vec<JobId> = (0..4).map(|number| begin(&store, &format!("job-{number}"), "a").row.id).collect();
     for (number, id) in ids.iter().enumerate() {
         for _ in 0..20 {
-            tell(&store, *id, "{}").unwrap();
+            append(&store, *id, "{}").unwrap();
         }
         if number > 0 {
             store.finish(id, end(JobState::Completed)).unwrap();
         }
     }
     for _ in 0..8 {
-        tell(&store, ids[0], "{}").unwrap();
+        append(&store, ids[0], "{}").unwrap();
     }
     let kept = ids.iter().map(|id| replay(&store, *id, 0, 100).unwrap());
     let kept: Vec<(u64, u64, usize)> = kept.map(|found| (found.oldest, found.last, found.events.len())).collect();
     assert_eq!(kept, [(1, 28, 28), (22, 21, 0), (22, 21, 0), (22, 21, 0)]);
-    assert_eq!(tell(&store, ids[1], "{}"), Ok(22));
+    assert_eq!(append(&store, ids[1], "{}"), Ok(22));
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn the_audit_log_only_grows() {
     let tail = |most| ask(|done| store.audit_tail(most, done)).unwrap();
     let operators: Vec<String> = tail(10).into_iter().map(|line| line.entry.operator).collect();
     assert_eq!(operators, ["cy", "bob", "ann"]);
-    assert_eq!(tail(1).first().map(|line| (line.id, line.at)), Some((3, noon())));
+    assert_eq!(tail(1).first().map(|line| (line.id, line.at)), Some((3, fixed_time())));
     for sql in [
         "UPDATE audit SET operator = 'eve'",
         "DELETE FROM audit",

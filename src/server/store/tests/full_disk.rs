@@ -64,7 +64,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
     let accepted = accept_until_refused(&store);
     assert_eq!(store.health().fault, Some(StoreFault::Full));
     // an event is lost, and its publisher is notified
-    assert_eq!(tell(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
+    assert_eq!(append(&store, running, &"x".repeat(10_000)), Err(StoreFault::Full));
     // the further course is stored
     store.audit(act("ann"));
     store.finish(&running, end(JobState::Completed)).unwrap();

@@ -2,7 +2,7 @@ use std::collections::BTreeSet;
 use std::fs;
 
 use super::*;
-use crate::store::{InspectLimits, StoreSnapshot, peek};
+use crate::store::{InspectLimits, StoreSnapshot, inspect};
 
 const MOST: InspectLimits = InspectLimits { jobs: 10, events: 3, audit: 10 };
 
@@ -14,7 +14,7 @@ fn names(folder: &Path) -> BTreeSet<String> {
 fn filled(store: &Store) -> JobId {
     queue(store, "one", "a");
     let id = begin(store, "two", "b").row.id;
-    (1..=4).for_each(|seq| assert_eq!(tell(store, id, "{}"), Ok(seq)));
+    (1..=4).for_each(|seq| assert_eq!(append(store, id, "{}"), Ok(seq)));
     store.audit(act("me"));
     while ask(|done| store.audit_tail(1, done)).unwrap().is_empty() {
         std::thread::yield_now();
@@ -35,9 +35,9 @@ fn assert_filled(snapshot: &StoreSnapshot, id: JobId) {
 fn a_store_that_is_in_use_is_seen_and_not_held_up() {
     let (folder, store) = new_store(limits());
     let id = filled(&store);
-    assert_filled(&peek(folder.path(), MOST).unwrap(), id);
+    assert_filled(&inspect(folder.path(), MOST).unwrap(), id);
     queue(&store, "three", "a");
-    assert_eq!(peek(folder.path(), InspectLimits { jobs: 1, ..MOST }).unwrap().jobs[0].name, "three");
+    assert_eq!(inspect(folder.path(), InspectLimits { jobs: 1, ..MOST }).unwrap().jobs[0].name, "three");
 }
 
 #[test]
@@ -51,7 +51,7 @@ fn peek_after_a_crash_sees_the_log_and_leaves_it() {
     drop(store);
     let bytes = |name: &str| fs::read(left.path().join(name)).unwrap();
     let before = [bytes("upm.db"), bytes("upm.db-wal")];
-    assert_filled(&peek(left.path(), MOST).unwrap(), id);
+    assert_filled(&inspect(left.path(), MOST).unwrap(), id);
     assert!(before == [bytes("upm.db"), bytes("upm.db-wal")]);
     assert_eq!(open(left.path(), limits()).recovery.interrupted, [id]);
 }
@@ -66,16 +66,16 @@ fn no_log_is_made() {
     let odd = left.path().join("100 % öd?");
     fs::create_dir(&odd).unwrap();
     fs::copy(folder.path().join("upm.db"), odd.join("upm.db")).unwrap();
-    peek(&odd, MOST).unwrap();
+    inspect(&odd, MOST).unwrap();
     assert_eq!(names(&odd), BTreeSet::from(["upm.db".to_owned()]));
 }
 
 #[test]
 fn non_store_file_is_reported_and_left_untouched() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(matches!(peek(folder.path(), MOST), Err(StoreFault::Io(_))));
+    assert!(matches!(inspect(folder.path(), MOST), Err(StoreFault::Io(_))));
     assert_eq!(names(folder.path()).len(), 0);
     fs::write(folder.path().join("upm.db"), "no database".repeat(500)).unwrap();
-    assert!(matches!(peek(folder.path(), MOST), Err(StoreFault::Corrupt(_))));
+    assert!(matches!(inspect(folder.path(), MOST), Err(StoreFault::Corrupt(_))));
     assert_eq!(names(folder.path()).len(), 1);
 }

@@ -43,23 +43,42 @@ fn a_thousand_at_once_are_accepted_or_refused_and_none_is_lost() {
 }
 
 #[test]
+fn job_moved_to_the_front_runs_first_also_after_a_restart() {
+    let (folder, store) = new_store(limits());
+    let [first, second, third] = ["first", "second", "third"].map(|name| queue(&store, name, "a").id);
+    let elsewhere = queue(&store, "elsewhere", "b").id;
+    let to_front = |store: &Store, id: JobId| ask(|done| store.move_to_front(&id, done)).unwrap().map(|row| row.turn);
+    assert_eq!(to_front(&store, second), Some(-1));
+    assert_eq!(to_front(&store, third), Some(-2));
+    assert_eq!([third, elsewhere].map(|id| to_front(&store, id)), [Some(-2), Some(0)], "they are first already");
+    assert_eq!(to_front(&store, JobId::from_bytes([9; 16])), None);
+    drop(store);
+    let store = open(folder.path(), limits()).store;
+    let claimed = |store: &Store| store.claim("a", &super::folder(store)).unwrap().unwrap().row;
+    let next = claimed(&store);
+    assert_eq!((next.id, next.turn), (third, -2));
+    assert_eq!(to_front(&store, third), Some(-2), "a running job stays as it is");
+    assert_eq!([claimed(&store).id, claimed(&store).id], [second, first]);
+}
+
+#[test]
 fn answered_job_is_the_stored_one() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     assert_eq!(job(&store, row.id), row);
-    assert_eq!((row.seed, row.pace, row.submitted_at), (u64::MAX, Pace::Max, noon()));
+    assert_eq!((row.seed, row.pace, row.submitted_at), (u64::MAX, Pace::Max, fixed_time()));
     let claimed = store.claim("a", &super::folder(&store)).unwrap().unwrap();
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
-    assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(noon())));
+    assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(fixed_time())));
     store.progress(&row.id, 0.25);
-    let told = store.finish(&row.id, end(JobState::Failed)).unwrap().unwrap();
-    assert_eq!((told.seq, told.kind.as_str(), told.plate_time), (1, FINISHED, PlateTime::from_secs(2.5)));
-    assert_eq!(&*told.body, r#"{"at_s":2.5,"state":"failed","reason":"so it went"}"#);
+    let finished = store.finish(&row.id, end(JobState::Failed)).unwrap().unwrap();
+    assert_eq!((finished.seq, finished.kind.as_str(), finished.plate_time), (1, FINISHED, PlateTime::from_secs(2.5)));
+    assert_eq!(&*finished.body, r#"{"at_s":2.5,"state":"failed","reason":"so it went"}"#);
     assert_eq!(store.finish(&row.id, end(JobState::Completed)), Ok(None));
     let ended = JobRow {
         last_event: 1,
         state: JobState::Failed,
-        finished_at: Some(noon()),
+        finished_at: Some(fixed_time()),
         reason: "so it went".into(),
         report_json: Some("{}".into()),
         recording: RecordingStatus::Whole,
@@ -97,10 +116,10 @@ fn only_queued_jobs_are_cancelled() {
     store.claim("a", &super::folder(&store)).unwrap().unwrap();
     let cancel = |id: JobId| ask(|done| store.cancel_queued(&id, done)).unwrap();
     assert!(matches!(cancel(running), CancelOutcome::Not(row) if row.state == JobState::Running));
-    let CancelOutcome::Now(row, told) = cancel(waiting) else { panic!("it waited") };
-    assert_eq!((row.state, row.last_event, told.seq), (JobState::Cancelled, 1, 1));
+    let CancelOutcome::Now(row, finished) = cancel(waiting) else { panic!("it waited") };
+    assert_eq!((row.state, row.last_event, finished.seq), (JobState::Cancelled, 1, 1));
     assert_eq!(
-        &*told.body,
+        &*finished.body,
         r#"{"at_s":0.0,"state":"cancelled","stop":"cancelled","reason":"cancelled before it began"}"#
     );
     assert!(matches!(cancel(waiting), CancelOutcome::Not(row) if row.state == JobState::Cancelled));
@@ -169,7 +188,7 @@ fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
     let folder = tempfile::tempdir().unwrap();
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
     let open = || {
-        let wall = || noon() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
+        let wall = || fixed_time() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
         Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store
     };
     let store = open();
@@ -235,7 +254,7 @@ fn a_closed_store_says_so() {
     assert!(!store.close(PATIENCE));
     assert_eq!(accept(&store, new_job("two", "a")), Err(StoreFault::Closed));
     assert_eq!(store.claim("a", &folder(&store)), Err(StoreFault::Closed));
-    assert_eq!(tell(&store, id, "{}"), Err(StoreFault::Closed));
+    assert_eq!(append(&store, id, "{}"), Err(StoreFault::Closed));
     assert_eq!(store.health().fault, Some(StoreFault::Closed));
     assert_eq!(job(&store, id).id, id);
 }
@@ -263,7 +282,7 @@ fn a_queue_too_long_is_refused_at_once() {
 fn stuck_reader_shows_in_health() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
-    let clocks = Clocks::new(noon, Hours(&HOURS));
+    let clocks = Clocks::new(fixed_time, Hours(&HOURS));
     let store = Store::open(folder.path(), &plates(), limits(), clocks, &repair).unwrap().store;
     let ((began, begun), (let_go, gate)) = (sync_channel(0), sync_channel::<()>(0));
     let hang = move |_: Result<(), StoreFault>| {

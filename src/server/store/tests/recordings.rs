@@ -25,7 +25,10 @@ fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
     assert_eq!(job(&store, whole).recording, RecordingStatus::Whole);
     assert!(store.runs().join("cut/run.rrd").exists());
     let row = job(&store, failed[0]);
-    assert_eq!((row.state, row.reason.as_str(), row.finished_at), (JobState::Completed, "so it went", Some(noon())));
+    assert_eq!(
+        (row.state, row.reason.as_str(), row.finished_at),
+        (JobState::Completed, "so it went", Some(fixed_time()))
+    );
 }
 
 #[test]
@@ -49,7 +52,7 @@ fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
         super::repair(part, whole).map(|mended| RecordingRepair { was_whole: true, ..mended })
     };
     let copy = snapshot(folder.path());
-    let store = Store::open(copy.path(), &plates(), limits(), still(noon), &was_whole).unwrap().store;
+    let store = Store::open(copy.path(), &plates(), limits(), still(fixed_time), &was_whole).unwrap().store;
     assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
 }
 
@@ -65,12 +68,12 @@ fn a_start_killed_before_a_repaired_file_has_its_name_still_marks_it() {
         copy_folder(first.path(), second.path());
         super::repair(part, whole)
     };
-    Store::open(first.path(), &plates(), limits(), still(noon), &repair).unwrap();
+    Store::open(first.path(), &plates(), limits(), still(fixed_time), &repair).unwrap();
     let was_whole = |part: &Path, whole: &Path| {
         super::repair(part, whole).map(|mended| RecordingRepair { was_whole: true, ..mended })
     };
     let OpenOutcome { store, recovery } =
-        Store::open(second.path(), &plates(), limits(), still(noon), &was_whole).unwrap();
+        Store::open(second.path(), &plates(), limits(), still(fixed_time), &was_whole).unwrap();
     assert_eq!((recovery.repaired.len(), recovery.interrupted), (1, vec![id]));
     assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
 }

@@ -57,7 +57,7 @@ fn all_but_the_newest_ended_standing_runs_go_with_folder_events_and_row() {
     let mut runs = Vec::new();
     for number in 1..=5 {
         let id = begin_standing(&store, &format!("run-{number}")).unwrap().row.id;
-        tell(&store, id, "{}").unwrap();
+        append(&store, id, "{}").unwrap();
         fs::write(store.runs().join(format!("run-{number}/journal.jsonl")), "{}").unwrap();
         if number < 5 {
             store.finish(&id, end(JobState::Completed)).unwrap();

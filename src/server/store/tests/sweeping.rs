@@ -7,8 +7,10 @@ use crate::store::retention::SweepReport;
 macro_rules! turned_clocks {
     ($hours:ident, $clocks:ident) => {
         static $hours: AtomicI64 = AtomicI64::new(0);
-        let $clocks =
-            Clocks::new(|| noon() + Duration::from_secs(3600 * $hours.load(Ordering::SeqCst) as u64), Hours(&$hours));
+        let $clocks = Clocks::new(
+            || fixed_time() + Duration::from_secs(3600 * $hours.load(Ordering::SeqCst) as u64),
+            Hours(&$hours),
+        );
     };
 }
 
@@ -97,7 +99,7 @@ fn folders_without_a_job_go_when_they_are_old_and_never_at_once() {
 #[test]
 fn a_folder_whose_job_is_just_beginning_stays() {
     let data = tempfile::tempdir().unwrap();
-    let store = Arc::new(opened(data.path(), StoreLimits { runs_age: Duration::ZERO, ..limits() }, still(noon)));
+    let store = Arc::new(opened(data.path(), StoreLimits { runs_age: Duration::ZERO, ..limits() }, still(fixed_time)));
     queue(&store, "one", "a");
     let (done, swept) = sync_channel(1);
     let make = folder(&store);
@@ -120,14 +122,14 @@ fn a_sweep_that_was_cut_short_is_ended_at_the_next_start() {
     let trash = data.path().join(".trash/one/deep");
     fs::create_dir_all(&trash).unwrap();
     fs::write(trash.join("file"), "x").unwrap();
-    opened(data.path(), limits(), still(noon));
+    opened(data.path(), limits(), still(fixed_time));
     assert_eq!(fs::read_dir(data.path().join(".trash")).unwrap().count(), 0);
 }
 
 #[test]
 fn undeletable_folder_stays_with_its_job_and_does_not_stop_the_sweep() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), StoreLimits { jobs: 1, runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { jobs: 1, runs_bytes: 0, ..limits() }, still(fixed_time));
     // no folder can be moved to a path that a file occupies
     let in_the_way = data.path().join(".trash/two");
     fs::write(&in_the_way, "not a folder").unwrap();
@@ -158,7 +160,7 @@ fn run_folders_on_another_disk_go_too() {
         return;
     }
     symlink(disk.path(), data.path().join("runs")).unwrap();
-    let store = opened(data.path(), StoreLimits { runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { runs_bytes: 0, ..limits() }, still(fixed_time));
     let id = begin_with(&store, "one", 10);
     store.finish(&id, end(JobState::Completed)).unwrap();
     store.sweep().unwrap();
@@ -197,10 +199,10 @@ fn a_job_is_remembered_as_long_as_its_key() {
 #[test]
 fn jobs_are_remembered_up_to_a_number() {
     let data = tempfile::tempdir().unwrap();
-    let store = opened(data.path(), StoreLimits { jobs: 3, runs_bytes: 0, ..limits() }, still(noon));
+    let store = opened(data.path(), StoreLimits { jobs: 3, runs_bytes: 0, ..limits() }, still(fixed_time));
     for name in ["one", "two", "three", "four"] {
         let id = begin_with(&store, name, 10);
-        tell(&store, id, "{}").unwrap();
+        append(&store, id, "{}").unwrap();
         store.finish(&id, end(JobState::Completed)).unwrap();
     }
     begin_with(&store, "running", 10);
@@ -215,7 +217,7 @@ fn wall_clock_that_jumps_makes_nothing_old() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     static DAYS_AHEAD: AtomicI64 = AtomicI64::new(0);
     const DAY: i64 = 24 * 3600;
-    let wall = || noon() + jiff::SignedDuration::from_secs(DAY * DAYS_AHEAD.load(Ordering::SeqCst));
+    let wall = || fixed_time() + jiff::SignedDuration::from_secs(DAY * DAYS_AHEAD.load(Ordering::SeqCst));
     let data = tempfile::tempdir().unwrap();
     let limits = StoreLimits { runs_age: Duration::from_secs(30 * DAY as u64), ..limits() };
     let store = opened(data.path(), limits, Clocks::new(wall, Hours(&HOURS)));
@@ -252,7 +254,7 @@ fn wall_clock_that_jumps_makes_nothing_old() {
 #[test]
 fn job_never_ends_before_it_was_submitted_whatever_the_wall_clock_does() {
     static BACK: AtomicI64 = AtomicI64::new(0);
-    let wall = || noon() - Duration::from_secs(BACK.load(Ordering::SeqCst).unsigned_abs());
+    let wall = || fixed_time() - Duration::from_secs(BACK.load(Ordering::SeqCst).unsigned_abs());
     let data = tempfile::tempdir().unwrap();
     let store = opened(data.path(), limits(), still(wall));
     let submitted = queue(&store, "one", "a").submitted_at;

@@ -15,6 +15,7 @@ const UNDO: [&str; MIGRATIONS.len()] = [
     "DROP TABLE clock; DROP INDEX keys_by_uptime; CREATE INDEX keys_by_age ON keys (at);
      ALTER TABLE keys DROP COLUMN uptime; ALTER TABLE jobs DROP COLUMN ended_uptime;",
     "DROP TABLE spent_keys;",
+    "ALTER TABLE jobs DROP COLUMN turn;",
 ];
 
 /// Turns a closed store into one of an older version.

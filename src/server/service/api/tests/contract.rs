@@ -4,7 +4,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::fake::{HOLD, JOB, PLATE};
-use super::{LOOK, TestApi, WORK, request};
+use super::{READING, TestApi, WORK, request};
 use crate::service::api::operation::{HttpMethod, Operation};
 use crate::service::api::{Refusal, routes};
 use crate::service::http::{BodyRoom, Reason, ReasonCode, Scope, Tokens};
@@ -36,19 +36,19 @@ async fn every_operation_does_what_it_is_for() {
         assert_eq!(seen.header("x-request-id").len(), 32);
         assert_eq!(seen.header("x-content-type-options"), "nosniff");
     }
-    let told = asked.backend.asked.lock().unwrap().clone();
-    assert!(told.contains(&"reset left by A. Person: looked at it".to_owned()), "{told:?}");
-    assert!(told.contains(&"submit None".to_owned()) && told.contains(&"jobs 50".to_owned()), "{told:?}");
+    let calls = asked.backend.asked.lock().unwrap().clone();
+    assert!(calls.contains(&"reset left by A. Person: looked at it".to_owned()), "{calls:?}");
+    assert!(calls.contains(&"submit None".to_owned()) && calls.contains(&"jobs 50".to_owned()), "{calls:?}");
 }
 
 #[tokio::test]
 async fn tokens_open_what_their_scope_says() {
     let asked = TestApi::with_tokens();
-    let (look, work) = (format!("Bearer {LOOK}"), format!("Bearer {WORK}"));
+    let (reading, work) = (format!("Bearer {READING}"), format!("Bearer {WORK}"));
     let wrong = format!("Bearer {WORK}x");
     for operation in routes::operations() {
         let good_status = operation.answers[0].status;
-        let (none_or_wrong, with_look) = match operation.scope {
+        let (none_or_wrong, with_reading) = match operation.scope {
             None => (good_status, good_status),
             Some(Scope::Read) => (401, good_status),
             Some(Scope::Operate) => (401, 403),
@@ -56,7 +56,7 @@ async fn tokens_open_what_their_scope_says() {
         let table = [
             (None, none_or_wrong),
             (Some(&wrong), none_or_wrong),
-            (Some(&look), with_look),
+            (Some(&reading), with_reading),
             (Some(&work), good_status),
         ];
         for (token, wanted) in table {
@@ -67,9 +67,9 @@ async fn tokens_open_what_their_scope_says() {
             assert!(!String::from_utf8_lossy(&seen.body).contains(WORK));
         }
     }
-    let told = asked.backend.asked.lock().unwrap().clone();
-    assert!(told.contains(&"estop left by screen".to_owned()) && !told.contains(&"estop left by local".to_owned()));
-    assert!(told.iter().filter(|line| line.starts_with("cancel")).all(|line| line.ends_with("by desk")), "{told:?}");
+    let calls = asked.backend.asked.lock().unwrap().clone();
+    assert!(calls.contains(&"estop left by screen".to_owned()) && !calls.contains(&"estop left by local".to_owned()));
+    assert!(calls.iter().filter(|line| line.starts_with("cancel")).all(|line| line.ends_with("by desk")), "{calls:?}");
 }
 
 #[tokio::test]
@@ -167,7 +167,7 @@ async fn health_says_what_is_wrong() {
     let asked = TestApi::new();
     assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
     let reasons = [(ReasonCode::StoreHangs, "the store hangs"), (ReasonCode::DiskLow, "no room")];
-    *asked.backend.ailments.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
+    *asked.backend.failures.lock().unwrap() = reasons.map(|(code, detail)| Reason::new(code, detail)).into();
     for path in ["/healthz", "/readyz"] {
         let seen = asked.get(path).await;
         assert_eq!((seen.status, &seen.json()["detail"]), (503, &json!("the store hangs; no room")));

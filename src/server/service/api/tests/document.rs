@@ -72,6 +72,7 @@ fn the_contract_is_there() {
         ("/v1/jobs", "post"),
         ("/v1/jobs", "get"),
         ("/v1/jobs/{id}", "get"),
+        ("/v1/jobs/{id}/run-next", "post"),
         ("/v1/jobs/{id}/cancel", "post"),
         ("/v1/jobs/{id}/events", "get"),
         ("/v1/jobs/{id}/recording", "get"),

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::service::api::*;
 use crate::service::http::{Caller, Reason};
-use upm_runner::config::{Fault, JobSpec, Origin, Path, RigSpec};
+use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec};
 
 /// Id of the only job, id of a missing job, and name of the only plate.
 pub(super) const JOB: &str = "019a0000000070008000000000000001";
@@ -29,7 +29,7 @@ pub(super) struct FakeBackend {
     pub stream_start: Mutex<Option<StreamStart>>,
     pub kept: Mutex<ReplayPage>,
     pub recording: Mutex<Vec<u8>>,
-    pub ailments: Mutex<Vec<Reason>>,
+    pub failures: Mutex<Vec<Reason>>,
     /// True when the store never answers.
     pub hangs: AtomicBool,
 }
@@ -65,6 +65,7 @@ pub(super) fn job() -> Job {
         pace: Pace::RealTime,
         recording: RecordingStatus::None,
         standing: false,
+        turn: 0,
     }
 }
 
@@ -109,7 +110,7 @@ impl Backend for FakeBackend {
 
     fn check(&self, order: Submission) -> Pending<Checked> {
         let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
-        let fault = || Fault::new("job", Path::root(), "no JSON", "a job");
+        let fault = || Diagnostic::new("job", Path::root(), "no JSON", "a job");
         match is_json {
             true => self.say("check".to_owned(), true, Checked::default()),
             false => kept(Err(Refusal::Malformed(vec![fault()]))),
@@ -122,6 +123,10 @@ impl Backend for FakeBackend {
 
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
         self.say(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
+    }
+
+    fn run_next(&self, id: &str, caller: Caller) -> Pending<Job> {
+        self.say(format!("run next {id} by {}", caller.name), id == JOB, job())
     }
 
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
@@ -168,7 +173,7 @@ impl Backend for FakeBackend {
     }
 
     fn liveness_failures(&self) -> Vec<Reason> {
-        self.ailments.lock().unwrap().clone()
+        self.failures.lock().unwrap().clone()
     }
 
     fn readiness_failures(&self) -> Vec<Reason> {

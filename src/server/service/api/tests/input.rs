@@ -105,14 +105,16 @@ async fn names_of_nothing_are_not_found() {
         for path in ["", "/events", "/recording", "/frame.png"] {
             assert_eq!(asked.get(&format!("/v1/jobs/{id}{path}")).await.status, 404, "{id}{path}");
         }
-        assert_eq!(asked.post(&format!("/v1/jobs/{id}/cancel"), "").await.status, 404, "{id}");
+        for action in ["run-next", "cancel"] {
+            assert_eq!(asked.post(&format!("/v1/jobs/{id}/{action}"), "").await.status, 404, "{id}");
+        }
         assert_eq!(asked.post(&format!("/v1/plates/{id}/estop"), "").await.status, 404, "{id}");
         assert_eq!(asked.post(&format!("/v1/plates/{id}/resume"), "").await.status, 404, "{id}");
         let reset = r#"{"operator": "x", "reason": "y"}"#;
         assert_eq!(asked.post(&format!("/v1/plates/{id}/reset"), reset).await.status, 404, "{id}");
     }
-    let told = asked.backend.asked.lock().unwrap().clone();
-    assert!(told.iter().all(|line| !line.contains("..") && !line.contains('\0') && !line.contains('/')), "{told:?}");
+    let calls = asked.backend.asked.lock().unwrap().clone();
+    assert!(calls.iter().all(|line| !line.contains("..") && !line.contains('\0') && !line.contains('/')), "{calls:?}");
 }
 
 #[tokio::test]

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Largest number of faults listed for one file; a file with more usually repeats one mistake.
-const MOST_FAULTS: usize = 200;
+const MOST_DIAGNOSTICS: usize = 200;
 
 /// The path of a whole document.
 const WHOLE: &str = "$";
@@ -17,7 +17,7 @@ const LONGEST_SHOWN: usize = 60;
 /// quarter (did you mean penny?), found "pennyy"`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "ProblemFault")]
-pub struct Fault {
+pub struct Diagnostic {
     /// The file as the user named it; on the network it is the request.
     #[serde(skip)]
     pub file: String,
@@ -26,10 +26,11 @@ pub struct Fault {
     /// The value found there.
     pub found: String,
     /// The values allowed there.
-    pub allowed: String,
+    #[serde(rename = "allowed")]
+    pub expected: String,
     /// Kind of the fault.
     #[serde(skip)]
-    pub class: FaultClass,
+    pub class: DiagnosticClass,
     /// The key of another file that names this one: `rig upm-1.json: library`.
     #[serde(skip)]
     pub named_by: Option<Box<str>>,
@@ -37,7 +38,7 @@ pub struct Fault {
 
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FaultClass {
+pub enum DiagnosticClass {
     /// A value that is not allowed.
     #[default]
     Value,
@@ -49,11 +50,11 @@ pub enum FaultClass {
     Syntax,
 }
 
-impl Fault {
+impl Diagnostic {
     /// A fault of class [`FaultClass::Value`].
-    pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) -> Self {
+    pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) -> Self {
         let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
-        Self { file, path, found, allowed: allowed.into(), class: FaultClass::Value, named_by: None }
+        Self { file, path, found, expected: expected.into(), class: DiagnosticClass::Value, named_by: None }
     }
 
     /// The same fault in the file `file`.
@@ -62,19 +63,19 @@ impl Fault {
     }
 
     /// The fault of the missing member at `path`.
-    pub fn missing(file: &str, path: impl fmt::Display, allowed: impl Into<String>) -> Self {
-        Self { class: FaultClass::Missing, ..Self::new(file, path, "nothing", allowed) }
+    pub fn missing(file: &str, path: impl fmt::Display, expected: impl Into<String>) -> Self {
+        Self { class: DiagnosticClass::Missing, ..Self::new(file, path, "nothing", expected) }
     }
 
     /// The fault of a file that cannot be read, for this reason.
     pub fn unreadable(file: &str, reason: impl fmt::Display) -> Self {
-        Self { class: FaultClass::Unreadable, ..Self::new(file, Path::root(), reason, "a file that can be read") }
+        Self { class: DiagnosticClass::Unreadable, ..Self::new(file, Path::root(), reason, "a file that can be read") }
     }
 
     /// The fault of a text that is not valid JSON, for this reason.
     pub fn syntax(file: &str, reason: impl fmt::Display) -> Self {
-        let allowed = "JSON, nested at most 127 deep, with numbers within 64 bits";
-        Self { class: FaultClass::Syntax, ..Self::new(file, Path::root(), reason, allowed) }
+        let expected = "JSON, nested at most 127 deep, with numbers within 64 bits";
+        Self { class: DiagnosticClass::Syntax, ..Self::new(file, Path::root(), reason, expected) }
     }
 
     /// The same fault with the key that names its file: `rig upm-1.json: library`.
@@ -83,16 +84,16 @@ impl Fault {
     }
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, path, found, allowed, class, named_by } = self;
+        let Self { file, path, found, expected, class, named_by } = self;
         let naming = named_by.as_ref().map(|key| format!("{key}: ")).unwrap_or_default();
         let line = match class {
-            FaultClass::Unreadable => format!("{naming}cannot read {file}: {found}"),
-            FaultClass::Syntax => format!("{naming}{file}: not valid JSON: {found}"),
-            FaultClass::Value | FaultClass::Missing => {
+            DiagnosticClass::Unreadable => format!("{naming}cannot read {file}: {found}"),
+            DiagnosticClass::Syntax => format!("{naming}{file}: not valid JSON: {found}"),
+            DiagnosticClass::Value | DiagnosticClass::Missing => {
                 let at = Some(path).filter(|path| *path != WHOLE).map(|path| format!("{path}: ")).unwrap_or_default();
-                format!("{naming}{file}: {at}expected {allowed}, found {found}")
+                format!("{naming}{file}: {at}expected {expected}, found {found}")
             }
         };
         for c in line.chars() {
@@ -102,7 +103,7 @@ impl fmt::Display for Fault {
     }
 }
 
-impl std::error::Error for Fault {}
+impl std::error::Error for Diagnostic {}
 
 /// Path of a value in a JSON document.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -138,50 +139,50 @@ impl fmt::Display for Path {
 
 /// The faults of one file, in the order in which they were found.
 #[derive(Debug)]
-pub struct Faults {
+pub struct Diagnostics {
     file: String,
-    list: Vec<Fault>,
+    list: Vec<Diagnostic>,
 }
 
-impl Faults {
+impl Diagnostics {
     /// An empty list for the file `file`.
     pub fn of(file: &str) -> Self {
         Self { file: file.to_owned(), list: Vec::new() }
     }
 
     /// Adds a fault at `path`.
-    pub fn push(&mut self, path: impl fmt::Display, found: impl fmt::Display, allowed: impl Into<String>) {
-        let fault = Fault::new(&self.file, path, found, allowed);
+    pub fn push(&mut self, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) {
+        let fault = Diagnostic::new(&self.file, path, found, expected);
         self.append(vec![fault]);
     }
 
     /// Adds a fault for the missing member at `path`.
-    pub fn push_missing(&mut self, path: impl fmt::Display, allowed: impl Into<String>) {
-        let fault = Fault::missing(&self.file, path, allowed);
+    pub fn push_missing(&mut self, path: impl fmt::Display, expected: impl Into<String>) {
+        let fault = Diagnostic::missing(&self.file, path, expected);
         self.append(vec![fault]);
     }
 
     /// Appends the faults found in another file.
-    pub fn append(&mut self, others: Vec<Fault>) {
+    pub fn append(&mut self, others: Vec<Diagnostic>) {
         self.list.extend(others);
-        self.list.truncate(MOST_FAULTS);
+        self.list.truncate(MOST_DIAGNOSTICS);
     }
 
     /// Appends the faults of a file that the key `named_by` names.
-    pub fn append_named(&mut self, others: Vec<Fault>, named_by: &str) {
+    pub fn append_named(&mut self, others: Vec<Diagnostic>, named_by: &str) {
         self.append(others.into_iter().map(|fault| fault.named_by(named_by)).collect());
     }
 
     /// Adds a fault at `path` unless `holds`.
-    pub fn demand(
+    pub fn require(
         &mut self,
         holds: bool,
         path: impl fmt::Display,
         found: impl fmt::Display,
-        allowed: impl Into<String>,
+        expected: impl Into<String>,
     ) {
         if !holds {
-            self.push(path, found, allowed);
+            self.push(path, found, expected);
         }
     }
 
@@ -196,7 +197,7 @@ impl Faults {
     }
 
     /// `made` when there are no faults, otherwise all faults.
-    pub fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Fault>> {
+    pub fn into_result<T>(self, made: Option<T>) -> Result<T, Vec<Diagnostic>> {
         match made {
             Some(made) if self.list.is_empty() => Ok(made),
             _ => Err(self.list),
@@ -204,7 +205,7 @@ impl Faults {
     }
 
     /// All faults, in the order in which they were found.
-    pub fn into_list(self) -> Vec<Fault> {
+    pub fn into_list(self) -> Vec<Diagnostic> {
         self.list
     }
 }
@@ -261,13 +262,14 @@ mod tests {
     #[test]
     fn a_fault_is_one_line() {
         let path = Path::root().key("parts").index(1).key("kind");
-        let fault = Fault::new("configs/x.json", &path, "\"pennyy\"", one_of("pennyy", &["penny", "nickel", "dime"]));
+        let fault =
+            Diagnostic::new("configs/x.json", &path, "\"pennyy\"", one_of("pennyy", &["penny", "nickel", "dime"]));
         let line = r#"configs/x.json: parts[1].kind: expected one of penny, nickel, dime (did you mean penny?), found "pennyy""#;
         assert_eq!(fault.to_string(), line);
-        let odd = Fault::new("a\nb.json", Path::root().key("we\nird key"), "x\r\n", "y");
+        let odd = Diagnostic::new("a\nb.json", Path::root().key("we\nird key"), "x\r\n", "y");
         assert_eq!(odd.to_string(), r#"a\nb.json: ["we\nird key"]: expected y, found x\r\n"#);
         assert_eq!(Path::root().to_string(), "$");
-        let unread = Fault::unreadable("l.json", "no such file").named_by("rig r.json: library");
+        let unread = Diagnostic::unreadable("l.json", "no such file").named_by("rig r.json: library");
         assert_eq!(unread.to_string(), "rig r.json: library: cannot read l.json: no such file");
     }
 

@@ -12,7 +12,7 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::wire::{Answer, ask};
+use super::http::{Answer, ask};
 
 /// Longest wait for any condition.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -21,7 +21,7 @@ pub const LEFT: &str = "left";
 pub const RIGHT: &str = "right";
 
 /// A running daemon, killed on drop.
-pub struct Served {
+pub struct TestDaemon {
     child: Child,
     /// Address of the daemon.
     pub url: String,
@@ -48,7 +48,7 @@ pub fn config() -> Value {
     })
 }
 
-impl Served {
+impl TestDaemon {
     pub fn start() -> Self {
         Self::with(&config())
     }
@@ -182,7 +182,7 @@ impl Served {
     }
 }
 
-impl Drop for Served {
+impl Drop for TestDaemon {
     fn drop(&mut self) {
         self.child.kill().ok();
         self.child.wait().ok();

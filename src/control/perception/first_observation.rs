@@ -1,4 +1,4 @@
-//! The first look: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
+//! The first observation: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::AtomicBool;
