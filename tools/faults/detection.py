@@ -13,6 +13,8 @@ TELLING_SHARE, TELLING_DRIVE = 0.25, 0.05
 # frames in which a knock lies before a run may not complete without noticing it
 SEEN_FRAMES = 2
 ALIKE_FRAMES = 2
+# difference of two equal pulses, as a share of the larger one
+ALIKE_SHARE = 0.05
 # in which the lightest damped plate swings out to a tenth: 0.08 at 11 Hz
 BUMP_SWING_S = 0.4
 # by so much the probe moves parts at most when a coil lies, mm
@@ -179,10 +181,7 @@ def late(run, fault):
     anew_s = [row["at_s"] for row in run.localised[1:] if any(at_s < row["at_s"] for at_s in knocks_s)]
     since_s = max(anew_s, default=0.0)
     blind = [p for p in run.pulses if p.start_s >= since_s and fault.holds(p.start_s) and not was_cut_short(run, p)]
-    # equal pulses as far apart as the pictures are late look as if they were in time
-    starts_s = [pulse.start_s for pulse in run.pulses]
-    alike = {b for a, b in zip(starts_s, starts_s[1:]) if abs((b - a) / run.frame_s - fault.value[0]) <= ALIKE_FRAMES}
-    blind = [pulse for pulse in blind if pulse.start_s not in alike]
+    blind = [pulse for pulse in blind if not seems_in_time(run, pulse, fault.value[0])]
     blind = [
         pulse for pulse in blind
         if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse) or changes_half_way(run, pulse))
@@ -190,6 +189,22 @@ def late(run, fault):
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
         yield "O2", f"{fault}: pulse {LATE_PULSES + 1} since the fault starts at {start_s:.3f} s, bar {LATE_PULSES} pulses"
+
+
+def seems_in_time(run, pulse, late_frames):
+    """True for a pulse during which pictures so late show the pulse before it, or an equal one two or more before it."""
+    earlier = [other for other in run.pulses if other.start_s < pulse.start_s]
+    shown = [other for other in earlier if abs((pulse.start_s - other.start_s) / run.frame_s - late_frames) <= ALIKE_FRAMES]
+    return any(other is earlier[-1] or is_equal(run, other, pulse) for other in shown)
+
+
+def is_equal(run, pulse, other):
+    """True for two pulses of the same motion and length."""
+    if pulse.base_hz != other.base_hz or abs(pulse.end_s - pulse.start_s - other.end_s + other.start_s) > run.frame_s:
+        return False
+    values, others = ([value for coil in of.counts for value in coil] for of in (pulse, other))
+    most = ALIKE_SHARE * max(map(abs, values), default=0.0)
+    return len(values) == len(others) and all(abs(a - b) <= most for a, b in zip(values, others))
 
 
 def changes_half_way(run, pulse):

@@ -3,6 +3,7 @@ import json
 import pathlib
 import random
 import tempfile
+import types
 import unittest
 
 from . import campaign, detection, jobs, oracle, schedules, shrink, tables, vocabulary
@@ -211,6 +212,20 @@ class Detection(unittest.TestCase):
         self.assertEqual(Folder("camera:late=4@0.9").rules(), ["O2"])
         self.assertEqual(Folder("camera:late=4@0.9,plate:bumped=2;1@1.4").rules(), [], "a plate that was pushed")
         self.assertEqual(Folder("camera:late=4@0").guard("camera_late", 1.1, stops=True).rules(), [])
+
+    def test_pulses_late_by_two_equal_ones_are_no_measure(self):
+        run = types.SimpleNamespace(frame_s=FRAME_S)
+
+        def seems_in_time(counts, late_frames):
+            rows = [oracle.Pulse(0.2 * k, 0.02, 0.1, 0.02, 60.0, coils) for k, coils in enumerate(counts)]
+            run.pulses = rows
+            return detection.seems_in_time(run, rows[-1], late_frames)
+
+        strong, weak = [[300.0, 0.0], [-200.0, 5.0]], [[280.0, 0.0], [-200.0, 5.0]]
+        self.assertTrue(seems_in_time([strong] * 3, 12) and seems_in_time([strong] * 3, 24))
+        self.assertFalse(seems_in_time([strong] * 3, 18), "between two pulses")
+        self.assertFalse(seems_in_time([weak, strong, strong], 24), "another pulse")
+        self.assertFalse(seems_in_time([[[300.0, 0.0, 9.0]], strong, strong], 24), "of more harmonics")
 
     def test_second_pulse_with_a_lying_coil_breaks_the_bar(self):
         for fault in ("coil0:dead@0", "coil2:reversed@0", "coils:swapped=0;2@0", "coils:dead@0", "coil1:stuck@0"):
