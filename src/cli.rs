@@ -80,7 +80,7 @@ pub fn main() -> ExitCode {
     drop(flush_guard);
     match done {
         Ok(status) => ExitCode::from(status),
-        Err(failure) => ExitCode::from(failure.errln()),
+        Err(failure) => ExitCode::from(failure.report()),
     }
 }
 
@@ -108,9 +108,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Token(args) => token::token(&args, common),
         Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
-            let mut script = Vec::new();
-            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
-            outln!("{}", String::from_utf8_lossy(&script).trim_end())?;
+            outln!("{}", offered::completions(args.shell, &mut Cli::command()).trim_end())?;
             Ok(0)
         }
     }

@@ -18,7 +18,7 @@
 //! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
 //! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
-//! | render pictures whose truth is known | `scene`: `Scene`, with the feature `lab` |
+//! | render pictures with ground truth | `scene`: `Scene`, with the feature `lab` |
 //! | repeat the papers' experiments, draw charts | `lab`, with the feature `lab`; [`chart`] |
 //! | serve plates over HTTP | `daemon`, `plates`, `service`, with the feature `daemon` |
 //! | speak of space, time and signals | [`geometry`], [`units`], [`time`], [`signal`], [`random`], [`job`] |

@@ -61,7 +61,7 @@ fn none(faults: Vec<String>) {
 }
 
 #[test]
-fn rooms_import_only_what_they_may() {
+fn rooms_have_only_allowed_imports() {
     assert!(FILES.len() > 20, "sources are where they are looked for");
     none(rules::faults(&SOURCES));
 }
@@ -112,14 +112,14 @@ fn picture_of_the_layers_equals_the_manifests() {
 }
 
 #[test]
-fn no_crate_that_control_builds_on_knows_the_simulator() {
+fn control_does_not_depend_on_the_simulator() {
     let reached = Crates::read_with_tests().reached("control");
     assert!(reached.contains("core") && reached.contains("planner"), "{reached:?}");
     assert!(!reached.contains("sim"), "control builds on sim: {reached:?}");
 }
 
 #[test]
-fn fixtures_are_for_tests() {
+fn fixtures_are_imported_by_tests_only() {
     let importing: Vec<&str> =
         Crates::read().imports().filter(|(_, i)| i.contains("fixtures")).map(|(of, _)| of).collect();
     assert_eq!(importing, [""; 0]);

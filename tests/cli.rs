@@ -133,7 +133,7 @@ fn an_unknown_key_is_answered_with_the_likely_one() {
 }
 
 #[test]
-fn files_that_are_none_are_refused() {
+fn unreadable_and_invalid_inputs_are_refused() {
     let folder = TempDir::new().unwrap();
     let path = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -172,7 +172,7 @@ fn simulate_prints_trajectories() {
 }
 
 #[test]
-fn a_rotation_is_the_free_wave_it_stands_for() {
+fn rotation_moves_parts_like_its_free_wave() {
     let folder = TempDir::new().unwrap();
     let mut outputs = Vec::new();
     let rotation = json!({"cor_mm": [0, 0], "omega_rad_s": 8, "sustain_s": 0.1});
@@ -225,7 +225,7 @@ fn shells_offer_the_names_that_commands_take() {
     if cfg!(feature = "lab") {
         names.extend(["waveform-fit", "topple", "rough", "papers"]);
     }
-    for shell in ["bash", "zsh"] {
+    for shell in ["bash", "zsh", "fish"] {
         let (script, _) = status(&["completions", shell], 0);
         let words: std::collections::BTreeSet<&str> =
             script.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
@@ -242,7 +242,7 @@ fn shells_offer_the_names_that_commands_take() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_reader_that_goes_away_is_no_panic_and_a_full_disk_is_reported() {
+fn full_disk_on_stdout_is_reported() {
     for args in [&["completions", "bash"][..], &["schema", "job"], &["check", "configs/plus-sign.json"]] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
         let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))

@@ -117,7 +117,7 @@ fn is_step(line: &str, command: &str) -> bool {
 }
 
 #[test]
-fn steps_of_the_script_are_told_apart() {
+fn steps_of_the_script_are_distinguished() {
     assert!(is_step("step cargo run --locked -- run a.json --out b", "cargo run -- run a.json"));
     assert!(is_step("step cargo test --locked -- --ignored", "cargo test -- --ignored"));
     for (line, command) in [

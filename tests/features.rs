@@ -7,8 +7,12 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-const FEATURES: [(&str, bool); 3] =
-    [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon")), ("lab", cfg!(feature = "lab"))];
+const FEATURES: [(&str, bool); 4] = [
+    ("rerun", cfg!(feature = "rerun")),
+    ("daemon", cfg!(feature = "daemon")),
+    ("lab", cfg!(feature = "lab")),
+    ("parquet", cfg!(feature = "parquet")),
+];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -53,7 +57,7 @@ fn help_lists_a_command_only_where_the_build_has_it() {
 }
 
 #[test]
-fn a_command_that_the_build_lacks_says_which_feature_it_needs() {
+fn missing_command_names_the_feature_it_needs() {
     let picture = root().join("target/never-written.svg").display().to_string();
     let cases: [(&str, &[&str]); 8] = [
         ("daemon", &["serve"]),

@@ -28,7 +28,7 @@ fn value<'a>(manifest: &'a str, key: &str) -> &'a str {
 }
 
 #[test]
-fn archives_have_the_names_that_binstall_looks_for() {
+fn archives_have_the_names_that_binstall_expects() {
     let (plan, manifest) = (plan(), text("Cargo.toml"));
     assert_eq!(plan["version"], env!("CARGO_PKG_VERSION"));
     let archives = plan["archives"].as_array().unwrap();
@@ -80,7 +80,7 @@ fn all_that_is_packed_is_there() {
 
 /// The container is made of existing files, with the compiler version of the manifest.
 #[test]
-fn the_container_builds_from_what_is_there() {
+fn container_builds_from_existing_files() {
     let (file, manifest) = (text("Dockerfile"), text("Cargo.toml"));
     assert!(file.contains(&format!("FROM rust:{}-", value(&manifest, "rust-version"))));
     assert!(file.contains("--profile dist --locked") && file.contains("+crt-static"));

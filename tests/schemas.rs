@@ -56,7 +56,7 @@ fn kind_of(document: &Value) -> Option<&'static str> {
 
 /// `UPM_REMAKE_GOLDEN=1` writes the files anew.
 #[test]
-fn shipped_schemas_are_what_the_program_prints() {
+fn shipped_schemas_equal_the_printed_ones() {
     for name in schema_names() {
         let output = upm(&["schema", name]).output().unwrap();
         assert!(output.status.success(), "{name}");

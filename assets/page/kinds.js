@@ -2,9 +2,9 @@
 
 import { el, svg } from './dom.js';
 
-/** These have their colours in every job; other kinds take what is left, in turn. */
+/** These have their colours in every job; others take what is left in the order of their names, as in recordings. */
 const COINS = ['penny', 'nickel', 'dime', 'quarter'];
-const COLOURS = 8;
+const COLOURS = 12;
 const PX_PER_MM = 0.6;
 
 /** The class that gives each of `kinds` its colour. */

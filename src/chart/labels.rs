@@ -25,13 +25,13 @@ const DISTANCE_COST: f64 = 0.6;
 pub struct LabelledDisc {
     /// Centre of the disc.
     pub center: [f64; 2],
-    /// Its radius.
+    /// Distance from the centre to the rim, in the units of `center`.
     pub radius: f64,
     /// Half the width and half the height of its label.
     pub half: [f64; 2],
 }
 
-/// Place of a label.
+/// Position of a label relative to its disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LabelPlace {
     /// Middle of the label.
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_label_lies_right_below_its_disc() {
+    fn lone_label_is_placed_right_below_its_disc() {
         let [place] = place_labels(&[penny([10.0, 20.0])], BOUNDS, &[])[..] else { panic!("one label") };
         assert!((place.center[0] - 10.0).abs() < 1e-9, "{place:?}");
         assert!((place.center[1] - (20.0 + 1.1 * 9.5 + 10.0)).abs() < 1e-3, "{place:?}");

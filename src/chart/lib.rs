@@ -68,7 +68,7 @@ pub struct Axis {
     pub scale: AxisScale,
 }
 
-/// Scale of an axis.
+/// Meaning of equal distances along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AxisScale {
     /// Equal distances are equal differences.

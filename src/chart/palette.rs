@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kind_has_its_hue_whatever_the_other_kinds_are() {
+    fn hue_of_a_kind_does_not_depend_on_the_other_kinds() {
         let of = |kinds: &[&str]| Palette::of(kinds, Ground::Light).kind("quarter").unwrap();
         assert_eq!(of(&["quarter"]), of(&["penny", "quarter", "washer"]));
         let [r, g, b] = of(&["quarter"]);
@@ -256,7 +256,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(512))]
 
         #[test]
-        fn no_two_parts_look_alike_and_kinds_keep_apart(kinds in parts(), light: bool) {
+        fn colours_of_parts_differ_and_hue_ranges_of_kinds_do_not_overlap(kinds in parts(), light: bool) {
             let palette = Palette::of(&kinds, if light { Ground::Light } else { Ground::Dark });
             let least = least_difference(palette.parts());
             prop_assert!(least >= 6, "{least} for {kinds:?}");

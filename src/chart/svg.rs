@@ -15,7 +15,7 @@ use super::{AxisScale, Chart};
 use legend::Legend;
 use marks::PlotFrame;
 use scale::Scale;
-use sheet::{Drawn, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
+use sheet::{DrawResult, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
 
 /// Width of every picture, px.
 const WIDTH_PX: f64 = 900.0;
@@ -114,7 +114,7 @@ impl ChartLayout {
         (self.legend_top_px() + self.legend.height_px() + MARGIN_PX).ceil()
     }
 
-    fn draw(&self, chart: &Chart, sheet: &Sheet<'_>) -> Drawn {
+    fn draw(&self, chart: &Chart, sheet: &Sheet<'_>) -> DrawResult {
         sheet.fill(&WHITE)?;
         for (i, line) in self.title.iter().enumerate() {
             let at = (fine(0.5 * WIDTH_PX), fine(MARGIN_PX + LINE * TITLE_PX * (i as f64 + 0.35)));

@@ -8,7 +8,7 @@ use crate::decades::{LogTicks, log_tick_text, log_ticks};
 /// Magnitudes of numbers that are written without a power of ten.
 const PLAIN: Range<f64> = 1e-4..1e6;
 
-/// Ticks of an axis.
+/// Labelled ticks of an axis and the lines between them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxisTicks {
     /// Value and text of each tick, ascending; the values are in decades on a logarithmic axis.

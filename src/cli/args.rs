@@ -36,7 +36,7 @@ pub struct Common {
     pub quiet: bool,
 }
 
-/// The commands.
+/// Subcommands of `upm` with their arguments.
 #[derive(Subcommand, Debug)]
 pub enum Command {
     /// Write the shipped configurations into a folder: jobs, rigs, libraries, examples
@@ -354,7 +354,7 @@ pub struct SchemaArgs {
 /// `upm completions`.
 #[derive(Args, Debug)]
 pub struct CompletionsArgs {
-    /// Shell
+    /// Shell that is to load the completions
     #[arg(value_enum)]
     pub shell: clap_complete::Shell,
 }

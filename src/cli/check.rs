@@ -14,10 +14,10 @@ use super::lab;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
 use coverage_report::CoverageReport;
-use plan::Planned;
+use plan::PlanReport;
 use upm_chart::Chart;
 use upm_cor_library::Library;
-use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec};
+use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
 
 /// Contents of a valid file.
@@ -26,7 +26,7 @@ struct ValidFile {
     says: String,
     covered: Option<CoverageReport>,
     /// Forecast of a job, if requested.
-    planned: Option<Planned>,
+    planned: Option<PlanReport>,
     /// Warnings of tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
@@ -38,7 +38,7 @@ impl ValidFile {
 
     fn lines(&self) -> Vec<String> {
         let covered = self.covered.as_ref().map(CoverageReport::lines);
-        covered.or_else(|| self.planned.as_ref().map(Planned::lines)).unwrap_or_default()
+        covered.or_else(|| self.planned.as_ref().map(PlanReport::lines)).unwrap_or_default()
     }
 
     fn chart(&self) -> Option<Chart> {
@@ -178,7 +178,7 @@ fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
 
 /// Validates a file as the kind that its keys indicate; a library also against the rig given.
 fn check_file(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
-    let value = std::fs::read_to_string(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
+    let value = text_of(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
         Some(Document::Library) => return check_library(path, asked.rig),
         Some(Document::Experiment) => {
@@ -229,7 +229,7 @@ fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let library = job_library(&job).map_err(lines)?;
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
-    let planned = asked.plan.then(|| Planned::of(&job, &library, asked.progress)).transpose().map_err(lines_of)?;
+    let planned = asked.plan.then(|| PlanReport::of(&job, &library, asked.progress)).transpose().map_err(lines_of)?;
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
     Ok(ValidFile { planned, warnings, ..ValidFile::new(says) })
 }

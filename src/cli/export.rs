@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::Common;
+use super::features::PARQUET;
 use super::output::{Failure, print};
 use super::run_args::ExportArgs;
 use super::run_folder::run_folder;
@@ -20,13 +21,13 @@ use journal::{ExportLine, JournalFault, Lines};
 use table::{CsvFile, ExportTable, TableCell, TableFile};
 use tables::{POSITIONS, PULSES, PartNames, TABLES, TARGETS, TIMINGS};
 use upm_recording::Report;
+use upm_runner::config::reason;
 
 /// Largest report that is read, bytes; one of a thousand parts is far smaller.
 const MOST_REPORT_BYTES: u64 = 16 << 20;
 
-/// File name extensions, one for each table format.
+/// File name extensions of the table formats; that of Parquet is the name of its feature.
 const CSV: &str = "csv";
-const PARQUET: &str = "parquet";
 
 /// Writes the tables of a run folder.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
@@ -62,26 +63,26 @@ fn beside(run: &Path) -> PathBuf {
 /// Report of the run; `None` for a run that never ended.
 fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
     let path = run.join("report.json");
-    let wrong = |found: &dyn std::fmt::Display| {
-        Failure::bad_input(format!("{}: expected what `upm run` left in a run folder, found {found}", path.display()))
-    };
     let file = match File::open(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        opened => opened.map_err(|error| wrong(&error))?,
+        opened => opened.map_err(|error| Failure::read_failed(&path, &error))?,
     };
     let report = serde_json::from_reader(BufReader::new(io::Read::take(file, MOST_REPORT_BYTES)));
-    report.map(Some).map_err(|error| wrong(&error))
+    report.map(Some).map_err(|error| {
+        let allowed = "what `upm run` left in a run folder";
+        Failure::bad_input(format!("{}: expected {allowed}, found {error}", path.display()))
+    })
 }
 
 fn open_journal(path: &Path) -> Result<Lines<BufReader<File>>, Failure> {
-    let file = File::open(path).map_err(|error| unread(path, JournalFault::File(error)))?;
+    let file = File::open(path).map_err(|error| read_failed(path, JournalFault::File(error)))?;
     Ok(Lines::of(BufReader::new(file)))
 }
 
-fn unread(path: &Path, fault: JournalFault) -> Failure {
+fn read_failed(path: &Path, fault: JournalFault) -> Failure {
     let (path, allowed) = (path.display(), "what `upm run` left in a run folder");
     Failure::bad_input(match fault {
-        JournalFault::File(error) => format!("{path}: expected {allowed}, found {error}"),
+        JournalFault::File(error) => format!("cannot read {path}: {}; expected {allowed}", reason(&error)),
         JournalFault::Line(number, error) => format!("{path}: line {number}: expected {allowed}, found {error}"),
     })
 }
@@ -93,7 +94,7 @@ fn write_journal(
     parts: &PartNames<'_>,
     written: &mut WrittenTable,
 ) -> Result<(), Failure> {
-    while let Some(line) = lines.next().map_err(|fault| unread(path, fault))? {
+    while let Some(line) = lines.next().map_err(|fault| read_failed(path, fault))? {
         match line {
             ExportLine::Cycle(cycle) => {
                 tables::positions(&cycle, parts).try_for_each(|row| written.row(&POSITIONS, &row))?;

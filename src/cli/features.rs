@@ -12,9 +12,16 @@ pub(super) const LAB: &str = "lab";
 /// Recordings for the Rerun viewer.
 const RERUN: &str = "rerun";
 
+/// Tables for Apache Parquet.
+pub(super) const PARQUET: &str = "parquet";
+
 /// Each feature, and whether this build has it.
-const FEATURES: [(&str, bool); 3] =
-    [(RERUN, upm_viewer::BUILT_IN), (DAEMON, cfg!(feature = "daemon")), (LAB, cfg!(feature = "lab"))];
+const FEATURES: [(&str, bool); 4] = [
+    (RERUN, upm_viewer::BUILT_IN),
+    (DAEMON, cfg!(feature = "daemon")),
+    (LAB, cfg!(feature = "lab")),
+    (PARQUET, cfg!(feature = "parquet")),
+];
 
 /// Version, with the features that this build lacks.
 pub(super) static VERSION: LazyLock<String> = LazyLock::new(|| match missing() {

@@ -12,7 +12,7 @@ use super::shipped::FILES;
 
 /// Outcome for the shipped files, by relative path.
 #[derive(Debug, Default)]
-struct Laid {
+struct InitReport {
     written: Vec<&'static str>,
     /// Files that already had the shipped text.
     unchanged: Vec<&'static str>,
@@ -21,7 +21,7 @@ struct Laid {
 }
 
 pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
-    let mut laid = Laid::default();
+    let mut laid = InitReport::default();
     for &(name, text) in FILES {
         let list = match lay(&args.folder.join(name), text, args.force)? {
             FileOutcome::Written => &mut laid.written,
@@ -30,7 +30,7 @@ pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
         };
         list.push(name);
     }
-    let Laid { written, unchanged, kept } = &laid;
+    let InitReport { written, unchanged, kept } = &laid;
     let value = json!({ "folder": args.folder, "written": written, "unchanged": unchanged, "kept": kept });
     print(common.json, &value, || say_laid(&args.folder, &laid))
 }
@@ -62,8 +62,8 @@ fn lay(path: &Path, text: &str, force: bool) -> Result<FileOutcome, Failure> {
     }
 }
 
-fn say_laid(folder: &Path, laid: &Laid) -> Result<(), Failure> {
-    let Laid { written, unchanged, kept } = laid;
+fn say_laid(folder: &Path, laid: &InitReport) -> Result<(), Failure> {
+    let InitReport { written, unchanged, kept } = laid;
     let shown = folder.display();
     let there = if unchanged.is_empty() { String::new() } else { format!(", {} there already", unchanged.len()) };
     outln!("{shown}: {} written{there}", files(written.len()))?;

@@ -18,16 +18,16 @@ const MOST_FILES: usize = 500;
 const MOST_BYTES: u64 = 1 << 20;
 
 /// A job file with its content, or the number of its faults.
-struct Listed {
+struct JobEntry {
     file: PathBuf,
     job: Result<JobSpec, usize>,
 }
 
 /// Lists the jobs in `configs` and in the current folder. Returns the exit status of a missing argument.
 pub(super) fn list(common: Common) -> Result<u8, Failure> {
-    let jobs: Vec<Listed> = FOLDERS.iter().flat_map(|folder| jobs_in(Path::new(folder))).collect();
+    let jobs: Vec<JobEntry> = FOLDERS.iter().flat_map(|folder| jobs_in(Path::new(folder))).collect();
     if common.json {
-        print_json(&jobs.iter().map(Listed::json).collect::<Vec<_>>())?;
+        print_json(&jobs.iter().map(JobEntry::json).collect::<Vec<_>>())?;
         return Ok(BAD_INPUT);
     }
     if jobs.is_empty() {
@@ -35,7 +35,7 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
         return Err(Failure::bad_input(line));
     }
     errln!("upm: run: expected a job file, found none; these are here:");
-    let rows: Vec<[String; 4]> = jobs.iter().map(Listed::row).collect();
+    let rows: Vec<[String; 4]> = jobs.iter().map(JobEntry::row).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let [file_width, parts_width, task_width] = [0, 1, 2].map(width);
     for [file, parts, task, time] in &rows {
@@ -46,7 +46,7 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
 }
 
 /// Files of `folder` whose keys are those of a job, sorted by name.
-fn jobs_in(folder: &Path) -> Vec<Listed> {
+fn jobs_in(folder: &Path) -> Vec<JobEntry> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let is_here = folder == Path::new(".");
     let named = |name: std::ffi::OsString| if is_here { PathBuf::from(name) } else { folder.join(name) };
@@ -55,7 +55,7 @@ fn jobs_in(folder: &Path) -> Vec<Listed> {
         files.filter(|file| file.extension().is_some_and(|ending| ending == "json")).take(MOST_FILES).collect();
     // sorts arrange-4 before arrange-16
     files.sort_by_cached_key(|file| (numberless(file), file.as_os_str().len(), file.clone()));
-    files.into_iter().filter(|file| is_job(file)).map(|file| Listed { job: read(&file), file }).collect()
+    files.into_iter().filter(|file| is_job(file)).map(|file| JobEntry { job: read(&file), file }).collect()
 }
 
 /// The path up to its first digit.
@@ -74,7 +74,7 @@ fn read(file: &Path) -> Result<JobSpec, usize> {
     JobSpec::load(file).map_err(|faults| faults.len())
 }
 
-impl Listed {
+impl JobEntry {
     fn row(&self) -> [String; 4] {
         let file = self.file.display().to_string();
         match &self.job {

@@ -7,11 +7,10 @@ mod track_speed;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use super::args::{Common, LabArgs};
 use super::output::{Failure, print, print_json};
-use super::progress::LateProgress;
+use super::progress::{LateProgress, with_progress};
 use super::recording;
 use upm_chart::Chart;
 use upm_lab::{
@@ -29,7 +28,7 @@ use track_speed::{TrackTimes, tracking};
 const ALL: &str = "all";
 
 /// Result of an experiment, and the files with its plots.
-struct Made {
+struct ExperimentOutput {
     name: String,
     /// Rig, seed and settings.
     on: String,
@@ -79,7 +78,7 @@ fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
 }
 
 /// Runs an experiment, or evaluates a recorded trace, and writes its plots and its recording.
-fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
+fn make(name: &str, args: &LabArgs, common: Common) -> Result<ExperimentOutput, Failure> {
     let rerun = recording::checked_mode(&args.rerun)?;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
@@ -91,10 +90,10 @@ fn make(name: &str, args: &LabArgs, common: Common) -> Result<Made, Failure> {
         recording::experiment(&rerun, &path, &page(&format!("{name}, {on}"), &outcome))?;
         written.push(path);
     }
-    Ok(Made { name: name.to_owned(), on, outcome, written })
+    Ok(ExperimentOutput { name: name.to_owned(), on, outcome, written })
 }
 
-impl Made {
+impl ExperimentOutput {
     /// Prints title, tables, notes and files.
     fn print(&self) -> Result<(), Failure> {
         let Self { name, on, outcome, written } = self;
@@ -207,21 +206,10 @@ fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Experi
         return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
     }
     let rig = rig_for(experiment, args)?;
-    let progress = Mutex::new(LateProgress::at_once(common));
-    let show = |share: f64| {
-        // the mutex is poisoned only if a thread panicked, which ends the experiment anyway
-        if let Ok(mut progress) = progress.lock() {
-            progress.show(share, || experiment.about.to_owned());
-        }
-    };
-    show(0.0);
-    let outcome = match args.scenes {
-        Some(scenes) => Ok(vision_of(rig.seed, scenes as usize)),
-        None => experiment.method.run(&rig, &request, &show),
-    };
-    if let Ok(progress) = progress.lock() {
-        progress.finish();
-    }
+    let outcome = with_progress(LateProgress::at_once(common), experiment.about, |show| match args.scenes {
+        Some(scenes) => Ok(vision_of(rig.seed, scenes as usize, show)),
+        None => experiment.method.run(&rig, &request, show),
+    });
     let outcome = outcome.map_err(|fault| match fault {
         LabFault::Setting(fault) => Failure::bad_input(format!("lab {name}: {fault}")),
         fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),
@@ -234,7 +222,7 @@ fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, Experi
 
 fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
     let penny = spec.kind("penny").and_then(|kind| spec.kinds.get(kind));
-    let penny = penny.ok_or_else(|| Failure::failed(format!("rig {} knows no penny", spec.model.name)))?.part();
+    let penny = penny.ok_or_else(|| Failure::failed(format!("rig {} has no kind `penny`", spec.model.name)))?.part();
     Ok(LabRig { model: spec.model.clone(), sim: spec.sim.clone(), penny, seed })
 }
 
@@ -269,10 +257,10 @@ fn write_files(name: &str, outcome: &ExperimentResult, args: &LabArgs) -> Result
 }
 
 /// The result as data for the viewer.
-fn page(title: &str, outcome: &ExperimentResult) -> upm_viewer::ExperimentLook {
+fn page(title: &str, outcome: &ExperimentResult) -> upm_viewer::ExperimentView {
     let figures = markdown(title, outcome);
     let (charts, motion) = (outcome.charts.clone(), outcome.motion.clone());
-    upm_viewer::ExperimentLook { title: title.to_owned(), figures, charts, motion }
+    upm_viewer::ExperimentView { title: title.to_owned(), figures, charts, motion }
 }
 
 /// Refuses SVG output if this build lacks charts.

@@ -21,7 +21,7 @@ use serde_json::json;
 use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
 use super::recording;
-use search::look;
+use search::locate_picture;
 use setup::LocateSetup;
 use upm_recording::{LocalisedRecord, RerunMode};
 
@@ -36,8 +36,11 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
         let shown = args.stages.is_some() || rerun != RerunMode::Off;
-        let located =
-            if args.reference { look_by_reference(image, &setting) } else { look(image, &name, args, &setting, shown) };
+        let located = if args.reference {
+            locate_by_reference(image, &setting, common)
+        } else {
+            locate_picture(image, &name, args, &setting, shown)
+        };
         let made = located.and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
             let mut written = draw((&located.found, &kinds), &name, args)?;
@@ -46,21 +49,21 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
         });
         match made {
             Ok((_, located)) if common.json && several => {
-                report::say_line(image, report::as_json(&located, &setting))?;
+                report::print_line(image, report::as_json(&located, &setting))?;
             }
             Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting))?,
             Ok((written, located)) => {
                 if several {
                     outln!("{}", image.display())?;
                 }
-                report::say_located(&located, &setting)?;
+                report::print_located(&located, &setting)?;
                 written.iter().try_for_each(|path| outln!("written: {}", path.display()))?;
             }
             Err(failure) => {
                 if common.json && several {
-                    report::say_line(image, json!({ "error": failure.lines.join("; ") }))?;
+                    report::print_line(image, json!({ "error": failure.lines.join("; ") }))?;
                 }
-                worst = worst.max(failure.errln());
+                worst = worst.max(failure.report());
             }
         }
     }
@@ -68,10 +71,10 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
 }
 
 #[cfg(feature = "lab")]
-use reference::look_by_reference;
+use reference::locate_by_reference;
 
 #[cfg(not(feature = "lab"))]
-fn look_by_reference(_: &Path, _: &LocateSetup) -> Result<report::LocatedPicture, Failure> {
+fn locate_by_reference(_: &Path, _: &LocateSetup, _: Common) -> Result<report::LocatedPicture, Failure> {
     Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
-use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, Receiver, Unsent};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, Receiver};
 
 /// Capacity of the queue, lines.
 const WAITING: usize = 1024;
@@ -45,7 +45,7 @@ impl LogWriter {
     fn offer(&self, text: Vec<u8>) {
         let lost = self.lost.swap(0, Ordering::SeqCst);
         let sent = self.entries.send(LogEntry::Line { text, lost });
-        if let Err(Unsent::Full(_) | Unsent::Closed(_)) = sent {
+        if let Err(QueueError::Full(_) | QueueError::Closed(_)) = sent {
             self.lost.fetch_add(lost + 1, Ordering::SeqCst);
         }
     }
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn who_logs_never_waits_and_lost_lines_are_counted() {
+    fn full_log_queue_drops_and_counts_lines() {
         let Log { log, flush_guard, page, asked, let_go } = stuck();
         let outln = |text: String| writeln!(log.make_writer(), "{text}").unwrap();
         outln("first".to_owned());
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_waits_for_what_goes_and_not_for_what_is_stuck() {
+    fn flush_on_drop_waits_for_a_working_writer_but_not_for_a_stuck_one() {
         let Log { log, flush_guard, page, let_go, .. } = stuck();
         drop(let_go);
         for i in 0..100 {

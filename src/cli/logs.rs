@@ -44,7 +44,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
         errln!("upm: the log was started before");
     }
     if daemon.is_some() {
-        panics::into_log();
+        panics::install_panic_hook();
     }
     flush_guard
 }
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn internals_of_other_libraries_are_told_only_where_everything_is() {
+    fn internals_of_libraries_are_logged_at_trace_level_only() {
         let text = |level| logged(None, level, false);
         assert!(text(LevelFilter::DEBUG).contains("not \"told\""));
         assert!(!text(LevelFilter::DEBUG).contains("internals") && !text(LevelFilter::DEBUG).contains("listening"));
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_daemon_says_one_level_more() {
+    fn daemon_logs_one_level_more() {
         let common = |verbose, quiet| Common { json: false, verbose, quiet };
         assert_eq!(
             [level(common(0, false), false), level(common(0, false), true)],

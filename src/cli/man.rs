@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn each_page_says_what_an_interrupt_comes_to() {
+    fn man_pages_state_the_effect_of_an_interrupt() {
         let pages = pages().unwrap();
         let page = |name: &str| {
             let (_, page) = pages.iter().find(|(of, _)| of == name).unwrap();

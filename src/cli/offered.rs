@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Arg, Command, Error};
+use clap_complete::Shell;
 
 use upm_runner::config::schema_names;
 
@@ -16,15 +17,15 @@ const RERUN_MODES: [&str; 4] = ["off", "save", "connect", "spawn"];
 /// Value parser that accepts any text and completes these names. The command itself refuses other names, with its own
 /// message.
 #[derive(Clone, Debug)]
-pub struct Offered(Vec<&'static str>);
+pub struct CompletableName(Vec<&'static str>);
 
-impl Offered {
+impl CompletableName {
     pub fn names(&self) -> &[&'static str] {
         &self.0
     }
 }
 
-impl TypedValueParser for Offered {
+impl TypedValueParser for CompletableName {
     type Value = String;
 
     fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<String, Error> {
@@ -37,29 +38,44 @@ impl TypedValueParser for Offered {
 }
 
 /// The names of schemas.
-pub fn schemas() -> Offered {
-    Offered(schema_names().iter().copied().chain(FILES_OF_RUNS).collect())
+pub fn schemas() -> CompletableName {
+    CompletableName(schema_names().iter().copied().chain(FILES_OF_RUNS).collect())
 }
 
-/// The modes of `--rerun`.
-pub fn rerun_modes() -> Offered {
-    Offered(RERUN_MODES.to_vec())
+/// Values of `--rerun` for completions.
+pub fn rerun_modes() -> CompletableName {
+    CompletableName(RERUN_MODES.to_vec())
 }
 
 /// The experiments of `upm lab`.
-pub fn experiments() -> Offered {
+pub fn experiments() -> CompletableName {
     #[cfg(feature = "lab")]
     let names = upm_lab::EXPERIMENTS.iter().map(|experiment| experiment.name).chain(["all"]);
     #[cfg(not(feature = "lab"))]
     let names = std::iter::empty();
-    Offered(names.collect())
+    CompletableName(names.collect())
 }
 
 /// The families of drawn scenes.
-pub fn scenes() -> Offered {
+pub fn scenes() -> CompletableName {
     #[cfg(feature = "lab")]
     let names = upm_scene::Difficulty::ALL.iter().map(|difficulty| difficulty.name());
     #[cfg(not(feature = "lab"))]
     let names = std::iter::empty();
-    Offered(names.collect())
+    CompletableName(names.collect())
+}
+
+/// The script of completions for a shell.
+pub fn completions(shell: Shell, command: &mut Command) -> String {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, command, "upm", &mut script);
+    let mut script = String::from_utf8_lossy(&script).into_owned();
+    if shell == Shell::Fish {
+        // clap leaves out the values of positional arguments there
+        for (of, names) in [("lab", experiments()), ("schema", schemas())] {
+            let names = names.names().join(" ");
+            script += &format!("complete -c upm -n \"__fish_upm_using_subcommand {of}\" -f -a \"{names}\"\n");
+        }
+    }
+    script
 }

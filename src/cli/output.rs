@@ -51,7 +51,7 @@ impl Failure {
     }
 
     /// Failure to read a file.
-    pub fn unread(path: &Path, error: &io::Error) -> Self {
+    pub fn read_failed(path: &Path, error: &io::Error) -> Self {
         Self::bad_input(format!("cannot read {}: {}", path.display(), reason(error)))
     }
 
@@ -71,7 +71,7 @@ impl Failure {
     }
 
     /// Prints the lines on stderr; returns the exit status.
-    pub fn errln(&self) -> u8 {
+    pub fn report(&self) -> u8 {
         self.lines.iter().for_each(|line| errln!("upm: {line}"));
         self.status
     }

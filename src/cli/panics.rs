@@ -3,7 +3,7 @@ use std::panic::{self, PanicHookInfo};
 use std::thread;
 
 /// Installs a panic hook that logs panics as errors instead of writing to stderr, which could block on its reader.
-pub(super) fn into_log() {
+pub(super) fn install_panic_hook() {
     panic::set_hook(Box::new(note));
 }
 
@@ -39,7 +39,7 @@ mod tests {
         let writer = page.clone();
         let subscriber = tracing_subscriber::fmt().json().flatten_event(true).with_writer(move || writer.clone());
         let before = panic::take_hook();
-        into_log();
+        install_panic_hook();
         tracing::subscriber::with_default(subscriber.finish(), || {
             let (plate, two) = ("left", "two\nlines");
             assert!(catch_unwind(|| panic!("as asked")).is_err());

@@ -1,4 +1,10 @@
 use std::io::IsTerminal;
+#[cfg(feature = "lab")]
+use std::sync::Mutex;
+#[cfg(feature = "lab")]
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+#[cfg(feature = "lab")]
+use std::thread;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -49,6 +55,7 @@ impl Sink for RunProgress<'_> {
         let message = || format!("plate {:6.1} s{behind}  {}", facts.ended_at.secs(), facts.wanted.phase);
         self.shown.show(facts.wanted.progress, message);
         let CycleFacts { index: cycle, plan_us, cycle_us, .. } = facts;
+        let (plan_us, cycle_us) = (plan_us.round() as u64, cycle_us.round() as u64);
         let (pulses, continues) = (facts.plan.pulses.len(), facts.plan.continues);
         self.shown.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
     }
@@ -168,6 +175,46 @@ impl<C: Clock> LateProgress<C> {
             bar.finish_and_clear();
         }
     }
+}
+
+/// Time between two updates of progress while the work reports none.
+#[cfg(feature = "lab")]
+const TICK: Duration = Duration::from_millis(200);
+
+/// Runs `work` with its progress on stderr: the share of it that is done, which it may report, or else the time so far.
+#[cfg(feature = "lab")]
+pub(super) fn with_progress<T>(
+    shown: LateProgress<MonotonicClock>,
+    about: &str,
+    work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T,
+) -> T {
+    let (clock, shown) = (MonotonicClock::new(), Mutex::new((shown, 0.0)));
+    let show = |share: Option<f64>| {
+        // the mutex is poisoned only if a thread panicked, which ends the work anyway
+        if let Ok(mut shown) = shown.lock() {
+            let (progress, last) = &mut *shown;
+            *last = share.unwrap_or(*last);
+            let time = || format!("{about}, {:.0} s", clock.elapsed().as_secs_f64());
+            progress.show(*last, || if *last > 0.0 { about.to_owned() } else { time() });
+        }
+    };
+    show(None);
+    let made = thread::scope(|scope| {
+        let (working, ended) = sync_channel::<()>(0);
+        let show = &show;
+        scope.spawn(move || {
+            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+                show(None);
+            }
+        });
+        let made = work(&|share| show(Some(share)));
+        drop(working);
+        made
+    });
+    if let Ok(shown) = shown.lock() {
+        shown.0.finish();
+    }
+    made
 }
 
 /// A bar from 0 to [`FULL`] on stderr.

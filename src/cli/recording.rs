@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use upm_recording::{LocalisedRecord, RerunMode};
-use upm_viewer::{ExperimentLook, RecordingError, RecordingStats, RerunSink, record_experiment, record_located};
+use upm_viewer::{ExperimentView, RecordingError, RecordingStats, RerunSink, record_experiment, record_located};
 
 use super::output::Failure;
 
@@ -21,7 +21,7 @@ pub(super) fn checked_mode(text: &str) -> Result<RerunMode, Failure> {
 
 /// Records an experiment into `path` and to the viewer of `mode`.
 #[cfg_attr(not(feature = "lab"), expect(dead_code, reason = "only experiments call it"))]
-pub(super) fn experiment(mode: &RerunMode, path: &Path, experiment: &ExperimentLook) -> Result<(), Failure> {
+pub(super) fn experiment(mode: &RerunMode, path: &Path, experiment: &ExperimentView) -> Result<(), Failure> {
     ended(mode, path, record_experiment(mode, path, experiment))
 }
 

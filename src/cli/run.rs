@@ -52,7 +52,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
 
 /// The job in `file` with the changes of the command line.
 pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> {
-    let mut job = JobSpec::load(file).map_err(|faults| unread(file, faults))?;
+    let mut job = JobSpec::load(file).map_err(|faults| read_failed(file, faults))?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
@@ -73,7 +73,7 @@ pub(super) fn status_of(report: &Report) -> u8 {
 }
 
 /// Failure by the faults of the job in `file`; if it cannot be read, with a hint where to find jobs.
-fn unread(file: &Path, faults: Vec<Diagnostic>) -> Failure {
+fn read_failed(file: &Path, faults: Vec<Diagnostic>) -> Failure {
     let is_read = !faults.iter().any(|fault| fault.class == DiagnosticClass::Unreadable && fault.named_by.is_none());
     let mut failure = Failure::of_files(faults);
     if !is_read && !is_shipped(&file.display().to_string()) {

@@ -34,7 +34,8 @@ fn line(error: &Error) -> String {
         ErrorKind::UnknownArgument => format!("`{command}` takes no further argument, found {argument:?}; see {help}"),
         ErrorKind::MissingRequiredArgument => {
             format!(
-                "{command}: expected {}, found nothing; see {help}",
+                "{}: expected {}, found nothing; see {help}",
+                command.strip_prefix("upm ").unwrap_or(&command),
                 all(error, ContextKind::InvalidArg).join(" and ")
             )
         }

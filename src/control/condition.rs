@@ -137,7 +137,7 @@ impl Condition {
 }
 
 /// The reason, for people, that a plan has no pulses. `id` names a part.
-pub(super) fn why_not<'a>(status: &PlanStatus, method: PlanningMethod, id: impl Fn(usize) -> &'a str) -> String {
+pub(super) fn no_plan_reason<'a>(status: &PlanStatus, method: PlanningMethod, id: impl Fn(usize) -> &'a str) -> String {
     match (status, method) {
         (PlanStatus::Solved, _) => "it has pulses".into(),
         (PlanStatus::NothingToDo, _) => "every step is shorter than the shortest pulse".into(),

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn lasting_condition_is_told_at_its_begin_and_its_end_with_the_count() {
+    fn lasting_condition_is_reported_at_begin_and_end_with_its_count() {
         let RecordedChanges(recorded) =
             recorded(40, |cycle| if (3..20).contains(&cycle) { vec![Condition::StepsMeetParts] } else { vec![] });
         assert_eq!(recorded.len(), 2, "{recorded:?}");
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn conditions_of_several_parts_are_told_apart_and_end_with_the_run() {
+    fn conditions_of_several_parts_are_separate_and_end_with_the_run() {
         let RecordedChanges(recorded) = recorded(2, |_| [0, 1, 0].map(|part| Condition::PartBlocked { part }).to_vec());
         let ends: Vec<&ConditionChange> = recorded.iter().map(|(_, _, change, _)| change).collect();
         let ended = ConditionChange::Ended { times: 2, lasted_s: 1.0 };
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn sink_that_knows_no_conditions_gets_them_as_warnings() {
+    fn sink_without_condition_support_receives_warnings() {
         #[derive(Default)]
         struct ConditionEvents(Vec<(crate::EventLevel, String)>);
         impl Sink for ConditionEvents {

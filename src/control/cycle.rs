@@ -6,7 +6,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::condition::{Condition, why_not};
+use super::condition::{Condition, no_plan_reason};
 use super::conditions::Conditions;
 use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
@@ -148,7 +148,7 @@ impl ControlCycle<'_> {
             observe = match observe {
                 // the last cycle is over here, its parts seen at rest
                 Continue(_) if self.give_way.load(Ordering::Relaxed) => {
-                    break RunEnd::gave_way(self.params.endless && self.is_getting_on());
+                    break RunEnd::gave_way(self.params.endless && self.makes_progress());
                 }
                 Continue(observed) => self.once(observed, &mut last_pulse_at),
                 Break(ending) => break ending,
@@ -159,7 +159,7 @@ impl ControlCycle<'_> {
             self.conditions.end_run(self.rig.now(), self.sink);
             self.perception.end_run(self.rig.now(), self.sink);
         }
-        let lost = if self.is_part_lost() { self.perception.unseen() } else { Vec::new() };
+        let lost = if self.is_part_lost() { self.perception.missing_parts() } else { Vec::new() };
         FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
     }
 
@@ -206,7 +206,7 @@ impl ControlCycle<'_> {
             }
         }
         // the last frame of a pulse shows everything at rest: it starts the next cycle, unless a part is missing in it
-        let seen = !plan.pulses.is_empty() && self.perception.missing_for() == 0;
+        let seen = !plan.pulses.is_empty() && self.perception.frames_missing() == 0;
         let result = if seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         if plan.pulses.is_empty() {
             // a task that advances by time alone asks for no pulse
@@ -214,8 +214,8 @@ impl ControlCycle<'_> {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
             if self.rig.now() - *last_pulse_at > STALLED_S {
-                let held_up = self.planning.held_up(&wanted, &result);
-                let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {held_up}");
+                let blocking_part = self.planning.blocking_part(&wanted, &result);
+                let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {blocking_part}");
                 return Break(RunEnd::failed_because(StopCause::NoProgress, reason));
             }
             return Continue(result);
@@ -244,7 +244,7 @@ impl ControlCycle<'_> {
         planning.plan(self.index, wanted, &whole, |plan, is_part| {
             if let Some(condition) = Condition::of_plan(&plan.status).filter(|_| !is_part) {
                 let reason = || {
-                    let why = why_not(&plan.status, params.method, |part| params.id(part));
+                    let why = no_plan_reason(&plan.status, params.method, |part| params.id(part));
                     format!("steps are cut short or made one part at a time, because {why}")
                 };
                 conditions.note(rig.now(), condition, reason, *sink);
@@ -265,7 +265,7 @@ impl ControlCycle<'_> {
     /// Notes the parts whose targets no path reaches.
     fn warn_of_blocked(&mut self, blocked: &[usize]) {
         for &part in blocked {
-            let reason = format!("{} is boxed in: no way to its target is free", self.params.id(part));
+            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
             self.warn(Condition::PartBlocked { part }, reason);
         }
     }
@@ -293,7 +293,7 @@ impl ControlCycle<'_> {
 
     /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
     fn search_missing(&mut self) -> OrEnd {
-        if self.perception.missing_for() > self.params.lost_after_frames && !self.perception.silenced_pulse() {
+        if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.stopped_pulse() {
             self.observe_at_rest()?;
         }
         Continue(())
@@ -304,7 +304,7 @@ impl ControlCycle<'_> {
         loop {
             self.check_stop()?;
             let at_rest = self.perception.observe(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
-            if at_rest && self.perception.missing_for() == 0 {
+            if at_rest && self.perception.frames_missing() == 0 {
                 return Continue(self.perception.positions_m());
             }
             self.check_lost()?;

@@ -12,8 +12,8 @@ mod types;
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 
-use super::condition::why_not;
-use super::learning::{ForecastDeviation, MORE, PulseObservation};
+use super::condition::no_plan_reason;
+use super::gain_estimator::{ForecastDeviation, MORE, PulseObservation};
 use super::params::ControlParams;
 use super::planning::{Planning, STALLED_S};
 use super::pulse_planner::FreshPlanner;
@@ -27,7 +27,7 @@ use upm_core::time::PlateTime;
 use upm_planner::{Plan, PlanStatus, PlannedPulse, PlanningMethod};
 use upm_task::{Setpoints, Task};
 
-pub use types::{ClosestApproach, DryRun, LimitMet, RehearsalParams};
+pub use types::{ClosestApproach, DryRun, DryRunParams, LimitMet};
 
 /// Planning and playing a synthesised field, ms per group of parts and second of the pulse, on one core of the
 /// reference machine: 24 parts take 2.7 ms a cycle, 8 take 1.1 ms, 3 with short pulses 0.3 ms.
@@ -48,7 +48,7 @@ pub fn rehearse(
     planner: &FreshPlanner,
     task: &mut dyn Task,
     params: &ControlParams,
-    rehearsal: &RehearsalParams,
+    rehearsal: &DryRunParams,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> DryRun {
     let planner = match planner.plans() {
@@ -155,9 +155,9 @@ impl DryRunLoop<'_> {
             match once {
                 Continue(true) => went_on_at = self.stage.now(),
                 Continue(false) if self.stage.now() - went_on_at > STALLED_S => {
-                    let held_up = self.planning.held_up(&wanted, &self.stage.positions_m);
+                    let blocking_part = self.planning.blocking_part(&wanted, &self.stage.positions_m);
                     let reason =
-                        format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {held_up}", wanted.phase);
+                        format!("stalled: no pulse for {STALLED_S} s of plate time, {}; {blocking_part}", wanted.phase);
                     return (Some(RunEnd::failed_because(StopCause::NoProgress, reason)), wanted);
                 }
                 Continue(false) => {}
@@ -243,7 +243,7 @@ impl DryRunLoop<'_> {
                 self.work_ms += attempt_ms(library, *method, planner.max_sustain_s, plan, parts.len());
             }
             if let PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) = plan.status {
-                note(limits_met, why_not(&plan.status, *method, |part| params.id(part)));
+                note(limits_met, no_plan_reason(&plan.status, *method, |part| params.id(part)));
             }
             Continue(())
         })

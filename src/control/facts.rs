@@ -40,7 +40,7 @@ pub struct ConfirmedFacts<'a> {
 /// One tracked frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameFacts<'a> {
-    /// The frame.
+    /// Picture in which the parts were tracked.
     pub frame: &'a Frame,
     /// The parts in it.
     pub tracks: &'a [Track],
@@ -62,7 +62,7 @@ pub struct PulseFacts<'a> {
     pub cycle: u64,
     /// Time of its start.
     pub started_at: PlateTime,
-    /// The pulse as planned.
+    /// Rotation or field that was to be played.
     pub planned: &'a PlannedPulse,
     /// True for the small probe at the beginning, which moves no part.
     pub is_probe: bool,
@@ -100,7 +100,7 @@ pub struct CycleFacts<'a> {
     pub observed_m: &'a [Vec2],
     /// The task's request.
     pub wanted: &'a Setpoints,
-    /// The plan.
+    /// Pulses planned from that observation.
     pub plan: &'a Plan,
     /// Time of the next observation.
     pub ended_at: PlateTime,
@@ -115,9 +115,9 @@ pub struct CycleFacts<'a> {
 /// A condition of the run that began or ended.
 #[derive(Clone, Copy, Debug)]
 pub struct ConditionFacts<'a> {
-    /// Plate time.
+    /// Plate time of the change.
     pub at: PlateTime,
-    /// The condition.
+    /// Kind of the condition, for programs.
     pub condition: Condition,
     /// Begin or end.
     pub change: ConditionChange,
@@ -131,7 +131,7 @@ pub struct ConditionFacts<'a> {
 /// The end of the run or of its recording.
 #[derive(Clone, Copy, Debug)]
 pub struct MilestoneFacts<'a> {
-    /// Plate time.
+    /// Plate time of the event.
     pub at: PlateTime,
     /// Severity.
     pub level: EventLevel,
@@ -146,7 +146,7 @@ pub struct MilestoneFacts<'a> {
 pub enum Milestone {
     /// The run ended. A stopped run may have a second such event, with the cause of the stop.
     RunEnded {
-        /// The outcome.
+        /// Completed, failed or cancelled.
         outcome: Outcome,
         /// The cause; `None` where the outcome says it all.
         cause: Option<StopCause>,

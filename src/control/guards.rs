@@ -8,10 +8,10 @@ mod steps;
 
 use super::condition::Condition;
 
-pub(super) use delay::{DelayGuard, Late, PlateSwing, SwingSeen};
+pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
 pub(super) use freshness::{Freshness, StaleReason, StillnessGuard};
 pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, PulseReading};
-pub(super) use steps::{StepGuard, Unlike, Went, went};
+pub(super) use steps::{PulseOutcome, StepDeviation, StepGuard, went};
 
 /// The active guards: all except one that a test may disable to prove that its absence is noticed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

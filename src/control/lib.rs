@@ -9,8 +9,8 @@ mod conditions;
 mod cycle;
 mod dry_run;
 mod facts;
+mod gain_estimator;
 mod guards;
-mod learning;
 mod params;
 mod perception;
 mod planning;
@@ -20,7 +20,7 @@ mod run_end;
 
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, RunIo, run};
-pub use dry_run::{ClosestApproach, DryRun, LimitMet, RehearsalParams, rehearse};
+pub use dry_run::{ClosestApproach, DryRun, DryRunParams, LimitMet, rehearse};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
     PulseDisplacements, PulseFacts, Sink,

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use self::first_observation::find_table;
 use self::naming::name_parts;
-use self::scene::{Blind, SceneMonitor};
+use self::scene::{SceneMonitor, UnusableFrame};
 use self::settling::{PlateInImage, SWING_S};
 use super::condition::Condition;
 use super::conditions::Conditions;
@@ -26,7 +26,7 @@ use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 pub use self::naming::ExpectedPart;
 
 /// Number of observations at rest without the table, once it was found, before it counts as missing.
-const TABLE_LOOKS: usize = 5;
+const TABLE_OBSERVATIONS: usize = 5;
 /// Number of frames without sight after which the motors are silenced and the condition is reported, and the limit for
 /// that time where frames are slow, s.
 const BLIND_FRAMES: f64 = 3.0;
@@ -34,7 +34,7 @@ const BLIND_S: f64 = 0.1;
 /// Number of consecutive observations at rest that must show a foreign object.
 const FOREIGN: u32 = 2;
 /// Number of frames that must lack a part before frames that never arrived count, too.
-const LEAST_LOOKS: u32 = 5;
+const LEAST_OBSERVATIONS: u32 = 5;
 /// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate's swing.
 const EDGE_M: f64 = 1e-3;
 /// Longest time that a plate may swing on after a pulse that was cut short, s, and the displacement above which it is
@@ -47,7 +47,7 @@ const QUIET_SWING_S: f64 = 0.12;
 /// Tolerance for a part's place, m, independent of its displacement.
 const REACH_M: f64 = 3e-3;
 
-/// Purpose of a frame.
+/// Use of a frame: within a pulse, or as the start of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FramePurpose {
     /// To track the parts during a pulse.
@@ -70,9 +70,9 @@ pub struct Perception {
     half_exposure_s: f64,
     blind_after_s: f64,
     /// Time since which nothing can be seen, and the reason.
-    blind: Option<(PlateTime, Blind)>,
+    blind: Option<(PlateTime, UnusableFrame)>,
     /// True when the current pulse was silenced.
-    silenced: bool,
+    motors_stopped: bool,
     /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
     still_from: PlateTime,
     still_by: PlateTime,
@@ -140,7 +140,7 @@ impl Perception {
             half_exposure_s: 0.5 * model.exposure_s,
             blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
             blind: None,
-            silenced: false,
+            motors_stopped: false,
             still_from: PlateTime::default(),
             still_by: PlateTime::default(),
             displaced: 0,
@@ -210,7 +210,7 @@ impl Perception {
         let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.frame_hz;
         // a time stamp in the future must not stop the count
         self.observed_at = self.observed_at.max(self.frame.exposed_at.min(rig.now()));
-        self.missing = match (self.missing_for(), swing_px) {
+        self.missing = match (self.frames_missing(), swing_px) {
             (0, _) => (0.0, 0),
             (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),
             (_, None) => self.missing,
@@ -223,21 +223,22 @@ impl Perception {
     }
 
     /// The view and the plate's place in a frame at rest.
-    fn examine(&mut self) -> (Option<Blind>, PlateInImage) {
+    fn examine(&mut self) -> (Option<UnusableFrame>, PlateInImage) {
         let seen = self.scene.examine(&self.frame, self.tracker.tracks());
         let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
         // while a part is missing, an object on the plate may be that part
-        let is_foreign = seen.foreign_m.is_some() && self.missing_for() == 0 && self.guards.has(Condition::ForeignPart);
+        let is_foreign =
+            seen.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Condition::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
         let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { PlateInImage::Same };
         (blind, place)
     }
 
     /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
-    fn settle_blind(&mut self, blind: Option<Blind>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> OrEnd {
+    fn settle_blind(&mut self, blind: Option<UnusableFrame>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> OrEnd {
         let now = rig.now();
         let Some(why) = blind else {
-            if let Some((_, Blind::Dark | Blind::Hidden)) = self.blind.take() {
+            if let Some((_, UnusableFrame::Dark | UnusableFrame::Hidden)) = self.blind.take() {
                 // the plate's appearance behind a hand is unreliable
                 self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
                 self.foreign = 0;
@@ -247,7 +248,7 @@ impl Perception {
         let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
-            self.silence(rig);
+            self.stop_motors(rig);
             self.conditions.note(now, why.condition(), || why.reason(), sink);
         }
         if for_s > why.longest_s() {
@@ -272,22 +273,22 @@ impl Perception {
     }
 
     /// Ends the current pulse, if any; the plate swings on for a while.
-    pub fn silence(&mut self, rig: &mut dyn Rig) {
-        if rig.settled_at() > rig.now() && !self.silenced && self.guards.has_code("silence") {
+    pub fn stop_motors(&mut self, rig: &mut dyn Rig) {
+        if rig.settled_at() > rig.now() && !self.motors_stopped && self.guards.has_code("silence") {
             rig.stop();
-            self.silenced = true;
+            self.motors_stopped = true;
             (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);
         }
     }
 
     /// True when the last pulse was silenced because the view, or a part, was lost.
-    pub fn silenced_pulse(&self) -> bool {
-        self.silenced
+    pub fn stopped_pulse(&self) -> bool {
+        self.motors_stopped
     }
 
     /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
     pub fn invalidates_plan(&self) -> bool {
-        (self.silenced || self.relocated) && self.guards.has_code("stale_plan")
+        (self.motors_stopped || self.relocated) && self.guards.has_code("stale_plan")
     }
 
     /// Reports the end of every condition of the camera that held until now to `sink`.
@@ -306,7 +307,7 @@ impl Perception {
     }
 
     /// Indices of the parts that the newest frame does not show on the plate.
-    pub fn unseen(&self) -> Vec<usize> {
+    pub fn missing_parts(&self) -> Vec<usize> {
         let tracks = self.tracker.tracks().iter().enumerate();
         let is_unseen = |track: &Track| track.frames_unseen > 0 || self.is_off_plate(track);
         tracks.filter(|(_, track)| is_unseen(track)).map(|(part, _)| part).collect()
@@ -314,7 +315,7 @@ impl Perception {
 
     /// Number of frames for which the longest missing part has been missing; 0 when the newest frame shows all on the
     /// plate.
-    pub fn missing_for(&self) -> u32 {
+    pub fn frames_missing(&self) -> u32 {
         self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
     }
 
@@ -325,9 +326,9 @@ impl Perception {
 
     /// Number of frames, those that never arrived included, since frames of the present with an unobstructed view lack
     /// a part.
-    pub fn plainly_missing_for(&self) -> u32 {
+    pub fn frames_missing_in_clear_view(&self) -> u32 {
         let (frames, came) = self.missing;
-        if came < LEAST_LOOKS { came } else { frames.round() as u32 }
+        if came < LEAST_OBSERVATIONS { came } else { frames.round() as u32 }
     }
 
     /// Time of the newest frame's exposure.

@@ -2,8 +2,8 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::condition::why_not;
-use super::learning::GainEstimator;
+use super::condition::no_plan_reason;
+use super::gain_estimator::GainEstimator;
 use super::params::ControlParams;
 use super::progress::ProgressWatch;
 use super::pulse_planner::PulsePlanner;
@@ -76,13 +76,15 @@ impl<'a> Planning<'a> {
             match &plan.status {
                 PlanStatus::NothingToDo if attempt.is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
-                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => stopped_by = self.why_not(&plan.status),
+                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => {
+                    stopped_by = self.no_plan_reason(&plan.status)
+                }
             }
             self.watch.note(&plan.status);
         }
         let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
-        let held_up = self.held_up(wanted, &seen_m);
-        let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {held_up}", wanted.phase);
+        let blocking_part = self.blocking_part(wanted, &seen_m);
+        let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {blocking_part}", wanted.phase);
         Break(RunEnd::failed_because(StopCause::NoFeasibleStep, reason))
     }
 
@@ -136,13 +138,13 @@ impl<'a> Planning<'a> {
     }
 
     /// The part that is farthest from its place, for people.
-    pub fn held_up(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
-        self.watch.held_up_in_words(wanted, seen_m, |part| self.params.id(part))
+    pub fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
+        self.watch.blocking_part_description(wanted, seen_m, |part| self.params.id(part))
     }
 
     /// The reason, for people, that a plan has no pulses.
-    pub fn why_not(&self, status: &PlanStatus) -> String {
-        why_not(status, self.params.method, |part| self.params.id(part))
+    pub fn no_plan_reason(&self, status: &PlanStatus) -> String {
+        no_plan_reason(status, self.params.method, |part| self.params.id(part))
     }
 }
 

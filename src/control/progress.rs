@@ -1,6 +1,6 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
-use super::condition::why_not;
+use super::condition::no_plan_reason;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
@@ -46,14 +46,14 @@ pub(super) struct ProgressWatch {
     /// Number of cycles with pulses since any measure improved, and since the distance from the targets did.
     futile: u32,
     detour: u32,
-    creep: Creep,
+    creep: StallCounter,
     /// Limit of the last infeasible plan since any measure improved.
     limit: Option<Limit>,
 }
 
 /// Counts the cycles in which no part advances.
 #[derive(Clone, Debug, Default)]
-struct Creep {
+struct StallCounter {
     /// Positions of the parts when one last advanced, m.
     from_m: Vec<Vec2>,
     /// The sum of the longest steps asked for in each cycle since, m.
@@ -62,7 +62,7 @@ struct Creep {
     cycles: u32,
 }
 
-impl Creep {
+impl StallCounter {
     /// Takes an observation at rest, after pulses if `played`, at which a step of `step_m` is asked for.
     fn observe(&mut self, seen_m: &[Vec2], step_m: f64, played: bool) {
         let begins = self.from_m.len() != seen_m.len();
@@ -77,7 +77,7 @@ impl Creep {
 
 /// The part that hinders progress: the farthest from where it should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct HeldUp {
+struct BlockingPart {
     /// Index of the part.
     part: usize,
     /// Vector to its target, or on a path to its subgoal, m.
@@ -137,7 +137,7 @@ impl ProgressWatch {
     }
 
     /// True unless the last cycles brought no, or only negligible, progress.
-    pub fn is_getting_on(&self) -> bool {
+    pub fn makes_progress(&self) -> bool {
         self.futile.max(self.creep.cycles) < FUTILE_CYCLES / 4
     }
 
@@ -163,28 +163,37 @@ impl ProgressWatch {
     ) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
-        let held_up = self.held_up_in_words(wanted, seen_m, id);
-        let limit = self.limit.map(|limit| why_not(&PlanStatus::Infeasible(limit), method, id));
+        let blocking_part = self.blocking_part_description(wanted, seen_m, id);
+        let limit = self.limit.map(|limit| no_plan_reason(&PlanStatus::Infeasible(limit), method, id));
         let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
-        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {held_up}{limit}");
+        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {blocking_part}{limit}");
         RunEnd::failed_because(StopCause::NoProgress, reason)
     }
 
     /// For people: the part that hinders progress, its distance from its place and the direction.
-    pub fn held_up_in_words<'a>(&self, wanted: &Setpoints, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str) -> String {
-        let Some(HeldUp { part, way_m }) = self.held_up(wanted, seen_m) else { return "there are no parts".into() };
+    pub fn blocking_part_description<'a>(
+        &self,
+        wanted: &Setpoints,
+        seen_m: &[Vec2],
+        id: impl Fn(usize) -> &'a str,
+    ) -> String {
+        let Some(BlockingPart { part, way_m }) = self.blocking_part(wanted, seen_m) else {
+            return "there are no parts".into();
+        };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
-        let blocked = if wanted.blocked.contains(&part) { ", and boxed in by other parts" } else { "" };
+        let blocked = if wanted.blocked.contains(&part) { ", and blocked by other parts" } else { "" };
         let way_mm = 1e3 * way_m.norm();
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
     }
 
-    /// The part that is farthest from where it should be, among those that are boxed in if there are any; `None`
+    /// The part that is farthest from where it should be, among those that are blocked if there are any; `None`
     /// without parts.
-    fn held_up(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<HeldUp> {
+    fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<BlockingPart> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
-        let ways = seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| HeldUp { part, way_m: end - seen });
-        let is_limiting = |held_up: &HeldUp| wanted.blocked.is_empty() || wanted.blocked.contains(&held_up.part);
+        let ways =
+            seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| BlockingPart { part, way_m: end - seen });
+        let is_limiting =
+            |blocking_part: &BlockingPart| wanted.blocked.is_empty() || wanted.blocked.contains(&blocking_part.part);
         ways.filter(is_limiting).max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
     }
 }
@@ -313,14 +322,14 @@ mod tests {
         };
         assert_eq!(ended_at(true, 100, creeps(2e-4)), Some(FUTILE_CYCLES));
         assert_eq!(ended_at(true, 100, creeps(1e-3)), None);
-        let is_getting_on = |step_m: f64| {
+        let makes_progress = |step_m: f64| {
             let mut watch = ProgressWatch::new(false, TOLERANCE_M);
             for (wanted, seen_m) in (0..10).map(creeps(step_m)) {
                 assert!(!watch.observe(&wanted, &[seen_m], true));
             }
-            watch.is_getting_on()
+            watch.makes_progress()
         };
-        assert_eq!([2e-4, 1e-3].map(is_getting_on), [false, true]);
+        assert_eq!([2e-4, 1e-3].map(makes_progress), [false, true]);
     }
 
     #[test]
@@ -339,8 +348,8 @@ mod tests {
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
         let blocked = Setpoints { blocked: vec![0], ..wanted.clone() };
-        let said = watch.held_up_in_words(&blocked, &seen_m, |part| ["a", "b"][part]);
-        assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and boxed in by other parts");
+        let said = watch.blocking_part_description(&blocked, &seen_m, |part| ["a", "b"][part]);
+        assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and blocked by other parts");
         watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }

@@ -11,7 +11,7 @@ pub(super) type OrEnd<T = ()> = ControlFlow<RunEnd, T>;
 /// Outcome, cause and reason of the end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RunEnd {
-    /// Outcome.
+    /// Completed, failed or cancelled.
     pub outcome: Outcome,
     /// Its cause; `None` where the outcome says it all.
     pub cause: Option<StopCause>,
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stopped_rig_ends_a_run_by_who_stopped_it() {
+    fn outcome_of_a_stopped_run_follows_from_the_trip() {
         for (trip, outcome) in [
             (Trip::EStop, Outcome::Cancelled),
             (Trip::Shutdown, Outcome::Cancelled),

@@ -58,7 +58,7 @@ impl Library {
     }
 
     fn other_entry(&self, own: &Self) -> Option<Diagnostic> {
-        let answer = MotorAnswer::of(own);
+        let answer = MotorResponse::of(own);
         let mut entries = self.entries.iter().enumerate();
         let (i, entry, expected) = entries.find_map(|(i, entry)| {
             let expected = answer.velocity(entry);
@@ -114,7 +114,7 @@ impl Library {
 }
 
 /// Response of the plate to motor amplitudes, fitted to the entries of one library.
-struct MotorAnswer {
+struct MotorResponse {
     /// Velocity (m/s; spin at `reach_m`) per axis amplitude of Eq. 7, counts.
     velocity_from_counts: Matrix3<f64>,
     /// Standard deviation of an entry about that fit, m/s.
@@ -123,7 +123,7 @@ struct MotorAnswer {
     reach_m: f64,
 }
 
-impl MotorAnswer {
+impl MotorResponse {
     /// Least squares over all entries. Directions in which no entry moves the plate count as no motion.
     fn of(library: &Library) -> Self {
         let reach_m = 0.5 * library.plate_side_m;
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn grid_of_two_nodes_is_held_against_what_lies_between() {
+    fn grid_of_two_nodes_is_compared_between_its_nodes() {
         let coarse = |library: &mut Library| {
             let model = &mut library.displacement;
             for row in model.distance_m.iter_mut().chain(&mut model.sd_m) {

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn tells_what_it_cannot_reach() {
+    fn unreachable_distance_has_no_sustain() {
         let m = model();
         assert_eq!(m.sustain_for(0.2, 1e-4), None);
         assert_eq!(m.sustain_for(0.2, 10e-3), None);

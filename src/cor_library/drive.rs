@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_shapes_leave_the_amplitudes_but_for_the_squeeze() {
+    fn equal_shapes_remove_only_the_common_part_of_the_amplitudes() {
         let drive = drive_for([-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
         let kept = drive.motors.each_ref().map(|harmonics| harmonics[0].cos);
         assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");

@@ -105,7 +105,7 @@ proptest! {
 }
 
 #[test]
-fn what_was_not_measured_is_not_driven() {
+fn unmeasured_wave_has_no_drive() {
     let one = TwistWave { base_radps: BASE_RADPS, harmonics: vec![TwistHarmonic::default(); 5] };
     let measured = library(responses(0.1, [0.0; 6]));
     assert_eq!(measured.field_drive(&one, 0.1), None, "five harmonics of four");
@@ -116,7 +116,7 @@ fn what_was_not_measured_is_not_driven() {
 }
 
 #[test]
-fn a_library_without_fields_may_say_null() {
+fn null_fields_are_read_as_a_library_without_fields() {
     let bare = Library { fields: None, ..library(Vec::new()) };
     let text = bare.to_json();
     assert!(!text.contains("fields"), "{text}");

@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_is_told_on_a_line() {
+    fn each_fault_is_reported_on_its_own_line() {
         let mut bad = library(three());
         bad.displacement.speed_mps.swap(0, 1);
         bad.displacement.sd_m.pop();
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_keys_and_types_are_told_with_their_path() {
+    fn foreign_keys_and_types_are_reported_with_their_path() {
         let text = library(three()).to_json();
         let wrong = text.replacen("\"spin_rad_s\":8.0", "\"spin_rad_s\":\"fast\"", 1);
         assert_eq!(
@@ -221,12 +221,13 @@ mod tests {
         }
         assert!(fault_lines("[]")[0].starts_with("expected "), "{:?}", fault_lines("[]"));
         assert!(
-            fault_lines("{")[0].starts_with("not valid JSON: EOF while parsing an object at line 1"),
+            fault_lines("{")[0]
+                .starts_with("expected JSON, found the end of the file: EOF while parsing an object at line 1"),
             "{:?}",
             fault_lines("{")
         );
         assert!(
-            fault_lines(&format!("{text} x"))[0].starts_with("not valid JSON: trailing characters"),
+            fault_lines(&format!("{text} x"))[0].starts_with("expected JSON, found a mistake: trailing characters"),
             "only one document a file"
         );
     }

@@ -46,7 +46,7 @@ pub struct RigFacts<'a> {
     pub fingerprint: &'a str,
     /// Base frequency of its drive, rad/s.
     pub base_radps: f64,
-    /// Side of its plate, m.
+    /// Length of the square plate's edges, m.
     pub plate_side_m: f64,
     /// Attack of every pulse, s.
     pub attack_s: f64,

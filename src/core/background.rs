@@ -35,7 +35,7 @@ pub struct Queue<T> {
 
 /// An item that was not queued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unsent<T> {
+pub enum QueueError<T> {
     /// The queue was full.
     Full(T),
     /// The receiving end was dropped.
@@ -67,24 +67,24 @@ impl<T> Queue<T> {
     }
 
     /// Sends `item`; when the queue is full, its overflow policy applies.
-    pub fn send(&self, item: T) -> Result<(), Unsent<T>> {
+    pub fn send(&self, item: T) -> Result<(), QueueError<T>> {
         match self.overflow {
             OverflowPolicy::Wait => {
-                self.counted(self.items.send(item).map_err(|unsent| Unsent::Closed(unsent.into_inner())))
+                self.counted(self.items.send(item).map_err(|unsent| QueueError::Closed(unsent.into_inner())))
             }
             OverflowPolicy::WaitAtMost(longest) => self.counted(self.send_within(item, longest)),
             OverflowPolicy::GiveUp => self.counted(self.items.try_send(item).map_err(|unsent| match unsent {
-                TrySendError::Full(item) => Unsent::Full(item),
-                TrySendError::Disconnected(item) => Unsent::Closed(item),
+                TrySendError::Full(item) => QueueError::Full(item),
+                TrySendError::Disconnected(item) => QueueError::Closed(item),
             })),
         }
     }
 
     /// Sends `item`, waiting for room for at most `longest`; a returned item is not counted as lost.
-    pub fn send_within(&self, item: T, longest: Duration) -> Result<(), Unsent<T>> {
+    pub fn send_within(&self, item: T, longest: Duration) -> Result<(), QueueError<T>> {
         self.items.send_timeout(item, longest).map_err(|unsent| match unsent {
-            SendTimeoutError::Timeout(item) => Unsent::Full(item),
-            SendTimeoutError::Disconnected(item) => Unsent::Closed(item),
+            SendTimeoutError::Timeout(item) => QueueError::Full(item),
+            SendTimeoutError::Disconnected(item) => QueueError::Closed(item),
         })
     }
 
@@ -93,7 +93,7 @@ impl<T> Queue<T> {
         self.lost.load(Ordering::Relaxed)
     }
 
-    fn counted(&self, sent: Result<(), Unsent<T>>) -> Result<(), Unsent<T>> {
+    fn counted(&self, sent: Result<(), QueueError<T>>) -> Result<(), QueueError<T>> {
         sent.inspect_err(|_| {
             self.lost.fetch_add(1, Ordering::Relaxed);
         })
@@ -106,7 +106,7 @@ pub struct BackgroundThread<T>(Receiver<T>);
 
 /// Reason for which a thread has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoResult {
+pub enum WaitError {
     /// The thread did not end in time and is abandoned.
     Hangs,
     /// The thread panicked.
@@ -127,15 +127,15 @@ impl<T: Send + 'static> BackgroundThread<T> {
     }
 
     /// Waits for its result.
-    pub fn wait(&self) -> Result<T, NoResult> {
-        self.0.recv().map_err(|_| NoResult::Died)
+    pub fn wait(&self) -> Result<T, WaitError> {
+        self.0.recv().map_err(|_| WaitError::Died)
     }
 
     /// Waits for its result for at most `longest`.
-    pub fn wait_within(&self, longest: Duration) -> Result<T, NoResult> {
+    pub fn wait_within(&self, longest: Duration) -> Result<T, WaitError> {
         self.0.recv_timeout(longest).map_err(|fault| match fault {
-            RecvTimeoutError::Timeout => NoResult::Hangs,
-            RecvTimeoutError::Disconnected => NoResult::Died,
+            RecvTimeoutError::Timeout => WaitError::Hangs,
+            RecvTimeoutError::Disconnected => WaitError::Died,
         })
     }
 }
@@ -183,29 +183,29 @@ mod tests {
     #[test]
     fn full_queue_waits_or_loses_as_stated() {
         let (queue, items) = Queue::bounded(1, OverflowPolicy::GiveUp);
-        assert_eq!((queue.send(1), queue.send(2), queue.lost()), (Ok(()), Err(Unsent::Full(2)), 1));
-        assert_eq!(queue.send_within(3, Duration::from_millis(1)), Err(Unsent::Full(3)));
+        assert_eq!((queue.send(1), queue.send(2), queue.lost()), (Ok(()), Err(QueueError::Full(2)), 1));
+        assert_eq!(queue.send_within(3, Duration::from_millis(1)), Err(QueueError::Full(3)));
         assert_eq!((queue.clone().lost(), items.recv()), (1, Ok(1)));
         drop(items);
-        assert_eq!((queue.send(4), queue.lost()), (Err(Unsent::Closed(4)), 2));
+        assert_eq!((queue.send(4), queue.lost()), (Err(QueueError::Closed(4)), 2));
         let (patient, items) = Queue::bounded(1, OverflowPolicy::WaitAtMost(LONG));
         thread::scope(|scope| {
             scope.spawn(|| (1..=3).for_each(|item| patient.send(item).unwrap()));
             assert_eq!(items.iter().take(3).collect::<Vec<_>>(), [1, 2, 3]);
         });
         let (impatient, _items) = Queue::bounded(0, OverflowPolicy::WaitAtMost(Duration::from_millis(1)));
-        assert_eq!((impatient.send(1), impatient.lost()), (Err(Unsent::Full(1)), 1));
+        assert_eq!((impatient.send(1), impatient.lost()), (Err(QueueError::Full(1)), 1));
     }
 
     #[test]
     fn result_of_a_thread_is_waited_for_but_not_for_good() {
         let (go, held) = sync_channel::<()>(0);
         let worker = BackgroundThread::start("slow", false, move || held.recv().is_ok()).unwrap();
-        assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(NoResult::Hangs));
+        assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(WaitError::Hangs));
         go.send(()).unwrap();
         assert_eq!(worker.wait(), Ok(true));
         let dies = BackgroundThread::<()>::start("dies", true, || panic!("as asked")).unwrap();
-        assert_eq!(dies.wait_within(LONG), Err(NoResult::Died));
+        assert_eq!(dies.wait_within(LONG), Err(WaitError::Died));
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl DiscFriction {
     /// Small slip is solved implicitly: the slip at the end of the step is the one whose own friction explains it, and
     /// zero (the disc sticks) when friction can remove all of it, force and torque together.
     #[inline]
-    pub fn kept(&self, slide_mps: f64, rim_mps: f64, reach_mps: f64) -> [f64; 2] {
+    pub fn remaining_slip_fractions(&self, slide_mps: f64, rim_mps: f64, reach_mps: f64) -> [f64; 2] {
         let total = slide_mps + rim_mps;
         if total > IMPLICIT_BELOW * reach_mps {
             let inverse = 1.0 / total;
@@ -85,17 +85,17 @@ impl DiscFriction {
             let pull = reach_mps * inverse;
             [1.0 - pull * force, 1.0 - 2.0 * pull * torque]
         } else if total > 0.0 {
-            self.kept_of_little(slide_mps / reach_mps, rim_mps / reach_mps)
+            self.remaining_small_slip(slide_mps / reach_mps, rim_mps / reach_mps)
         } else {
             [0.0; 2]
         }
     }
 
-    /// [`Self::kept`] for slips in units of the reach: solves `s₁ + f(e₁) = slide`, `r₁ + 2 t(e₁) = rim`
-    /// for `e₁ = s₁/r₁`. At the solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies outside the
-    /// limit curve.
+    /// [`Self::remaining_slip_fractions`] for slips in units of the reach: solves `s₁ + f(e₁) = slide`,
+    /// `r₁ + 2 t(e₁) = rim` for `e₁ = s₁/r₁`. At the solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies
+    /// outside the limit curve.
     #[cold]
-    fn kept_of_little(&self, slide: f64, rim: f64) -> [f64; 2] {
+    fn remaining_small_slip(&self, slide: f64, rim: f64) -> [f64; 2] {
         if slide * slide + (0.75 * rim).powi(2) <= INSIDE_LIMIT_CURVE {
             return [0.0; 2];
         }
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn the_quick_sticking_test_lies_inside_the_limit_curve() {
+    fn quick_sticking_test_is_inside_the_limit_curve() {
         let smallest = slip_ratios()
             .map(|e| DiscFriction::shared().force_and_torque(e, 1.0))
             .map(|[force, torque]| force * force + (1.5 * torque).powi(2))
@@ -304,7 +304,7 @@ mod tests {
         fn small_slips_are_solved_implicitly(slide in 0.0..3.0f64, rim in 0.0..3.0f64) {
             prop_assume!(slide + rim < IMPLICIT_BELOW);
             let friction = DiscFriction::shared();
-            let [keep_slide, keep_rim] = friction.kept(slide, rim, 1.0);
+            let [keep_slide, keep_rim] = friction.remaining_slip_fractions(slide, rim, 1.0);
             prop_assert!((0.0..=1.0).contains(&keep_slide) && (0.0..=1.0).contains(&keep_rim));
             let (slide_after, rim_after) = (keep_slide * slide, keep_rim * rim);
             if slide_after + rim_after > 1e-6 {
@@ -320,11 +320,11 @@ mod tests {
         }
 
         #[test]
-        fn large_slips_lose_what_coulomb_takes(slide in 0.0..3.0f64, rim in 0.0..3.0f64) {
+        fn large_slips_are_reduced_by_coulomb_friction(slide in 0.0..3.0f64, rim in 0.0..3.0f64) {
             prop_assume!(slide + rim > 0.1);
             let friction = DiscFriction::shared();
             let (reach, [force, torque]) = (1e-3, friction.force_and_torque(slide, rim));
-            let [keep_slide, keep_rim] = friction.kept(slide, rim, reach);
+            let [keep_slide, keep_rim] = friction.remaining_slip_fractions(slide, rim, reach);
             prop_assert!((slide * (1.0 - keep_slide) - reach * force).abs() < 1e-12);
             prop_assert!((rim * (1.0 - keep_rim) - 2.0 * reach * torque).abs() < 1e-12);
         }
@@ -332,7 +332,7 @@ mod tests {
 
     #[test]
     fn without_friction_nothing_changes() {
-        assert_eq!(DiscFriction::shared().kept(0.3, 0.2, 0.0), [1.0, 1.0]);
-        assert_eq!(DiscFriction::shared().kept(0.0, 0.0, 0.0), [0.0, 0.0]);
+        assert_eq!(DiscFriction::shared().remaining_slip_fractions(0.3, 0.2, 0.0), [1.0, 1.0]);
+        assert_eq!(DiscFriction::shared().remaining_slip_fractions(0.0, 0.0, 0.0), [0.0, 0.0]);
     }
 }

@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn free_room_is_told_of_folders_that_exist() {
+    fn free_space_is_reported_for_existing_folders_only() {
         let folder = tempfile::tempdir().unwrap();
         assert!(free_bytes(folder.path()).unwrap() > 0);
         assert!(free_bytes(&folder.path().join("none")).is_err());

@@ -17,7 +17,7 @@ pub struct PartKind {
     pub name: String,
     /// Radius of the outline, m.
     pub radius_m: f64,
-    /// Thickness, m.
+    /// Height of the top face above the plate, m.
     pub thickness_m: f64,
 }
 
@@ -83,7 +83,7 @@ pub enum RigFault {
     DriveTooStrong {
         /// Peak of the drive, counts.
         peak_counts: f64,
-        /// Limit, counts.
+        /// Largest peak that the rig allows, counts.
         limit_counts: f64,
     },
     /// A pulse is still being played.

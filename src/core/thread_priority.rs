@@ -32,7 +32,7 @@ fn set_niceness(by: i32) {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn put(_: i32) {}
+fn set_niceness(_: i32) {}
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {

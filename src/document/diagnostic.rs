@@ -3,6 +3,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_json::error::Category;
 
 /// Largest number of faults listed for one file; a file with more usually repeats one mistake.
 const MOST_DIAGNOSTICS: usize = 200;
@@ -72,10 +73,10 @@ impl Diagnostic {
         Self { class: DiagnosticClass::Unreadable, ..Self::new(file, Path::root(), reason, "a file that can be read") }
     }
 
-    /// The fault of a text that is not valid JSON, for this reason.
-    pub fn syntax(file: &str, reason: impl fmt::Display) -> Self {
+    /// The fault of a text that is not valid JSON.
+    pub fn syntax(file: &str, error: &serde_json::Error) -> Self {
         let expected = "JSON, nested at most 127 deep, with numbers within 64 bits";
-        Self { class: DiagnosticClass::Syntax, ..Self::new(file, Path::root(), reason, expected) }
+        Self { class: DiagnosticClass::Syntax, ..Self::new(file, Path::root(), syntax_error(error), expected) }
     }
 
     /// The same fault with the key that names its file: `rig upm-1.json: library`.
@@ -90,7 +91,7 @@ impl fmt::Display for Diagnostic {
         let naming = named_by.as_ref().map(|key| format!("{key}: ")).unwrap_or_default();
         let line = match class {
             DiagnosticClass::Unreadable => format!("{naming}cannot read {file}: {found}"),
-            DiagnosticClass::Syntax => format!("{naming}{file}: not valid JSON: {found}"),
+            DiagnosticClass::Syntax => format!("{naming}{file}: expected JSON, found {found}"),
             DiagnosticClass::Value | DiagnosticClass::Missing => {
                 let at = Some(path).filter(|path| *path != WHOLE).map(|path| format!("{path}: ")).unwrap_or_default();
                 format!("{naming}{file}: {at}expected {expected}, found {found}")
@@ -210,6 +211,15 @@ impl Diagnostics {
     }
 }
 
+/// Text found in place of JSON, with its line and column.
+fn syntax_error(error: &serde_json::Error) -> String {
+    match error.classify() {
+        Category::Eof if error.column() == 0 && error.line() == 1 => "an empty file".to_owned(),
+        Category::Eof => format!("the end of the file: {error}"),
+        _ => format!("a mistake: {error}"),
+    }
+}
+
 /// A JSON value as shown in a fault, shortened to 60 characters.
 pub fn shown(value: &Value) -> String {
     let text = value.to_string();
@@ -271,6 +281,19 @@ mod tests {
         assert_eq!(Path::root().to_string(), "$");
         let unread = Diagnostic::unreadable("l.json", "no such file").named_by("rig r.json: library");
         assert_eq!(unread.to_string(), "rig r.json: library: cannot read l.json: no such file");
+    }
+
+    #[test]
+    fn invalid_json_is_reported_with_place_and_reason() {
+        let found = |text: &str| {
+            let error = serde_json::from_str::<Value>(text).unwrap_err();
+            Diagnostic::syntax("x.json", &error).to_string()
+        };
+        assert_eq!(found(""), "x.json: expected JSON, found an empty file");
+        let cut = "found the end of the file: EOF while parsing an object at line 2 column 11";
+        assert_eq!(found("{\n  \"seed\": 3"), format!("x.json: expected JSON, {cut}"));
+        let extra = "found a mistake: trailing characters at line 1 column 4";
+        assert_eq!(found("{} x"), format!("x.json: expected JSON, {extra}"));
     }
 
     #[test]

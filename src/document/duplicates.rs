@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_key_that_stands_twice_is_told_with_its_place() {
+    fn every_duplicate_key_is_reported_with_its_path() {
         let mut faults = Diagnostics::of("f");
         check(r#"{"a": 1, "b": [{"c": null, "d": 2.5, "c": true}], "a": "x", "e": {"a": -1}}"#, &mut faults);
         let lines: Vec<String> = faults.into_list().iter().map(ToString::to_string).collect();

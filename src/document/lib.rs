@@ -3,12 +3,12 @@
 
 mod diagnostic;
 mod duplicates;
-mod kind;
+mod file_kind;
 mod read;
+mod schema_check;
 mod schema_key;
-mod shape;
 
 pub use diagnostic::{Diagnostic, DiagnosticClass, Diagnostics, Path, counted, listed, nearest, one_of, quoted, shown};
-pub use kind::Document;
+pub use file_kind::Document;
 pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of};
 pub use schema_key::SchemaKey;

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Path, nearest};
-use super::{Document, duplicates, shape};
+use super::{Document, duplicates, schema_check};
 
 /// Largest file that is read, bytes: 1 MiB.
 pub const MOST_BYTES: u64 = 1 << 20;
@@ -89,7 +89,7 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result
     let mut faults = Diagnostics::of(file);
     let value: Value = match serde_json::from_str(text) {
         Ok(value) => value,
-        Err(error) => return Err(vec![Diagnostic::syntax(file, error)]),
+        Err(error) => return Err(vec![Diagnostic::syntax(file, &error)]),
     };
     let schema = schema_of::<T>();
     match Document::mistaken(&value, &schema) {
@@ -98,7 +98,7 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result
         }
         None => {
             duplicates::check(text, &mut faults);
-            shape::check(&value, &schema, &Path::root(), &mut faults);
+            schema_check::check(&value, &schema, &Path::root(), &mut faults);
         }
     }
     if !faults.is_empty() {

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_readings_stand_beside_those_of_a_plate_like_its_own() {
+    fn paper_readings_are_shown_only_for_a_plate_like_the_papers() {
         let paper = |outcome: &ExperimentResult| {
             let layers = outcome.charts[0].layers.iter().filter(|layer| layer.label.contains("in the paper")).count();
             let sources = outcome.figures.iter().filter(|figure| figure.source.contains("paper read")).count();
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_that_cannot_be_read_says_so() {
+    fn clipped_accelerometers_are_reported() {
         let mut lab = lab_rig("upm-1");
         lab.sim.accelerometers.range_mps2 = 2.0;
         let fault = cor_steering(&lab).unwrap_err().to_string();

@@ -168,8 +168,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     ),
     Experiment::on_rig(
         VISION,
-        "the eyes in rendered pictures whose truth is known, easy ones and hard ones",
-        on_rig!(super::vision, &[]),
+        "vision on rendered pictures with ground truth, easy and hard",
+        &Procedure { settings: &[], usual: LabRig::clone, measure: super::vision, reproduce: super::vision },
     ),
     Experiment::on_machine(
         "feeder",

@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sign_is_told_through_the_whole_chain() {
+    fn force_sign_is_measured_through_the_whole_chain() {
         for (name, count) in [("upm-1", 10_000), ("upm-2", 1000)] {
             let lab = lab_rig(name);
             let signs = force_signs(&lab, &mut PlateModel::new(&lab), count).unwrap();
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_knows_the_papers_wave() {
+    fn mean_sign_of_the_papers_wave_is_the_known_value() {
         assert!((mean_sign(&[1.0, 0.0, -0.5, 0.0]) - 0.2386).abs() < 2e-3);
         assert!((mean_sign(&[-1.0, 0.0, 0.5, 0.0]) + 0.2386).abs() < 2e-3);
     }

@@ -93,7 +93,7 @@ pub struct ExperimentResult {
     pub figures: Vec<Figure>,
     /// The curves behind the figures.
     pub series: Vec<Series>,
-    /// Charts.
+    /// Pictures of the results, one SVG file each.
     pub charts: Vec<Chart>,
     /// Table of the points of a sweep, or of several machines.
     pub sheet: Option<DataSheet>,

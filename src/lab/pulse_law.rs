@@ -53,7 +53,7 @@ pub fn pulse_law(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
     let cor_m = Vec2::new(-inset_m, -inset_m);
     let sustains_s = sustains_s(rig);
-    let longest_s = envelope(rig, sustains_s.last().copied().unwrap_or(0.0)).sounding_s();
+    let longest_s = envelope(rig, sustains_s.last().copied().unwrap_or(0.0)).driven_s();
     let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * longest_s;
     let exact = |faster: f64| PivotSetup {
         rig,
@@ -115,7 +115,7 @@ impl PivotSetup<'_> {
     fn rows(&self, sustains_s: &[f64]) -> Result<Vec<Row>, LabFault> {
         let row = |sustain_s: &f64| {
             let played = self.play(*sustain_s)?;
-            let length_s = played.envelope.sounding_s();
+            let length_s = played.envelope.driven_s();
             let law_m = self.law_mps2() * length_s * length_s;
             let averaged_m = self.averaged_m(&played.envelope);
             Ok(Row { envelope: played.envelope, length_s, found_m: played.displacement_m(), law_m, averaged_m })
@@ -140,7 +140,7 @@ impl PivotSetup<'_> {
         let drag_mps2 = self.rig.penny.friction * GRAVITY_MPS2;
         let step_s = TAU / self.rig.model.base_radps / FINE;
         let (mut t_s, mut speed_mps, mut way_m) = (0.5 * step_s, 0.0f64, 0.0);
-        while t_s < envelope.sounding_s() || speed_mps > 0.0 {
+        while t_s < envelope.driven_s() || speed_mps > 0.0 {
             let plate_mps = self.amplitude_mps() * envelope.at(t_s);
             let force = if plate_mps > 0.0 { coulomb_pump::mean_force(speed_mps / plate_mps) } else { -1.0 };
             let next_mps = (speed_mps + force * drag_mps2 * step_s).max(0.0);
@@ -206,7 +206,7 @@ fn series(rows: &[Row], plate: &str) -> [Series; 3] {
 /// Chart of Fig. 8.
 fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
     let period_s = TAU / rig.model.base_radps;
-    let count = (envelope.sounding_s() / period_s * SAMPLES) as usize;
+    let count = (envelope.driven_s() / period_s * SAMPLES) as usize;
     let times = || (0..=count).map(|i| i as f64 * period_s / SAMPLES);
     let wave = |t_s: f64| {
         let phase_rad = TAU * t_s / period_s;

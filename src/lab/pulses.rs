@@ -65,8 +65,8 @@ pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Res
         return Ok(());
     }
     Err(LabFault::Rig(format!(
-        "parts stick or creep backwards {:.0} mm from the centre of rotation: found an acceleration A w of \
-         {shaken:.2} m/s² there, allowed: more than {needed:.2}",
+        "parts stick or creep backwards {:.0} mm from the centre of rotation: expected an acceleration A w above \
+         {needed:.2} m/s² there, found {shaken:.2}",
         1e3 * radius_m
     )))
 }
@@ -91,7 +91,7 @@ pub(super) fn turn(cor_m: Vec2, from_m: Vec2, to_m: Vec2) -> (f64, f64) {
 /// The speed a pulse gives to a part by the S² law, f0 μ g (S + 2 attacks), over the belt's speed A/2 at `radius_m`.
 /// Displacement is the same everywhere while this is far below 1; above it the plate carries parts along like a belt.
 pub(super) fn saturation(rig: &LabRig, spin_radps: f64, radius_m: f64, envelope: &Envelope) -> f64 {
-    let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * envelope.sounding_s();
+    let gained_mps = coulomb_pump::mean_force(0.0) * rig.penny.friction * GRAVITY_MPS2 * envelope.driven_s();
     gained_mps / (coulomb_pump::BELT * spin_radps * radius_m)
 }
 

@@ -50,9 +50,9 @@ impl RaceCourse {
         let lane_m = 2.0 * inset_m * (LANES[1] - LANES[0]);
         if lane_m <= 2.0 * coin_radius_m {
             return Err(LabFault::Rig(format!(
-                "three coins do not fit beside each other: found lanes {:.1} mm apart, allowed: more than {:.1} mm",
-                1e3 * lane_m,
-                2e3 * coin_radius_m
+                "three coins do not fit beside each other: expected lanes more than {:.1} mm apart, found {:.1} mm",
+                2e3 * coin_radius_m,
+                1e3 * lane_m
             )));
         }
         let spin_radps = strongest_spin(rig, cor_m)?;

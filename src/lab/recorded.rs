@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pump_wave_is_read_back_whatever_the_channels_gains() {
+    fn pump_wave_is_recovered_despite_unequal_channel_gains() {
         for gain in [[1.0; CHANNELS], [1.04, 0.97, 1.0, 0.92]] {
             let outcome = waveform_fit_of(&pump_trace(Vec2::new(0.04, -0.03), -0.15, gain)).unwrap();
             let read = ["COR along x", "COR along y", "spin amplitude"].map(|name| figure(&outcome, name));

@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_key_value_and_what_is_allowed() {
+    fn faults_name_key_expected_and_found_value() {
         for (text, fault) in [
             ("stroke_mm=0.4", "stroke_mm: expected 0.5 to 20, found 0.4"),
             ("stroke_mm=NaN", "stroke_mm: expected 0.5 to 20, found NaN"),

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_compared_has_as_many_places_as_the_larger() {
+    fn compared_values_share_the_decimal_places_of_the_larger() {
         assert_eq!(cells(1.999_99, Some(2.0)), ["2.000", "2.000", "0.00"]);
         assert_eq!(cells(-0.000_2, Some(40.5)), ["0.00", "40.50", "-100.00"]);
         assert_eq!(cells(1e-3, Some(0.0)), ["0.001000", "0", "-"]);

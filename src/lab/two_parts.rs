@@ -53,7 +53,7 @@ pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::plan::tests::flow_in_steps;
-    use super::task::LOOKS;
+    use super::task::OBSERVATIONS;
     use super::*;
 
     fn series(outcome: &ExperimentResult, name: &str) -> Vec<f64> {
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn the_miss_falls_with_looks_where_motors_are_strong() {
+    fn miss_falls_with_observations_where_motors_are_strong() {
         let outcome = two_parts(&lab_rig("upm-2")).unwrap();
         let order = figure(&outcome, "order at which E falls with looks, ideal field");
         assert!((order - 2.0).abs() < 0.1, "{order}");
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn one_look_in_the_ideal_field_is_the_field_integrated() {
+    fn one_observation_in_the_ideal_field_equals_the_integrated_field() {
         let rig = lab_rig("upm-1");
         let task = TwoPartProblem::on(&rig);
         let rotate = |parts: &PartPositions, center: usize, d: f64| {
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn weak_motors_lose_what_strong_ones_keep() {
+    fn weak_motors_miss_farther_than_strong_ones() {
         let outcome = two_parts(&lab_rig("upm-1")).unwrap();
         assert!(figure(&outcome, "saturation, strong plate") < 0.5);
         assert!(figure(&outcome, "saturation, rig's plate") > 1.0);
@@ -101,7 +101,7 @@ mod tests {
         let own = series(&outcome, "rigs_plate_miss_m");
         assert!(own.iter().zip(&strong).all(|(own, strong)| own > strong), "{own:?}");
         let failed = outcome.figures.iter().filter(|figure| figure.name == "failed try, rig's plate").count();
-        assert_eq!(own.len() + failed, LOOKS.len());
+        assert_eq!(own.len() + failed, OBSERVATIONS.len());
         let observations = outcome.charts.iter().find(|chart| chart.name == "two-parts-looks").unwrap();
         let legend =
             |name: &str| observations.layers.iter().find(|layer| layer.label.starts_with(name)).unwrap().label.clone();

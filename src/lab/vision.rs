@@ -3,12 +3,12 @@
 mod verdict_counts;
 mod verdicts;
 
-use super::sweep::parallel;
+use super::sweep::{Progress, parallel};
 use super::{ExperimentResult, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_scene::{Difficulty, Scene};
 use verdict_counts::VerdictCounts;
-use verdicts::judge;
+use verdicts::evaluate;
 
 /// Scenes of each difficulty by default.
 const SCENES: usize = 50;
@@ -18,16 +18,22 @@ const BINS: usize = 40;
 
 /// Locates table and parts without prior knowledge in 50 scenes of every difficulty, starting at the seed. Independent
 /// of the rig.
-pub fn vision(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
-    Ok(vision_of(lab.seed, SCENES))
+pub fn vision(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+    Ok(vision_of(lab.seed, SCENES, progress))
 }
 
 /// The same in `scenes` scenes of every difficulty, of the seeds `seed`, `seed + 1`, ... The result does not depend on
 /// the number of threads.
-pub fn vision_of(seed: u64, scenes: usize) -> ExperimentResult {
+pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> ExperimentResult {
     let seeds: Vec<u64> = (0..scenes as u64).map(|i| seed.wrapping_add(i)).collect();
+    let all = Difficulty::ALL.len() as f64;
+    let mut done = 0.0;
     let tallies = Difficulty::ALL.map(|difficulty| {
-        let verdicts = parallel(&seeds, &|_| (), |&seed| judge(difficulty, &Scene::generate(difficulty, seed)));
+        let before = done;
+        done += 1.0 / all;
+        let verdicts = parallel(&seeds, &|share| progress(before + share / all), |&seed| {
+            evaluate(difficulty, &Scene::generate(difficulty, seed))
+        });
         VerdictCounts::new(difficulty, &verdicts)
     });
     ExperimentResult {
@@ -85,7 +91,7 @@ mod tests {
         let hard = [20, 42, 138, 190, 272, 312, 373, 388, 422, 433, 434, 485, 525, 663, 934, 935, 961];
         let clean = [8, 23, 30, 140, 187].map(|seed| (Difficulty::Clean, seed));
         for (difficulty, seed) in hard.map(|seed| (Difficulty::Hard, seed)).into_iter().chain(clean) {
-            let verdict = judge(difficulty, &Scene::generate(difficulty, seed));
+            let verdict = evaluate(difficulty, &Scene::generate(difficulty, seed));
             let TableVerdict::Found { parts, corner_errors_px } = verdict.table else {
                 panic!("{difficulty} {seed}: no table")
             };
@@ -97,7 +103,7 @@ mod tests {
 
     #[test]
     fn a_campaign_counts_every_part_and_is_the_same_again() {
-        let outcome = vision_of(3, 2);
+        let outcome = vision_of(3, 2, &|_| ());
         assert_sources_are_short(&outcome);
         for difficulty in Difficulty::ALL {
             let figure = |name: &str| {
@@ -113,6 +119,6 @@ mod tests {
             }
         }
         assert_eq!(outcome.charts[0].layers.len(), 4);
-        assert_eq!(vision_of(3, 2), outcome);
+        assert_eq!(vision_of(3, 2, &|_| ()), outcome);
     }
 }

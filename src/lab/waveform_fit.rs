@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_read_is_what_is_true() {
+    fn fitted_figures_agree_with_the_truth() {
         for name in ["upm-1", "upm-2"] {
             let outcome = pulse(name);
             assert_sources_are_short(&outcome);

@@ -1,7 +1,7 @@
 //! Plate motion from accelerometer traces: a trace is reduced to harmonics, a plate twist and a centre of rotation (UPM
 //! paper, section 3.2, App. B and C).
 
-mod felt;
+mod accelerometer_phasors;
 mod gains;
 mod harmonics;
 mod judgement;

@@ -38,7 +38,7 @@ mod types;
 
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
-pub use plate_watch::{ForeignPart, PlateSight, PlateWatch};
+pub use plate_watch::{ForeignPart, PlateOccupancy, PlateWatch};
 pub use response::ResponseMethod;
 pub use survey::{seen_radius_m, survey};
 pub use table_watch::{TableMotion, TableWatch};

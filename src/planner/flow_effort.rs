@@ -124,7 +124,7 @@ mod tests {
     use crate::fixture::{library, mm, scene};
 
     #[test]
-    fn what_all_parts_do_together_takes_least() {
+    fn common_motion_of_all_parts_takes_least_effort() {
         let effort = FlowEffort::new(&library());
         for seed in 0..8 {
             let places_m: Vec<Vec2> = scene(6, 0.0, seed).iter().map(|part| part.position_m).collect();
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_takes_nothing_and_what_is_no_place_is_never_taken() {
+    fn zero_motion_takes_no_effort_and_nan_positions_infinite_effort() {
         let effort = FlowEffort::new(&library());
         assert_eq!(effort.squared(&[], &[], None), 0.0);
         assert_eq!(effort.squared(&[mm(10.0, 20.0)], &[Vec2::zeros()], None), 0.0);

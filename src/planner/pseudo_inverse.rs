@@ -29,14 +29,14 @@ pub struct PseudoInverse {
     library: Arc<Library>,
     params: PlannerParams,
     /// Indices of the strong and of the gentle entries.
-    gears: [Vec<usize>; 2],
+    fixed_centers: [Vec<usize>; 2],
     planned_for: Option<usize>,
 }
 
 impl PseudoInverse {
     /// A planner for one rig's library. Of `params` it uses the plate's side and the smallest distance.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        Self { library, params, gears: Default::default(), planned_for: None }
+        Self { library, params, fixed_centers: Default::default(), planned_for: None }
     }
 
     /// Plans one cycle: the rotations that to first order give every part its step. All steps are shortened by the same
@@ -47,14 +47,14 @@ impl PseudoInverse {
             return ended(PlanStatus::SolverFailed("a part's position is not finite".into()), &[]);
         }
         if self.planned_for.replace(parts.len()) != Some(parts.len()) {
-            self.gears = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
+            self.fixed_centers = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
         }
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         if largest_m < 0.5 * self.params.min_distance_m {
             return ended(PlanStatus::NothingToDo, &[]);
         }
         let mut plan = ended(PlanStatus::Infeasible(Limit::Unreachable), &[]);
-        for centers in self.gears.iter().filter(|centers| !centers.is_empty()) {
+        for centers in self.fixed_centers.iter().filter(|centers| !centers.is_empty()) {
             plan = match self.distances_m(centers, parts) {
                 Ok(distances_m) => self.sequence(centers, parts, &distances_m),
                 Err(words) => ended(PlanStatus::SolverFailed(words), centers),
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn endings_that_are_no_plan() {
+    fn unsolvable_inputs_end_without_a_plan() {
         ends_without_a_plan(|parts| planner().plan(parts).status);
         let mut empty = (*library()).clone();
         empty.entries.clear();
@@ -248,7 +248,7 @@ mod tests {
         }
 
         #[test]
-        fn pulses_are_what_the_library_can_do(count in 1usize..9, reach_m in 0.0..0.05f64, seed: u64) {
+        fn pulses_stay_within_the_library(count in 1usize..9, reach_m in 0.0..0.05f64, seed: u64) {
             let parts = scene(count, reach_m, seed);
             let plan = planner().plan(&parts);
             prop_assert_eq!(&plan, &planner().plan(&parts), "the same again");

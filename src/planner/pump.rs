@@ -194,7 +194,8 @@ impl PulseConstants {
         let turn = ((before.1 + after.1) * 0.5).to_array();
         let (mut taken, mut taken_rim) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            let [kept, kept_rim] = self.friction.kept(slide[i], turn[i], self.friction_mps2[i] * dt);
+            let [kept, kept_rim] =
+                self.friction.remaining_slip_fractions(slide[i], turn[i], self.friction_mps2[i] * dt);
             (taken[i], taken_rim[i]) = (1.0 - kept, 1.0 - kept_rim);
         }
         let (taken, taken_rim) = (SimdF64::from(taken) * 0.5, SimdF64::from(taken_rim) * 0.5);

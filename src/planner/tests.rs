@@ -2,7 +2,7 @@ use super::Reach;
 use super::fixture::{library, mm};
 
 #[test]
-fn reach_tells_the_weak_direction() {
+fn reach_reports_the_weakest_direction() {
     let everywhere = Reach::of(&library(), mm(20.0, 30.0));
     assert!(everywhere.weakest_projection > 0.9 && everywhere.singular_values[1] > 1.0);
     let mut along_x = (*library()).clone();

@@ -85,7 +85,7 @@ pub struct Rotation {
     pub distance_m: f64,
     /// Fraction of the entry's full amplitude, 0 to 1.
     pub amplitude: f64,
-    /// Sustain, s.
+    /// Time between attack and decay, s.
     pub sustain_s: f64,
     /// Rest after it, until all parts are forecast to be at rest, s.
     pub rest_s: f64,
@@ -96,7 +96,7 @@ pub struct Rotation {
 pub struct FieldPulse {
     /// The plate's velocity at full height.
     pub wave: TwistWave,
-    /// Sustain, s.
+    /// Time at full height, between attack and decay, s.
     pub sustain_s: f64,
 }
 

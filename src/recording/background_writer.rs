@@ -3,7 +3,9 @@ use std::io::{self, ErrorKind, Write};
 use std::time::Duration;
 
 use super::options::WriterStatus;
-use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, RecvTimeoutError, Unsent};
+use upm_core::background::{
+    BackgroundThread, OverflowPolicy, Queue, QueueError, Receiver, RecvTimeoutError, WaitError,
+};
 use upm_core::time::Clock;
 
 /// Capacity of the queue, lines.
@@ -86,8 +88,8 @@ impl BackgroundWriter {
             _ => self.thread.wait_within(PATIENCE),
         };
         ended.unwrap_or_else(|unfinished| match unfinished {
-            NoResult::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
-            NoResult::Died => Err(io::Error::other("the writer's thread died")),
+            WaitError::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
+            WaitError::Died => Err(io::Error::other("the writer's thread died")),
         })
     }
 
@@ -105,11 +107,11 @@ impl Write for BackgroundWriter {
         }
         match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
             Some(Ok(())) => Ok(line.len()),
-            Some(Err(Unsent::Full(_))) => {
+            Some(Err(QueueError::Full(_))) => {
                 let lag = format!("the disk lags: {QUEUE} lines wait to be written");
                 Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
             }
-            Some(Err(Unsent::Closed(_))) | None => {
+            Some(Err(QueueError::Closed(_))) | None => {
                 let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
                 Err(self.fail(&fault))
             }
@@ -299,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_that_hangs_blocks_only_who_wants_to_wait() {
+    fn hung_disk_makes_a_writer_that_gives_up_fail_without_blocking() {
         let disk = RecordedDisk::default();
         let (gate, watch) = (disk.gate.lock().unwrap(), WriterStatus::default());
         let mut writer =
@@ -321,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_comes_out_of_the_next_write_and_of_the_end() {
+    fn full_disk_fails_the_next_write_and_the_finish() {
         for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
             let watch = WriterStatus::default();
             let disk = RecordedDisk { room_bytes: Some(12), ..RecordedDisk::default() };
@@ -340,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_told_at_the_end_when_nothing_is_written_after_it() {
+    fn full_disk_is_reported_at_finish_when_no_write_follows() {
         let disk = RecordedDisk { room_bytes: Some(3), ..RecordedDisk::default() };
         let mut writer =
             BackgroundWriter::start(disk, OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default()).unwrap();

@@ -76,7 +76,7 @@ mod tests {
     use crate::MemorySink;
 
     #[test]
-    fn tells_every_sink() {
+    fn event_reaches_every_sink() {
         let (mut a, mut b) = (MemorySink::default(), MemorySink::default());
         Fanout::new().with(&mut a).with(&mut b).event(PlateTime::ZERO, EventLevel::Info, "hello");
         assert_eq!(a.events, b.events);

@@ -5,7 +5,7 @@ use super::report::RecordingReport;
 use upm_control::{EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_core::time::PlateTime;
 
-/// State of a recording.
+/// Progress or end of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RecordingState {
     /// There is no recording, or it has not begun.
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_end_counts_and_is_told_once() {
+    fn first_end_counts_and_is_reported_once() {
         let handle = RecordingHandle::default();
         assert_eq!((handle.state(), handle.take_end()), (RecordingState::Off, None));
         handle.begin();

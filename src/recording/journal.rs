@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_told_by_their_harmonics() {
+    fn fields_are_written_as_their_harmonics() {
         let text = written(|journal| {
             let mut run = synthetic_run::SyntheticRun::new(2);
             run.plans_fields = true;
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_told_at_the_end() {
+    fn full_disk_is_reported_at_the_end() {
         #[derive(Debug)]
         struct FullDisk(usize);
         impl Write for FullDisk {

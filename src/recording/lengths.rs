@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statistics_are_those_of_the_lengths_and_none_of_nothing() {
+    fn statistics_are_those_of_the_lengths_and_missing_without_any() {
         let mut lengths = Lengths::default();
         assert_eq!((lengths.mean_mm(), lengths.rms_mm(), lengths.max_mm()), (None, None, None));
         [3e-3, 4e-3].into_iter().for_each(|length_m| lengths.push(length_m));

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn peaks_lie_where_their_cells_went() {
+    fn peaks_are_at_the_pixels_of_their_cells() {
         let mut hough =
             HoughArray { angles: 8, distances: 9, px_per_row: 1.0, votes: vec![0.0; 72], peaks: vec![(5, 2), (7, 3)] };
         hough.votes[2 * 8 + 5] = 99.0;

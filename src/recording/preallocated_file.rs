@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stood_there_is_gone() {
+    fn previous_content_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.jsonl");
         fs::write(&path, "something longer").unwrap();

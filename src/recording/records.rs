@@ -75,7 +75,7 @@ pub struct CycleRecord {
     pub observed_m: Vec<Vec2>,
     /// The task's request.
     pub wanted: Setpoints,
-    /// The plan.
+    /// Pulses planned from that observation.
     pub plan: Plan,
     /// Time of the next observation.
     pub ended_at: PlateTime,
@@ -106,7 +106,7 @@ impl From<&CycleFacts<'_>> for CycleRecord {
 /// An event of a run with its time and severity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EventRecord {
-    /// Plate time.
+    /// Plate time of the event.
     pub at: PlateTime,
     /// Severity.
     pub level: EventLevel,

@@ -11,7 +11,7 @@ use upm_document::schema_of;
 pub struct Report {
     /// Name of the job.
     pub name: String,
-    /// Its seed.
+    /// Seed of all random numbers of the run.
     pub seed: u64,
     /// Version of this program.
     pub version: String,
@@ -34,7 +34,7 @@ pub struct Report {
     /// bound. `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bound_s: Option<f64>,
-    /// Wall time, s.
+    /// Duration of the run by the computer's clock, s.
     pub wall_time_s: f64,
     /// Frames tracked.
     pub frames: u64,
@@ -46,7 +46,7 @@ pub struct Report {
     pub laps: u32,
     /// Contacts between parts; `None` on a rig without ground truth.
     pub collisions: Option<u64>,
-    /// Parts lost.
+    /// Number of parts that were missing for so long that the run ended.
     pub lost_parts: usize,
     /// Deadlines missed; only where plate time kept to the clock.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -186,7 +186,7 @@ pub struct PlannerReport {
 pub enum SelectedBy {
     /// The program, for a job that leaves it open or says `auto`.
     Auto,
-    /// The job.
+    /// The job, which names the planner.
     Job,
 }
 
@@ -214,7 +214,7 @@ pub struct CycleError {
 pub struct PartReport {
     /// Name in this run: `penny-1`.
     pub id: String,
-    /// Its kind.
+    /// Name of the part's kind: `penny`.
     pub kind: String,
     /// Target; `None` when the part had none.
     pub target_mm: Option<[f64; 2]>,

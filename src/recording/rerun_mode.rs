@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_what_it_writes() {
+    fn modes_round_trip_through_their_text() {
         for text in ["off", "save", "connect", "connect=rerun+http://10.0.0.2:9876/proxy", "spawn"] {
             assert_eq!(text.parse::<RerunMode>().unwrap().to_string(), text);
         }

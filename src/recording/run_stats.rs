@@ -40,11 +40,11 @@ pub struct RunStats {
 pub struct EndFacts {
     /// Name of the job.
     pub name: String,
-    /// Its seed.
+    /// Seed of all random numbers of the run.
     pub seed: u64,
     /// Its planner and the reason; `None` where that is unknown.
     pub planner: Option<PlannerReport>,
-    /// Outcome.
+    /// Completed, failed or cancelled.
     pub outcome: Outcome,
     /// The reason, for people.
     pub reason: String,
@@ -54,7 +54,7 @@ pub struct EndFacts {
     pub plate_time: PlateTime,
     /// Least plate time by rotations, s; `None` where it was not computed.
     pub bound_s: Option<f64>,
-    /// Wall time, s.
+    /// Duration of the run by the computer's clock, s.
     pub wall_time_s: f64,
     /// Missed deadlines; `None` where plate time did not keep to the clock.
     pub deadlines: Option<Deadlines>,
@@ -84,9 +84,9 @@ pub struct Deadlines {
 pub struct PartEnd {
     /// Name in this run.
     pub id: String,
-    /// Its kind.
+    /// Name of its kind; empty if unknown.
     pub kind: String,
-    /// Target, m.
+    /// Last place that the task asked for, m; `None` without one.
     pub target_m: Option<Vec2>,
     /// Last seen position, m.
     pub measured_m: Option<Vec2>,
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn measured_positions_are_held_against_the_truth() {
+    fn measured_positions_are_compared_with_the_truth() {
         let mut run = SyntheticRun::new(2);
         run.sensing_offset_m = Vec2::new(3e-5, 4e-5);
         let mut stats = RunStats::new(Some(run.truth.clone()));
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_at_another_moment_are_not_compared() {
+    fn observations_at_other_times_are_not_compared() {
         let mut run = SyntheticRun::new(1);
         let mut stats = RunStats::new(Some(Default::default()));
         run.cycle(&mut stats);
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn deadlines_are_told_where_there_were_any_to_keep() {
+    fn deadlines_are_reported_only_where_there_were_any() {
         let json = |deadlines| {
             let report = RunStats::new(None).report(EndFacts { deadlines, ..ending(Vec::new()) });
             let json = serde_json::to_value(&report).unwrap();

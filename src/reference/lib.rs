@@ -53,7 +53,7 @@ pub enum ReferenceFault {
 pub struct ReferenceView {
     /// Gray levels in ideal image coordinates, of the frame's size.
     pub ideal: GrayImage,
-    /// The table.
+    /// Plate with its pose, from the four corners found in `ideal`.
     pub table: Table,
 }
 

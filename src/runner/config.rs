@@ -70,4 +70,6 @@ pub use schema::{schema, schema_names};
 pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
-pub use upm_document::{Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, listed, nearest, one_of, reason};
+pub use upm_document::{
+    Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, listed, nearest, one_of, reason, text_of,
+};

@@ -47,7 +47,7 @@ use upm_recording::{
     report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{BinLook, LiveServer, PathLook, RerunSink, RunContext};
+use upm_viewer::{BinAppearance, LiveServer, PathAppearance, RerunSink, RunContext};
 
 use end_facts::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
@@ -57,7 +57,7 @@ use time_figure::FirstObservation;
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
 pub use coverage::{Coverage, CoverageHole, WorstDirection};
-pub use dry_run::{Forecast, PartForecast, PlanVerdict, RehearsalProgress, StartForecast, rehearse};
+pub use dry_run::{DryRunProgress, Forecast, PartForecast, PlanVerdict, StartForecast, rehearse};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
@@ -89,7 +89,7 @@ pub struct RunOptions {
     pub live: Option<LiveServer>,
 }
 
-/// Results of a run.
+/// Report of an ended run, with its folder and warnings.
 #[derive(Clone, Debug)]
 pub struct RunResult {
     /// The run folder.
@@ -311,13 +311,13 @@ fn start_recording(
         library: Arc::clone(library),
         model: setup.model.clone(),
         method: setup.params.method,
-        parts: setup.part_looks(),
+        parts: setup.part_appearances(),
         bins: layout
             .bins
             .into_iter()
-            .map(|LayoutBin { kinds, min_m, max_m }| BinLook { kinds, min_m, max_m })
+            .map(|LayoutBin { kinds, min_m, max_m }| BinAppearance { kinds, min_m, max_m })
             .collect(),
-        paths: layout.paths.iter().map(|path| PathLook { part: path.part, line_m: path.line_m() }).collect(),
+        paths: layout.paths.iter().map(|path| PathAppearance { part: path.part, line_m: path.line_m() }).collect(),
         truth: Some(setup.truth()),
     };
     let path = folder.path().join("run.rrd");

@@ -6,7 +6,7 @@ use super::{ClutterOutline, ClutterShape, Glint, Scene, SurfaceTexture};
 use upm_core::geometry::{Vec2, perp};
 
 /// Least distance of objects on the ground from the plate, m.
-const STRAY_GAP_M: f64 = 4e-3;
+const CLUTTER_GAP_M: f64 = 4e-3;
 
 /// One side of the plate: its outward normal and the direction along it.
 fn side(sampler: &mut SceneSampler) -> (Vec2, Vec2) {
@@ -17,7 +17,7 @@ fn side(sampler: &mut SceneSampler) -> (Vec2, Vec2) {
 
 impl Scene {
     /// A bar or a hand over up to a quarter of one side, in a third of the scenes.
-    pub(super) fn draw_covers(&mut self, sampler: &mut SceneSampler) {
+    pub(super) fn draw_occluders(&mut self, sampler: &mut SceneSampler) {
         if !sampler.chance(0.35) {
             return;
         }
@@ -36,7 +36,7 @@ impl Scene {
 
     /// Discs, sheets and long stripes beside the plate, in half of the scenes: none of them is a square as large as the
     /// plate.
-    pub(super) fn draw_strays(&mut self, sampler: &mut SceneSampler) {
+    pub(super) fn draw_clutter(&mut self, sampler: &mut SceneSampler) {
         if !sampler.chance(0.55) {
             return;
         }
@@ -46,7 +46,7 @@ impl Scene {
             let size = self.side_m * sampler.within(0.03, 0.3);
             let at = |away: f64, aside: f64| outward * (self.side_m / 2.0 + away) + along * aside;
             let aside = sampler.around(0.6) * self.side_m;
-            let gap = STRAY_GAP_M + sampler.within(0.0, 0.25) * self.side_m;
+            let gap = CLUTTER_GAP_M + sampler.within(0.0, 0.25) * self.side_m;
             let across = outward.y.atan2(outward.x);
             let shape = match sampler.one_of(3) {
                 0 => ClutterOutline::circle(at(gap + size / 2.0, aside), size / 2.0),
@@ -56,7 +56,7 @@ impl Scene {
                 }
                 _ => {
                     let half = [self.side_m * sampler.within(0.01, 0.06), self.side_m * sampler.within(0.25, 0.7)];
-                    let (turn, near) = (sampler.around(0.05), STRAY_GAP_M + sampler.within(0.0, 0.1) * self.side_m);
+                    let (turn, near) = (sampler.around(0.05), CLUTTER_GAP_M + sampler.within(0.0, 0.1) * self.side_m);
                     ClutterOutline::rectangle(at(near + half[0] + half[1] * turn.abs(), aside), half, across + turn)
                 }
             };

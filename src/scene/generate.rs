@@ -79,9 +79,9 @@ impl Scene {
             Difficulty::Hard => {
                 scene.draw_hard_light(&mut stream("hard light"));
                 scene.draw_view(&mut stream("hard view"), [0.4, 0.95], 10.0, [1.2, 4.0]);
-                scene.draw_covers(&mut stream("hard covers"));
+                scene.draw_occluders(&mut stream("hard covers"));
                 scene.draw_parts(&mut stream("hard parts"));
-                scene.draw_strays(&mut stream("hard strays"));
+                scene.draw_clutter(&mut stream("hard strays"));
                 scene.draw_faces(&mut stream("hard faces"));
             }
             Difficulty::Papers => {
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_wholly_in_the_frame_and_as_large_as_promised() {
+    fn table_is_wholly_in_the_frame_and_large_enough() {
         for (difficulty, least, most_tilt) in
             [(Difficulty::Clean, 0.55, 5.0), (Difficulty::Hard, 0.4, 10.0), (Difficulty::Papers, 0.7, 0.0)]
         {

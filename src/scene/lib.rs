@@ -21,7 +21,7 @@
 //! ```
 
 mod clutter;
-mod expose;
+mod exposure;
 mod generate;
 mod layers;
 mod parts;

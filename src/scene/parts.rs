@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_lie_on_the_plate_and_beside_one_another() {
+    fn parts_are_on_the_plate_and_do_not_overlap() {
         for difficulty in Difficulty::ALL {
             let (mut with_touching, mut at_edge, mut parts) = (0, 0, 0);
             for scene in (0..100).map(|seed| Scene::generate(difficulty, seed)) {

@@ -37,7 +37,7 @@ impl Scene {
     }
 }
 
-/// A square of pixels.
+/// Region of the picture that is filled at once or split into quarters.
 #[derive(Clone, Copy)]
 struct PixelSquare {
     /// Its first column and row.

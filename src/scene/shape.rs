@@ -10,7 +10,7 @@ pub enum ClutterOutline {
 }
 
 impl ClutterOutline {
-    /// A circle.
+    /// Outline of all points within `radius_m` of `at_m`.
     pub fn circle(at_m: Vec2, radius_m: f64) -> Self {
         Self::Hull([(at_m, radius_m); 2])
     }

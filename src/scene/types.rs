@@ -47,7 +47,7 @@ pub struct SceneDisc {
     pub kind: usize,
     /// Middle of its foot in the table frame, m.
     pub at_m: Vec2,
-    /// Radius, m.
+    /// Radius of foot and top, m.
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
@@ -92,7 +92,7 @@ pub struct Glint {
 /// An object of one gray level, its outline on the plate's plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClutterShape {
-    /// Outline.
+    /// Region of the plate's plane that it covers, table frame, m.
     pub shape: ClutterOutline,
     /// Gray level in full light.
     pub level: f64,

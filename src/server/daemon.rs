@@ -10,12 +10,12 @@ mod estop_socket;
 mod files;
 mod health;
 mod metrics;
-mod observed;
 mod page;
 mod prepare;
 mod recovery_log;
 mod start;
 mod state;
+mod status;
 mod submit;
 mod systemd;
 #[cfg(test)]

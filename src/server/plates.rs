@@ -34,7 +34,7 @@ mod worker;
 
 pub use events::{EventSubscriber, JobEvent};
 pub use latch::StopToken;
-pub use plate::{PlateHandle, Requester};
+pub use plate::{PlateHandle, ResetRequester};
 pub use preview::PreviewPicture;
 pub use setup::{PlateSetup, SharedServices, StandingSetup};
 pub use start::PlateSupervisor;

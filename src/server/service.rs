@@ -10,12 +10,12 @@ pub use api::{
     AppParts, Asset, Backend, CameraPicture, Checked, EStopped, EventSender, HttpMetrics, JOB_OVER, Job, JobCreated,
     JobsPage, JobsQuery, LayoutPart, LayoutPath, LayoutView, PauseCause, Pending, Plate, PlateCondition, Plates,
     Recording, Refusal, ReplayPage, Requests, ResetRequest, Responder, StandingJob, StreamEvent, StreamStart,
-    Submission, app, kept, pending,
+    Submission, app, pending, ready,
 };
 
 pub use crate::states::{JobState, PlateState, RecordingStatus, StandingState};
 pub use http::{
-    AllowedHosts, BodyRoom, Caller, HttpLimits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, Scope,
-    SharedTokens, ShutdownReport, StopFlag, StopSender, Tokens, joined, serve,
+    AllowedHosts, BodyMemoryLimit, Caller, HttpLimits, Problem, ProblemDocument, ProblemKind, Reason, ReasonCode,
+    Scope, SharedTokens, ShutdownReport, StopFlag, StopSender, Tokens, joined, serve,
 };
 pub use upm_core::job::Pace;

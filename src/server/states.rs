@@ -7,7 +7,7 @@ use upm_core::coded_enum;
 use upm_core::job::{Outcome, StopCause};
 
 coded_enum! {
-    /// State of a job.
+    /// Stage of a job between submission and end; all but `queued` and `running` are final.
     #[derive(JsonSchema)]
     pub enum JobState {
         /// Queued for its plate.
@@ -67,7 +67,7 @@ coded_enum! {
 }
 
 coded_enum! {
-    /// State of a plate.
+    /// Whether a plate is free, runs a job or is held.
     #[derive(JsonSchema)]
     pub enum PlateState {
         /// Idle, and able to take a job.

@@ -38,7 +38,7 @@ mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
-pub use held::{Displaced, HeldPath, PathObject};
+pub use held::{DisplacedFile, PathObject, WatchedPath};
 pub use ids::JobId;
 pub use inspect::{InspectLimits, StoreSnapshot, inspect};
 pub use job_store::{JobStore, MakeFolder, Publish};
@@ -48,8 +48,8 @@ pub use open::OpenOutcome;
 pub use options::{RepairRecording, StoreLimits};
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    AuditEntry, AuditRow, CancelOutcome, Claimed, Deleted, FINISHED, JobEnd, JobPage, JobRow, JobSelection, NewEvent,
-    NewJob, RecordingRepair, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
+    AuditEntry, AuditRow, CancelOutcome, ClaimedJob, DeleteOutcome, FINISHED, JobEnd, JobPage, JobRow, JobSelection,
+    NewEvent, NewJob, RecordingRepair, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
 };
 
 pub use crate::states::{JobState, RecordingStatus};

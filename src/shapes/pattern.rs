@@ -28,7 +28,7 @@ pub enum Pattern {
     Circle {
         /// Centre, m.
         center_m: Vec2,
-        /// Radius, m.
+        /// Distance of the places from the centre, m.
         radius_m: f64,
         /// Direction of the first place from the centre, rad counter-clockwise from x.
         start_rad: f64,

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn drawing_stands_upright_where_it_should() {
+    fn drawing_is_upright_and_at_its_place() {
         let center_m = Vec2::new(0.01, 0.02);
         let tee = Drawing::of_svg("m 10 10 h 20 m -10 0 v 40", Size::Height(0.08), center_m).unwrap();
         let places = tee.places(tee.fewest()).unwrap();

@@ -42,8 +42,8 @@ impl Accelerometers {
     }
 
     /// Begins a new pulse that sounds for `sounding_s`; discards the last trace.
-    pub fn start(&mut self, sounding_s: f64) {
-        self.pending = (sounding_s * self.params.sample_hz).floor() as usize + 1;
+    pub fn start(&mut self, driven_s: f64) {
+        self.pending = (driven_s * self.params.sample_hz).floor() as usize + 1;
         for channel in &mut self.trace.counts {
             channel.clear();
             channel.reserve(self.pending);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_fall_on_their_instants_whatever_the_step() {
+    fn samples_are_taken_at_their_instants_for_any_step() {
         for step_s in [5e-5, 7e-5, 3.3e-4] {
             let trace = ramp(&PARAMS, step_s, 0.8);
             assert_eq!(trace.len(), 4001);

@@ -131,7 +131,7 @@ impl Motors {
         }
         self.held_sample = Some(sample);
         let t_s = sample as f64 / self.params.sample_hz;
-        if t_s >= drive.envelope.sounding_s() {
+        if t_s >= drive.envelope.driven_s() {
             self.hold(|_| 0.0);
             self.drive = None;
             return;
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn each_motor_pushes_where_the_paper_says() {
+    fn each_motor_pushes_as_in_the_paper() {
         let signs = [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0), (0.0, 1.0, 1.0), (0.0, -1.0, 1.0)];
         for (motor, (fx, fy, turn)) in signs.into_iter().enumerate() {
             let mut forces = [0.0; 4];
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn falls_silent_after_the_pulse_and_at_once_when_stopped() {
+    fn motors_are_idle_after_the_pulse_and_at_once_when_stopped() {
         let mut motors = Motors::new(&PARAMS, 5e-5);
         assert!(motors.is_idle());
         motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));

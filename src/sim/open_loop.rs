@@ -73,7 +73,7 @@ pub enum OpenLoopError {
         pulse: usize,
         /// Largest sample, counts.
         peak_counts: f64,
-        /// Limit, counts.
+        /// Largest sample that the generator plays, counts.
         limit_counts: f64,
     },
     /// A coil cannot produce the force.
@@ -85,7 +85,7 @@ pub enum OpenLoopError {
         pulse: usize,
         /// Largest force, N.
         peak_n: f64,
-        /// Limit, N.
+        /// Largest force that a coil can produce, N.
         limit_n: f64,
     },
     /// Not a number, negative or infinite.

@@ -7,13 +7,13 @@ use upm_core::geometry::{Lens, Vec2};
 pub struct SimParams {
     /// Time step of motors, plate and parts, s.
     pub step_s: f64,
-    /// The plate.
+    /// Size, mass and springs of the plate.
     pub plate: PlateParams,
     /// Waveform generator, amplifiers and voice coils.
     pub motors: MotorParams,
     /// The two accelerometers.
     pub accelerometers: AccelerometerParams,
-    /// The camera.
+    /// Optics, position and noise of the camera, and the light.
     pub camera: CameraParams,
     /// Contact between parts.
     pub contact: ContactParams,
@@ -22,7 +22,7 @@ pub struct SimParams {
 /// A plate on flexible rods: each axis a mass-spring-damper (Eq. 33). Order of triples: x, y, spin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateParams {
-    /// Side, m.
+    /// Length of the square plate's edges, m.
     pub side_m: f64,
     /// Moving mass, kg.
     pub mass_kg: f64,
@@ -81,7 +81,7 @@ pub struct CameraParams {
     pub frame_hz: f64,
     /// Exposure time, s.
     pub exposure_s: f64,
-    /// The lens.
+    /// Focal length, principal point and distortion.
     pub lens: Lens,
     /// Position of the camera's centre in the table frame, m; the camera faces down.
     pub position_m: Vector3<f64>,
@@ -117,7 +117,7 @@ pub struct PartParams {
     pub radius_m: f64,
     /// Height, m.
     pub thickness_m: f64,
-    /// Mass, kg.
+    /// Mass of the disc, kg.
     pub mass_kg: f64,
     /// Coefficient of Coulomb friction against the plate.
     pub friction: f64,

@@ -68,7 +68,7 @@ impl Parts {
                 body.drag(self.friction, reach_mps, plate.twist.velocity_at(arm), plate.twist.spin_radps);
             impulse += sped * body.mass_kg;
             turn += cross(arm, sped) * body.mass_kg + body.inertia_kgm2() * spun;
-            liveliest = liveliest.max(body.liveliness());
+            liveliest = liveliest.max(body.min_rim_speed_squared());
 
             let motion = &mut body.motion;
             motion.part_in_table.position_m += motion.velocity_mps * self.step_s;
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_gives_the_plate_what_it_takes_from_the_part() {
+    fn friction_transfers_momentum_from_the_part_to_the_plate() {
         let mut parts =
             Parts::new(&[(PENNY, Pose { position_m: Vec2::new(0.05, 0.02), heading_rad: 0.0 })], &CONTACT, 2.0, STEP_S);
         parts.push(0, Vec2::new(0.2, -0.1), 12.0);
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_beyond_the_edge_lies_beside_the_plate_for_good() {
+    fn fallen_part_stays_beside_the_plate() {
         let mut parts = one(PENNY, Vec2::new(3.0, 0.5), 2.0);
         parts.half_side_m = 0.1;
         for _ in 0..2000 {

@@ -63,7 +63,7 @@ impl Plant {
 
     /// Starts `drive` now, replacing any other.
     pub fn play(&mut self, drive: Drive) {
-        self.accelerometers.start(drive.envelope.sounding_s());
+        self.accelerometers.start(drive.envelope.driven_s());
         self.motors.start(drive);
         self.pulse_steps = 0;
         self.still = false;
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn snapshots_within_a_step_lie_on_the_way() {
+    fn snapshots_within_a_step_are_on_the_path() {
         let mut plant = plant(&rig_params());
         plant.play(drive());
         let (mut snapshot, mut reached) = (Snapshot::default(), 0.0f64);

@@ -18,7 +18,7 @@ use upm_core::geometry::{Pose, Twist, Vec2, perp};
 /// A planar force and a torque about the plate's centre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
-    /// Force, N.
+    /// Force along x and y, N.
     pub force_n: Vec2,
     /// Torque, N m, counter-clockwise.
     pub torque_nm: f64,
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_feels_spin_and_centre() {
+    fn sensor_measures_spin_and_centre_acceleration() {
         let p = Vec2::new(0.08, 0.06);
         let spinning = PlateMotion {
             twist: Twist::new(0.0, 0.0, 3.0),

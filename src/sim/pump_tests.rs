@@ -335,7 +335,7 @@ fn flanks_of_two_periods_leave_the_rods_at_rest() {
             plant.play(open_loop::ideal_drive(&params, 0, &pulse, W).unwrap());
             // Two milliseconds for the low-pass to fall silent.
             let steps = |length_s: f64| (length_s / params.step_s) as u32;
-            (0..steps(outline.sounding_s() + 2e-3)).for_each(|_| plant.step());
+            (0..steps(outline.driven_s() + 2e-3)).for_each(|_| plant.step());
             (0..steps(0.1)).fold(0.0f64, |peak, _| {
                 plant.step();
                 peak.max(plant.plate().twist.velocity_mps.x.abs())

@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_sounds_moves_parts_and_leaves_a_trace() {
+    fn pulse_keeps_the_rig_busy_moves_parts_and_leaves_a_trace() {
         let mut rig = rig(1);
         capture(&mut rig);
         let before = rig.probe().read();
@@ -290,7 +290,7 @@ mod tests {
             capture(&mut rig);
         }
         let (after, trace) = (rig.probe().read(), rig.trace());
-        assert_eq!(trace.len(), (ENVELOPE.sounding_s() * trace.sample_hz) as usize + 1);
+        assert_eq!(trace.len(), (ENVELOPE.driven_s() * trace.sample_hz) as usize + 1);
         assert!(trace.counts.iter().all(|c| c.iter().any(|&n| n.abs() > 50)));
         for (a, b) in before.parts.iter().zip(&after.parts) {
             let moved = b.part_in_table.position_m - a.part_in_table.position_m;
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_a_drive() {
+    fn invalid_drives_are_refused() {
         let mut rig = rig(1);
         let with = |change: fn(&mut Drive)| {
             let mut drive = drive(300.0);
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn stands_still_again_and_then_takes_one_snapshot() {
+    fn rig_is_still_again_some_time_after_a_pulse() {
         let mut rig = rig(1);
         capture(&mut rig);
         rig.play(&drive(300.0)).unwrap();

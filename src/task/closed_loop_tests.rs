@@ -143,7 +143,7 @@ fn rings_turn_by_one_place() {
 }
 
 #[test]
-fn who_cannot_pass_is_named_and_the_others_arrive() {
+fn blocked_part_is_named_and_the_others_arrive() {
     // the largest disc leaves 24.8 mm beside it at most, wherever it goes; part 1 has a diameter of 30 mm and its
     // target on the far side
     let radii_m = [0.14, 0.015, 0.009];
@@ -164,7 +164,7 @@ fn who_cannot_pass_is_named_and_the_others_arrive() {
     assert_eq!((course.cycles, course.blocked), (usize::MAX, vec![1]));
     let wanted = task.next(PlateTime::from_secs(100.0), &starts_m);
     assert_eq!(wanted.blocked, [1]);
-    assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 boxed in");
+    assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 blocked");
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
 }
 

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_let_be_until_they_drift_and_then_brought_back() {
+    fn parts_are_left_alone_until_they_drift_and_then_brought_back() {
         let mut task = Hold::new(PARAMS);
         let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];
         let mut observe = |at_s: f64, drift_m: f64| {

@@ -110,7 +110,7 @@ impl InPhase {
     }
 
     /// Setpoints on the loops, `elapsed_s` after the previous observation.
-    fn go_round(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Setpoints {
+    fn loop_setpoints(&mut self, seen_m: &[Vec2], elapsed_s: f64, reference: f64) -> Setpoints {
         let InPhaseParams { period_s, lead_m, stride_m, arrive_m, laps, .. } = self.params;
         let places: Vec<LoopPosition> =
             seen_m.iter().enumerate().map(|(part, part_m)| self.place(part, *part_m, reference)).collect();
@@ -168,7 +168,7 @@ impl Task for InPhase {
             None => self.approach(&steering),
             Some(reference) => {
                 steering.see(parts_in_table_m);
-                self.go_round(steering.seen_m(), elapsed_s, reference)
+                self.loop_setpoints(steering.seen_m(), elapsed_s, reference)
             }
         };
         self.approach = Some(steering);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_ever_not_a_number() {
+    fn outputs_are_finite_for_nonfinite_inputs() {
         for period_s in [0.0, f64::NAN, f64::INFINITY, -1.0, 1e-300] {
             for parts in [&[][..], &[Vec2::new(f64::NAN, 0.0); 3], &[Vec2::zeros(); 4]] {
                 let mut task = InPhase::new(InPhaseParams { period_s, arrive_m: 1.0, ..three_on_one_eight(2) });

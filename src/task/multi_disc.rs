@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_close_already_may_stay_close_but_come_no_closer() {
+    fn close_discs_may_stay_close_but_not_approach() {
         let [a, b] = [Vec2::zeros(), Vec2::new(0.02, 0.0)];
         let go = |from: Vec2, by: Vec2| SynchronousMove { from_m: from, to_m: from + by };
         let up = Vec2::new(0.0, 0.01);

@@ -19,14 +19,14 @@ const KEPT_GAP_M: f64 = 2.5e-3;
 /// Distance within which every part has reached a stage, m.
 const STAGE_REACHED_M: f64 = 1e-3;
 
-/// Cycles after which a new route is searched while a part is boxed in.
+/// Cycles after which a new route is searched while a part is blocked.
 const PATIENCE: usize = 16;
 
 /// Fraction of a stage's initial distance at which the next stage begins, for rotations: they leave the hardest part of
 /// it.
 const STAGE_LEFT: f64 = 0.4;
 
-/// Other assignments tried for parts that are boxed in.
+/// Other assignments tried for parts that are blocked.
 const EXCHANGES: usize = 3;
 
 /// The kind of motion that moves the parts; it determines which paths are short.
@@ -135,10 +135,10 @@ impl PathFollower {
         }
         self.observations += 1;
         match self.motions.clone() {
-            Motions::Independent if self.keep_way() => {}
-            Motions::Independent => self.find_way(),
-            Motions::Rotations { stride_m, .. } if self.keep_turning_way(stride_m) => {}
-            Motions::Rotations { stride_m, effort } => self.find_turning_way(stride_m, effort.as_ref()),
+            Motions::Independent if self.keep_path() => {}
+            Motions::Independent => self.find_path(),
+            Motions::Rotations { stride_m, .. } if self.keep_turning_path(stride_m) => {}
+            Motions::Rotations { stride_m, effort } => self.find_turning_path(stride_m, effort.as_ref()),
         }
     }
 
@@ -173,7 +173,7 @@ impl PathFollower {
         let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
         match round {
             _ if of == 0 => "no parts".into(),
-            _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} boxed in", numbers.join(", ")),
+            _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} blocked", numbers.join(", ")),
             false if !matches!(self.motions, Motions::Independent) => format!("{to}: {there} of {of} there"),
             false => format!("{to}, straight: {there} of {of} there"),
             true => format!("{to}, round each other: {there} of {of} there"),
@@ -229,7 +229,7 @@ impl PathFollower {
     }
 
     /// Advances to the last stage that can be reached straight; false without such a stage.
-    fn keep_way(&mut self) -> bool {
+    fn keep_path(&mut self) -> bool {
         if !self.blocked.is_empty() && self.observations > PATIENCE {
             return false;
         }
@@ -245,7 +245,7 @@ impl PathFollower {
 
     /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
     /// further on. False where the path is no longer clear.
-    fn keep_turning_way(&mut self, stride_m: f64) -> bool {
+    fn keep_turning_path(&mut self, stride_m: f64) -> bool {
         if !self.blocked.is_empty() && self.observations > PATIENCE {
             return false;
         }
@@ -286,7 +286,7 @@ impl PathFollower {
     }
 
     /// Finds a new path for rotations, and adopts an assignment that takes clearly less effort.
-    fn find_turning_way(&mut self, stride_m: f64, effort: &dyn Effort) {
+    fn find_turning_path(&mut self, stride_m: f64, effort: &dyn Effort) {
         let better = self.turning_assignment(effort);
         let cost = |place_of: &[usize]| {
             RigidMotionProblem { problem: &self.problem(place_of), starts_m: &self.seen_m, effort }.straight_effort()
@@ -294,7 +294,7 @@ impl PathFollower {
         if better != self.place_of && cost(&better) < CLEARLY_BETTER * cost(&self.place_of) {
             self.place_of = better;
         }
-        self.find_way();
+        self.find_path();
         if !self.go_on(0, stride_m) {
             self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
         }
@@ -311,8 +311,8 @@ impl PathFollower {
         }
     }
 
-    /// Finds a new path. Where it leaves parts boxed in, others of their kind may take their places.
-    fn find_way(&mut self) {
+    /// Finds a new path. Where it leaves parts blocked, others of their kind may take their places.
+    fn find_path(&mut self) {
         self.observations = 0;
         let mut best = self.stages(&self.place_of.clone());
         let mut never = Vec::new();

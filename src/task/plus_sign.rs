@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn phases_are_said_in_words() {
+    fn phases_are_described_in_words() {
         let mut task = PlusSign::new(PARAMS);
         let mut phase = |x: f64, y: f64| task.next(PlateTime::ZERO, &[Vec2::new(x, y)]).phase;
         assert_eq!(phase(0.05, -0.03), "to the centre, along x");
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn other_parts_are_told_to_stay() {
+    fn other_parts_get_their_own_place_as_target() {
         let mut task = PlusSign::new(PARAMS);
         let other = Vec2::new(-0.05, 0.05);
         task.next(PlateTime::ZERO, &[Vec2::new(0.05, 0.0), other]);
@@ -316,7 +316,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn clumsy_parts_get_there_too(seed in 0u64..1000, x in -0.09..0.09f64, y in -0.09..0.09f64) {
+        fn noisy_part_reaches_every_branch_end(seed in 0u64..1000, x in -0.09..0.09f64, y in -0.09..0.09f64) {
             let mut rng = Streams::new(seed).stream("walk");
             let mut noise = |size: f64| Vec2::new(rng.random_range(-size..size), rng.random_range(-size..size));
             let clumsy = |part: Vec2, subgoal: Vec2| {

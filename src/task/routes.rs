@@ -13,7 +13,7 @@ pub(super) const PLANNED_GAP_M: f64 = 3e-3;
 /// starts. In a crowd parts need time to make room, and short moves.
 const RESTART_ORDERS: [(f64, usize); 4] = [(7e-3, 0), (7e-3, 4), (5e-3, 4), (5e-3, 8)];
 
-/// Orders of precedence tried before a part counts as boxed in.
+/// Orders of precedence tried before a part counts as blocked.
 const ORDERS: usize = 24;
 
 /// Search nodes (position and moment) for one part's route, and for all routes in all orders.
@@ -52,7 +52,7 @@ impl<'a> PrioritizedPlanner<'a> {
             if let Some(routes) = self.try_orders(self.first_order(), rng) {
                 return routes;
             }
-            self.give_one_up();
+            self.mark_farthest_blocked();
         }
     }
 
@@ -63,7 +63,7 @@ impl<'a> PrioritizedPlanner<'a> {
         if self.blocked.is_empty() { self.try_orders(order, rng) } else { None }
     }
 
-    /// Routes of all parts except those boxed in, which stay at rest.
+    /// Routes of all parts except those blocked, which stay at rest.
     fn try_orders(&mut self, mut order: Vec<usize>, rng: &mut Rng) -> Option<PathSet> {
         for manner in RESTART_ORDERS.iter().cycle().take(ORDERS) {
             if self.effort == 0 {
@@ -142,8 +142,8 @@ impl<'a> PrioritizedPlanner<'a> {
         (ways.fold(0.0, f64::max) / pitch_m).ceil() as usize
     }
 
-    /// Declares a part boxed in: of those that failed to find a route, the one furthest from its target.
-    fn give_one_up(&mut self) {
+    /// Declares a part blocked: of those that failed to find a route, the one furthest from its target.
+    fn mark_farthest_blocked(&mut self) {
         let way_m = |part: usize| (self.problem.targets_m()[part] - self.starts_m[part]).norm();
         let left = (0..self.problem.len()).filter(|part| !self.blocked.contains(part));
         let furthest = left.max_by(|&a, &b| self.failed[a].cmp(&self.failed[b]).then(way_m(a).total_cmp(&way_m(b))));

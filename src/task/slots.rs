@@ -159,7 +159,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn gaps_are_as_told(width in 0.03..0.2f64, height in 0.03..0.2f64, radii in proptest::collection::vec(0.008..0.013f64, 1..14)) {
+        fn gaps_are_at_least_as_wide_as_returned(width in 0.03..0.2f64, height in 0.03..0.2f64, radii in proptest::collection::vec(0.008..0.013f64, 1..14)) {
             let Slots { centers_m, gap_m } = Slots::new(Vec2::new(width, height), &radii);
             prop_assert_eq!(centers_m.len(), radii.len());
             for (i, (center, radius)) in centers_m.iter().zip(&radii).enumerate() {
@@ -172,7 +172,7 @@ mod tests {
         }
 
         #[test]
-        fn equal_discs_lie_symmetric(width in 0.05..0.2f64, height in 0.05..0.2f64, count in 1usize..14) {
+        fn slots_of_equal_discs_are_symmetric(width in 0.05..0.2f64, height in 0.05..0.2f64, count in 1usize..14) {
             let slots = Slots::new(Vec2::new(width, height), &vec![0.01; count]);
             let has = |p: Vec2| slots.centers_m.iter().any(|center| (center - p).norm() < 1e-9);
             let mirrored = |x: f64, y: f64| slots.centers_m.iter().all(|p| has(Vec2::new(x * p.x, y * p.y)));

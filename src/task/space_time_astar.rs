@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_leads_round_what_stands_there() {
+    fn path_leads_around_a_standing_obstacle() {
         let (start, target) = (Vec2::new(-0.05, 0.001), Vec2::new(0.05, 0.0));
         let standing = [[Vec2::zeros()]];
         let way_m = query(start, target, &obstacles(&standing, 0.03)).way(&mut 5000).unwrap();

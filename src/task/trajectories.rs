@@ -350,7 +350,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn clumsy_parts_get_there_too(paths in proptest::collection::vec(any_path(), 1..4), seed in 0u64..1000) {
+        fn noisy_parts_finish_their_paths(paths in proptest::collection::vec(any_path(), 1..4), seed in 0u64..1000) {
             let mut rng = Streams::new(seed).stream("walk");
             let starts = paths.iter().map(|_| Vec2::new(rng.random_range(-0.08..0.08), rng.random_range(-0.08..0.08))).collect();
             let took_s = run(paths.clone(), starts, |_, part, subgoal| {
@@ -366,7 +366,7 @@ mod tests {
         }
 
         #[test]
-        fn nothing_is_ever_not_a_number(
+        fn outputs_are_finite_for_nonfinite_inputs(
             paths in proptest::collection::vec(any_path(), 0..3), speed_mps in prop_oneof![Just(0.0), Just(f64::NAN), Just(-1.0), Just(1e300)],
             seen in proptest::collection::vec(prop_oneof![Just(f64::NAN), Just(f64::INFINITY), -0.1..0.1f64], 24),
         ) {

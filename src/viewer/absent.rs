@@ -6,7 +6,7 @@ use std::path::Path;
 use upm_control::Sink;
 use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
 
-use crate::types::ExperimentLook;
+use crate::types::ExperimentView;
 use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
 
 /// Stand-in for a recording: accepts every fact and keeps none.
@@ -62,7 +62,7 @@ impl LiveServer {
 pub fn record_experiment(
     mode: &RerunMode,
     _path: &Path,
-    _experiment: &ExperimentLook,
+    _experiment: &ExperimentView,
 ) -> Result<RecordingStats, RecordingError> {
     refuse(mode)
 }

@@ -9,7 +9,9 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{BinLook, ExperimentLook, PartLook, PathLook, RecordingError, RecordingStats, Repaired, RunContext};
+pub use types::{
+    BinAppearance, ExperimentView, PartAppearance, PathAppearance, RecordingError, RecordingStats, Repaired, RunContext,
+};
 
 #[cfg(not(feature = "rerun"))]
 pub use absent::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};

@@ -12,7 +12,6 @@
 
 mod blueprint;
 mod camera;
-mod cells;
 mod charts;
 mod destination;
 mod experiment;
@@ -22,6 +21,7 @@ mod field;
 mod file;
 mod live;
 mod partial_file;
+mod shaded_cells;
 
 mod live_server;
 #[cfg(test)]

@@ -14,30 +14,30 @@ use upm_recording::RerunMode;
 pub struct RunContext {
     /// Name of the job.
     pub name: String,
-    /// Its seed.
+    /// Seed of the job's random numbers, shown with its name.
     pub seed: u64,
     /// Gives the centres of rotation.
     pub library: Arc<Library>,
-    /// The rig.
+    /// Gives the sizes of the plate and of the camera's frames.
     pub model: RigModel,
-    /// Method of planning.
+    /// Selects the views: those of rotations or of synthesised fields.
     pub method: PlanningMethod,
     /// Every part, in the order of the job.
-    pub parts: Vec<PartLook>,
+    pub parts: Vec<PartAppearance>,
     /// The bins that parts are sorted into.
-    pub bins: Vec<BinLook>,
+    pub bins: Vec<BinAppearance>,
     /// Paths that parts shall follow.
-    pub paths: Vec<PathLook>,
+    pub paths: Vec<PathAppearance>,
     /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
 }
 
-/// Appearance of a part.
+/// Name, kind and size of a part in the views.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PartLook {
+pub struct PartAppearance {
     /// Name in this run: `penny-1`.
     pub id: String,
-    /// Its kind.
+    /// Name of its kind, such as `penny`; empty if unknown.
     pub kind: String,
     /// Its outline, m.
     pub radius_m: f64,
@@ -45,7 +45,7 @@ pub struct PartLook {
 
 /// A path that parts shall follow.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PathLook {
+pub struct PathAppearance {
     /// The part that follows it, an index into the parts; `None` for several.
     pub part: Option<usize>,
     /// The path as a line, m.
@@ -54,7 +54,7 @@ pub struct PathLook {
 
 /// A rectangle for the parts of some kinds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BinLook {
+pub struct BinAppearance {
     /// Names of the kinds.
     pub kinds: Vec<String>,
     /// Lower left corner, m.
@@ -93,7 +93,7 @@ pub enum RecordingError {
     Repair {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// Why it was not repaired, in words.
         reason: String,
     },
     /// This build does not include Rerun.
@@ -138,12 +138,12 @@ pub struct Repaired {
 
 /// An experiment as shown on a page of the viewer.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ExperimentLook {
+pub struct ExperimentView {
     /// Title, the name of the recording.
     pub title: String,
     /// The table of figures, Markdown.
     pub figures: String,
-    /// Its charts.
+    /// Charts above the figures, in this order.
     pub charts: Vec<Chart>,
     /// Motion of the parts, for playback.
     pub motion: Option<Playback>,

@@ -41,7 +41,7 @@ pub fn crossings(crates: &Crates) -> Vec<String> {
     arrows.collect()
 }
 
-/// The picture.
+/// SVG of all crates in their layers, the content of `assets/layers.svg`.
 pub fn picture(crates: &Crates) -> String {
     let layers = MAP.layers.len();
     let [width, height] = [MARGIN + COLUMNS.len() * CELL[0] + 10, layers * CELL[1]];

@@ -63,7 +63,7 @@ fn allowed_imports_and_mere_words_are_not() {
 }
 
 #[test]
-fn single_items_are_told_apart() {
+fn single_items_are_distinguished() {
     assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::{SimParams, CameraParams};")]), [""; 0]);
     assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::{SimParams, SimRig};")]).len(), 1);
     assert_eq!(faults_of(&[("src/runner/config.rs", "use upm_sim::SimParams; use upm_sim::*;")]).len(), 1);

@@ -106,7 +106,7 @@ fn batch_that_cannot_be_run_is_refused_in_one_line_and_leaves_nothing() {
 }
 
 #[test]
-fn interrupted_batch_ends_in_order_with_what_ran() {
+fn interrupted_batch_ends_with_a_summary_of_its_runs() {
     let folder = TempDir::new().unwrap();
     let file = to_the_middle(folder.path(), |job| job["task"] = json!({"type": "plus_sign", "laps": 0}));
     let out = folder.path().join("out");

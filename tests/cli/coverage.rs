@@ -86,7 +86,7 @@ fn coverage_is_drawn_for_one_library() {
 }
 
 #[test]
-fn what_a_library_cannot_reach_is_marked() {
+fn unreachable_places_are_marked() {
     let folder = TempDir::new().unwrap();
     let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
     let mut library: Value = serde_json::from_str(&text).unwrap();

@@ -79,7 +79,7 @@ fn timeless(line: &str) -> &str {
 }
 
 #[test]
-fn sample_of_a_run_is_what_the_program_prints() {
+fn readme_sample_equals_the_printed_run() {
     let readme = text_of("README.md");
     let sample = readme.split_once("```text\n").unwrap().1.split_once("```").unwrap().0;
     let out = TempDir::new().unwrap();

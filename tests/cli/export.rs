@@ -71,7 +71,7 @@ fn assert_cells(row: &Row, expected: &[(&str, &Value)]) {
 }
 
 #[test]
-fn tables_hold_what_the_journal_and_the_report_have() {
+fn tables_hold_the_values_of_journal_and_report() {
     type Job = fn(&Path) -> PathBuf;
     for of in [by_rotations as Job, by_fields] {
         let folder = TempDir::new().unwrap();
@@ -179,7 +179,7 @@ fn journal_cycles(text: &str) -> usize {
 }
 
 #[test]
-fn what_is_no_run_is_refused_in_one_line_and_no_table_is_begun() {
+fn invalid_run_folder_is_refused_in_one_line_without_tables() {
     let folder = TempDir::new().unwrap();
     let (run, to) = (folder.path().join("run"), folder.path().join("tables"));
     fs::create_dir(&run).unwrap();
@@ -278,7 +278,7 @@ fn journals_and_reports_of_runs_fit_their_schemas() {
 }
 
 #[test]
-fn schemas_of_run_folders_refuse_what_is_missing_or_of_another_kind() {
+fn run_folder_schemas_reject_missing_and_mistyped_values() {
     let (of_line, of_report) = (schema("journal"), schema("report"));
     let folder = TempDir::new().unwrap();
     let run = run(folder.path(), &by_rotations(folder.path()), &[]);

@@ -78,7 +78,7 @@ fn changed_file_is_kept_until_force() {
 }
 
 #[test]
-fn init_where_a_file_is_in_the_way_says_which() {
+fn init_names_the_file_that_is_in_the_way() {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("configs"), "a file").unwrap();
     let (code, _, stderr) = run_in(folder.path(), &["init", "."]);
@@ -109,7 +109,7 @@ fn run_without_a_file_lists_the_jobs_there_are() {
 }
 
 #[test]
-fn run_in_an_empty_folder_tells_of_init() {
+fn run_in_an_empty_folder_suggests_init() {
     let folder = TempDir::new().unwrap();
     let (code, _, stderr) = run_in(folder.path(), &["run"]);
     assert!(code == Some(2) && stderr.contains("`upm init`") && stderr.lines().count() == 1, "{stderr}");
@@ -118,7 +118,7 @@ fn run_in_an_empty_folder_tells_of_init() {
 }
 
 #[test]
-fn shipped_experiments_move_their_parts_as_they_say() {
+fn shipped_experiments_move_their_parts_as_described() {
     let folder = begun();
     let ends = |name: &str| {
         let (code, stdout, stderr) = run_in(folder.path(), &["simulate", name, "--json"]);
@@ -141,7 +141,7 @@ fn shipped_experiments_move_their_parts_as_they_say() {
 
 #[test]
 #[cfg(feature = "lab")]
-fn shipped_trace_is_what_the_lab_records_and_reads_back() {
+fn shipped_trace_gives_the_centre_of_the_lab_pulse() {
     let folder = begun();
     let trace = "configs/traces/upm-1.json";
     let (code, stdout, stderr) = run_in(folder.path(), &["lab", "waveform-fit", "--json", "--trace", trace]);

@@ -160,7 +160,7 @@ fn every_kind_of_file_is_read() {
 }
 
 #[test]
-fn options_say_what_is_looked_for() {
+fn options_select_parts_kinds_and_plate_side() {
     let folder = TempDir::new().unwrap();
     let dark = saved(&folder, "dark.png", plate([30.0, 110.0, 240.0]));
     assert_found(&located(&[&dark, "--light-parts"]));
@@ -212,7 +212,7 @@ fn no_pictures(folder: &TempDir) -> Vec<(String, &'static str)> {
 }
 
 #[test]
-fn what_is_no_picture_is_refused_in_a_line() {
+fn unreadable_picture_is_refused_in_one_line() {
     let folder = TempDir::new().unwrap();
     for (path, reason) in no_pictures(&folder) {
         let (stdout, stderr) = status(&["locate", &path], 2);
@@ -242,7 +242,7 @@ fn no_tables(folder: &TempDir) -> Vec<String> {
 }
 
 #[test]
-fn a_picture_without_one_whole_table_says_so() {
+fn picture_without_one_whole_table_is_refused_in_one_line() {
     let folder = TempDir::new().unwrap();
     for path in no_tables(&folder) {
         let (stdout, stderr) = status(&["locate", &path], 1);
@@ -252,7 +252,7 @@ fn a_picture_without_one_whole_table_says_so() {
 }
 
 #[test]
-fn of_several_pictures_every_one_is_told_and_the_worst_counts() {
+fn each_of_several_pictures_is_reported_and_the_worst_status_wins() {
     let folder = TempDir::new().unwrap();
     let good = saved(&folder, "good.png", papers_plate());
     let black = saved(&folder, "black.png", GrayImage::new(640, 480));

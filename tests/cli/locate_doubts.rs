@@ -107,7 +107,7 @@ fn saved_as(folder: &TempDir, picture: &CoinPicture, gray: bool) -> String {
 }
 
 #[test]
-fn picture_without_parts_says_what_stands_out() {
+fn picture_without_parts_reports_the_discs_found() {
     let folder = TempDir::new().unwrap();
     let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
     assert!(bare.contains("no parts: the table was found, nothing round stands out"), "{bare}");
@@ -126,7 +126,7 @@ fn picture_without_parts_says_what_stands_out() {
 }
 
 #[test]
-fn side_of_the_plate_is_told_by_two_kinds_and_not_by_one() {
+fn plate_side_is_determined_by_two_kinds_but_not_by_one() {
     let folder = TempDir::new().unwrap();
     let two = saved(&folder, &plain(260.0, &[(PENNY, PLACES[0]), (QUARTER, PLACES[1]), (PENNY, PLACES[2])]));
     let found = located(&two, &[]);
@@ -141,7 +141,7 @@ fn side_of_the_plate_is_told_by_two_kinds_and_not_by_one() {
 }
 
 #[test]
-fn picture_without_a_table_says_what_to_do() {
+fn picture_without_a_table_reports_edges_and_levels() {
     let folder = TempDir::new().unwrap();
     let even = written(&folder, GrayImage::from_pixel(640, 480, Luma([180])));
     let (_, stderr) = status(&["locate", &even], 1);

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{root, upm};
 
 /// Wrong command lines, run in a folder that `upm init` made.
-const COMMANDS: [&str; 28] = [
+const COMMANDS: [&str; 30] = [
     "rnu configs/plus-sign.json",
     "configs/plus-sign.json",
     "run plus-sign.json",
@@ -39,6 +39,8 @@ const COMMANDS: [&str; 28] = [
     "lab feeder --set duti=0.5",
     "serve --config configs/deamon.json",
     "serve --listen localhost",
+    "plates --url http://127.0.0.1:9",
+    "export configs --csv",
 ];
 
 /// Wrong values: a shipped file, the JSON pointer of a value in it, and the value to be put there.
@@ -88,6 +90,17 @@ fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
     ]
 }
 
+/// Files that hold no document.
+const TEXTS: [(&str, &[u8]); 7] = [
+    ("an empty file", b""),
+    ("a file that is cut off", b"{\n  \"name\": \"a\",\n  \"seed\": "),
+    ("a missing comma", b"{\n  \"name\": \"a\"\n  \"seed\": 3\n}"),
+    ("a byte that is not UTF-8", b"{\"name\": \"\xff\"}"),
+    ("plain text", b"hello"),
+    ("a list", b"[]"),
+    ("two documents", b"{} {}"),
+];
+
 /// Message on stderr of a command that must be refused and print nothing else.
 fn refusal(folder: &Path, args: &[&str]) -> String {
     let output = upm().args(args).current_dir(folder).env("COLUMNS", "80").output().unwrap();
@@ -127,6 +140,10 @@ fn each_mistake_is_answered_in_one_line_with_a_remedy() {
         let line = with_value(folder.path(), name, pointer, &value, |file| refusal(folder.path(), &["check", file]));
         text += &format!("{name} {pointer} = {value}\n{line}\n");
     }
+    for (what, bytes) in TEXTS {
+        fs::write(folder.path().join("wrong.json"), bytes).unwrap();
+        text += &format!("wrong.json: {what}\n{}\n", refusal(folder.path(), &["check", "wrong.json"]));
+    }
     let golden = root().join("tests/golden/mistakes.txt");
     if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
         fs::write(&golden, &text).unwrap();
@@ -134,6 +151,8 @@ fn each_mistake_is_answered_in_one_line_with_a_remedy() {
     for answer in text.trim_end().split("\n\n") {
         let lines: Vec<&str> = answer.lines().collect();
         assert!(lines.len() == 2 && lines[1].starts_with("upm: "), "one line of answer: {answer}");
+        let has_remedy = ["expected ", "did you mean", "`"].iter().any(|remedy| lines[1].contains(remedy));
+        assert!(has_remedy, "nothing to do about it: {answer}");
     }
     assert_eq!(text, fs::read_to_string(&golden).unwrap());
 }

@@ -32,7 +32,7 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_job_that_can_be_done_is_told_in_figures() {
+fn feasible_job_is_reported_with_its_figures() {
     let file = root().join("configs/trajectories.json");
     let row = planned(&file, 0);
     assert_eq!((&row["valid"], &row["plan"]["can_be_done"]), (&json!(true), &json!(true)));
@@ -65,7 +65,7 @@ fn a_job_that_can_be_done_is_told_in_figures() {
 }
 
 #[test]
-fn a_library_without_a_direction_cannot_do_it_and_says_which() {
+fn missing_direction_makes_the_job_infeasible_and_is_named() {
     let folder = TempDir::new().unwrap();
     let file = hardly_along_y(folder.path());
     let row = planned(&file, 1);
@@ -84,7 +84,7 @@ fn a_library_without_a_direction_cannot_do_it_and_says_which() {
 }
 
 #[test]
-fn run_that_rotations_cannot_do_ends_at_its_first_look_with_part_direction_and_bound() {
+fn infeasible_run_ends_at_its_first_observation_with_part_and_direction() {
     let folder = TempDir::new().unwrap();
     let file = hardly_along_y(folder.path());
     let plan = &planned(&file, 1)["plan"];
@@ -108,7 +108,7 @@ fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBu
 }
 
 #[test]
-fn time_figure_stands_beside_the_plan_and_in_the_report_of_jobs_with_targets_alone() {
+fn time_figure_is_in_plan_and_report_only_for_jobs_with_targets() {
     let file = root().join("configs/arrange-2.json");
     let bound_s = number(&planned(&file, 0)["plan"]["bound_s"]);
     assert!((0.5..60.0).contains(&bound_s), "{bound_s}");
@@ -202,17 +202,17 @@ fn a_run_takes_what_was_predicted(name: &str) {
 }
 
 #[test]
-fn plus_sign_on_the_weak_rig_takes_what_was_predicted() {
+fn plus_sign_on_the_weak_rig_takes_the_predicted_time() {
     a_run_takes_what_was_predicted("plus-sign.json");
 }
 
 #[test]
-fn plus_sign_on_the_strong_rig_takes_what_was_predicted() {
+fn plus_sign_on_the_strong_rig_takes_the_predicted_time() {
     a_run_takes_what_was_predicted("plus-sign-upm-2.json");
 }
 
 #[test]
-fn dense_job_by_fields_takes_what_was_predicted() {
+fn dense_job_by_fields_takes_the_predicted_time() {
     a_run_takes_what_was_predicted("arrange-16.json");
 }
 
@@ -236,7 +236,7 @@ fn planner_is_named_with_its_reason_and_the_other_ones() {
 }
 
 #[test]
-fn failed_run_names_its_planner_and_what_else_the_rig_could_do() {
+fn failed_run_names_its_planner_and_the_alternatives() {
     let folder = TempDir::new().unwrap();
     let text = fs::read_to_string(root().join("configs/arrange-4.json")).unwrap();
     let mut job: Value = serde_json::from_str(&text).unwrap();

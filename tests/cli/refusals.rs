@@ -21,7 +21,7 @@ fn changed(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBu
 }
 
 #[test]
-fn what_clashes_is_told_before_anything_runs() {
+fn contradictory_jobs_are_reported_before_anything_runs() {
     type Change = fn(&mut Value);
     let cases: [(&str, Change, &str, &[&str]); 10] = [
         (

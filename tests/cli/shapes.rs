@@ -41,7 +41,7 @@ fn plan_and_its_picture_have_the_places_of_a_rule() {
 }
 
 #[test]
-fn schema_of_a_job_knows_every_rule() {
+fn schema_of_a_job_lists_every_rule() {
     let (schema, _) = status(&["schema", "job"], 0);
     let schema: Value = serde_json::from_str(&schema).unwrap();
     let keys =
@@ -90,7 +90,7 @@ fn without_file<'a>(file: &Path, line: &'a str) -> &'a str {
 }
 
 #[test]
-fn every_example_of_the_guide_to_jobs_is_as_it_says() {
+fn examples_of_the_guide_to_jobs_are_valid_or_faulty_as_stated() {
     let folder = TempDir::new().unwrap();
     let guide = root().join("docs/jobs.md");
     let blocks = pages::Page::read("docs/jobs.md", &fs::read_to_string(guide).unwrap()).fences;

@@ -120,7 +120,7 @@ fn tokens_are_read_again_on_sighup_and_a_bad_file_changes_nothing() {
     assert_eq!(resume(new), 200);
 
     let log = served.log();
-    assert_eq!(log.matches("the token is none of this daemon's").count(), 1, "at most once a minute: {log}");
+    assert_eq!(log.matches("rejected requests with an unknown token").count(), 1, "at most once a minute: {log}");
     let resumed = log.lines().find(|line| line.contains(" resume ")).unwrap();
     assert!(resumed.contains("token_name=\"operate\""), "{resumed}");
 }
@@ -163,7 +163,7 @@ fn pages_and_names_of_others_are_refused_even_on_loopback() {
 }
 
 #[test]
-fn what_others_can_reach_asks_for_a_token_or_does_not_start() {
+fn non_loopback_listener_requires_token() {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("daemon.json"), config().to_string()).unwrap();
     let refused = |command: &mut Command| {

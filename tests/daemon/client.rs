@@ -55,7 +55,7 @@ fn a_job_goes_in_is_watched_and_shown() {
 }
 
 #[test]
-fn what_is_wrong_is_told_in_a_line_each_under_the_name_of_the_file() {
+fn faults_are_reported_one_a_line_under_the_file_name() {
     let served = TestDaemon::start();
     let mut bad = rest("bad");
     bad["parts"][0]["kind"] = json!("pennyy");

@@ -50,7 +50,7 @@ fn the_same_key_gives_the_same_job_over_stops_and_restarts() {
 }
 
 #[test]
-fn a_key_is_known_whatever_the_configuration_says_by_now() {
+fn key_is_recognized_after_a_configuration_change() {
     let served = TestDaemon::start();
     served.status(&["estop", LEFT], 0);
     served.status(&["reset", LEFT, "--operator", "Ada", "--reason", "test"], 0);

@@ -21,7 +21,7 @@ fn watcher(served: &TestDaemon, id: &str) -> TcpStream {
 }
 
 #[test]
-fn sigterm_closes_everything_in_time_whatever_clients_do() {
+fn sigterm_closes_everything_in_time_despite_frozen_clients() {
     let mut served = TestDaemon::start();
     let id = served.submit(&moving("running", 600.0), "real-time");
     served.until_moving("running", &id);
@@ -94,7 +94,7 @@ impl Drop for Killed {
 }
 
 #[test]
-fn a_log_that_nobody_reads_holds_up_neither_a_stop_nor_the_end() {
+fn unread_log_delays_neither_a_stop_nor_the_shutdown() {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("daemon.json"), config().to_string()).unwrap();
     let (reader, writer) = full_pipe();

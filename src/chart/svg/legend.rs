@@ -2,7 +2,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::marks::{self, Px};
-use super::sheet::{Drawn, LABEL_PX, Sheet, fine, font, text_lines, text_width_px};
+use super::sheet::{DrawResult, LABEL_PX, Sheet, fine, font, text_lines, text_width_px};
 use crate::{Color, Layer, Mark};
 
 const ROW_PX: f64 = 22.0;
@@ -52,13 +52,13 @@ impl Legend {
         Self { items, rows }
     }
 
-    /// Its height, px.
+    /// Height of all its rows, px.
     pub fn height_px(&self) -> f64 {
         ROW_PX * self.rows as f64
     }
 
     /// Draws it with its upper left corner at `left_px`, `top_px`.
-    pub fn draw(&self, sheet: &Sheet<'_>, left_px: f64, top_px: f64) -> Drawn {
+    pub fn draw(&self, sheet: &Sheet<'_>, left_px: f64, top_px: f64) -> DrawResult {
         for item in &self.items {
             let left_px = left_px + item.left_px;
             let middle = |row: usize| fine(top_px + ROW_PX * (row as f64 + 0.5));
@@ -78,7 +78,7 @@ fn next_row(items: &[Item]) -> usize {
 }
 
 /// Draws a sample of a layer's marks between `left` and `right`.
-fn sample(sheet: &Sheet<'_>, mark: &Mark, color: Color, [left, right]: [i32; 2], y: i32) -> Drawn {
+fn sample(sheet: &Sheet<'_>, mark: &Mark, color: Color, [left, right]: [i32; 2], y: i32) -> DrawResult {
     let center: Px = ((left + right) / 2, y);
     match mark {
         Mark::Line => marks::line(sheet, vec![(left, y), (right, y)], color),

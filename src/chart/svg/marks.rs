@@ -6,7 +6,7 @@ use plotters::style::text_anchor::HPos;
 
 use super::clip;
 use super::range::drawable;
-use super::sheet::{Drawn, FINE, Sheet, fine, font, paint, plain_text, text_width_px};
+use super::sheet::{DrawResult, FINE, Sheet, fine, font, paint, plain_text, text_width_px};
 use crate::{Color, LabelledDisc, Layer, Mark, place_labels};
 
 /// Width of lines, px.
@@ -95,7 +95,7 @@ impl PlotFrame {
 }
 
 /// Draws the part of `layer` that is within the frame.
-pub(super) fn draw(layer: &Layer, frame: &PlotFrame, sheet: &Sheet<'_>) -> Drawn {
+pub(super) fn draw(layer: &Layer, frame: &PlotFrame, sheet: &Sheet<'_>) -> DrawResult {
     let Layer { points, mark, color, .. } = layer;
     let seen = || points.iter().copied().filter(|&point| frame.holds(point)).map(|point| frame.px(point));
     match mark {
@@ -137,15 +137,15 @@ fn outline(center: [f64; 2], radius: f64) -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-pub(super) fn line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> Drawn {
+pub(super) fn line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> DrawResult {
     sheet.draw(&PathElement::new(run, paint(color).stroke_width(fine(LINE_PX) as u32)))
 }
 
-fn thin_line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> Drawn {
+fn thin_line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> DrawResult {
     sheet.draw(&PathElement::new(run, paint(color).stroke_width(fine(THIN_PX) as u32)))
 }
 
-pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> Drawn {
+pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> DrawResult {
     let (mut on, mut left) = (true, FINE_DASH[0]);
     let mut dash: Vec<Px> = run.first().copied().into_iter().collect();
     for pair in run.windows(2) {
@@ -171,18 +171,18 @@ pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> Drawn {
     if dash.len() > 1 { line(sheet, dash, color) } else { Ok(()) }
 }
 
-pub(super) fn dot(sheet: &Sheet<'_>, at: Px, color: Color) -> Drawn {
+pub(super) fn dot(sheet: &Sheet<'_>, at: Px, color: Color) -> DrawResult {
     sheet.draw(&Circle::new(at, fine(DOT_PX), paint(color).filled()))
 }
 
-pub(super) fn cross(sheet: &Sheet<'_>, (x, y): Px, color: Color) -> Drawn {
+pub(super) fn cross(sheet: &Sheet<'_>, (x, y): Px, color: Color) -> DrawResult {
     let arm = fine(CROSS_PX);
     thin_line(sheet, vec![(x - arm, y - arm), (x + arm, y + arm)], color)?;
     thin_line(sheet, vec![(x - arm, y + arm), (x + arm, y - arm)], color)
 }
 
 /// A shaft, with a head where the arrow ends within the plot.
-pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color: Color) -> Drawn {
+pub(super) fn arrow(sheet: &Sheet<'_>, from: Px, to: Px, ends_here: bool, color: Color) -> DrawResult {
     let (x, y) = (f64::from(to.0 - from.0), f64::from(to.1 - from.1));
     let length = x.hypot(y);
     if length < 1.0 {
@@ -208,7 +208,7 @@ fn names(
     frame: &PlotFrame,
     points: &[[f64; 2]],
     (texts, radii, colors): (&[String], &[f64], &[Color]),
-) -> Drawn {
+) -> DrawResult {
     let px_per_unit = f64::from((frame.across[1] - frame.across[0]).abs()) / (frame.x[1] - frame.x[0]);
     let given = points.iter().zip(texts).zip(radii).zip(colors).filter(|(((point, _), _), _)| frame.holds(**point));
     let (discs, words): (Vec<LabelledDisc>, Vec<(&String, Color)>) = given
@@ -227,7 +227,13 @@ fn names(
 }
 
 /// Draws text beside a point, on its right and above where `free` says so; omitted where it would leave the plot.
-fn beside(sheet: &Sheet<'_>, frame: &PlotFrame, ((x, y), free): (Px, [bool; 2]), words: &str, color: Color) -> Drawn {
+fn beside(
+    sheet: &Sheet<'_>,
+    frame: &PlotFrame,
+    ((x, y), free): (Px, [bool; 2]),
+    words: &str,
+    color: Color,
+) -> DrawResult {
     let [across, up] = BESIDE_PX.map(fine);
     let wide = across + fine(text_width_px(words, WORD_PX));
     let [left, right] = frame.across;
@@ -236,16 +242,16 @@ fn beside(sheet: &Sheet<'_>, frame: &PlotFrame, ((x, y), free): (Px, [bool; 2]),
     word(sheet, (x, if free[1] { y - up } else { y + up }), pos, words, color)
 }
 
-pub(super) fn word(sheet: &Sheet<'_>, at: Px, pos: HPos, words: &str, color: Color) -> Drawn {
+pub(super) fn word(sheet: &Sheet<'_>, at: Px, pos: HPos, words: &str, color: Color) -> DrawResult {
     let [r, g, b] = color.rgb().map(|part| (DARKER * f64::from(part)) as u8);
     sheet.draw(&Text::new(plain_text(words), at, font(WORD_PX, pos).color(&RGBColor(r, g, b))))
 }
 
-pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> Drawn {
+pub(super) fn circle(sheet: &Sheet<'_>, at: Px, radius: i32, color: Color) -> DrawResult {
     sheet.draw(&Circle::new(at, radius, paint(color).stroke_width(fine(THIN_PX) as u32)))
 }
 
-pub(super) fn cell(sheet: &Sheet<'_>, [upper_left, (right, bottom)]: [Px; 2], value: f64, color: Color) -> Drawn {
+pub(super) fn cell(sheet: &Sheet<'_>, [upper_left, (right, bottom)]: [Px; 2], value: f64, color: Color) -> DrawResult {
     let share = LIGHTEST + (1.0 - LIGHTEST) * value.clamp(0.0, 1.0);
     let [r, g, b] = color.rgb().map(|full| (255.0 + share * (f64::from(full) - 255.0)).round() as u8);
     let lower_right = (right + fine(UNDERLAP_PX), bottom + fine(UNDERLAP_PX));

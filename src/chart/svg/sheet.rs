@@ -18,7 +18,7 @@ const LETTER: f64 = 0.58;
 /// The drawing surface.
 pub(super) type Sheet<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Result of drawing, with the backend's error.
-pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+pub(super) type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// The backend's pixels for `px` of the picture.
 pub(super) fn fine(px: f64) -> i32 {

@@ -77,7 +77,7 @@ fn polylines(document: &str, color: Color) -> Vec<Vec<[f64; 2]>> {
 }
 
 #[test]
-fn circles_on_a_map_are_round_and_as_large_as_they_say() {
+fn circles_on_a_map_are_round_with_the_given_radius() {
     for far in [[400.0, 100.0], [30.0, 300.0], [200.0, 200.0]] {
         let circle = Layer::new("", Mark::Circles { radius: 25.0 }, Color::Red, [[60.0, 40.0]]);
         let ruler = Layer::new("", Mark::Line, Color::Blue, [[0.0, 0.0], [far[0], 0.0]]);
@@ -160,7 +160,7 @@ fn a_dashed_line_is_broken_and_keeps_its_way() {
 }
 
 #[test]
-fn words_stand_beside_their_points_off_the_line_and_within_the_plot() {
+fn labels_are_placed_beside_their_points_off_the_line_within_the_plot() {
     let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [90.0, 3.0]];
     let texts = ["start", "a & b", "a long goal", "outside"].map(str::to_owned).to_vec();
     let words = Layer::new("", Mark::Labels { texts }, Color::Red, points);

@@ -18,7 +18,7 @@ use upm_runner::run::{PacingStats, RunOptions, run as run_job};
 const WAITING: usize = 64;
 
 /// Interval at which progress is polled.
-const LOOK: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Runs of one job with several seeds.
 pub(super) struct SeedBatch<'a> {
@@ -125,7 +125,7 @@ fn collect(
 ) -> Vec<(usize, SeedRun)> {
     let mut runs = Vec::new();
     loop {
-        match receiver.recv_timeout(LOOK) {
+        match receiver.recv_timeout(POLL_INTERVAL) {
             Ok(WorkerMessage::Note { seed, level, text }) => show(BatchProgress::Note { seed, level, text }),
             Ok(WorkerMessage::Ended { index, run }) => runs.push((index, *run)),
             Err(RecvTimeoutError::Timeout) => {}

@@ -15,7 +15,7 @@ use upm_core::time::MonotonicClock;
 use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
 use upm_runner::run::{Forecast, PlanVerdict, rehearse};
 
-pub(super) struct Planned {
+pub(super) struct PlanReport {
     pub job: String,
     pub rig: String,
     /// Bins, paths and kinds in the job's file.
@@ -25,7 +25,7 @@ pub(super) struct Planned {
     pub forecast: Forecast,
 }
 
-impl Planned {
+impl PlanReport {
     /// Rehearses `job` with `library`; shows progress on stderr if it takes long.
     pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Diagnostic> {
         let mut progress = LateProgress::new(progress, MonotonicClock::new());
@@ -175,11 +175,11 @@ mod tests {
     use upm_runner::run::job_library;
 
     #[test]
-    fn plan_on_a_knocked_rig_says_that_knocks_are_not_rehearsed() {
+    fn plan_on_a_knocked_rig_reports_that_knocks_are_not_rehearsed() {
         let said = |job: &str| {
             let job = JobSpec::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job)).unwrap();
             let library = job_library(&job).unwrap();
-            let lines = Planned::of(&job, &library, ProgressMode::Hidden).unwrap().lines();
+            let lines = PlanReport::of(&job, &library, ProgressMode::Hidden).unwrap().lines();
             lines.iter().filter(|line| line.contains("knocks") && line.contains("not rehearsed")).count()
         };
         assert_eq!([said("hold-4.json"), said("arrange-2.json")], [1, 0]);

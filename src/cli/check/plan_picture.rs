@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::picture::{at_mm, weakest_directions};
-use super::plan::Planned;
+use super::plan::PlanReport;
 use super::plan_table::SAME;
 use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
 use upm_core::units::mm_from_m;
@@ -18,8 +18,8 @@ const REACH: f64 = 1.7;
 
 /// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first rehearsal.
 /// A part has one colour, parts of one kind similar ones.
-pub(super) fn plan_chart(planned: &Planned) -> Chart {
-    let Planned { forecast, layout, .. } = planned;
+pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
+    let PlanReport { forecast, layout, .. } = planned;
     let half_side_mm = mm_from_m(forecast.half_side_m);
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
     let palette = Palette::of(&kinds, Ground::Light);
@@ -41,8 +41,8 @@ pub(super) fn plan_chart(planned: &Planned) -> Chart {
     Chart::plate_map(format!("plan-{}", planned.job), plan_title(planned), Some(PLAN_REACH * half_side_mm), layers)
 }
 
-fn plan_title(planned: &Planned) -> String {
-    let Planned { job, rig, forecast, .. } = planned;
+fn plan_title(planned: &PlanReport) -> String {
+    let PlanReport { job, rig, forecast, .. } = planned;
     match forecast.range(|rehearsal| rehearsal.plate_time_s) {
         Some([_, median_s, _]) if forecast.verdict() == PlanVerdict::CanBeDone => {
             format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
@@ -98,8 +98,8 @@ fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
 }
 
 /// Entries of the legend for several layers together: each kind with number and size, then the marks of all parts.
-fn legend(planned: &Planned, palette: &Palette) -> Vec<Layer> {
-    let Planned { forecast, layout, .. } = planned;
+fn legend(planned: &PlanReport, palette: &Palette) -> Vec<Layer> {
+    let PlanReport { forecast, layout, .. } = planned;
     let mut kinds: BTreeMap<&str, (usize, f64)> = BTreeMap::new();
     for part in &layout.parts {
         let (count, radius_m) = kinds.entry(&part.kind).or_default();
@@ -141,11 +141,11 @@ mod tests {
         plan_chart(&planned(job))
     }
 
-    fn planned(job: &str) -> Planned {
+    fn planned(job: &str) -> PlanReport {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job);
         let job = JobSpec::load(&path).unwrap();
         let library = job_library(&job).unwrap();
-        Planned::of(&job, &library, ProgressMode::Hidden).unwrap()
+        PlanReport::of(&job, &library, ProgressMode::Hidden).unwrap()
     }
 
     fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn step_that_no_part_has_is_said_in_words() {
+    fn missing_shortest_step_is_stated_in_words() {
         let parts = [part("a-1", spot(0.0, 0.02, None), None), part("a-2", spot(0.0, 0.02, None), None)];
         let lines = lines(&parts);
         assert!(lines[0].contains(", no shortest step, longest step 20.00 mm,"), "{lines:?}");

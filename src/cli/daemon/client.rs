@@ -85,7 +85,7 @@ impl Client {
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
         Self::new(args).or_else(|failure| {
             let client = Self::without_token(args)?;
-            failure.errln();
+            failure.report();
             Ok(client)
         })
     }
@@ -193,7 +193,7 @@ fn bearer_of(file: &Path) -> Result<String, Failure> {
     let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
     let mut text = String::new();
     let read = File::open(file).and_then(|open| open.take(MOST_TOKEN_BYTES).read_to_string(&mut text));
-    read.map_err(|error| Failure::unread(file, &error))?;
+    read.map_err(|error| Failure::read_failed(file, &error))?;
     let token = text.trim();
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_graphic()) {
         return Err(fault("expected a token, one word of visible ASCII characters".to_owned()));

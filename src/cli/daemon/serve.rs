@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn pace_check_says_whether_the_computer_keeps_up_and_what_to_do() {
+    fn pace_check_reports_whether_the_computer_keeps_up_and_a_remedy() {
         let start = "upm-1: loop time per frame 4.1 ms (p50), 21.2 ms (p99) of 16.7 ms: ";
         assert_eq!(pace_line("upm-1", &Ok(pace(0.2))), format!("{start}keeps up"));
         let slow = pace_line("upm-1", &Ok(pace(12.34)));
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_check_tells_of_the_file_and_of_an_address_that_another_has() {
+    fn check_reports_file_faults_and_an_address_in_use() {
         let free = "127.0.0.1:0".parse().unwrap();
         let good = args("configs/daemon.json", free);
         let checked_good = checked(&good);

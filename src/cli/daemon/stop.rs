@@ -26,7 +26,7 @@ pub(super) struct Stop {
     pub answer: Option<EStopped>,
     /// Error message if there is no answer.
     pub error: Option<String>,
-    pub via: Via,
+    pub via: Transport,
     pub attempts: u32,
     /// Time from the first attempt to the answer, s.
     pub wall_s: f64,
@@ -37,7 +37,7 @@ pub(super) struct Stop {
 /// Transport of the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Via {
+pub(super) enum Transport {
     /// The socket in the data folder.
     Socket,
     Http,
@@ -48,7 +48,7 @@ impl Stop {
     fn local(stop: LocalStop, wall_s: f64) -> Self {
         let LocalStop { plate, answer, error } = stop;
         let status = answer.as_ref().map_or(BAD_INPUT, status_of);
-        Self { plate, answer, error, via: Via::Socket, attempts: 1, wall_s, status }
+        Self { plate, answer, error, via: Transport::Socket, attempts: 1, wall_s, status }
     }
 }
 
@@ -115,7 +115,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
                 plate: name.to_owned(),
                 answer: None,
                 error,
-                via: Via::Http,
+                via: Transport::Http,
                 attempts: 0,
                 wall_s: 0.0,
                 status,
@@ -131,7 +131,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
         }
         Err(refusal) => (None, Some(refusal.line()), Failure::from(refusal).status),
     };
-    Stop { plate: name.to_owned(), answer, error, via: Via::Http, attempts, wall_s, status }
+    Stop { plate: name.to_owned(), answer, error, via: Transport::Http, attempts, wall_s, status }
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.

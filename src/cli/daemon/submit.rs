@@ -62,13 +62,13 @@ fn sendable(file: &Path) -> Result<RawJob, Failure> {
 }
 
 fn checked_job(file: &Path) -> Result<RawJob, Failure> {
-    let unread = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
+    let read_failed = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
     match JobSpec::load(file) {
-        Ok(job) => serde_json::from_value(job.effective()).map_err(|error| unread(&error)),
+        Ok(job) => serde_json::from_value(job.effective()).map_err(|error| read_failed(&error)),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
-            let text = std::fs::read_to_string(file).map_err(|error| unread(&error))?;
-            let job: RawJob = serde_json::from_str(&text).map_err(|error| unread(&error))?;
+            let text = std::fs::read_to_string(file).map_err(|error| read_failed(&error))?;
+            let job: RawJob = serde_json::from_str(&text).map_err(|error| read_failed(&error))?;
             job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
         }
         Err(faults) => Err(Failure::of_files(faults)),

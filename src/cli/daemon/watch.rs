@@ -22,7 +22,7 @@ use upm_server::service::{Job, JobState};
 const WAITING: usize = 64;
 
 /// Interval at which Ctrl-C is polled.
-const LOOK: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
@@ -57,7 +57,7 @@ fn listen(mut follower: StreamFollower) -> Result<Receiver<StreamItem>, Failure>
 /// Shows all messages; `None` if Ctrl-C came first.
 fn show(heard: &Receiver<StreamItem>, screen: &mut JobDisplay, stop: &AtomicBool) -> Result<Option<()>, Failure> {
     while !stop.load(Ordering::Relaxed) {
-        match heard.recv_timeout(LOOK) {
+        match heard.recv_timeout(POLL_INTERVAL) {
             Ok(StreamItem::Event(event)) => screen.show(&event)?,
             Ok(StreamItem::Lost(why)) => screen.note(&format!("{why}; trying again")),
             Ok(StreamItem::Refused(refusal)) => return Err(refusal.into()),

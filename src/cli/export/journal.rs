@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn line_that_is_no_journal_line_is_named_by_its_number() {
+    fn invalid_journal_line_is_reported_by_its_number() {
         for text in
             ["{\"type\":\"event\"}\nnonsense\n", "{\"type\":\"event\"}\n\n", "{}\n{\"type\":\"cycle\",\"cycle\":0}\n"]
         {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinate_that_was_not_a_number_is_none() {
+    fn null_coordinate_is_read_as_missing() {
         let text = r#"{"type":"cycle","cycle":1,"observed_at_s":0.5,"observed_mm":[[1.5,null]],"wanted":{"phase":"p",
             "subgoals_mm":[],"targets_mm":[],"cross_track_mm":[]},"sent":[],"predicted_mm":null,"ended_at_s":1,
             "result_mm":[]}"#;

@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn sheets_are_aligned_and_empty_where_there_is_no_number() {
+    fn sheets_are_aligned_and_nan_is_shown_as_a_dash() {
         let columns = ["duty", "rate (mm/s)"].map(str::to_owned).to_vec();
         let sheet = DataSheet { columns, rows: vec![vec![0.5, 12.0], vec![0.75, f64::NAN]] };
         assert_eq!(super::columns(&sheet), ["  duty  rate (mm/s)", "0.5000        12.00", "0.7500            -"]);

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_is_not_drawn() {
+    fn shapes_outside_the_canvas_are_not_drawn() {
         let mut canvas = Canvas::new(RgbImage::new(8, 8));
         canvas.circle(Vec2::new(-1e9, 1e12), 3.0, [255, 0, 0]);
         canvas.line(Vec2::new(f64::NAN, 0.0), Vec2::new(1.0, f64::INFINITY), [255, 0, 0]);

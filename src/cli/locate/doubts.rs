@@ -1,6 +1,6 @@
 //! Messages about discs that are not parts, and about missing parts or tables.
 
-use super::naming::{OtherDisc, Unnamed};
+use super::naming::{OtherDisc, RejectionReason};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use upm_core::signal::Frame;
@@ -23,9 +23,11 @@ fn about(group: &[&OtherDisc], setting: &LocateSetup) -> Option<String> {
     let discs = if group.len() == 1 { "1 disc".to_owned() } else { format!("{} discs", group.len()) };
     let size = format!("{discs} of {:.1} mm", 2.0 * mm_from_m(middle.disc.radius_m));
     Some(match (&middle.why, suggestion(&middle.why, setting)) {
-        (Unnamed::NotLookedFor { kind }, Some(option)) => format!("{size}: {kind}? use {option}"),
-        (Unnamed::Unclear { kind }, _) => format!("{size}: {kind}? size, rim or tone do not fit well enough to say"),
-        (Unnamed::OtherPolarity { kind }, option) => {
+        (RejectionReason::NotLookedFor { kind }, Some(option)) => format!("{size}: {kind}? use {option}"),
+        (RejectionReason::Unclear { kind }, _) => {
+            format!("{size}: {kind}? size, rim or tone do not fit well enough to say")
+        }
+        (RejectionReason::OtherPolarity { kind }, option) => {
             let tone = if setting.dark_parts { "lighter" } else { "darker" };
             let kind = kind.as_ref().map_or(String::new(), |kind| format!(": {kind}?"));
             let option = option.map_or(String::new(), |option| format!("; use {option}"));
@@ -36,16 +38,16 @@ fn about(group: &[&OtherDisc], setting: &LocateSetup) -> Option<String> {
 }
 
 /// Command line option with which such a disc would be named.
-pub(super) fn suggestion(why: &Unnamed, setting: &LocateSetup) -> Option<String> {
+pub(super) fn suggestion(why: &RejectionReason, setting: &LocateSetup) -> Option<String> {
     match why {
-        Unnamed::NotLookedFor { kind } => {
+        RejectionReason::NotLookedFor { kind } => {
             let names: Vec<&str> = setting.kinds.iter().map(|kind| kind.name.as_str()).chain([kind.as_str()]).collect();
             Some(format!("--kinds {}", names.join(",")))
         }
-        Unnamed::OtherPolarity { .. } if setting.has_rig() => None,
-        Unnamed::OtherPolarity { .. } if setting.dark_parts => Some("--light-parts".to_owned()),
-        Unnamed::OtherPolarity { .. } => Some("no --light-parts".to_owned()),
-        Unnamed::Unclear { .. } | Unnamed::UnknownSize => None,
+        RejectionReason::OtherPolarity { .. } if setting.has_rig() => None,
+        RejectionReason::OtherPolarity { .. } if setting.dark_parts => Some("--light-parts".to_owned()),
+        RejectionReason::OtherPolarity { .. } => Some("no --light-parts".to_owned()),
+        RejectionReason::Unclear { .. } | RejectionReason::UnknownSize => None,
     }
 }
 
@@ -82,7 +84,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<Stri
 }
 
 /// Message if no part was found, with the discs that were.
-pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &LocateSetup) -> String {
+pub(super) fn no_parts_message(others: &[OtherDisc], survey: &Survey, setting: &LocateSetup) -> String {
     let seen = match others {
         [] => "nothing round stands out".to_owned(),
         [_] => "1 disc stands out".to_owned(),
@@ -95,7 +97,7 @@ pub(super) fn about_nothing(others: &[OtherDisc], survey: &Survey, setting: &Loc
             "; --light-parts looks for parts lighter than the plate"
         }
         () if darker.max(lighter) < 10.0 => "; the plate looks bare",
-        () => "; --stages DIR draws what was looked at",
+        () => "; --stages DIR draws the inspected stages",
     };
     format!(
         "no parts: the table was found, {seen}; darkest place {darker:.0} % darker than the plate, lightest {lighter:.0} % \

@@ -30,7 +30,7 @@ const UNSURE_SCALE: f64 = 0.9;
 /// Least score of a named part; below it the disc is reported as unclear.
 const LEAST_SCORE: f64 = 0.4;
 /// Factors below this are reported as doubts.
-const TOLD: f64 = 0.85;
+const DOUBT_THRESHOLD: f64 = 0.85;
 /// Contrast and diameter, relative to the smallest known kind, below which a disc is a speck.
 const SPECK_CONTRAST: f64 = 0.15;
 const SPECK_SIZE: f64 = 0.6;
@@ -45,7 +45,7 @@ pub(super) struct NamedPart {
 
 /// Reason why a disc is not a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Unnamed {
+pub(super) enum RejectionReason {
     /// It has the size of a kind that was not looked for.
     NotLookedFor { kind: String },
     /// It is lighter than the plate although parts are darker, or the reverse.
@@ -60,7 +60,7 @@ pub(super) enum Unnamed {
 #[derive(Clone, Debug)]
 pub(super) struct OtherDisc {
     pub disc: DiscSpec,
-    pub why: Unnamed,
+    pub why: RejectionReason,
 }
 
 /// Names the detections of the part finder and the additional discs of the survey.
@@ -160,7 +160,7 @@ impl KindJudge<'_> {
         let mut score = fill;
         let mut weigh = |factor: f64, doubt: &dyn Fn() -> String| {
             score *= factor;
-            if factor < TOLD {
+            if factor < DOUBT_THRESHOLD {
                 doubts.push(doubt());
             }
         };
@@ -206,17 +206,17 @@ impl KindJudge<'_> {
             near.map(|(_, kind, _)| kind.name.clone())
         };
         let why = match (name(&self.setting.kinds), name(&self.setting.known)) {
-            (_, kind) if !self.has_polarity(disc) => Unnamed::OtherPolarity { kind },
-            (Some(kind), _) => Unnamed::Unclear { kind },
-            (None, Some(kind)) => Unnamed::NotLookedFor { kind },
-            (None, None) => Unnamed::UnknownSize,
+            (_, kind) if !self.has_polarity(disc) => RejectionReason::OtherPolarity { kind },
+            (Some(kind), _) => RejectionReason::Unclear { kind },
+            (None, Some(kind)) => RejectionReason::NotLookedFor { kind },
+            (None, None) => RejectionReason::UnknownSize,
         };
         OtherDisc { disc: disc.clone(), why }
     }
 
     fn unclear(&self, disc: &DiscSpec) -> OtherDisc {
         let kind = self.nearest(disc, &self.setting.kinds).map_or(String::new(), |(_, kind, _)| kind.name.clone());
-        OtherDisc { disc: disc.clone(), why: Unnamed::Unclear { kind } }
+        OtherDisc { disc: disc.clone(), why: RejectionReason::Unclear { kind } }
     }
 
     fn is_speck(&self, disc: &DiscSpec) -> bool {

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{Cursor, Read};
+use std::io::{self, Cursor, Read};
 use std::path::Path;
 
 use image::metadata::Orientation;
@@ -10,6 +10,7 @@ use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, Image
 
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
+use upm_runner::config::reason;
 
 /// Largest number of pixels: the limit of the table search.
 const MOST_PIXELS: u64 = 64_000_000;
@@ -34,9 +35,16 @@ pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
     let refuse = |found: String| {
         Failure::bad_input(format!("{}: expected a picture (PNG, JPEG, PNM or TIFF), found {found}", path.display()))
     };
+    let unread = |error: io::Error| {
+        let why = reason(&error);
+        Failure::bad_input(format!(
+            "cannot read {}: {why}; expected a picture (PNG, JPEG, PNM or TIFF)",
+            path.display()
+        ))
+    };
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|error| Failure::unread(path, &error))?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| Failure::unread(path, &error))?;
+    let file = File::open(path).map_err(unread)?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unread)?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(refuse(format!("a file larger than {} MB", MOST_BYTES >> 20)));
     }

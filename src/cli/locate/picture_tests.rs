@@ -86,7 +86,7 @@ fn few_bits_in_sixteen_span_all_levels() {
 }
 
 #[test]
-fn what_is_transparent_is_black() {
+fn transparency_is_composed_over_black() {
     let opacity = |x: u32| [0u8, 255, 51][x as usize % 3];
     let image = ImageBuffer::from_fn(SIZE[0], SIZE[1], |x, _| Rgba([200, 200, 200, opacity(x)]));
     let wide = DynamicImage::ImageRgba8(image.clone()).to_rgba16();
@@ -145,7 +145,7 @@ fn a_whole_jpeg_is_known_by_its_markers() {
 }
 
 #[test]
-fn what_is_no_picture_is_told_in_a_line() {
+fn unsupported_picture_is_reported_in_one_line() {
     let wide = format!("P5\n{} {}\n255\n", 20_000, 20_000);
     let float = DynamicImage::ImageRgb32F(ramp().to_rgb32f());
     let cases = [

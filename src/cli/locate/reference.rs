@@ -7,14 +7,25 @@ use super::picture;
 use super::report::{LocateMethod, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
+use crate::cli::args::Common;
 use crate::cli::output::Failure;
+use crate::cli::progress::{LateProgress, ProgressMode, with_progress};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{DebugImages, Detection, Survey};
 use upm_recording::LocalisedRecord;
 use upm_reference::{find_parts, locate_table};
 
 /// Reads the picture at `image` and finds table and parts by [`upm_reference`], without drawing stages.
-pub(super) fn look_by_reference(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
+pub(super) fn locate_by_reference(
+    image: &Path,
+    setting: &LocateSetup,
+    common: Common,
+) -> Result<LocatedPicture, Failure> {
+    let progress = LateProgress::new(ProgressMode::on_stderr(common), MonotonicClock::new());
+    with_progress(progress, &format!("searching {}", image.display()), |_| located(image, setting))
+}
+
+fn located(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
     let frame = picture::read(image)?.frame;
     let decode = clock.elapsed();

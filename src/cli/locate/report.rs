@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::doubts::{about_nothing, about_others, about_side, suggestion};
-use super::naming::{NamedPart, OtherDisc, Unnamed};
+use super::doubts::{about_others, about_side, no_parts_message, suggestion};
+use super::naming::{NamedPart, OtherDisc, RejectionReason};
 use super::scale::PlateSide;
 use super::setup::LocateSetup;
 use crate::cli::output::Failure;
@@ -109,10 +109,10 @@ fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &Locat
 
 fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &LocateSetup) -> Value {
     let (why_code, kind) = match why {
-        Unnamed::NotLookedFor { kind } => ("not_looked_for", Some(kind)),
-        Unnamed::OtherPolarity { kind } => ("other_polarity", kind.as_ref()),
-        Unnamed::Unclear { kind } => ("unclear", Some(kind)),
-        Unnamed::UnknownSize => ("unknown_size", None),
+        RejectionReason::NotLookedFor { kind } => ("not_looked_for", Some(kind)),
+        RejectionReason::OtherPolarity { kind } => ("other_polarity", kind.as_ref()),
+        RejectionReason::Unclear { kind } => ("unclear", Some(kind)),
+        RejectionReason::UnknownSize => ("unknown_size", None),
     };
     json!({
         "diameter_mm": 2.0 * mm_from_m(disc.radius_m),
@@ -138,7 +138,7 @@ fn named(method: LocateMethod) -> (&'static str, &'static str) {
 }
 
 /// Prints `value` on one line that begins with the picture's name.
-pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
+pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
     let mut line = serde_json::Map::from_iter([("image".to_owned(), json!(image.display().to_string()))]);
     if let Value::Object(found) = value {
         line.extend(found);
@@ -146,7 +146,7 @@ pub(super) fn say_line(image: &Path, value: Value) -> Result<(), Failure> {
     outln!("{}", Value::Object(line))
 }
 
-pub(super) fn say_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
+pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
     let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
     let is_reference = matches!(named(*method), ("reference", _));
     if is_reference {
@@ -166,7 +166,7 @@ pub(super) fn say_located(located: &LocatedPicture, setting: &LocateSetup) -> Re
     }
     if !is_reference {
         if parts.is_empty() {
-            outln!("{}", about_nothing(&located.others, &located.survey, setting))?;
+            outln!("{}", no_parts_message(&located.others, &located.survey, setting))?;
         }
         about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
     }

@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn any_two_kinds_of_coins_tell_the_side() {
+    fn any_two_coin_kinds_determine_the_plate_side() {
         let kinds = coins();
         for (i, a) in kinds.iter().enumerate() {
             for b in &kinds[..i] {

@@ -20,7 +20,7 @@ use upm_recording::LocalisedRecord;
 
 /// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
 /// `shown`. If no table is found, the stages up to there are drawn nevertheless.
-pub(super) fn look(
+pub(super) fn locate_picture(
     image: &Path,
     name: &str,
     args: &LocateArgs,

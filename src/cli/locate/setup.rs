@@ -30,7 +30,7 @@ pub(super) struct LocateSetup {
     camera: Option<RigCamera>,
 }
 
-/// Camera of a rig.
+/// Frame size and lens in a rig file, with the rig's name for faults.
 struct RigCamera {
     rig: String,
     frame_size_px: [usize; 2],

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn copper_and_silver_are_told_by_colour_under_any_white() {
+    fn copper_and_silver_are_distinguished_by_colour_under_any_white() {
         for white in [[230.0, 230.0, 230.0], [240.0, 200.0, 150.0], [120.0, 140.0, 170.0]] {
             let colors = RgbImage::from_fn(180, 60, |x, y| {
                 let on = |at: f64| (f64::from(x) - at).hypot(f64::from(y) - 30.0) <= 15.0;

@@ -202,7 +202,7 @@ fn observe_at_rest(
         session.stop_check()?;
         let is_at_rest =
             into_result(perception.observe(session.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
-        if is_at_rest && perception.missing_for() == 0 {
+        if is_at_rest && perception.frames_missing() == 0 {
             return Ok(perception.positions_m());
         }
     }

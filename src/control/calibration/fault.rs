@@ -37,20 +37,20 @@ impl fmt::Display for RigComponent {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CoilFault {
     /// The coil gives no force.
-    #[error("found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (dead: check its cable, fuse and amplifier)")]
+    #[error("expected 0.7 to 1.3 of its nominal force, found {gain:.2} (dead: check its cable, fuse and amplifier)")]
     Dead {
         /// Measured gain.
         gain: f64,
     },
     /// The force has the wrong sign.
-    #[error("found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (reversed: exchange its two wires)")]
+    #[error("expected 0.7 to 1.3 of its nominal force, found {gain:.2} (reversed: exchange its two wires)")]
     Reversed {
         /// Measured gain, negative.
         gain: f64,
     },
     /// The coil plays another coil's signal, and the other plays its signal.
     #[error(
-        "found it exchanged with coil {other:?}, allowed: each coil on its own amplifier (check the plugs of both)"
+        "expected each coil on its own amplifier, found it exchanged with coil {other:?} (check the plugs of both)"
     )]
     Swapped {
         /// The other coil.
@@ -58,7 +58,7 @@ pub enum CoilFault {
     },
     /// Too weak or too strong compared with the data sheet.
     #[error(
-        "found {gain:.2} of its nominal force, allowed: 0.7 to 1.3 (check its amplifier, and mass, inertia and \
+        "expected 0.7 to 1.3 of its nominal force, found {gain:.2} (check its amplifier, and mass, inertia and \
          newtons_per_count in the rig file)"
     )]
     Gain {
@@ -67,7 +67,7 @@ pub enum CoilFault {
     },
     /// Too weak or too strong compared with the other three coils.
     #[error(
-        "found {ratio:.2} times the mean force of the four coils, allowed: 0.85 to 1.15 (check this coil and its \
+        "expected 0.85 to 1.15 times the mean force of the four coils, found {ratio:.2} (check this coil and its \
          amplifier)"
     )]
     Unlike {
@@ -80,19 +80,19 @@ pub enum CoilFault {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MiswiredChannel {
     /// The channel gives no signal.
-    #[error("found {share:.2} of what the strongest channel shows, allowed: 0.1 or more (dead: check its cable)")]
+    #[error("expected 0.1 or more of what the strongest channel shows, found {share:.2} (dead: check its cable)")]
     Dead {
         /// Its root mean square as a share of the strongest channel's.
         share: f64,
     },
     /// The sign is reversed.
-    #[error("found a gain of {gain:.2} against the others, allowed: 0.8 to 1.25 (reversed: check how it is mounted)")]
+    #[error("expected a gain of 0.8 to 1.25 against the others, found {gain:.2} (reversed: check how it is mounted)")]
     Reversed {
         /// Measured gain, negative.
         gain: f64,
     },
     /// The gain differs from that of the others.
-    #[error("found a gain of {gain:.2} against the others, allowed: 0.8 to 1.25 (check its sensor and its range)")]
+    #[error("expected a gain of 0.8 to 1.25 against the others, found {gain:.2} (check its sensor and its range)")]
     Gain {
         /// Measured gain.
         gain: f64,
@@ -119,9 +119,9 @@ pub enum CalibrationFault {
     /// A coil contradicts the rig file.
     #[error("{}: {fault}", RigComponent::Coil(*coil))]
     Coil {
-        /// The coil.
+        /// Motor that the coil belongs to.
         coil: Motor,
-        /// Its fault.
+        /// Deviation of its force or wiring from the rig file.
         fault: CoilFault,
     },
     /// An accelerometer channel contradicts the others.
@@ -129,13 +129,13 @@ pub enum CalibrationFault {
     Channel {
         /// Index into [`CHANNEL_NAMES`].
         channel: usize,
-        /// Its fault.
+        /// Deviation of its readings from those of the other channels.
         fault: MiswiredChannel,
     },
     /// The readings of the four channels do not fit one rigid plate.
     #[error(
-        "accelerometers: found {misfit:.2} of their readings not those of a rigid plate, allowed: 0.05 or less (check \
-         their mounting, their channels' order and `position_mm` in the rig file)"
+        "accelerometers: expected readings of a rigid plate (a residual of 0.05 or less), found {misfit:.2} (check their \
+         mounting, their channels' order and `position_mm` in the rig file)"
     )]
     NotRigid {
         /// Share of the readings, root mean square, that no gains explain.
@@ -143,11 +143,11 @@ pub enum CalibrationFault {
     },
     /// The strongest drive of an axis does not move the plate.
     #[error(
-        "{axis}: found {found_mps2:.2} m/s² in its strongest pulse, allowed: {needed_mps2:.2} m/s² or more (check \
-         power, emergency stop and the cables of its coils)"
+        "{axis}: expected {needed_mps2:.2} m/s² or more in its strongest pulse, found {found_mps2:.2} m/s² (check power, \
+         emergency stop and the cables of its coils)"
     )]
     Still {
-        /// The axis.
+        /// `axis x`, `axis y` or `axis spin`.
         axis: &'static str,
         /// Largest acceleration, m/s².
         found_mps2: f64,
@@ -156,8 +156,8 @@ pub enum CalibrationFault {
     },
     /// The plate's response does not fit four coils with any gains.
     #[error(
-        "motors: found {misfit:.2} of the plate's answer not that of four coils, allowed: 0.25 or less (check the \
-         coils' order and mounting, and mass, inertia and `lever_arm_mm` in the rig file)"
+        "motors: expected the response of four coils (a residual of 0.25 or less), found {misfit:.2} (check the coils' \
+         order and mounting, and mass, inertia and `lever_arm_mm` in the rig file)"
     )]
     Coupled {
         /// Share of the response, root mean square, that no gains of the coils explain.
@@ -165,10 +165,10 @@ pub enum CalibrationFault {
     },
     /// The closing pulse differs from the opening one: a coil or a channel changed during calibration.
     #[error(
-        "{component}: found the closing pulse {:.1} % off the opening one, allowed: {:.1} % (it changed while the rig \
-         was calibrated: check it, and calibrate again)",
-        100.0 * change,
-        100.0 * allowed
+        "{component}: expected the closing pulse within {:.1} % of the opening one, found {:.1} % (it changed while the \
+         rig was calibrated: check it, and calibrate again)",
+        100.0 * allowed,
+        100.0 * change
     )]
     Changed {
         /// The coil, channel or axis that changed.
@@ -180,8 +180,8 @@ pub enum CalibrationFault {
     },
     /// The closing pulses carry parts differently than the opening pulses with the same drive.
     #[error(
-        "camera: found steps of {closing_mm:.2} mm in closing pulses that were {opening_mm:.2} mm in the opening ones, \
-         allowed: {allowed_mm:.2} mm of difference (check camera, plate and coins, and calibrate again)"
+        "camera: expected closing steps within {allowed_mm:.2} mm of the opening ones, {opening_mm:.2} mm, found \
+         {closing_mm:.2} mm (check camera, plate and coins, and calibrate again)"
     )]
     StepChanged {
         /// Mean step of the coins at the start, mm.
@@ -196,8 +196,8 @@ pub enum CalibrationFault {
     Singular,
     /// The drive is too weak to slide a coin.
     #[error(
-        "found a displacement of {moved_mm:.3} mm in the strongest pulse, at {peak_mps2:.2} m/s² of the plate, allowed: \
-         {needed_mm} mm or more (parts are carried from a peak of about 2.2 times their friction coefficient times \
+        "expected a displacement of {needed_mm} mm or more in the strongest pulse, found {moved_mm:.3} mm, at \
+         {peak_mps2:.2} m/s² of the plate (parts are carried from a peak of about 2.2 times their friction coefficient times \
          {GRAVITY_MPS2} m/s² on; below it they stick or creep backwards)"
     )]
     TooWeak {
@@ -210,11 +210,11 @@ pub enum CalibrationFault {
     },
     /// An axis leads the phase of a free mass: its resonance is not below the drive's frequency.
     #[error(
-        "{axis}: found a velocity {lag_deg:.0}° behind the force at {base_hz:.1} Hz, allowed: {LEAST_LAG_DEG}° or more (the \
+        "{axis}: expected a velocity {LEAST_LAG_DEG}° or more behind the force at {base_hz:.1} Hz, found {lag_deg:.0}° (the \
          resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
     )]
     Resonance {
-        /// The axis.
+        /// `axis x`, `axis y` or `axis spin`.
         axis: &'static str,
         /// Lag of velocity behind force at the base frequency, degrees.
         lag_deg: f64,

@@ -56,7 +56,7 @@ impl CalibrationParams {
     }
 }
 
-/// Progress of a calibration.
+/// Current stage of a calibration and its finished measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationProgress {
     /// Name of the current measurement.

@@ -19,7 +19,7 @@ impl ControlCycle<'_> {
             let reason = format!("plate time limit of {limit_s} s reached");
             return Break(if !self.params.endless {
                 RunEnd::failed_because(StopCause::TimeLimit, reason)
-            } else if self.is_getting_on() {
+            } else if self.makes_progress() {
                 self.confirmed(RunEnd::completed(reason))
             } else {
                 RunEnd::failed_because(StopCause::NoProgress, format!("{reason} without progress"))
@@ -28,8 +28,8 @@ impl ControlCycle<'_> {
         Continue(())
     }
 
-    pub(super) fn is_getting_on(&self) -> bool {
-        self.planning.watch.is_getting_on() || !self.params.guards.has_code("endless_progress")
+    pub(super) fn makes_progress(&self) -> bool {
+        self.planning.watch.makes_progress() || !self.params.guards.has_code("endless_progress")
     }
 
     /// Returns `ending` of a task without an end if two more observations, with the table located anew, agree with the
@@ -39,7 +39,7 @@ impl ControlCycle<'_> {
             Continue(true) => ending,
             Continue(false) => RunEnd::guarded(
                 Condition::CameraMoved,
-                format!("{}, and a second look did not agree with what was tracked", ending.reason),
+                format!("{}, and the confirming observations disagreed with what was tracked", ending.reason),
             ),
             Break(other) => other,
         }
@@ -63,14 +63,15 @@ impl ControlCycle<'_> {
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {
-            let reason = format!("the goal seemed reached {MOST_UNCONFIRMED} times, and a second look did not agree");
+            let reason =
+                format!("the goal was reached {MOST_UNCONFIRMED} times, but the confirming observations disagreed");
             return Break(RunEnd::guarded(Condition::CameraMoved, reason));
         }
         self.observe_at_rest()
     }
 
     pub(super) fn is_part_lost(&self) -> bool {
-        self.perception.plainly_missing_for() > self.params.lost_after_frames
+        self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames
     }
 
     pub(super) fn check_lost(&self) -> OrEnd {
@@ -79,7 +80,7 @@ impl ControlCycle<'_> {
 
     fn lost(&self) -> RunEnd {
         let places = self.perception.positions_m();
-        let each = self.perception.unseen().into_iter().map(|part| {
+        let each = self.perception.missing_parts().into_iter().map(|part| {
             let id = self.params.id(part);
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)

@@ -4,8 +4,10 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::condition::Condition;
-use crate::guards::{Late, MotionFinding, PlateSwing, PulseReading, SwingSeen, Unlike, Went, went};
-use crate::learning::{ForecastDeviation, MORE, PulseObservation};
+use crate::gain_estimator::{ForecastDeviation, MORE, PulseObservation};
+use crate::guards::{
+    MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, StepDeviation, SwingVerdict, went,
+};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventLevel, PulseDisplacements, PulseFacts};
@@ -25,7 +27,7 @@ impl ControlCycle<'_> {
             Err(reason) => return Break(RunEnd::failed(reason)),
         };
         let started_at = self.rig.now();
-        let (all_seen, before_m) = (self.perception.missing_for() == 0, self.perception.positions_m());
+        let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
         self.perception.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
@@ -35,8 +37,8 @@ impl ControlCycle<'_> {
         let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.perception.positions_m();
-        let all_seen = all_seen && self.perception.missing_for() == 0;
-        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.silenced_pulse());
+        let all_seen = all_seen && self.perception.frames_missing() == 0;
+        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.stopped_pulse());
         let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulseDisplacements {
             before_m: &before_m,
             after_m: &after_m,
@@ -60,7 +62,7 @@ impl ControlCycle<'_> {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::PartsJumped);
             let reading = self.reading(&fit, &sensors, None);
-            let cause = if is_doubt { self.doubt_motion(planned, &drive, &reading).break_value() } else { None };
+            let cause = if is_doubt { self.check_motion(planned, &drive, &reading).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
         }
         if let Some([_, forecast_m, with_more_m]) = &forecasts {
@@ -73,7 +75,7 @@ impl ControlCycle<'_> {
             });
             self.warn_of_slow_parts();
         }
-        if self.perception.silenced_pulse() {
+        if self.perception.stopped_pulse() {
             return Continue(());
         }
         let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
@@ -89,9 +91,9 @@ impl ControlCycle<'_> {
             }
             self.check_stop()?;
             self.check_lost()?;
-            if 2 * self.perception.plainly_missing_for() > self.params.lost_after_frames {
+            if 2 * self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames {
                 // a part blurred by motion becomes visible once the plate is still
-                self.perception.silence(self.rig);
+                self.perception.stop_motors(self.rig);
             }
         }
     }
@@ -108,13 +110,13 @@ impl ControlCycle<'_> {
     ) -> OrEnd {
         let guards = &self.params.guards;
         let went = steps.and_then(|(before, forecast, after)| went(before, forecast, after));
-        let is_as_planned = self.doubt_motion(planned, drive, &self.reading(fit, sensors, went))?;
-        self.doubt_delay(is_as_planned)?;
+        let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
+        self.check_picture_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Continue(()) };
         let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Continue(()) };
         let (condition, does) = match unlike {
-            Unlike::Stuck => (Condition::PartStuck { part }, "hardly moves"),
-            Unlike::Astray => (Condition::PartAstray { part }, "goes the other way"),
+            StepDeviation::Stuck => (Condition::PartStuck { part }, "hardly moves"),
+            StepDeviation::Astray => (Condition::PartAstray { part }, "goes the other way"),
         };
         if !guards.has(condition) {
             return Continue(());
@@ -125,7 +127,7 @@ impl ControlCycle<'_> {
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn doubt_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> OrEnd<bool> {
+    fn check_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> OrEnd<bool> {
         let expected = self.coil_responses.expected(planned, drive);
         let found = expected.and_then(|expected| self.motion.check(&expected, reading));
         self.report(found)
@@ -136,10 +138,10 @@ impl ControlCycle<'_> {
         &self,
         fit: &'a Result<PlateFit, FitFault>,
         sensors: &'a AccelerometerPair,
-        went: Option<Went>,
+        went: Option<PulseOutcome>,
     ) -> PulseReading<'a> {
         let (went, swing) = if self.perception.is_relocated() {
-            (None, SwingSeen::Unclear)
+            (None, SwingVerdict::Unclear)
         } else {
             (went, self.perception.swing_seen())
         };
@@ -166,11 +168,13 @@ impl ControlCycle<'_> {
 
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
-    pub(super) fn doubt_delay(&mut self, is_as_planned: bool) -> OrEnd {
+    pub(super) fn check_picture_delay(&mut self, is_as_planned: bool) -> OrEnd {
         let Some(late) = (if is_as_planned { self.perception.late() } else { None }) else { return Continue(()) };
         let reason = match late {
-            Late::By(frames) => format!("the plate moves {frames} frames later in the pictures than it is driven"),
-            Late::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
+            PictureLag::By(frames) => {
+                format!("the plate moves {frames} frames later in the pictures than it is driven")
+            }
+            PictureLag::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
         };
         self.warn(Condition::CameraLate, reason.clone());
         Break(RunEnd::guarded(Condition::CameraLate, reason))

@@ -27,7 +27,7 @@ impl ControlCycle<'_> {
             if !self.perception.invalidates_plan() {
                 return self.judge_probe(&expected, &fit);
             }
-            if !self.perception.silenced_pulse() {
+            if !self.perception.stopped_pulse() {
                 // the camera's view of the swing is lost; the readings of coils and channels are not
                 let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
                 self.report(found)?;
@@ -75,6 +75,6 @@ impl ControlCycle<'_> {
             self.warn(Condition::CameraFrozen, reason.clone());
             return Break(RunEnd::guarded(Condition::CameraFrozen, reason));
         }
-        self.doubt_delay(is_as_planned)
+        self.check_picture_delay(is_as_planned)
     }
 }

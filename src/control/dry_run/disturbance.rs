@@ -3,7 +3,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use nalgebra::{Complex, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::RehearsalParams;
+use super::DryRunParams;
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
@@ -35,8 +35,8 @@ pub(super) struct ModelDisturbance {
 
 impl ModelDisturbance {
     /// Draws the disturbance of one rehearsal.
-    pub fn new(library: &Library, rehearsal: &RehearsalParams) -> Self {
-        let RehearsalParams { streams, number, .. } = rehearsal;
+    pub fn new(library: &Library, rehearsal: &DryRunParams) -> Self {
+        let DryRunParams { streams, number, .. } = rehearsal;
         let mut rng = streams.numbered("rehearsal plate", *number);
         let harmonics = library.fields.as_ref().map_or(0, |fields| fields.twist_from_counts.len());
         let plate = (0..harmonics).map(|_| [(); 3].map(|()| factor(PLATE_OFF, &mut rng))).collect();

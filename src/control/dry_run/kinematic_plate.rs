@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::disturbance::{ModelDisturbance, normal};
-use super::{ClosestApproach, RehearsalParams};
+use super::{ClosestApproach, DryRunParams};
 use crate::ControlParams;
 use crate::pulse_planner::PulsePlanner;
 use upm_cor_library::Library;
@@ -40,8 +40,8 @@ pub(super) struct KinematicPlate {
 
 impl KinematicPlate {
     /// Parts at their starting positions, each with a drawn friction.
-    pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &RehearsalParams) -> Self {
-        let RehearsalParams { starts_m, frame_hz, .. } = rehearsal;
+    pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &DryRunParams) -> Self {
+        let DryRunParams { starts_m, frame_hz, .. } = rehearsal;
         let disturbance = ModelDisturbance::new(&library, rehearsal);
         let mut stage = Self {
             positions_m: starts_m.clone(),
@@ -144,8 +144,8 @@ impl KinematicPlate {
 
 /// Displacement of each part relative to the measured one. Pairs of opposite draws keep the mean of a few rehearsals
 /// near the mean of all.
-pub(super) fn friction(rehearsal: &RehearsalParams) -> Vec<f64> {
-    let RehearsalParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
+pub(super) fn friction(rehearsal: &DryRunParams) -> Vec<f64> {
+    let DryRunParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
     let mut draws = streams.numbered("rehearsal friction", number.div_ceil(2));
     let sign = match number {
         0 => 0.0,

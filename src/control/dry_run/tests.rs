@@ -78,8 +78,8 @@ fn params(parts: usize) -> ControlParams {
     }
 }
 
-fn rehearsal(starts_m: &[Vec2], number: u64) -> RehearsalParams {
-    RehearsalParams {
+fn rehearsal(starts_m: &[Vec2], number: u64) -> DryRunParams {
+    DryRunParams {
         starts_m: starts_m.to_vec(),
         frame_hz: FRAME_HZ,
         friction_spread: 0.05,
@@ -95,7 +95,7 @@ fn to(targets_m: &[Vec2]) -> Trajectories {
     Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
 }
 
-fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how: &RehearsalParams) -> DryRun {
+fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how: &DryRunParams) -> DryRun {
     rehearse(library, &FreshPlanner::new(params.method, library, params.planner), task, params, how, &mut |_, _| ())
 }
 
@@ -207,7 +207,7 @@ fn it_ends_at_the_time_limit_and_when_nothing_goes_on() {
 fn rehearsal_that_takes_too_much_work_is_left_off_and_has_not_failed() {
     let made = library(translations(), 0.0);
     let forever = ControlParams { time_limit_s: 1e6, ..params(1) };
-    let how = RehearsalParams { most_work_ms: 5.0, ..rehearsal(&[Vec2::new(-0.08, 0.0)], 0) };
+    let how = DryRunParams { most_work_ms: 5.0, ..rehearsal(&[Vec2::new(-0.08, 0.0)], 0) };
     let done = play(&made, &mut Stay { until_s: Some(1e6) }, &forever, &how);
     assert!(done.left_off && done.ending.reason.starts_with("left off after"), "{done:?}");
     assert!(done.work_ms > 5.0 && done.work_ms < 5.1 && done.progress < 0.01, "{done:?}");
@@ -215,7 +215,7 @@ fn rehearsal_that_takes_too_much_work_is_left_off_and_has_not_failed() {
     let done = play(&made, &mut Stay { until_s: Some(1e6) }, &endless, &how);
     let far = (done.left_off, done.ending.outcome, done.plate_time_s.round());
     assert_eq!(far, (true, Outcome::Completed, 1e6), "it has no end to reach");
-    let how = RehearsalParams { most_work_ms: f64::INFINITY, ..how };
+    let how = DryRunParams { most_work_ms: f64::INFINITY, ..how };
     let done = play(&made, &mut There(Vec2::zeros()), &params(1), &how);
     assert!(!done.left_off && done.work_ms > 0.0, "{done:?}");
 }
@@ -234,7 +234,7 @@ fn a_part_whose_center_is_beyond_the_edge_after_a_pulse_falls_off() {
 }
 
 #[test]
-fn the_least_gap_is_told_with_its_parts() {
+fn smallest_gap_is_reported_with_its_parts() {
     let made = library(translations().chain(rotations()), 0.0);
     let starts_m = [Vec2::new(-0.05, 0.05), Vec2::new(-0.02, 0.0), Vec2::new(0.005, 0.0)];
     let done = play(&made, &mut There(Vec2::new(-0.03, 0.05)), &params(3), &rehearsal(&starts_m, 0));
@@ -251,7 +251,7 @@ fn parts_that_meet_push_each_other_aside() {
     let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
     let mut met = 0;
     for number in 1..20 {
-        let how = RehearsalParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
+        let how = DryRunParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
         let mut stage = KinematicPlate::new(Arc::clone(&made), &params(2), &how);
         let plans = FreshPlanner::new(PlanningMethod::CorSequence, &made, params(2).planner).plans().ok().unwrap();
         let pulse = PlannedPulse::Rotation(Rotation {
@@ -327,7 +327,7 @@ impl PulsePlanner for ByWave {
 }
 
 #[test]
-fn plate_is_off_what_it_is_asked_by_the_same_share_in_every_pulse() {
+fn plate_is_off_its_command_by_the_same_share_in_every_pulse() {
     let mut made = (*library([], 0.0)).clone();
     let response = vec![nalgebra::Matrix3::from_diagonal_element(nalgebra::Complex::new(1e-3, 0.0))];
     let (base_radps, limit_counts) = (200.0, 1.0);
@@ -388,7 +388,7 @@ proptest! {
     #[test]
     fn opposite_frictions_come_in_pairs(seed in 0u64..1000, pair in 1u64..50, spread in 0.0..0.3f64) {
         let of = |number: u64| {
-            let how = RehearsalParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };
+            let how = DryRunParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };
             friction(&how)
         };
         prop_assert_eq!(of(0), vec![1.0; 4]);

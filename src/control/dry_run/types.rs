@@ -5,7 +5,7 @@ use upm_core::random::Streams;
 
 /// Parameters of a rehearsal in addition to those of a run.
 #[derive(Clone, Debug)]
-pub struct RehearsalParams {
+pub struct DryRunParams {
     /// Starting position of each part, m.
     pub starts_m: Vec<Vec2>,
     /// Frames per second: time passes in whole frames.

@@ -70,7 +70,7 @@ struct MotionShape {
 pub struct DelayGuard {
     frame_s: f64,
     /// The last frames, oldest first; frames that never arrived keep their place.
-    frames: VecDeque<Swung>,
+    frames: VecDeque<CornerDisplacement>,
     /// Number of the newest frame.
     newest: u64,
     /// The last two pulses with the time of their beginning, s of plate time.
@@ -82,7 +82,7 @@ pub struct DelayGuard {
 
 /// Lag of the pictures behind the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Late {
+pub enum PictureLag {
     /// By this number of frames.
     By(usize),
     /// The pictures contradict the drive, and no delay explains them.
@@ -91,7 +91,7 @@ pub enum Late {
 
 /// The planned swing of a pulse as its frames show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SwingSeen {
+pub enum SwingVerdict {
     /// The frames show that swing.
     AsDriven,
     /// The frames show another swing.
@@ -102,7 +102,7 @@ pub enum SwingSeen {
 
 /// Displacement of the corners in one frame, px.
 #[derive(Clone, Copy, Debug)]
-struct Swung {
+struct CornerDisplacement {
     seen: Option<f64>,
     expected: f64,
 }
@@ -115,8 +115,8 @@ enum Timing {
     InTime,
     /// It swings neither as planned nor as planned with a delay.
     Unclear,
-    Late {
-        late: Late,
+    PictureLag {
+        late: PictureLag,
         /// All delays that explain the frames about equally well.
         delays: Delays,
         is_sure: bool,
@@ -126,12 +126,12 @@ enum Timing {
 impl Timing {
     /// Verdict on frames that no delay explains.
     fn contradiction() -> Self {
-        Self::Late { late: Late::Unseen, delays: Delays::default(), is_sure: false }
+        Self::PictureLag { late: PictureLag::Unseen, delays: Delays::default(), is_sure: false }
     }
 
     /// Verdict on frames that one delay explains, though not with certainty.
     fn late_by(frames: usize) -> Self {
-        Self::Late { late: Late::By(frames), delays: Delays::of([frames].into_iter()), is_sure: false }
+        Self::PictureLag { late: PictureLag::By(frames), delays: Delays::of([frames].into_iter()), is_sure: false }
     }
 }
 
@@ -202,7 +202,7 @@ impl DelayGuard {
         if self.frames.len() == WINDOW + LONGEST {
             self.frames.pop_front();
         }
-        self.frames.push_back(Swung { seen, expected });
+        self.frames.push_back(CornerDisplacement { seen, expected });
     }
 
     /// Discards the observed displacements because the corners' places were wrong until now.
@@ -218,26 +218,26 @@ impl DelayGuard {
 
     /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
-        matches!(self.newest_pulse(), Timing::Late { late: Late::By(_), .. })
+        matches!(self.newest_pulse(), Timing::PictureLag { late: PictureLag::By(_), .. })
     }
 
     /// Verdict on the planned swing in the frames since the newest pulse began.
-    pub fn swing_seen(&self) -> SwingSeen {
-        let Some((begin_s, _)) = self.pulses.back() else { return SwingSeen::Unclear };
+    pub fn swing_seen(&self) -> SwingVerdict {
+        let Some((begin_s, _)) = self.pulses.back() else { return SwingVerdict::Unclear };
         let (first, _) = self.window(*begin_s);
         let counted = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
         let expected: f64 = counted().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
         let left: f64 = counted().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
         match left / expected {
-            _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingSeen::Unclear,
-            share if share < AS_DRIVEN => SwingSeen::AsDriven,
-            share if share > OTHERWISE => SwingSeen::Otherwise,
-            _ => SwingSeen::Unclear,
+            _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingVerdict::Unclear,
+            share if share < AS_DRIVEN => SwingVerdict::AsDriven,
+            share if share > OTHERWISE => SwingVerdict::Otherwise,
+            _ => SwingVerdict::Unclear,
         }
     }
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
-    pub fn end(&mut self) -> Option<Late> {
+    pub fn end(&mut self) -> Option<PictureLag> {
         // equal pulses at equal intervals hide a delay of one period: two of them are judged together
         let timing = match self.newest_pulse() {
             Timing::InTime | Timing::Unclear => self.both_pulses(),
@@ -249,7 +249,7 @@ impl DelayGuard {
                 self.late = 0;
                 None
             }
-            Timing::Late { late, delays, is_sure } => {
+            Timing::PictureLag { late, delays, is_sure } => {
                 // a delay of the camera is the same in every pulse
                 let last = std::mem::replace(&mut self.last, delays);
                 self.late = if delays.agrees_with(last) { self.late + 1 } else { 1 };
@@ -316,7 +316,7 @@ impl DelayGuard {
         }
         let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
         let delays = Delays::of((LATE..=LONGEST).filter(|&delay| left(delay) <= least + AGREES * all));
-        Timing::Late { late: Late::By(delay), delays, is_sure }
+        Timing::PictureLag { late: PictureLag::By(delay), delays, is_sure }
     }
 
     /// True when frames from `first` on show the plate farther from its place than the drive has moved it in any

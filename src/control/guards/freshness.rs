@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn picture_that_does_not_follow_the_drive_stands_still_until_it_changes() {
+    fn picture_that_does_not_follow_the_drive_is_frozen_until_it_changes() {
         let mut guard = StillnessGuard::default();
         let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.check(Some(0.05), expected));
         assert_eq!(still, [false, false, false, true, true, true]);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn plate_at_rest_and_plate_out_of_reach_tell_nothing() {
+    fn resting_unmeasured_or_noisy_plate_is_not_reported_frozen() {
         let mut guard = StillnessGuard::default();
         assert!((0..20).all(|_| !guard.check(Some(0.05), 0.0)), "nothing should move");
         assert!((0..20).all(|i| !guard.check(Some(f64::INFINITY), f64::from(i))));

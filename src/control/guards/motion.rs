@@ -1,5 +1,5 @@
-use super::delay::SwingSeen;
-use super::steps::Went;
+use super::delay::SwingVerdict;
+use super::steps::PulseOutcome;
 use crate::condition::Condition;
 use upm_cor_library::{CoilResponse, Library};
 use upm_core::signal::{CHANNEL_NAMES, Drive};
@@ -62,9 +62,9 @@ pub struct PulseReading<'a> {
     /// Places and gains of the accelerometers.
     pub sensors: &'a AccelerometerPair,
     /// How most parts moved, by the camera; `None` where it could not tell.
-    pub went: Option<Went>,
+    pub went: Option<PulseOutcome>,
     /// How the plate swung, by the camera.
-    pub swing: SwingSeen,
+    pub swing: SwingVerdict,
 }
 
 /// Compares the measured motion of each pulse with the planned one.
@@ -91,12 +91,12 @@ impl MotionGuard {
         &mut self,
         verdict: MotionVerdict,
         off: f64,
-        went: Option<Went>,
-        swing: SwingSeen,
+        went: Option<PulseOutcome>,
+        swing: SwingVerdict,
     ) -> Option<MotionFinding> {
-        let saw_it_go = matches!(went, Some(Went::There | Went::About));
-        let shows_drive = swing == SwingSeen::AsDriven;
-        let went_there = went == Some(Went::There);
+        let saw_it_go = matches!(went, Some(PulseOutcome::There | PulseOutcome::About));
+        let shows_drive = swing == SwingVerdict::AsDriven;
+        let went_there = went == Some(PulseOutcome::There);
         // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go;
         // a plate driven the wrong way round swings as far as planned, and a part on ice may glide about there
         let shows_motion = shows_drive && (went_there || (off - REVERSED).abs() > NEARLY_REVERSED);
@@ -109,9 +109,9 @@ impl MotionGuard {
         }
         // a pulse too small for its parts to show it is judged by the plate's swing, or as the last one with evidence
         let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_motion);
-        let is_sensors = (saw_it_all || is_as_known) && swing != SwingSeen::Otherwise;
+        let is_sensors = (saw_it_all || is_as_known) && swing != SwingVerdict::Otherwise;
         // a channel known to be at fault hides a small motion: there is no evidence of another one
-        let is_hidden = self.knows_fault && went.is_none() && swing != SwingSeen::Otherwise;
+        let is_hidden = self.knows_fault && went.is_none() && swing != SwingVerdict::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;
         let found = |condition, reason: String, ends| Some(MotionFinding { condition, reason, ends });
@@ -141,7 +141,7 @@ impl MotionGuard {
             }
             MotionVerdict::Swapped { coils: [a, b] } => {
                 let [first, second] = [a, b].map(|coil| COILS.get(coil).copied().unwrap_or("?"));
-                let reason = format!("coils {first} and {second} play each other's part");
+                let reason = format!("coils {first} and {second} are swapped");
                 found(Condition::CoilFault { coil: a }, reason, true)
             }
             MotionVerdict::Channels => {
@@ -161,16 +161,18 @@ impl MotionGuard {
                 if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
             }
             MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors => {
-                let reason = "the accelerometers tell nothing of a motion that the camera saw".to_owned();
+                let reason = "the accelerometer trace is unreadable, although the camera saw the plate move".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
             MotionVerdict::Unreadable { strong: true } if is_hidden => {
-                let reason = "the accelerometers tell nothing of a small pulse".to_owned();
+                let reason = "the accelerometer trace of a small pulse is unreadable".to_owned();
                 found(Condition::AccelerometerFault { channel: None }, reason, false)
             }
-            MotionVerdict::Unreadable { strong: true } => {
-                found(Condition::MotionOff, "the accelerometers tell nothing of the plate's motion".to_owned(), true)
-            }
+            MotionVerdict::Unreadable { strong: true } => found(
+                Condition::MotionOff,
+                "the accelerometer trace of the plate's motion is unreadable".to_owned(),
+                true,
+            ),
         }
     }
 }
@@ -179,84 +181,92 @@ impl MotionGuard {
 mod tests {
     use super::*;
 
-    fn ends(verdict: MotionVerdict, off: f64, went: Option<Went>) -> Option<bool> {
-        MotionGuard::default().finding(verdict, off, went, SwingSeen::Unclear).map(|finding| finding.ends)
+    fn ends(verdict: MotionVerdict, off: f64, went: Option<PulseOutcome>) -> Option<bool> {
+        MotionGuard::default().finding(verdict, off, went, SwingVerdict::Unclear).map(|finding| finding.ends)
     }
 
     #[test]
-    fn each_verdict_gets_what_it_deserves() {
+    fn each_verdict_is_ignored_reported_or_ends_the_run() {
         let coil = |gain| MotionVerdict::Coil { coil: 0, gain, gain_sd: 0.02 };
         let channel = MotionVerdict::Channel { channel: 2, kind: ChannelFault::Dead };
         let unread = |strong| MotionVerdict::Unreadable { strong };
         assert_eq!(ends(MotionVerdict::AsPlanned, 0.01, None), None);
         assert_eq!([0.85, 0.0, -1.0].map(|gain| ends(coil(gain), 0.1, None)), [Some(false), Some(true), Some(true)]);
-        assert_eq!(ends(channel, 0.4, Some(Went::Elsewhere)), Some(false));
+        assert_eq!(ends(channel, 0.4, Some(PulseOutcome::Elsewhere)), Some(false));
         assert_eq!(ends(MotionVerdict::Swapped { coils: [0, 1] }, 0.9, None), Some(true));
-        assert_eq!([None, Some(Went::There)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)), [Some(true); 2]);
-        let seen_to_swing =
-            MotionGuard::default().finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::AsDriven);
+        assert_eq!(
+            [None, Some(PulseOutcome::There)].map(|seen| ends(MotionVerdict::Other, 0.5, seen)),
+            [Some(true); 2]
+        );
+        let seen_to_swing = MotionGuard::default().finding(
+            MotionVerdict::Other,
+            0.5,
+            Some(PulseOutcome::There),
+            SwingVerdict::AsDriven,
+        );
         assert_eq!(seen_to_swing.map(|finding| finding.ends), Some(false));
-        let reversed = |off: f64, went: Went| {
-            MotionGuard::default().finding(MotionVerdict::Other, off, Some(went), SwingSeen::AsDriven)
+        let reversed = |off: f64, went: PulseOutcome| {
+            MotionGuard::default().finding(MotionVerdict::Other, off, Some(went), SwingVerdict::AsDriven)
         };
         let ends_reversed = |off, went| reversed(off, went).map(|finding| finding.ends);
-        assert_eq!(ends_reversed(1.999, Went::About), Some(true), "all coils reversed, and a part that glides");
-        assert_eq!(ends_reversed(1.999, Went::There), Some(false));
-        assert_eq!(ends_reversed(1.4, Went::About), Some(false));
+        assert_eq!(ends_reversed(1.999, PulseOutcome::About), Some(true), "all coils reversed, and a part that glides");
+        assert_eq!(ends_reversed(1.999, PulseOutcome::There), Some(false));
+        assert_eq!(ends_reversed(1.4, PulseOutcome::About), Some(false));
         let mut doubting = MotionGuard::default();
-        doubting.finding(MotionVerdict::Channels, 0.9, None, SwingSeen::Unclear);
-        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::Unclear);
+        doubting.finding(MotionVerdict::Channels, 0.9, None, SwingVerdict::Unclear);
+        let known = doubting.finding(MotionVerdict::Other, 0.5, Some(PulseOutcome::There), SwingVerdict::Unclear);
         assert_eq!(known.map(|finding| finding.ends), Some(false), "the accelerometers are known to be at fault");
-        let about = doubting.clone().finding(MotionVerdict::Other, 0.5, Some(Went::About), SwingSeen::Unclear);
+        let about =
+            doubting.clone().finding(MotionVerdict::Other, 0.5, Some(PulseOutcome::About), SwingVerdict::Unclear);
         assert_eq!(about.map(|finding| finding.ends), Some(true), "a dead coil of two carries parts about there");
         let mut swinging = MotionGuard::default();
-        let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, SwingSeen::AsDriven);
+        let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, SwingVerdict::AsDriven);
         assert_eq!(by_swing(&mut swinging.clone()).map(|finding| finding.ends), Some(true), "nothing was known before");
         swinging.finding(
             MotionVerdict::Channel { channel: 3, kind: ChannelFault::Dead },
             0.5,
             None,
-            SwingSeen::AsDriven,
+            SwingVerdict::AsDriven,
         );
         assert_eq!(by_swing(&mut swinging).map(|finding| finding.ends), Some(false), "a second accelerometer");
         let swings_otherwise =
-            doubting.clone().finding(MotionVerdict::Other, 0.5, Some(Went::There), SwingSeen::Otherwise);
+            doubting.clone().finding(MotionVerdict::Other, 0.5, Some(PulseOutcome::There), SwingVerdict::Otherwise);
         assert_eq!(swings_otherwise.map(|finding| finding.ends), Some(true), "the camera saw another motion, too");
         let mut small =
-            |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, SwingSeen::Unclear).map(|finding| finding.ends);
+            |seen| doubting.finding(MotionVerdict::Other, 0.5, seen, SwingVerdict::Unclear).map(|finding| finding.ends);
         assert_eq!(
-            [small(None), small(Some(Went::Elsewhere))],
+            [small(None), small(Some(PulseOutcome::Elsewhere))],
             [Some(false), Some(true)],
             "a small pulse is judged as the last"
         );
         assert_eq!([false, true].map(|strong| ends(unread(strong), 0.0, None)), [None, Some(true)]);
-        assert_eq!(ends(unread(true), 0.0, Some(Went::About)), Some(false));
+        assert_eq!(ends(unread(true), 0.0, Some(PulseOutcome::About)), Some(false));
         let mut unread_before = MotionGuard::default();
-        unread_before.finding(unread(true), 0.0, None, SwingSeen::AsDriven);
+        unread_before.finding(unread(true), 0.0, None, SwingVerdict::AsDriven);
         let unread_again = |seen| unread_before.clone().finding(unread(true), 0.0, None, seen).map(|found| found.ends);
-        assert_eq!([SwingSeen::Unclear, SwingSeen::Otherwise].map(unread_again), [Some(false), Some(true)]);
+        assert_eq!([SwingVerdict::Unclear, SwingVerdict::Otherwise].map(unread_again), [Some(false), Some(true)]);
         let mut one_at_fault = MotionGuard::default();
-        one_at_fault.finding(channel, 0.4, None, SwingSeen::Unclear);
+        one_at_fault.finding(channel, 0.4, None, SwingVerdict::Unclear);
         let unread_small =
             |seen, swing| one_at_fault.clone().finding(unread(true), 0.0, seen, swing).map(|found| found.ends);
-        assert_eq!(unread_small(None, SwingSeen::Unclear), Some(false), "the channel hides the motion");
+        assert_eq!(unread_small(None, SwingVerdict::Unclear), Some(false), "the channel hides the motion");
         let mut half_way = MotionGuard::default();
         let mut unread_at =
-            |went| half_way.finding(unread(true), 0.0, went, SwingSeen::Unclear).map(|found| found.ends);
+            |went| half_way.finding(unread(true), 0.0, went, SwingVerdict::Unclear).map(|found| found.ends);
         assert_eq!(
-            [unread_at(Some(Went::There)), unread_at(None)],
+            [unread_at(Some(PulseOutcome::There)), unread_at(None)],
             [Some(false), Some(true)],
             "coils died in the first"
         );
-        assert_eq!(unread_small(None, SwingSeen::Otherwise), Some(true));
-        assert_eq!(unread_small(Some(Went::Elsewhere), SwingSeen::Unclear), Some(true));
+        assert_eq!(unread_small(None, SwingVerdict::Otherwise), Some(true));
+        assert_eq!(unread_small(Some(PulseOutcome::Elsewhere), SwingVerdict::Unclear), Some(true));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
     }
 
     #[test]
-    fn motion_a_little_off_is_told_the_second_time_in_a_row() {
+    fn slight_deviation_is_reported_the_second_time_in_a_row() {
         let mut guard = MotionGuard::default();
-        let mut is_found = |verdict| guard.finding(verdict, 0.1, None, SwingSeen::Unclear).is_some();
+        let mut is_found = |verdict| guard.finding(verdict, 0.1, None, SwingVerdict::Unclear).is_some();
         assert!(
             !is_found(MotionVerdict::Other) && !is_found(MotionVerdict::AsPlanned) && !is_found(MotionVerdict::Other)
         );

@@ -19,7 +19,7 @@ const NEAR_OF_STEP: f64 = 0.15;
 
 /// Deviation of a part from its forecasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unlike {
+pub enum StepDeviation {
     /// It hardly moves.
     Stuck,
     /// It moves against its forecast.
@@ -36,7 +36,12 @@ pub struct StepGuard {
 impl StepGuard {
     /// Takes the steps of one pulse. Returns the first part that has deviated from its forecasts four times in a row,
     /// and how.
-    pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Unlike)> {
+    pub fn check(
+        &mut self,
+        before_m: &[Vec2],
+        forecast_m: &[Vec2],
+        after_m: &[Vec2],
+    ) -> Option<(usize, StepDeviation)> {
         self.stuck.resize(before_m.len(), 0);
         self.astray.resize(before_m.len(), 0);
         let shortest_m = if before_m.len() > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M };
@@ -52,9 +57,9 @@ impl StepGuard {
             self.stuck[part] = count(self.stuck[part], went.norm() < STUCK * length_m);
             self.astray[part] = count(self.astray[part], along < -STUCK);
             let unlike = if self.astray[part] >= IN_A_ROW {
-                Some(Unlike::Astray)
+                Some(StepDeviation::Astray)
             } else {
-                (self.stuck[part] >= IN_A_ROW).then_some(Unlike::Stuck)
+                (self.stuck[part] >= IN_A_ROW).then_some(StepDeviation::Stuck)
             };
             found = found.or(unlike.map(|unlike| (part, unlike)));
         }
@@ -64,17 +69,17 @@ impl StepGuard {
 
 /// Where most parts with a forecast displacement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Went {
+pub enum PulseOutcome {
     /// At the forecast places, within the accuracy of forecasts for a plate that moves as planned.
     There,
     /// Near them, as on a plate that moves slightly off its plan.
     About,
-    /// Elsewhere.
+    /// At neither, such as parts that stayed or slid on.
     Elsewhere,
 }
 
 /// Verdict on most parts in a pulse; `None` when no part should move far enough to judge.
-pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<Went> {
+pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<PulseOutcome> {
     let steps = before_m.iter().zip(forecast_m).zip(after_m).map(|((a, b), c)| (b - a, c - a));
     let far: Vec<(Vec2, Vec2)> = steps.filter(|(wanted, _)| wanted.norm() >= SHORTEST_M).collect();
     let most = |count: usize| 2 * count > far.len();
@@ -88,9 +93,9 @@ pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<
     let there = far.iter().filter(|step| is_about(step) && is_there(step)).count();
     match far.len() {
         0 => None,
-        _ if most(there) => Some(Went::There),
-        _ if most(about) => Some(Went::About),
-        _ => Some(Went::Elsewhere),
+        _ if most(there) => Some(PulseOutcome::There),
+        _ if most(about) => Some(PulseOutcome::About),
+        _ => Some(PulseOutcome::Elsewhere),
     }
 }
 
@@ -99,7 +104,7 @@ mod tests {
     use super::*;
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
-    fn found(shares: &[f64]) -> Vec<Option<(usize, Unlike)>> {
+    fn found(shares: &[f64]) -> Vec<Option<(usize, StepDeviation)>> {
         let (mut guard, start) = (StepGuard::default(), [Vec2::zeros(); 2]);
         let step = Vec2::new(4e-3, 0.0);
         shares.iter().map(|&share| guard.check(&start, &[step; 2], &[step, step * share])).collect()
@@ -107,20 +112,27 @@ mod tests {
 
     #[test]
     fn part_that_goes_unlike_its_forecast_four_times_is_found() {
-        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, Unlike::Stuck))]);
-        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, Unlike::Astray)));
+        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, StepDeviation::Stuck))]);
+        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, StepDeviation::Astray)));
         assert_eq!(found(&[0.0, 0.0, 0.0, 0.5, 0.0, 0.0]), [None; 6], "in a row");
         assert_eq!(found(&[0.5, 1.5, 0.3, 1.0]), [None; 4]);
     }
 
     #[test]
-    fn most_parts_tell_whether_a_pulse_went_as_forecast() {
+    fn pulse_outcome_follows_the_majority_of_parts() {
         let (start, step) = ([Vec2::zeros(); 3], Vec2::new(4e-3, 0.0));
         let of = |shares: [f64; 3]| went(&start, &[step; 3], &shares.map(|share| step * share));
-        assert_eq!((of([1.0, 0.9, 0.0]), of([0.0, 0.1, 1.0])), (Some(Went::There), Some(Went::Elsewhere)));
-        assert_eq!(of([1.0, 0.7, 1.3]), Some(Went::About), "one is near");
+        assert_eq!(
+            (of([1.0, 0.9, 0.0]), of([0.0, 0.1, 1.0])),
+            (Some(PulseOutcome::There), Some(PulseOutcome::Elsewhere))
+        );
+        assert_eq!(of([1.0, 0.7, 1.3]), Some(PulseOutcome::About), "one is near");
         assert_eq!(went(&start, &start, &start), None);
         let gliding = Vec2::new(6e-3, 3e-3);
-        assert_eq!(went(&start[..1], &[step], &[gliding]), Some(Went::Elsewhere), "parts that glide go elsewhere");
+        assert_eq!(
+            went(&start[..1], &[step], &[gliding]),
+            Some(PulseOutcome::Elsewhere),
+            "parts that glide go elsewhere"
+        );
     }
 }

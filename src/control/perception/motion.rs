@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::scene::Blind;
+use super::scene::UnusableFrame;
 use super::{Perception, REACH_M};
 use crate::Sink;
 use crate::condition::Condition;
-use crate::guards::{Late, PlateSwing, StaleReason, SwingSeen};
+use crate::guards::{PictureLag, PlateSwing, StaleReason, SwingVerdict};
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -32,7 +32,7 @@ impl Perception {
         if let Some(swing) = swing {
             self.delay.begin(at.secs(), swing);
         }
-        (self.silenced, self.relocated) = (false, false);
+        (self.motors_stopped, self.relocated) = (false, false);
     }
 
     /// Pixels per metre on the plate.
@@ -41,7 +41,7 @@ impl Perception {
     }
 
     /// How the frames of the last pulse show the planned swing of the plate.
-    pub(crate) fn swing_seen(&self) -> SwingSeen {
+    pub(crate) fn swing_seen(&self) -> SwingVerdict {
         self.delay.swing_seen()
     }
 
@@ -56,7 +56,7 @@ impl Perception {
     }
 
     /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
-    pub(crate) fn late(&mut self) -> Option<Late> {
+    pub(crate) fn late(&mut self) -> Option<PictureLag> {
         self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
     }
 
@@ -67,18 +67,18 @@ impl Perception {
 
     /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
     /// of the present; `None` for a frame of the present.
-    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Blind> {
+    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
         let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has_code("camera_still");
-        let stale = stale.or(stands_still.then_some(Blind::Stale(StaleReason::Repeated)));
+        let stale = stale.or(stands_still.then_some(UnusableFrame::Stale(StaleReason::Repeated)));
         stale.filter(|blind| self.guards.has(blind.condition()))
     }
 
     /// Obstruction of the view in a frame that lacks a part while the plate may move.
-    pub(super) fn covered(&mut self) -> Option<Blind> {
+    pub(super) fn covered(&mut self) -> Option<UnusableFrame> {
         let covered =
-            if self.missing_for() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
+            if self.frames_missing() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
         covered.filter(|blind| self.guards.has(blind.condition()))
     }
 

@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_count_is_an_ending_in_words() {
+    fn wrong_part_count_ends_the_run_with_a_reason() {
         let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true)
             .break_value()
             .unwrap();

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
 use super::settling::{PlateInImage, SWING_S};
-use super::{FramePurpose, Perception, TABLE_LOOKS};
+use super::{FramePurpose, Perception, TABLE_OBSERVATIONS};
 use crate::condition::Condition;
 use crate::run_end::{OrEnd, RunEnd, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, Sink};
@@ -103,7 +103,7 @@ impl Perception {
         self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
         match self.locate(clock) {
             Ok(found) => self.relocate(found, Relocation::Knocked, sink),
-            Err(fault) if self.displaced > MOVED + TABLE_LOOKS as u32 => Break(RunEnd::guarded(
+            Err(fault) if self.displaced > MOVED + TABLE_OBSERVATIONS as u32 => Break(RunEnd::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
@@ -140,7 +140,7 @@ impl Perception {
         let too_far_m = ways.map(off_m).fold(0.0, f64::max);
         if too_far_m > 0.0 && self.guards.has(Condition::PartsJumped) {
             let reason = format!(
-                "the plate has moved in the picture, and a part is {:.1} mm farther than it can be from its place",
+                "the plate has moved in the picture, and a part is {:.1} mm farther from its last position than it can have moved",
                 too_far_m * 1e3
             );
             return Break(RunEnd::guarded(Condition::PartsJumped, reason));
@@ -210,7 +210,7 @@ impl Perception {
         stop: &AtomicBool,
     ) -> OrEnd<Relocated> {
         let mut last = None;
-        for _ in 0..TABLE_LOOKS {
+        for _ in 0..TABLE_OBSERVATIONS {
             while !self.observe(rig, FramePurpose::Pulse, sink, clock)? {
                 check_stop(stop)?;
             }
@@ -220,7 +220,7 @@ impl Perception {
             }
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
-        let reason = format!("no table found in {TABLE_LOOKS} frames{why}");
+        let reason = format!("no table found in {TABLE_OBSERVATIONS} frames{why}");
         self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
         Break(RunEnd::guarded(Condition::TableMissing, reason))
     }

@@ -23,7 +23,7 @@ const COVERED: f64 = 0.06;
 
 /// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Blind {
+pub(super) enum UnusableFrame {
     /// The frame is not of the present.
     Stale(StaleReason),
     /// The frame shows no plate.
@@ -32,7 +32,7 @@ pub(super) enum Blind {
     Hidden,
 }
 
-impl Blind {
+impl UnusableFrame {
     /// The condition to report.
     pub(super) fn condition(self) -> Condition {
         match self {
@@ -68,7 +68,7 @@ impl Blind {
 /// Findings in a frame at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SceneObservation {
-    pub(super) blind: Option<Blind>,
+    pub(super) blind: Option<UnusableFrame>,
     pub(super) place: PlateInImage,
     /// Place of an object that does not belong to the job, m.
     pub(super) foreign_m: Option<Vec2>,
@@ -106,8 +106,8 @@ impl SceneMonitor {
     }
 
     /// The reason for which `frame`, which arrived at `now`, is not of the present; `None` for one that is.
-    pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<Blind> {
-        self.freshness.check(frame, now).map(Blind::Stale)
+    pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
+        self.freshness.check(frame, now).map(UnusableFrame::Stale)
     }
 
     /// Examines a frame taken at rest, in which `tracks` were followed.
@@ -125,19 +125,23 @@ impl SceneMonitor {
         // a hand is visible; where nothing hides the plate and its sides are gone, the picture shows no plate
         let is_hidden = sight.hidden_share > HIDDEN;
         let is_dark = sight.dark || (place == PlateInImage::Unknown && !is_hidden);
-        let blind = if is_dark { Some(Blind::Dark) } else { is_hidden.then_some(Blind::Hidden) };
+        let blind = if is_dark { Some(UnusableFrame::Dark) } else { is_hidden.then_some(UnusableFrame::Hidden) };
         self.foreign_m = sight.foreign.first().map(|part| part.position_m);
         SceneObservation { blind, place, foreign_m: self.foreign_m }
     }
 
     /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
-    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Blind> {
+    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<UnusableFrame> {
         if self.table.check(frame) == TableMotion::Displaced {
             // the camera was knocked: foreign objects are detected once the plate is at rest
             return None;
         }
         let sight = self.plate.check(frame, tracks);
-        if sight.dark { Some(Blind::Dark) } else { (sight.hidden_share > COVERED).then_some(Blind::Hidden) }
+        if sight.dark {
+            Some(UnusableFrame::Dark)
+        } else {
+            (sight.hidden_share > COVERED).then_some(UnusableFrame::Hidden)
+        }
     }
 
     /// True when the plate is where it was to a fraction of a pixel: it no longer swings and was not knocked.

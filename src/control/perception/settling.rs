@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn plate_that_is_not_seen_is_nowhere_and_one_beyond_reach_is_elsewhere_by_an_unknown_amount() {
+    fn hidden_plate_is_unknown_and_displaced_plate_is_off_by_an_unknown_amount() {
         let mut settling = Settling::default();
         assert_eq!(settling.place(at(0), TableMotion::Hidden), PlateInImage::Unknown);
         assert_eq!(settling.place(at(1), TableMotion::Displaced), PlateInImage::Elsewhere { corner_px: f64::INFINITY });

@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn points_lie_along_it() {
+    fn point_at_an_arc_length_is_on_the_polyline() {
         assert!((corner().length_m() - 0.7).abs() < 1e-15);
         for (s, expected) in
             [(-1.0, (0.0, 0.0)), (0.1, (0.1, 0.0)), (0.3, (0.3, 0.0)), (0.5, (0.3, 0.2)), (9.0, (0.3, 0.4))]
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_round_is_counted_on() {
+    fn arc_length_continues_across_laps() {
         let corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1), (0.0, 0.0)];
         let square = Polyline::new(corners.map(|(x, y)| Vec2::new(x, y)).to_vec());
         for (p, at, expected) in [

@@ -56,7 +56,7 @@ pub struct StopTimes {
     /// Plate time of the request.
     pub requested_at: PlateTime,
     /// Plate time from which on the motors' force is zero; that of the request where they were silent already.
-    pub silent_at: PlateTime,
+    pub motors_off_at: PlateTime,
     /// Wall time between the two; zero for an interlock without a clock.
     pub wall: Duration,
 }
@@ -95,7 +95,7 @@ struct StateWord(u64);
 
 impl StateWord {
     const ATTACHED: u64 = 1 << 63;
-    const SOUNDING: u64 = 1 << 62;
+    const DRIVING: u64 = 1 << 62;
     const TRIP_SHIFT: u32 = 59;
     const TRIP: u64 = 0b111 << Self::TRIP_SHIFT;
     /// Mask of the plate time, ns: room for eighteen years.
@@ -125,7 +125,7 @@ impl StateWord {
 
     #[inline]
     fn released(self) -> Self {
-        Self(self.0 & (Self::ATTACHED | Self::SOUNDING))
+        Self(self.0 & (Self::ATTACHED | Self::DRIVING))
     }
 
     #[inline]
@@ -208,7 +208,7 @@ impl Interlock {
     /// Announces that the rig is about to play; refused once tripped.
     #[inline]
     pub fn energize(&self) -> Result<(), Trip> {
-        let driving = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::SOUNDING));
+        let driving = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::DRIVING));
         self.0.change(driving).map_err(|word| word.trip().unwrap_or(Trip::EStop))
     }
 
@@ -223,14 +223,14 @@ impl Interlock {
     pub fn motors_off(&self, at: PlateTime) {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
-        if !word.has(StateWord::SOUNDING) {
+        if !word.has(StateWord::DRIVING) {
             return;
         }
         shared.silent_at_ns.store(at.nanos(), Ordering::Relaxed);
         if word.trip().is_some() {
             shared.silent_wall_ns.store(shared.wall_ns(), Ordering::Relaxed);
         }
-        let before = StateWord(shared.word.fetch_and(!StateWord::SOUNDING, Ordering::AcqRel));
+        let before = StateWord(shared.word.fetch_and(!StateWord::DRIVING, Ordering::AcqRel));
         if before.trip().is_some() {
             let (lock, condition) = &shared.silence;
             drop(lock.lock());
@@ -239,11 +239,11 @@ impl Interlock {
     }
 
     /// Waits for at most `within` until the motors have answered the trip; returns [`Self::stop_times`].
-    pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
+    pub fn wait_until_motors_off(&self, within: Duration) -> Option<StopTimes> {
         let (lock, condition) = &self.0.silence;
         let is_sounding = |_: &mut ()| {
             let word = self.0.word(Ordering::Acquire);
-            word.trip().is_some() && word.has(StateWord::SOUNDING)
+            word.trip().is_some() && word.has(StateWord::DRIVING)
         };
         condition.wait_while_for(&mut lock.lock(), is_sounding, within);
         self.stop_times()
@@ -253,16 +253,16 @@ impl Interlock {
     pub fn stop_times(&self) -> Option<StopTimes> {
         let shared = &*self.0;
         let word = shared.word(Ordering::Acquire);
-        if word.trip().is_none() || word.has(StateWord::SOUNDING) {
+        if word.trip().is_none() || word.has(StateWord::DRIVING) {
             return None;
         }
-        let silent_at = PlateTime::from_nanos(shared.silent_at_ns.load(Ordering::Relaxed));
+        let motors_off_at = PlateTime::from_nanos(shared.silent_at_ns.load(Ordering::Relaxed));
         // motors that fell silent before the request were silent at the request
         let from_ns = shared.requested_wall_ns.load(Ordering::Relaxed);
         let wall_ns = shared.silent_wall_ns.load(Ordering::Relaxed).saturating_sub(from_ns);
         let requested_at = word.requested_at();
         let wall = Duration::from_nanos(wall_ns);
-        Some(StopTimes { requested_at, silent_at: silent_at.max(requested_at), wall })
+        Some(StopTimes { requested_at, motors_off_at: motors_off_at.max(requested_at), wall })
     }
 }
 
@@ -292,7 +292,7 @@ impl fmt::Debug for InterlockState {
         f.debug_struct("Interlock")
             .field("trip", &word.trip())
             .field("attached", &word.has(StateWord::ATTACHED))
-            .field("sounding", &word.has(StateWord::SOUNDING))
+            .field("sounding", &word.has(StateWord::DRIVING))
             .finish_non_exhaustive()
     }
 }

@@ -209,7 +209,7 @@ mod tests {
         #[test]
         fn the_momentum_follows_the_envelope(drive in drive(), stop in 0.0..1.0f64) {
             const STEPS: i32 = 20_000;
-            let t_s = stop * drive.envelope.sounding_s();
+            let t_s = stop * drive.envelope.driven_s();
             let h = t_s / f64::from(STEPS);
             let momentum: f64 = (0..STEPS).map(|i| h * drive.counts_at(1, h * (f64::from(i) + 0.5))).sum();
             let wanted: f64 = (1..).zip(&drive.motors[1]).map(|(k, harmonic)| {
@@ -221,9 +221,9 @@ mod tests {
 
         #[test]
         fn nothing_is_played_above_the_peak(drive in drive(), part in 0.0..1.0f64) {
-            let played = drive.counts_at(1, part * drive.envelope.sounding_s());
+            let played = drive.counts_at(1, part * drive.envelope.driven_s());
             prop_assert!(played.abs() <= drive.peak_counts() * 1.001);
-            prop_assert!((drive.clone().reversed().counts_at(1, part * drive.envelope.sounding_s()) + played).abs() < 1e-9);
+            prop_assert!((drive.clone().reversed().counts_at(1, part * drive.envelope.driven_s()) + played).abs() < 1e-9);
         }
     }
 }

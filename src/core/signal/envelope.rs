@@ -18,7 +18,7 @@ pub struct Envelope {
 impl Envelope {
     /// Height in 0..=1 at `t_s` after the start.
     pub fn at(&self, t_s: f64) -> f64 {
-        let from_edge = t_s.min(self.sounding_s() - t_s);
+        let from_edge = t_s.min(self.driven_s() - t_s);
         if from_edge <= 0.0 {
             return 0.0;
         }
@@ -32,7 +32,7 @@ impl Envelope {
     /// First derivative of the height at `t_s` after the start, 1/s.
     #[inline]
     pub fn slope(&self, t_s: f64) -> f64 {
-        let to_end_s = self.sounding_s() - t_s;
+        let to_end_s = self.driven_s() - t_s;
         let from_edge = t_s.min(to_end_s);
         if from_edge <= 0.0 || from_edge >= self.attack_s {
             return 0.0;
@@ -44,7 +44,7 @@ impl Envelope {
     /// Second derivative of the height at `t_s` after the start, 1/s²; constant on each half of a flank.
     #[inline]
     pub fn curvature(&self, t_s: f64) -> f64 {
-        let from_edge = t_s.min(self.sounding_s() - t_s);
+        let from_edge = t_s.min(self.driven_s() - t_s);
         if from_edge < 0.0 || from_edge >= self.attack_s {
             return 0.0;
         }
@@ -72,14 +72,14 @@ impl Envelope {
 
     /// Time during which the motors move, s.
     #[inline]
-    pub fn sounding_s(&self) -> f64 {
+    pub fn driven_s(&self) -> f64 {
         2.0 * self.attack_s + self.sustain_s
     }
 
     /// Time until the next pulse may start, s.
     #[inline]
     pub fn total_s(&self) -> f64 {
-        self.sounding_s() + self.rest_s
+        self.driven_s() + self.rest_s
     }
 }
 
@@ -105,7 +105,7 @@ mod tests {
         fn slope_is_that_of_the_height(attack_s in 0.0..0.02f64, sustain_s in 0.0..0.02f64, t_s in -0.01..0.07f64) {
             let envelope = Envelope { attack_s, sustain_s, rest_s: 0.0 };
             let h = 1e-9;
-            let corners = [0.0, attack_s, attack_s + sustain_s, envelope.sounding_s()];
+            let corners = [0.0, attack_s, attack_s + sustain_s, envelope.driven_s()];
             prop_assume!(corners.iter().all(|corner| (t_s - corner).abs() > 2.0 * h));
             let difference = (envelope.at(t_s + h) - envelope.at(t_s - h)) / (2.0 * h);
             prop_assert!((envelope.slope(t_s) - difference).abs() < 1e-4 * (1.0 + difference.abs()));

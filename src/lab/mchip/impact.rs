@@ -39,7 +39,7 @@ pub struct Surface {
 
 /// Collision of two bodies at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
+pub struct Collision {
     /// Change of the relative velocity by a unit impulse, 1/kg.
     pub inverse_mass: Matrix3<f64>,
     /// Velocity of the first body's point against the second's, m/s.
@@ -48,7 +48,7 @@ pub struct Meeting {
     pub normal: Vector3<f64>,
 }
 
-impl Meeting {
+impl Collision {
     /// Impulse on the first body, N s; the second takes its opposite. Zero for points that separate.
     pub fn impulse(&self, surface: &Surface) -> Vector3<f64> {
         if self.velocity_mps.dot(&self.normal) >= 0.0 {
@@ -168,7 +168,7 @@ impl Meeting {
 mod tests {
     use super::*;
 
-    impl Meeting {
+    impl Collision {
         /// Energy that `impulse` takes from both bodies, J.
         fn energy_lost_j(&self, impulse: &Vector3<f64>) -> f64 {
             -impulse.dot(&self.velocity_mps) - 0.5 * impulse.dot(&(self.inverse_mass * impulse))
@@ -188,7 +188,7 @@ mod tests {
     }
 
     /// Collisions of a part like the paper's with a resonator, at any place and from any direction.
-    fn meetings() -> impl Iterator<Item = Meeting> {
+    fn meetings() -> impl Iterator<Item = Collision> {
         (0..3_000).map(|seed| {
             let mut next = numbers(seed);
             let mut vector = |size: f64| Vector3::new(next(), next(), next()) * size;
@@ -200,7 +200,7 @@ mod tests {
             let normal = vector(1.0).normalize();
             let velocity = vector(0.2);
             let velocity_mps = if velocity.dot(&normal) < 0.0 { velocity } else { -velocity };
-            Meeting { inverse_mass, velocity_mps, normal }
+            Collision { inverse_mass, velocity_mps, normal }
         })
     }
 
@@ -259,7 +259,7 @@ mod tests {
     fn slip_that_reverses_is_pushed_both_ways() {
         // a light resonator: its rim rises and moves forward, then falls and moves backward
         let lever = Vector3::new(1.7e-5, 0.0, 1.4e-4);
-        let meeting = Meeting {
+        let meeting = Collision {
             inverse_mass: Matrix3::identity() / 55e-9 + lever * lever.transpose() / 2.3e-18,
             velocity_mps: -lever * 300.0,
             normal: Vector3::z(),
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn parting_points_get_no_impulse() {
-        let meeting = Meeting { inverse_mass: Matrix3::identity(), velocity_mps: Vector3::z(), normal: Vector3::z() };
+        let meeting = Collision { inverse_mass: Matrix3::identity(), velocity_mps: Vector3::z(), normal: Vector3::z() };
         assert_eq!(meeting.impulse(&surface(1.0)), Vector3::zeros());
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::contact::{Contact, Feature, MChipTile, Outline};
 use super::device::Device;
 use super::drive::ResonatorDrive;
-use super::impact::{ImpactLaw, Meeting, Surface};
+use super::impact::{Collision, ImpactLaw, Surface};
 use super::part::{MChipPart, PartShape};
 use super::resonator::{ExactStep, Rotor, Swing};
 use upm_core::units::GRAVITY_MPS2;
@@ -242,7 +242,7 @@ impl Run {
             + lever_m * lever_m.transpose() / self.rotor.inertia_kgm2;
         let Device { friction, restitution, .. } = self.setup.device;
         let surface = Surface { friction, restitution, law: self.setup.law };
-        let impulse_ns = Meeting { inverse_mass, velocity_mps, normal: contact.normal }.impulse(&surface);
+        let impulse_ns = Collision { inverse_mass, velocity_mps, normal: contact.normal }.impulse(&surface);
         self.state.velocity_mps += impulse_ns / self.setup.part.mass_kg;
         self.state.spin_radps += inverse_inertia * arm_m.cross(&impulse_ns);
         self.swings[index].speed_radps -= lever_m.dot(&impulse_ns) / self.rotor.inertia_kgm2;

@@ -68,7 +68,7 @@ mod tests {
     const BLOCK: Block = Block { length_m: 0.04, height_m: 0.02 };
 
     #[test]
-    fn block_at_balance_feels_no_moment_and_a_long_one_let_go_flat_a_quarter_of_its_weight() {
+    fn balance_has_no_moment_and_a_released_long_block_a_quarter_contact_force() {
         assert!(BLOCK.accel_radps2(BLOCK.balance_rad(), GRAVITY_MPS2).abs() < 1e-12);
         let long = Block { length_m: 1.0, height_m: 1e-6 };
         let [_, normal] = long.contact_mps2(BlockTilt::default(), GRAVITY_MPS2);

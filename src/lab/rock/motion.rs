@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn block_on_a_still_table_keeps_its_energy_but_for_the_impacts() {
+    fn block_on_a_still_table_loses_energy_only_at_impacts() {
         let release = |restitution| Release { block: BLOCK, restitution, tilt_rad: 0.2 };
         let elastic = release(1.0).motion(&still(), 3.0);
         assert_eq!(elastic.end, End::Rocks);

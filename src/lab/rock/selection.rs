@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn orientations_are_told_apart_the_less_the_longer_the_window() {
+    fn longer_window_separates_orientations_less() {
         let standing = Block { length_m: 0.02, height_m: 0.022 };
         let orientations = Orientations { standing, restitution: 0.5, tilt_rad: 0.1 };
         let on_drive = |from| orientations.on_drive(from, 0.2).unwrap();

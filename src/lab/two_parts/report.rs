@@ -4,7 +4,7 @@ use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{ExperimentResult, Figure, LabRig, Series};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::plate_model::STRONG_SPIN_RADPS;
-use super::task::{LOOKS, StepSeries, TwoPartPath, TwoPartProblem};
+use super::task::{OBSERVATIONS, StepSeries, TwoPartPath, TwoPartProblem};
 use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 
 /// Radius of the circle about a start, in half sides of the plate.
@@ -30,7 +30,7 @@ pub fn outcome(
     side_results: &SideResults,
 ) -> ExperimentResult {
     let [ideal, strong, own] = runs;
-    let mut figures = of_one_look(task, ideal, side_results);
+    let mut figures = of_one_observation(task, ideal, side_results);
     for (run, i) in [(strong, 0), (own, 1)] {
         figures.extend(of_plate(run, ideal, side_results.shortest_m[i], side_results.saturation[i]));
     }
@@ -49,7 +49,7 @@ pub fn outcome(
     }
 }
 
-fn of_one_look(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
+fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
     let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
     let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
     let mut figures = vec![
@@ -62,7 +62,7 @@ fn of_one_look(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideRes
     // Every observation corrects the miss of the previous ones: only the second order of its own step remains.
     let second = "second order of each look's own step is left";
     let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
-    let [.., coarse, fine] = LOOKS;
+    let [.., coarse, fine] = OBSERVATIONS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
     figures.extend([
         Figure::alone("E of 1 look, ideal field", "mm", measured(1), "UPM paper, Eq. 3; it prints no figure"),

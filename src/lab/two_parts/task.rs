@@ -11,7 +11,7 @@ const CORNERS: [[f64; 2]; CENTERS] = [[-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [1
 const STARTS: [[f64; 2]; 2] = [[-0.26, -0.19], [0.49, 0.0]];
 const GOALS: [[f64; 2]; 2] = [[-0.6, -0.11], [0.3, -0.29]];
 /// Numbers of observations into which the step is split.
-pub const LOOKS: [usize; 4] = [1, 2, 4, 8];
+pub const OBSERVATIONS: [usize; 4] = [1, 2, 4, 8];
 
 /// The problem on a plate of this size.
 pub struct TwoPartProblem {
@@ -67,7 +67,7 @@ impl TwoPartProblem {
     }
 }
 
-/// The parts' path.
+/// Course of both parts through a step, with the error at its end.
 pub struct TwoPartPath {
     /// Positions initially and after each rotation.
     pub corners: Vec<PartPositions>,
@@ -93,7 +93,7 @@ impl StepSeries {
         rotate: impl Fn(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
     ) -> Self {
         let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
-        for observations in LOOKS {
+        for observations in OBSERVATIONS {
             match task.go(observations, &rotate) {
                 Ok(way) => runs.ways.push((observations, way)),
                 Err(fault) => runs.failed.push((observations, fault)),

@@ -50,7 +50,7 @@ pub struct PartError {
 }
 
 /// Locates table and parts in the scene's picture and compares them with its truth.
-pub fn judge(difficulty: Difficulty, scene: &Scene) -> SceneVerdict {
+pub fn evaluate(difficulty: Difficulty, scene: &Scene) -> SceneVerdict {
     let verdict = |table| SceneVerdict { seed: scene.seed, parts: scene.parts.len(), table };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {

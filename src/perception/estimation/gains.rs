@@ -112,7 +112,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn gains_come_back_but_for_a_common_factor(errors in proptest::array::uniform4(-0.02..0.02f64)) {
+        fn gains_are_recovered_up_to_a_common_factor(errors in proptest::array::uniform4(-0.02..0.02f64)) {
             let gain = errors.map(|e| 1.0 + e);
             let found = relative_gains(&shown(&axis_motions(), &gain, R1_M), R1_M);
             let ratio: [f64; 4] = std::array::from_fn(|c| found[c] / gain[c]);
@@ -122,7 +122,7 @@ mod tests {
         }
 
         #[test]
-        fn what_the_readings_leave_open_stays_one(errors in proptest::array::uniform4(-0.02..0.02f64)) {
+        fn gains_that_readings_do_not_determine_stay_one(errors in proptest::array::uniform4(-0.02..0.02f64)) {
             // Along x alone the x channels determine their ratio and the y channels nothing: those keep their gains to
             // second order in the errors, since the mean is held.
             let gain = errors.map(|e| 1.0 + e);

@@ -144,7 +144,7 @@ mod tests {
         }
 
         #[test]
-        fn velocity_is_what_the_acceleration_differentiates(c in proptest::array::uniform4(-40.0..40.0f64), t in 0.0..0.1f64) {
+        fn acceleration_is_the_slope_of_the_velocity(c in proptest::array::uniform4(-40.0..40.0f64), t in 0.0..0.1f64) {
             let v = velocity_mps(&c, TAU * HZ);
             let slope = (model(&v, t + 1e-6) - model(&v, t - 1e-6)) / 2e-6;
             prop_assert!((slope - model(&c, t)).abs() < 1e-4);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn residual_is_what_the_model_cannot_say() {
+    fn residual_is_the_rms_of_the_unmodelled_harmonic() {
         let values: Vec<f64> =
             window(3).times_s().map(|t| model(&[3.0, 0.0, 0.0, 1.0], t) + 0.5 * (5.0 * TAU * HZ * t).sin()).collect();
         let [fitted] = fit_channels(&window(3), &[values], TAU * HZ).unwrap();

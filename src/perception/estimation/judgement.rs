@@ -1,10 +1,10 @@
 //! Fault diagnosis of a pulse: whether the plate moved as planned and, if not, which coil or accelerometer channel
 //! explains it.
 //!
-//! Every explanation predicts the accelerometer readings ([`felt`]). A prediction is compared with the reading by
-//! `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a score of 1. The
-//! simplest accepted explanation is the verdict: the plan, then one coil, channel or pair of coils, the best of those
-//! accepted.
+//! Every explanation predicts the accelerometer readings ([`accelerometer_phasors`]). A prediction is compared with the
+//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a score of 1.
+//! The simplest accepted explanation is the verdict: the plan, then one coil, channel or pair of coils, the best of
+//! those accepted.
 //!
 //! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
 
@@ -14,7 +14,7 @@ mod reading;
 use nalgebra::{Complex, Vector3};
 
 use self::reading::TraceReading;
-use super::felt::{Felt, Velocity, felt};
+use super::accelerometer_phasors::{AccelerometerPhasors, Velocity, accelerometer_phasors};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
@@ -89,7 +89,7 @@ pub enum MotionVerdict {
     Channel {
         /// Index of the channel.
         channel: usize,
-        /// Its fault.
+        /// Deviation of its signal from the plan.
         kind: ChannelFault,
     },
     /// One coil's force is not as planned.
@@ -145,20 +145,24 @@ pub fn judge(
 fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &AccelerometerPair) -> MotionVerdict {
     let Drive { base_radps, motors, .. } = expected.drive;
     let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-    let planned = felt(&expected.velocity(harmonics, &Played::Planned), *base_radps, sensors.position_m);
+    let planned = accelerometer_phasors(
+        &expected.velocity(harmonics, &AssumedCoilSignals::Planned),
+        *base_radps,
+        sensors.position_m,
+    );
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) }
 }
 
 /// True for a motion strong enough that accelerometers have to show it.
-fn is_strong(expected: &ExpectedMotion<'_>, planned: &Felt) -> bool {
+fn is_strong(expected: &ExpectedMotion<'_>, planned: &AccelerometerPhasors) -> bool {
     let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
     expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
 /// Counts that the coils are assumed to play.
-enum Played {
+enum AssumedCoilSignals {
     Planned,
     Without(usize),
     Swapped([usize; 2]),
@@ -169,7 +173,8 @@ impl ExpectedMotion<'_> {
     pub fn wave(&self) -> TwistWave {
         let Drive { base_radps, motors, .. } = self.drive;
         let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-        let harmonics = self.velocity(harmonics, &Played::Planned).iter().map(TwistHarmonic::from_phasor).collect();
+        let harmonics =
+            self.velocity(harmonics, &AssumedCoilSignals::Planned).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: *base_radps, harmonics }
     }
 
@@ -179,13 +184,13 @@ impl ExpectedMotion<'_> {
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize, played: &Played) -> Velocity {
+    fn velocity(&self, harmonics: usize, played: &AssumedCoilSignals) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
         for (coil, answers) in self.coils.iter().enumerate() {
             let (part, factor) = match *played {
-                Played::Without(of) if of == coil => (coil, 0.0),
-                Played::Swapped([a, b]) if a == coil => (b, 1.0),
-                Played::Swapped([a, b]) if b == coil => (a, 1.0),
+                AssumedCoilSignals::Without(of) if of == coil => (coil, 0.0),
+                AssumedCoilSignals::Swapped([a, b]) if a == coil => (b, 1.0),
+                AssumedCoilSignals::Swapped([a, b]) if b == coil => (a, 1.0),
                 _ => (coil, 1.0),
             };
             for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[part]) {
@@ -201,7 +206,7 @@ struct PulseJudge<'a> {
     expected: &'a ExpectedMotion<'a>,
     sensors: &'a AccelerometerPair,
     read: TraceReading,
-    planned: Felt,
+    planned: AccelerometerPhasors,
     /// Square of the tolerance of each coefficient for noise alone, (m/s²)², harmonic by harmonic.
     noise: Vec<f64>,
     /// Inverse square of the tolerance of each coefficient of the planned motion, (m/s²)⁻², harmonic by harmonic.
@@ -210,8 +215,8 @@ struct PulseJudge<'a> {
 
 impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
-        let velocity = expected.velocity(read.variance.len(), &Played::Planned);
-        let planned = felt(&velocity, expected.drive.base_radps, sensors.position_m);
+        let velocity = expected.velocity(read.variance.len(), &AssumedCoilSignals::Planned);
+        let planned = accelerometer_phasors(&velocity, expected.drive.base_radps, sensors.position_m);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
@@ -316,7 +321,7 @@ impl<'a> PulseJudge<'a> {
 
     /// Deviation of the reading from `predicted` in tolerances, root mean square. The response's error grows with the
     /// motion: a coil that gives more than planned, or the other way, may move the plate farther than planned.
-    fn score(&self, predicted: &Felt) -> f64 {
+    fn score(&self, predicted: &AccelerometerPhasors) -> f64 {
         let response = response_variance(predicted).max(response_variance(&self.planned));
         let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.noise);
         let sum: f64 = rows.map(|((a, b), noise)| distance(a, b) / (noise + response)).sum();
@@ -331,7 +336,7 @@ impl<'a> PulseJudge<'a> {
     }
 
     /// Weighted inner product over `channels`.
-    fn dot(&self, a: &Felt, b: &Felt, channels: std::ops::Range<usize>) -> f64 {
+    fn dot(&self, a: &AccelerometerPhasors, b: &AccelerometerPhasors, channels: std::ops::Range<usize>) -> f64 {
         let rows = a.iter().zip(b).zip(&self.weights);
         rows.map(|((a, b), weight)| weight * channels.clone().map(|c| (a[c].conj() * b[c]).re).sum::<f64>()).sum()
     }
@@ -343,12 +348,13 @@ fn is_fault(gain: f64) -> bool {
 }
 
 /// Square of the tolerance of each coefficient for the response's error in the motion `felt`, (m/s²)².
-fn response_variance(felt: &Felt) -> f64 {
-    RESPONSE_ERROR * RESPONSE_ERROR * energy(felt) / (2 * CHANNELS * felt.len()) as f64
+fn response_variance(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
+    RESPONSE_ERROR * RESPONSE_ERROR * energy(accelerometer_phasors)
+        / (2 * CHANNELS * accelerometer_phasors.len()) as f64
 }
 
-fn energy(felt: &Felt) -> f64 {
-    felt.iter().flatten().map(Complex::norm_sqr).sum()
+fn energy(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
+    accelerometer_phasors.iter().flatten().map(Complex::norm_sqr).sum()
 }
 
 fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS]) -> f64 {

@@ -8,7 +8,7 @@ use upm_core::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
 pub struct AccelerometerPair {
     /// Position of accelerometer 1 on the plate, m; accelerometer 2 is opposite.
     pub position_m: Vec2,
-    /// Gain of each channel.
+    /// Reading over true acceleration, in the order of [`CHANNEL_NAMES`].
     pub gain: [f64; CHANNELS],
 }
 

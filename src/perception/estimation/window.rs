@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_told_apart() {
+    fn nonsensical_rates_are_reported_unreadable() {
         let broken = |sample_hz| AccelTrace { sample_hz, ..is_silent(1000) };
         for (trace, base_radps) in
             [(broken(0.0), 300.0), (broken(f64::NAN), 300.0), (is_silent(1000), f64::NAN), (is_silent(1000), 3000.0)]

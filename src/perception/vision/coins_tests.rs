@@ -126,7 +126,7 @@ fn parts_at_the_edge_are_found() {
 }
 
 #[test]
-fn kinds_are_told_apart_by_their_rims() {
+fn kinds_are_distinguished_by_their_rims() {
     let kinds = [
         kind("penny", 19.05, 1.52),
         kind("nickel", 21.21, 1.95),
@@ -169,7 +169,7 @@ fn light_parts_on_a_gray_plate() {
 }
 
 #[test]
-fn what_is_no_part_is_not_found() {
+fn blots_bare_plates_and_odd_frames_give_no_parts() {
     let blots =
         [SceneDisc::new(Vec2::new(0.03, 0.03), 0.025, 0.0), SceneDisc::new(Vec2::new(-0.04, -0.03), 0.006, 0.0)];
     for scene in [Scene::plain(1), Scene::general(2).rough()] {

@@ -54,7 +54,7 @@ pub struct ForeignPart {
 
 /// Occupancy of the plate in one frame, apart from the tracked parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlateSight<'a> {
+pub struct PlateOccupancy<'a> {
     /// Objects of a part's size in plain view; the first 8 of them.
     pub foreign: &'a [ForeignPart],
     /// Share of the plate hidden by an object too large for a part or one that reaches over the plate's border, or
@@ -140,11 +140,11 @@ impl PlateWatch {
 
     /// Checks the plate in `frame`; `tracks` hold the last seen places of the parts. The first frame that shows a plate
     /// takes longer: the plate's brightness is learned from it.
-    pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateSight<'_> {
+    pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateOccupancy<'_> {
         self.foreign.clear();
         match self.hidden_share(frame, tracks) {
-            Some(hidden_share) => PlateSight { foreign: &self.foreign, hidden_share, dark: false },
-            None => PlateSight { foreign: &[], hidden_share: 0.0, dark: true },
+            Some(hidden_share) => PlateOccupancy { foreign: &self.foreign, hidden_share, dark: false },
+            None => PlateOccupancy { foreign: &[], hidden_share: 0.0, dark: true },
         }
     }
 

@@ -1,6 +1,6 @@
 //! Foreign objects on rendered plates besides the tracked parts.
 
-use super::{Detection, PlateSight, PlateWatch, Table, Track};
+use super::{Detection, PlateOccupancy, PlateWatch, Table, Track};
 use nalgebra::Matrix2;
 use proptest::prelude::*;
 use rand::RngExt;
@@ -80,7 +80,7 @@ fn shot(scene: &Scene, seed: u64, discs: &[SceneDisc]) -> Frame {
     Scene { seed, ..scene.clone() }.frame_with(discs)
 }
 
-fn is_clear(sight: &PlateSight) -> bool {
+fn is_clear(sight: &PlateOccupancy) -> bool {
     !sight.dark && sight.foreign.is_empty() && sight.hidden_share == 0.0
 }
 
@@ -158,7 +158,7 @@ fn tracks_behind(discs: &[SceneDisc], cover: &ClutterOutline) -> Vec<Track> {
 }
 
 #[test]
-fn hand_and_arm_hide_and_are_no_parts() {
+fn hand_and_arm_hide_the_plate_and_are_not_reported_as_parts() {
     for (seed, level) in [(0, 15.0), (1, 40.0), (2, 90.0), (3, 130.0), (4, 255.0)] {
         let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
         let mut dice = Streams::new(seed).stream("places");
@@ -195,7 +195,7 @@ fn frames_that_show_no_plate_are_dark_and_not_learned_from() {
     let none = [black.clone(), garbage, Frame::new(640, 512), Frame::new(1, 1), Frame::new(0, 0)];
     for _ in 0..2 {
         for frame in &none {
-            assert_eq!(watch.check(frame, &[]), PlateSight { foreign: &[], hidden_share: 0.0, dark: true });
+            assert_eq!(watch.check(frame, &[]), PlateOccupancy { foreign: &[], hidden_share: 0.0, dark: true });
         }
         assert!(is_clear(&watch.check(&scene.frame_with(&discs), &tracks(&discs))));
         assert_eq!(watch.check(&scene.frame_with(&discs), &tracks(&discs[..1])).foreign.len(), 1);

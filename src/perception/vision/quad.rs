@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn squares_are_found_and_told_bright_or_dark() {
+    fn squares_are_found_and_classified_bright_or_dark() {
         let found = quads(&seen(&square(Vec2::new(300.0, 200.0), 100.0, false)), 40.0, |_, _| 1.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].middle() - Vec2::new(300.0, 200.0)).norm() < 1e-9);
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn two_squares_side_by_side_are_rivals() {
+    fn two_squares_side_by_side_compete() {
         let mut scene = square(Vec2::new(0.0, 0.0), 100.0, false);
         let other = square(Vec2::new(300.0, 30.0), 100.0, false);
         scene.0.extend(other.0);

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blurred_edge_is_placed_well_whatever_its_phase() {
+    fn blurred_edge_is_located_at_any_phase() {
         // A step blurred by a Gaussian of 0.85 px, its integral by the midpoint rule.
         let share = |x: f64| {
             let slice = |i: u32| (-0.5 * ((f64::from(i) + 0.5) / 100.0 - 6.0f64).powi(2)).exp() * 0.01;

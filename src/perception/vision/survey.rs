@@ -55,7 +55,7 @@ pub fn survey(frame: &Frame, table: &Table, known: &[Detection]) -> Survey {
     let levels = Relative::of(&picture, &plate);
     let surveyor = Surveyor { table, gauge: OutlineGauge::new(&sampler, table), picture: &picture, levels: &levels };
     let found = surveyor.search(known);
-    let mut discs = surveyor.gauge.seen_past_each_other(apart(found));
+    let mut discs = surveyor.gauge.with_mutual_occlusion(apart(found));
     for disc in &mut discs {
         let (cell, radius_cells) = surveyor.in_cells(disc);
         disc.level = levels.under(cell, 0.8 * radius_cells);

@@ -46,7 +46,7 @@ fn bare_plates_and_noise_have_no_discs() {
 }
 
 #[test]
-fn soft_blot_is_no_disc_and_dims_the_darkest_place() {
+fn soft_blot_is_not_crisp_and_dims_the_darkest_place() {
     let scene = Scene::plain(4);
     let mut frame = scene.frame();
     for (i, pixel) in frame.pixels.iter_mut().enumerate() {

@@ -100,7 +100,7 @@ fn a_partly_hidden_side_is_still_found() {
 }
 
 #[test]
-fn strong_shading_is_no_obstacle() {
+fn table_is_found_under_strong_shading() {
     let scene = Scene { shading: 0.5, noise_sd: 8.0, ..Scene::general(3) };
     assert!(located(&scene, &scene.frame_with(&[penny(0.05, 0.0)])).is_ok());
 }
@@ -175,7 +175,7 @@ fn two_tables_are_one_too_many() {
 }
 
 #[test]
-fn an_oblong_is_no_table() {
+fn oblong_is_rejected_as_not_square() {
     let mut frame = Frame::new(800, 600);
     for y in 150..450 {
         frame.pixels[y * 800 + 100..y * 800 + 700].fill(220);

@@ -59,7 +59,7 @@ fn corner_px(motion: TableMotion) -> f64 {
 }
 
 #[test]
-fn unmoved_table_is_told_from_a_knock_of_half_a_pixel() {
+fn unmoved_table_is_distinguished_from_a_knock_of_half_a_pixel() {
     for seed in 0..6 {
         let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(seed) };
         let watch = watch(&scene);
@@ -120,7 +120,7 @@ fn side_offsets_follow_a_shift_along_outward_normals() {
 }
 
 #[test]
-fn turn_is_clockwise_as_seen_and_told_at_the_corner() {
+fn turn_is_clockwise_in_the_image_and_given_at_the_corner() {
     let scene = Scene::plain(1);
     // The plate turned counter-clockwise in the image.
     let after = knocked(&scene, Vec2::zeros(), -0.002);
@@ -182,7 +182,7 @@ fn frames_that_show_no_plate_are_hidden() {
 }
 
 #[test]
-fn hand_over_a_third_of_the_view_is_no_knock_and_hides_none() {
+fn hand_over_a_third_of_the_view_neither_fakes_nor_hides_a_knock() {
     for (seed, level) in [(0, 20.0), (1, 60.0), (2, 120.0), (3, 250.0)] {
         for k in 0..4 {
             let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_2).sin_cos();
@@ -227,7 +227,7 @@ fn white_parts_and_dark_plates_are_followed() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
-    fn light_noise_and_parts_are_no_knock(seed in 0u64..10_000, light in 0.1..1.5f64, shading in 0.0..0.3f64) {
+    fn light_noise_and_parts_report_no_knock(seed in 0u64..10_000, light in 0.1..1.5f64, shading in 0.0..0.3f64) {
         let mut dice = Streams::new(seed).stream("parts");
         let mut place = || SIDE_M * dice.random_range(-0.5..0.5);
         let discs: Vec<SceneDisc> = (0..12).map(|_| penny(place(), place())).collect();

@@ -21,7 +21,7 @@ const STARTS: usize = 1;
 const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
 /// Rounds of improvement after a guard is added or raised; attempts at that; distance added by each, m.
-const GUARDED_ROUNDS: usize = 2;
+const PENALTY_ROUNDS: usize = 2;
 const MOST_GUARDED: usize = 4;
 const PUSH_M: f64 = 2e-3;
 /// Attempts at a plan; each after the first asks for half the steps, or starts from other motions.
@@ -42,7 +42,7 @@ const FLANK: f64 = 1.2;
 /// Amplitude of a shaken part's sway about its path, m.
 const SWAY_M: f64 = 0.25e-3;
 /// Instants per period at which the limits are checked.
-const LOOKS: usize = 4;
+const OBSERVATIONS: usize = 4;
 
 /// Finds, for each cycle, one motion that gives every part its step at once (equation sheet, section 5).
 #[derive(Clone, Debug)]
@@ -185,7 +185,7 @@ impl FieldPlanner {
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
-            guards: &near,
+            penalties: &near,
             pool: &self.pool,
         };
         let iterate = match again {
@@ -214,18 +214,18 @@ impl FieldPlanner {
     /// `iterate`, changed until it keeps the limits, with guards where necessary.
     fn cleared(&self, mut iterate: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
         let clearances = Clearances::of(parts, &self.params);
-        let mut guards = free.guards.to_vec();
+        let mut penalties = free.penalties.to_vec();
         for tried in 0.. {
             let Some(limit) = self.broken(&clearances, &iterate.rollout, parts) else { break };
             if tried == MOST_GUARDED {
                 return Err(limit);
             }
-            match guards.iter_mut().find(|guard| guard.limit == limit) {
+            match penalties.iter_mut().find(|guard| guard.limit == limit) {
                 Some(guard) => guard.push(PUSH_M),
-                None => guards.extend(SeparationPenalty::of_limit(limit, parts, free.steps_m.as_slice())),
+                None => penalties.extend(SeparationPenalty::of_limit(limit, parts, free.steps_m.as_slice())),
             }
-            let guarded = ShootingProblem { guards: &guards, ..*free };
-            iterate = guarded.improved(guarded.iterate(&iterate.coefficients), GUARDED_ROUNDS);
+            let penalised = ShootingProblem { penalties: &penalties, ..*free };
+            iterate = penalised.improved(penalised.iterate(&iterate.coefficients), PENALTY_ROUNDS);
         }
         if iterate.left(free.steps_m) < 1.0 {
             return Ok(iterate);
@@ -235,7 +235,7 @@ impl FieldPlanner {
         let nearby = half_spaces(parts, &self.params, largest_m + self.params.separation_m, 0.0);
         match most_violated(&nearby, free.steps_m.as_slice()) {
             Some(limit) => Err(limit),
-            None if guards.is_empty() => Err(Limit::Unreachable),
+            None if penalties.is_empty() => Err(Limit::Unreachable),
             None => Ok(iterate),
         }
     }
@@ -263,7 +263,7 @@ impl FieldPlanner {
     fn broken(&self, clearances: &Clearances, rollout: &Rollout, parts: &[PartState]) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
-        let every = self.basis.steps_a_period() / LOOKS;
+        let every = self.basis.steps_a_period() / OBSERVATIONS;
         for places_m in rollout.places_m(every) {
             if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M) {
                 return Some(limit);

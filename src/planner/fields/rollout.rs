@@ -85,7 +85,7 @@ impl Rollout {
     pub fn run(&mut self, basis: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) {
         let motion = basis.motion(coefficients);
         let dt = basis.step_s();
-        let count = (envelope.sounding_s() / dt).round() as usize;
+        let count = (envelope.driven_s() / dt).round() as usize;
         self.steps.clear();
         self.steps.extend(basis.phases().take(count).enumerate().map(|(k, phase)| {
             let height = envelope.at((k as f64 + 0.5) * dt);

@@ -20,9 +20,9 @@ const NODES: usize = 17;
 const PHASES: usize = 96;
 /// Squared speed below which friction fades, relative to the motion's mean square: mean fields are evaluated for parts
 /// at rest.
-const SOFT: f64 = 1e-4;
+const SPEED_SOFTENING: f64 = 1e-4;
 /// Price of a displacement across the wanted step, relative to one along it.
-const ASTRAY: f64 = 0.3;
+const CROSS_STEP_PRICE: f64 = 0.3;
 
 /// One of the eight symmetries of a square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,22 +95,22 @@ impl SeedLibrary {
 
     /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
     pub fn best(&self, basis: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
-        let mut promises = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
+        let mut scores = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
         for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
-            promises.extend(self.promises(symmetry, positions_m, steps_m));
+            scores.extend(self.scores(symmetry, positions_m, steps_m));
         }
-        let count = count.min(promises.len());
+        let count = count.min(scores.len());
         if count == 0 {
             return Vec::new();
         }
-        promises.select_nth_unstable_by(count - 1, SeedScore::order);
-        promises.truncate(count);
-        promises.sort_by(SeedScore::order);
-        promises.iter().map(|score| self.transformed(basis, score)).collect()
+        scores.select_nth_unstable_by(count - 1, SeedScore::order);
+        scores.truncate(count);
+        scores.sort_by(SeedScore::order);
+        scores.iter().map(|score| self.transformed(basis, score)).collect()
     }
 
     /// Scores of all motions under `symmetry`.
-    fn promises(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = SeedScore> {
+    fn scores(&self, symmetry: Symmetry, positions_m: &[Vec2], steps_m: &[Vec2]) -> impl Iterator<Item = SeedScore> {
         let length_m = steps_m.iter().map(|s| s.norm_squared()).sum::<f64>().sqrt();
         let mut sums = [[SimdF64::ZERO; 2]; EIGHTS];
         for (&p, &s) in positions_m.iter().zip(steps_m) {
@@ -122,7 +122,7 @@ impl SeedLibrary {
         }
         let scored = move |(k, [along, square]): (usize, [SimdF64; 2])| {
             let astray = (square - along * along).max(SimdF64::ZERO).sqrt();
-            let scores = (along.abs() - astray * ASTRAY).to_array();
+            let scores = (along.abs() - astray * CROSS_STEP_PRICE).to_array();
             let lanes = scores.into_iter().zip(along.to_array()).enumerate();
             lanes.map(move |(lane, (score, along))| SeedScore {
                 score,
@@ -199,7 +199,7 @@ fn table(basis: &HarmonicBasis, motion: &[f64], half_side_m: f64) -> Vec<Vec2> {
     let mean = |p: Vec2| {
         let push = |[sum_x, sum_y]: [SimdF64; 2], [x, y, spin]: &[SimdF64; 3]| {
             let [slip_x, slip_y] = [*x - *spin * p.y, *y + *spin * p.x];
-            let inverse = 1.0 / (slip_x * slip_x + slip_y * slip_y + SOFT * square).sqrt();
+            let inverse = 1.0 / (slip_x * slip_x + slip_y * slip_y + SPEED_SOFTENING * square).sqrt();
             [sum_x + slip_x * inverse, sum_y + slip_y * inverse]
         };
         let [x, y] = eights.iter().fold([SimdF64::ZERO; 2], push).map(SimdF64::reduce_add);

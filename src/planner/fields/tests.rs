@@ -81,7 +81,7 @@ const FINE_S: f64 = 10e-6;
 fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
     let most_mps = friction * GRAVITY_MPS2 * FINE_S;
     let (mut p, mut v, mut center) = (position_m, Vec2::zeros(), Vec2::zeros());
-    for k in 0..(envelope.sounding_s() / FINE_S).round() as usize {
+    for k in 0..(envelope.driven_s() / FINE_S).round() as usize {
         let t_s = (k as f64 + 0.5) * FINE_S;
         let plate = wave.at(t_s) * envelope.at(t_s);
         let slip = plate.velocity_at(p - center) - v;

@@ -1,7 +1,7 @@
 //! Order in which pulses are played.
 
 use super::motion_set::LibraryMotion;
-use super::subgoals::Room;
+use super::subgoals::Clearance;
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
@@ -10,7 +10,7 @@ const LIMIT: f64 = 20.0;
 
 /// Greedy order: the next pulse is the one after which the parts are nearest to their share of the straight path by
 /// `steps_m`; a broken limit costs most.
-pub(super) fn order(motions: &[LibraryMotion], parts: &[PartState], steps_m: &[Vec2], room: &Room) -> Vec<usize> {
+pub(super) fn order(motions: &[LibraryMotion], parts: &[PartState], steps_m: &[Vec2], room: &Clearance) -> Vec<usize> {
     let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
     let mut at_m = start_m.clone();
     let mut left: Vec<usize> = (0..motions.len()).collect();

@@ -6,7 +6,7 @@ use super::motion_set::{MotionSet, Pulse};
 use super::order::order;
 use super::refine::Refined;
 use super::rollout::SequenceRollout;
-use super::subgoals::Room;
+use super::subgoals::Clearance;
 use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
@@ -106,7 +106,7 @@ impl RotationPlanner {
     }
 
     /// Longest displacement of a part in one sequence with `parts` parts, m.
-    pub fn longest_way_m(parts: usize) -> f64 {
+    pub fn longest_path_m(parts: usize) -> f64 {
         (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
     }
 
@@ -125,7 +125,7 @@ impl RotationPlanner {
             return ended(PlanStatus::NothingToDo);
         }
         let targets_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
-        let room = Room::of(parts, &targets_m, &self.params);
+        let room = Clearance::of(parts, &targets_m, &self.params);
         if let Some(candidate) = self.rest(parts, &targets_m, &room) {
             return self.play(candidate, targets_m, true);
         }
@@ -159,7 +159,7 @@ impl RotationPlanner {
     }
 
     /// The rest of the running sequence, corrected; `None` where it no longer does what was forecast.
-    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Option<Sequence> {
+    fn rest(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Clearance) -> Option<Sequence> {
         let mut running = self.running.take()?;
         if running.pulses.is_empty() || running.targets_m.len() != parts.len() {
             return None;
@@ -185,8 +185,8 @@ impl RotationPlanner {
     }
 
     /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
-    fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Room) -> Result<Sequence, Limit> {
-        let usual_m = Self::longest_way_m(parts.len());
+    fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Clearance) -> Result<Sequence, Limit> {
+        let usual_m = Self::longest_path_m(parts.len());
         let mut way_m = self.way_m.unwrap_or(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (way_m / largest_m).min(1.0);
@@ -235,7 +235,7 @@ impl RotationPlanner {
         parts: &[PartState],
         targets_m: &[Vec2],
         (subgoals_m, tightened, scale): (Vec<Vec2>, f64, PulseScale),
-        room: &Room,
+        room: &Clearance,
     ) -> Option<Sequence> {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
         let rms_m = rms_m(steps_m.iter().copied());
@@ -313,7 +313,8 @@ impl RotationPlanner {
     }
 
     /// Drops the shortest pulses while the sequence stays as good.
-    fn pruned(&self, mut best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room, want_m: f64) -> Refined {
+    fn pruned(&self, best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Clearance, want_m: f64) -> Refined {
+        let mut best = best;
         best.pulses.retain(|pulse| pulse.way_m.abs() > SHORT_M);
         if best.pulses.len() < best.motions.len() {
             best = Refined::of(&self.motion_set, best.pulses, parts, goal_m, room);
@@ -378,8 +379,8 @@ impl RotationPlanner {
 }
 
 /// Number of pulses from the first that keep the limits.
-fn safe(refined: &Refined, room: &Room) -> usize {
-    let (rollout, played): (&SequenceRollout, Room) = (&refined.rollout, room.for_playing());
+fn safe(refined: &Refined, room: &Clearance) -> usize {
+    let (rollout, played): (&SequenceRollout, Clearance) = (&refined.rollout, room.for_playing());
     let breaks = |k: &usize| played.shortfall(rollout.at(*k), rollout.at(k + 1)).is_some();
     (0..rollout.pulses()).find(breaks).unwrap_or(rollout.pulses())
 }

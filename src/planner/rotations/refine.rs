@@ -9,7 +9,7 @@
 
 use super::motion_set::{LibraryMotion, MotionSet, Pulse};
 use super::rollout::{SequenceRollout, Slopes};
-use super::subgoals::{Room, Shortfall};
+use super::subgoals::{Clearance, Shortfall};
 use crate::PartState;
 use upm_core::geometry::Vec2;
 use upm_qp::{ColumnWriter, Cone, Program};
@@ -52,7 +52,13 @@ pub(super) struct Refined {
 
 impl Refined {
     /// Forecast of `pulses` on `parts`.
-    pub fn of(motion_set: &MotionSet, pulses: Vec<Pulse>, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+    pub fn of(
+        motion_set: &MotionSet,
+        pulses: Vec<Pulse>,
+        parts: &[PartState],
+        goal_m: &[Vec2],
+        room: &Clearance,
+    ) -> Self {
         let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| motion_set.motion(pulse)).collect();
         let rollout = SequenceRollout::of(&motions, parts);
         let left_m =
@@ -80,7 +86,7 @@ impl Refined {
         motion_set: &MotionSet,
         parts: &[PartState],
         goal_m: &[Vec2],
-        room: &Room,
+        room: &Clearance,
         (rounds, want_m): (usize, f64),
     ) -> Self {
         let enough_m = ENOUGH_M.max(0.8 * want_m) * (parts.len() as f64).sqrt();
@@ -126,7 +132,7 @@ struct Linear {
 }
 
 impl Linear {
-    fn at(motion_set: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Room) -> Self {
+    fn at(motion_set: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Clearance) -> Self {
         let count = now.pulses.len();
         let by_stage = Slopes::of(motion_set, &now.pulses, &now.motions, &now.rollout, parts);
         let slopes: Vec<f64> = (0..count).flat_map(|k| by_stage.at(count, k).iter().flat_map(|s| [s.x, s.y])).collect();
@@ -191,7 +197,7 @@ impl Linear {
 }
 
 /// The tightest limits at the stages before the end.
-fn limits(now: &Refined, slopes: &Slopes, parts: usize, room: &Room) -> Vec<(Vec<f64>, f64)> {
+fn limits(now: &Refined, slopes: &Slopes, parts: usize, room: &Clearance) -> Vec<(Vec<f64>, f64)> {
     let count = now.pulses.len();
     // room, stage, part, and the other part or the axis
     let mut near: Vec<(f64, usize, usize, Result<usize, usize>)> = Vec::new();

@@ -15,7 +15,7 @@ const PLAYED_EDGE: f64 = 0.5;
 
 /// Clearances of parts from each other and from the edge.
 #[derive(Clone, Debug)]
-pub(super) struct Room {
+pub(super) struct Clearance {
     half_side_m: f64,
     radii_m: Vec<f64>,
     gap_m: f64,
@@ -30,7 +30,7 @@ pub(super) struct Shortfall {
     pub limit: Limit,
 }
 
-impl Room {
+impl Clearance {
     /// Clearances for parts on their paths to `targets_m`.
     pub fn of(parts: &[PartState], targets_m: &[Vec2], params: &PlannerParams) -> Self {
         let edge_m = |(part, target): (&PartState, &Vec2)| {

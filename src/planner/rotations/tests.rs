@@ -2,7 +2,7 @@ mod closed_loop;
 mod forecast;
 mod near_center;
 mod planner;
-mod program;
+mod qp;
 
 use std::sync::{Arc, LazyLock};
 

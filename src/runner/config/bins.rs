@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_hold_what_they_can() {
+    fn rows_hold_as_many_parts_as_fit() {
         assert_eq!(number(6.0, 4.0, 0.0), 6);
         assert_eq!(number(5.99, 4.0, 0.0), 4);
         assert_eq!(number(2.0, 2.0, 5.0), 1);

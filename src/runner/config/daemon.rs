@@ -58,7 +58,7 @@ pub struct DaemonSpec {
 pub struct PlateSpec {
     /// Name of the plate, valid as a file name.
     pub name: String,
-    /// The rig.
+    /// Validated rig that the plate belongs to.
     pub rig: RigSpec,
     /// Path of its COR library: the plate's, else the rig's.
     pub library: PathBuf,

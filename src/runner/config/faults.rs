@@ -29,7 +29,7 @@ pub enum RawFaults {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DrawnFaults {
-    /// The seed.
+    /// Determines the faults, together with the number of parts.
     pub seed: u64,
 }
 
@@ -61,10 +61,10 @@ pub struct RawFault {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum RawValue {
-    /// One.
+    /// A number, for kinds with a single value.
     #[schemars(title = "number")]
     One(f64),
-    /// Several.
+    /// A list of one to three numbers, in the order of the kind's values.
     #[schemars(title = "numbers")]
     Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
 }
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_faults_are_refused_with_what_is_allowed() {
+    fn wrong_faults_are_refused_with_the_expected_values() {
         for (text, said) in [
             ("coil0", "COMPONENT:KIND"),
             ("camera:freeze@x", "COMPONENT:KIND"),
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn drawn_faults_come_back_from_the_list_that_says_the_same() {
+    fn drawn_faults_equal_those_read_from_their_list() {
         for seed in 0..500 {
             let drawn = drawn_faults(seed, 3);
             let list = RawFaults::List(drawn.iter().map(RawFault::of).collect());

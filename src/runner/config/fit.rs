@@ -22,13 +22,18 @@ pub(super) struct Growth {
 }
 
 impl Growth {
-    /// Text for messages: `height_mm of at least 131 mm`.
+    /// Text for messages: `height_mm of at least 131 mm`, `a length of at least 131 mm`.
     pub fn at_least(&self, scale: f64) -> String {
-        format!("{} of at least {} mm", self.name, self.scaled(scale, rounded_up))
+        format!("{}{} of at least {} mm", self.article(), self.name, self.scaled(scale, rounded_up))
     }
 
     fn at_most(&self, scale: f64) -> String {
-        format!("{} of at most {} mm", self.name, self.scaled(scale, rounded_down))
+        format!("{}{} of at most {} mm", self.article(), self.name, self.scaled(scale, rounded_down))
+    }
+
+    /// The article of a name in words; a key has none.
+    fn article(&self) -> &'static str {
+        if self.name.contains('_') { "" } else { "a " }
     }
 
     fn scaled(&self, scale: f64, rounded: fn(f64) -> f64) -> String {
@@ -98,7 +103,7 @@ impl TaskContext<'_> {
     }
 
     /// Reports a part of radius `radius_m` that leaves the plate on its path through `points_m`.
-    pub(super) fn check_way(
+    pub(super) fn check_path(
         &self,
         points_m: &[Vec2],
         radius_m: f64,

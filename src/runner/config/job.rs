@@ -23,7 +23,7 @@ pub struct JobSpec {
     pub file: String,
     /// Name of the job, valid as a folder name.
     pub name: String,
-    /// The rig.
+    /// Rig that the job names, else that of the daemon's plate.
     pub rig: RigSpec,
     /// Plate of the daemon that the job names.
     pub plate: Option<String>,
@@ -31,7 +31,7 @@ pub struct JobSpec {
     pub library: Option<LibraryRef>,
     /// Groups of parts, as in the file.
     pub parts: Vec<PartGroup>,
-    /// The task.
+    /// Goal of the run: a plus sign, trajectories, an arrangement, bins or a hold.
     pub task: TaskSpec,
     /// Planner as in the file, `auto` included.
     pub planner: PlannerChoice,
@@ -52,7 +52,7 @@ pub struct JobSpec {
 /// A COR library, by its file or its content.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LibraryRef {
-    /// Path of the file.
+    /// File from which it is loaded.
     File(PathBuf),
     /// Content of the file.
     Inline(Map<String, Value>),
@@ -84,7 +84,7 @@ impl JobSpec {
         let library = library_of(&raw, origin, faults);
         let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
         let parts = groups_of(&raw, &rig, faults);
-        check_told_apart(&parts, &rig, faults);
+        check_distinguishable(&parts, &rig, faults);
         check_knocks(&rig, raw.limits.plate_time_s, faults);
         if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
             refuse_fields(faults);
@@ -273,21 +273,20 @@ fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PartG
 /// Least relative difference in diameter, with respect to the larger one, at which a measured radius distinguishes two
 /// kinds. The finder assigns a part to the nearest kind, so its error may reach half of this; penny and dime, the
 /// closest of the coins, differ by 6 %.
-const TOLD_APART: f64 = 0.03;
+const LEAST_DIAMETER_DIFFERENCE: f64 = 0.03;
 
 /// Reports every kind that the camera cannot distinguish from an earlier kind on the plate.
-fn check_told_apart(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
+fn check_distinguishable(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let mut before: Vec<usize> = Vec::new();
     for (i, group) in groups.iter().enumerate() {
         let Some(PartKind { name, radius_m, .. }) = rig.kinds.get(group.kind).map(|spec| &spec.kind) else { continue };
         if before.contains(&group.kind) {
             continue;
         }
-        let alike = before
-            .iter()
-            .filter_map(|&kind| rig.kinds.get(kind))
-            .map(|spec| &spec.kind)
-            .find(|other| (radius_m - other.radius_m).abs() < TOLD_APART * radius_m.max(other.radius_m));
+        let alike =
+            before.iter().filter_map(|&kind| rig.kinds.get(kind)).map(|spec| &spec.kind).find(|other| {
+                (radius_m - other.radius_m).abs() < LEAST_DIAMETER_DIFFERENCE * radius_m.max(other.radius_m)
+            });
         if let Some(other) = alike {
             let [diameter_mm, other_mm] = [radius_m, &other.radius_m].map(|radius_m| mm_from_m(2.0 * radius_m));
             let found = format!("{name} of {diameter_mm:.3} mm beside {} of {other_mm:.3} mm", other.name);

@@ -19,7 +19,7 @@ const COINS: [(&str, f64, f64, f64); 4] = [
 pub struct KindSpec {
     /// Name, outline, height.
     pub kind: PartKind,
-    /// Mass, kg.
+    /// Mass of one part, kg.
     pub mass_kg: f64,
     /// Coulomb friction against the plate.
     pub friction: f64,

@@ -9,7 +9,7 @@ pub struct JobLayout {
     pub parts: Vec<LayoutPart>,
     /// Target position of each part, m; empty for a task without target positions.
     pub targets_m: Vec<Vec2>,
-    /// The bins.
+    /// Bins to sort into; empty for every other task.
     pub bins: Vec<LayoutBin>,
     /// Paths that parts shall follow.
     pub paths: Vec<LayoutPath>,
@@ -22,7 +22,7 @@ pub struct JobLayout {
 pub struct LayoutPart {
     /// Name of its kind.
     pub kind: String,
-    /// Its radius, m.
+    /// Radius of the kind's outline, m.
     pub radius_m: f64,
 }
 

@@ -39,7 +39,7 @@ impl TaskContext<'_> {
     fn check_on_plate(&self, paths: &[PartPath], faults: &mut Diagnostics) {
         for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(&self.radii_m) {
             match growth {
-                Some(growth) => self.check_way(&params.waypoints_m, radius_m, growth, shape_at, faults),
+                Some(growth) => self.check_path(&params.waypoints_m, radius_m, growth, shape_at, faults),
                 None => {
                     for (k, &waypoint_m) in params.waypoints_m.iter().enumerate() {
                         check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &shape_at.index(k), faults);

@@ -22,7 +22,7 @@ pub struct RawDaemon {
     #[serde(default = "data")]
     #[schemars(length(min = 1, max = 4096))]
     pub data: String,
-    /// The plates.
+    /// Plates that the daemon drives, each with its rig; 1 to 16.
     #[schemars(length(min = 1, max = 16))]
     pub plates: Vec<RawServedPlate>,
     /// Plate of jobs that name none. Left out: the only plate, or none.

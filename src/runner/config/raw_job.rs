@@ -34,7 +34,7 @@ pub struct RawJob {
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
     pub parts: Vec<RawParts>,
-    /// The task.
+    /// Goal of the run.
     pub task: RawTask,
     /// How motions are found.
     #[serde(default)]
@@ -94,7 +94,7 @@ pub struct RawParts {
     pub position_mm: Option<[f64; 2]>,
 }
 
-/// A task.
+/// Goal of a run; `type` selects the kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum RawTask {
@@ -134,7 +134,7 @@ pub enum RawTask {
     },
     /// Every part goes into its kind's bin.
     Sort {
-        /// The bins.
+        /// Rectangles for the kinds, 1 to 16.
         #[schemars(length(min = 1, max = 16))]
         bins: Vec<RawBin>,
     },
@@ -198,7 +198,7 @@ pub enum Assignment {
     Fixed,
 }
 
-/// A bin.
+/// Rectangle on the plate for the parts of some kinds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawBin {

@@ -283,10 +283,10 @@ pub struct RawLevels {
     /// The ground under the plate.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub ground: f64,
-    /// The plate.
+    /// The plate's face beside the parts.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub plate: f64,
-    /// Parts.
+    /// Parts of every kind.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub part: f64,
 }
@@ -328,7 +328,7 @@ pub struct RawKind {
     /// Diameter, mm; 0 is a point. A part for the camera has 1 mm or more.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub diameter_mm: f64,
-    /// Mass, g.
+    /// Mass of one part, g.
     #[schemars(range(min = 0.01, max = 10000.0))]
     pub mass_g: f64,
     /// Height, mm.

@@ -107,7 +107,7 @@ pub struct RawCircle {
     #[serde(default)]
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub center_mm: [f64; 2],
-    /// Its radius, mm.
+    /// Distance of the places or the path from the centre, mm.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub radius_mm: f64,
     /// Direction of its beginning from the centre, degrees counter-clockwise from x.

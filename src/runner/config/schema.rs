@@ -28,7 +28,7 @@ mod tests {
     use upm_document::Document;
 
     #[test]
-    fn each_has_a_key_of_its_own_that_it_must_have() {
+    fn each_kind_of_document_has_its_own_required_key() {
         let schemas: Vec<Value> = schema_names().iter().map(|name| schema(name).unwrap()).collect();
         assert_eq!(schemas.len(), Document::ALL.len());
         for document in Document::ALL {

@@ -19,7 +19,7 @@ const SAMPLES_A_PERIOD: f64 = 4.0;
 /// Validated open-loop experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulateSpec {
-    /// The rig.
+    /// Rig with the parameters of the simulation.
     pub rig: RigSpec,
     /// Motion of the plate: driven by its motors, or prescribed.
     pub plate: PlateMode,

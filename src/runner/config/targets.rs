@@ -130,7 +130,7 @@ fn line_of(raw: &RawLine, at: Path) -> FittedOutline {
     let [from_m, to_m] = [raw.from_mm, raw.to_mm].map(point_m);
     let pattern = Pattern::Line { from_m, to_m };
     let growth =
-        Growth { name: "a length", size_mm: vec![mm_from_m((to_m - from_m).norm())], center_m: pattern.center_m() };
+        Growth { name: "length", size_mm: vec![mm_from_m((to_m - from_m).norm())], center_m: pattern.center_m() };
     FittedOutline { at, pattern, growth }
 }
 

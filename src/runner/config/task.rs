@@ -73,7 +73,7 @@ pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: 
 pub(super) struct TaskContext<'a> {
     /// Path of the task in the file.
     pub at: Path,
-    /// The rig.
+    /// Rig whose kinds the task may name.
     pub rig: &'a RigSpec,
     /// Half the plate's side, m.
     pub half_m: f64,

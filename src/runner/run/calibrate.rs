@@ -231,7 +231,7 @@ mod tests {
         rig.sim.motors.newtons_per_count *= 0.05;
         rig.model.newtons_per_count *= 0.05;
         let fault = made(&rig, &params).unwrap_err().to_string();
-        assert!(fault.contains("allowed: ") && fault.contains("carried"), "{fault}");
+        assert!(fault.contains("expected a displacement of ") && fault.contains("carried"), "{fault}");
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub struct Coverage {
 /// Effect of single pulses on a part at one place, in the direction in which they move it least.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorstDirection {
-    /// Position, m.
+    /// Place of the part, m from the plate's centre.
     pub position_m: Vec2,
     /// Weakest direction, as a unit vector.
     pub weakest_direction: Vec2,

@@ -8,7 +8,7 @@ use super::planner_selection::PlannerSelection;
 use super::setup::{self, RunSetup};
 use super::time_figure::time_figure_s;
 use crate::config::{Diagnostic, JobSpec, PlacedPart};
-use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, FreshPlanner, LimitMet, RehearsalParams};
+use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, DryRunParams, FreshPlanner, LimitMet};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::Outcome;
@@ -51,9 +51,9 @@ pub struct Forecast {
 pub struct PartForecast {
     /// Id: `penny-1`.
     pub id: String,
-    /// Radius, m.
+    /// Radius of the kind's outline, m.
     pub radius_m: f64,
-    /// Start.
+    /// Place before the first pulse.
     pub start: StartForecast,
     /// Target at the end of the first rehearsal.
     pub target: Option<StartForecast>,
@@ -110,7 +110,7 @@ impl PlanVerdict {
 
 /// Progress of the rehearsals of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RehearsalProgress {
+pub struct DryRunProgress {
     /// Number of the current rehearsal, from 1.
     pub rehearsal: u64,
     /// Expected number of rehearsals.
@@ -125,7 +125,7 @@ pub struct RehearsalProgress {
 pub fn rehearse(
     job: &JobSpec,
     library: &Arc<Library>,
-    watch: &mut dyn FnMut(RehearsalProgress),
+    watch: &mut dyn FnMut(DryRunProgress),
 ) -> Result<Forecast, Diagnostic> {
     // only parts and parameters of the setup are used; nothing is played on its rig
     let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
@@ -133,7 +133,7 @@ pub fn rehearse(
     let planner = FreshPlanner::new(params.method, library, params.planner);
     let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
     for number in 0..REHEARSALS {
-        let rehearsal = RehearsalParams {
+        let rehearsal = DryRunParams {
             starts_m: starts_m.clone(),
             frame_hz: model.frame_hz,
             friction_spread: job.rig.raw.friction.spread,
@@ -144,7 +144,7 @@ pub fn rehearse(
         let mut task = setup::task(job, library, &placed);
         let done = control::rehearse(library, &planner, task.as_mut(), &params, &rehearsal, &mut |at, progress| {
             let done = (number as f64 + progress) / of as f64;
-            watch(RehearsalProgress { rehearsal: number + 1, of, at, done });
+            watch(DryRunProgress { rehearsal: number + 1, of, at, done });
         });
         work_ms += done.work_ms;
         rehearsals.push(done);

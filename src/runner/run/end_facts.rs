@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_of_which_something_is_unwritten_still_says_what_matters() {
+    fn write_failure_is_added_to_the_cause_or_replaces_a_lesser_one() {
         let error = RunError::Write { path: "journal.jsonl".into(), reason: "no space".into() };
         let ended = |cause, outcome| {
             let mut ending = EndFacts { cause, outcome, reason: "penny-1 is lost".into(), ..EndFacts::default() };

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_tells_what_was_left_in_it() {
+    fn reopened_folder_reports_the_files_in_it() {
         let out = tempfile::TempDir::new().unwrap();
         let folder = RunFolder::reopen(out.path()).unwrap();
         assert_eq!(folder.state(), FolderState::default());

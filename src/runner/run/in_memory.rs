@@ -40,7 +40,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Adds `sink`, which receives all events besides the report.
-    pub fn watched_by(mut self, sink: &'a mut dyn Sink) -> Self {
+    pub fn with_sink(mut self, sink: &'a mut dyn Sink) -> Self {
         self.watcher = Some(sink);
         self
     }
@@ -193,7 +193,7 @@ mod tests {
     fn run_on_the_simulated_rig_itself_is_the_same_run() {
         let job = job(json!([]));
         let mut sink = MemorySink::default();
-        let (report, rig) = InMemoryRun::new(&job).unwrap().watched_by(&mut sink).run_on(|rig| rig).unwrap();
+        let (report, rig) = InMemoryRun::new(&job).unwrap().with_sink(&mut sink).run_on(|rig| rig).unwrap();
         assert_eq!(report, InMemoryRun::new(&job).unwrap().run());
         assert!((rig.now().secs() - report.plate_time_s).abs() < 1e-4, "{} s", rig.now().secs());
         assert_eq!(sink.pulses.len() as u64, report.pulses);

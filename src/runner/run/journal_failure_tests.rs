@@ -68,7 +68,7 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
 }
 
 #[test]
-fn who_runs_a_job_by_hand_is_told_of_a_report_that_cannot_be_written() {
+fn run_by_hand_fails_when_its_report_cannot_be_written() {
     let (job, out) = (job(), TempDir::new().unwrap());
     let (options, clock) = (options(&out), MonotonicClock::new());
     let (stop, pacing) = (AtomicBool::new(false), PacingStats::default());

@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn knocks_come_as_often_and_as_hard_as_the_file_says() {
+    fn knocks_have_the_configured_rate_and_strength() {
         let knocks = RawKnocks { every_s: 1.5, push_mm: [0.6, -0.8] };
         let drawn = |seed| drawn(&knocks, 1500.0, &Streams::new(seed));
         let all = drawn(3);

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use crate::config::{Diagnostic, JobSpec, LibraryRef, RigSpec, place_parts};
+use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_cor_library::{FieldFacts, Library, RigFacts};
 use upm_core::random::Streams;
 
@@ -44,7 +44,13 @@ fn fitting(library: Library, file: &str, rig: &RigSpec) -> Result<Arc<Library>, 
 /// Reads the COR library at `path` and checks it against `rig`; faults carry the key that names the file.
 pub fn load_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     let library = Library::load(path).and_then(|library| fitting(library, &path.display().to_string(), rig));
-    library.map_err(|faults| faults.into_iter().map(|fault| fault.named_by(named_by)).collect())
+    let named = |mut fault: Diagnostic| {
+        if fault.class == DiagnosticClass::Unreadable {
+            fault.found += "; `upm calibrate` makes one";
+        }
+        fault.named_by(named_by)
+    };
+    library.map_err(|faults| faults.into_iter().map(named).collect())
 }
 
 /// Checks whether `job` can be run with `library`: that the library fits the rig and the parts find places. No picture

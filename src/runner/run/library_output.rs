@@ -24,13 +24,13 @@ pub enum LibraryOutputFault {
     /// The path is a folder or a device.
     #[error("{}: expected the path of a file, found a folder or device", path.display())]
     NotAFile {
-        /// The path.
+        /// Path given for the library.
         path: PathBuf,
     },
     /// The file cannot be written.
     #[error("cannot write {}: {}", path.display(), reason(error))]
     Write {
-        /// The path.
+        /// Path given for the library, also when its draft cannot be written.
         path: PathBuf,
         /// Cause of the failure.
         error: io::Error,
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn output_that_is_no_file_or_has_no_folder_is_refused_beforehand() {
+    fn output_that_is_a_folder_or_lacks_one_is_refused_beforehand() {
         let folder = tempfile::tempdir().unwrap();
         let not_a_file = |out: &Path| matches!(LibraryOutput::check(out), Err(LibraryOutputFault::NotAFile { .. }));
         assert!(not_a_file(folder.path()) && not_a_file(&folder.path().join("..")));

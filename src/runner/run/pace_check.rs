@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_computer_falls_behind_by_what_its_loop_takes_too_long() {
+    fn slow_computer_falls_behind_by_its_excess_loop_time() {
         let pace = checked(Duration::from_millis(10));
         assert!(!pace.keeps_up() && pace.loop_p50_s > pace.period_s && pace.loop_p99_s >= pace.loop_p50_s, "{pace:?}");
         let expected = 60.0 * (1.0 - pace.period_s / pace.loop_p50_s);

@@ -122,7 +122,7 @@ impl Rig for RealTimeRig<'_> {
         self.keep_up()?;
         let started_at = self.rig.now();
         self.rig.play(drive)?;
-        self.driving_until = started_at + drive.envelope.sounding_s();
+        self.driving_until = started_at + drive.envelope.driven_s();
         Ok(())
     }
 

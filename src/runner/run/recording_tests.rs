@@ -54,7 +54,7 @@ fn warnings(folder: &Path) -> Vec<Value> {
 }
 
 #[test]
-fn a_run_goes_on_without_its_recording_and_says_so() {
+fn run_continues_without_its_recording_and_warns() {
     let out = tempfile::tempdir().unwrap();
     let (done, state) = run_until(out.path(), 30);
     assert_eq!(state, RecordingState::Stopped("the disk is nearly full".into()));
@@ -72,7 +72,7 @@ fn a_run_goes_on_without_its_recording_and_says_so() {
 }
 
 #[test]
-fn a_run_with_a_whole_recording_says_nothing_of_it() {
+fn run_with_a_whole_recording_has_no_warning() {
     let out = tempfile::tempdir().unwrap();
     let (done, state) = run_until(out.path(), u64::MAX);
     assert_eq!(state, RecordingState::Whole);

@@ -17,7 +17,7 @@ use upm_task::{
     Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, InPhase, InPhaseParams, Motions, PartOutline,
     PathParams, PlusSign, PlusSignParams, Sort, SortParams, Task, Trajectories,
 };
-use upm_viewer::PartLook;
+use upm_viewer::PartAppearance;
 
 /// Longest step of a part in one cycle, m.
 const LONGEST_STEP_M: f64 = 8e-3;
@@ -35,7 +35,7 @@ const LOST_AFTER_S: f64 = 0.4;
 
 /// A job's rig, its task and the parameters of control.
 pub struct RunSetup<R = SimRig> {
-    /// The rig.
+    /// Rig that control drives, with the parts at their start.
     pub rig: R,
     /// True positions of its parts.
     pub truth: GroundTruthHandle,
@@ -101,10 +101,10 @@ impl<R: Rig> RunSetup<R> {
     }
 
     /// Appearance of the parts in a recording.
-    pub fn part_looks(&self) -> Vec<PartLook> {
+    pub fn part_appearances(&self) -> Vec<PartAppearance> {
         let expected_disc = |part: &ExpectedPart| {
             let kind = self.params.kinds.get(part.kind);
-            PartLook {
+            PartAppearance {
                 id: part.id.clone(),
                 kind: kind.map(|kind| kind.name.clone()).unwrap_or_default(),
                 radius_m: kind.map_or(0.0, |kind| kind.radius_m),
@@ -212,7 +212,7 @@ fn motions(job: &JobSpec, library: &Library) -> Motions {
     let parts = job.parts.iter().map(|group| group.count).sum();
     match PlannerSelection::of(job).method {
         PlanningMethod::CorSequence => Motions::Rotations {
-            stride_m: RotationPlanner::longest_way_m(parts),
+            stride_m: RotationPlanner::longest_path_m(parts),
             effort: Arc::new(RotationEffort(FlowEffort::new(library))),
         },
         PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField => Motions::Independent,

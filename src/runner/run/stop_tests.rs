@@ -167,7 +167,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
     assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::RunEnd::stopped().reason.as_str()]);
     let answer = plate.interlock.stop_times().unwrap();
-    assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
+    assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
     assert_eq!(stopped.report.deadline_misses, None);
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
@@ -198,7 +198,7 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::DeadlineMissed));
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.stop_times().unwrap();
-    assert!(stopped.report.plate_time_s > answer.silent_at.secs() + 2.0, "time went on without force");
+    assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
     assert_eq!(stopped.report.deadline_misses, Some(1));
     assert!(stopped.report.worst_late_frames > Some(10), "{:?}", stopped.report.worst_late_frames);
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
@@ -227,7 +227,7 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
 }
 
 #[test]
-fn a_run_on_a_tripped_plate_plays_nothing_and_says_why() {
+fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
     let plate = StoppedPlate::default();
     plate.interlock.trip(Trip::EStop);
     let stopped = StopRecord::run(&plate, false, 0, || (), None);
@@ -258,7 +258,7 @@ fn a_cause_that_comes_too_late_changes_nothing() {
 }
 
 #[test]
-fn what_cannot_be_run_is_told_before_and_leaves_its_reason() {
+fn impossible_job_is_reported_beforehand_and_leaves_its_reason() {
     let job = crowded();
     let library = job_library(&job).unwrap();
     let lines = check_job(&job, &library).unwrap_err();

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn tolerance_finer_than_measured_is_told_with_the_one_that_holds() {
+    fn too_fine_tolerance_is_reported_with_the_one_that_holds() {
         let at = |planner: &'static str, tolerance_mm: f64| {
             warning("arrange-4.json", move |job| {
                 (job["planner"], job["tolerance_mm"]) = (json!(planner), json!(tolerance_mm));

@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_became_of_the_recording_is_not_compared() {
+    fn events_about_the_recording_are_not_compared() {
         for ended in [
             event("whatever it says", r#","code":"recording_failed""#),
             event("whatever it says", r#","code":"recording_stopped""#),
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_enough_when_the_verdict_is_known() {
+    fn repetition_stops_once_verdict_is_decided() {
         let stopped = format!("a\nb\n{}", event("in words", r#","outcome":"cancelled","code":"interrupted""#));
         for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
             let enough = AtomicBool::new(false);

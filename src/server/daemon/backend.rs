@@ -6,8 +6,8 @@ use super::state::{DaemonState, no_job};
 use super::{convert, data_watch, estop, files, health, metrics, page, submit};
 use crate::service::{
     Asset, Backend, Caller, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery,
-    LayoutView, Pending, Plate, Reason, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, kept,
-    pending,
+    LayoutView, Pending, Plate, Reason, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission,
+    pending, ready,
 };
 use crate::store::{JobId, JobRow, JobSelection};
 use upm_core::background::WorkerPool;
@@ -69,19 +69,19 @@ impl DaemonBackend {
 }
 
 impl Backend for DaemonBackend {
-    fn submit(&self, order: Submission) -> Pending<JobCreated> {
+    fn submit(&self, submission: Submission) -> Pending<JobCreated> {
         pending(|reply| {
-            let asked = submit::SubmitRequest::now(order, self.state.clock);
+            let asked = submit::SubmitRequest::now(submission, self.state.clock);
             submit::submit(&self.state, &self.checkers, asked, reply);
         })
     }
 
-    fn check(&self, order: Submission) -> Pending<Checked> {
+    fn check(&self, submission: Submission) -> Pending<Checked> {
         pending(|reply| {
             let state = Arc::clone(&self.state);
             self.checkers.submit(move || {
                 if reply.is_listening() {
-                    reply.send(state.examined(&order.text));
+                    reply.send(state.examined(&submission.text));
                 }
             });
         })
@@ -119,18 +119,18 @@ impl Backend for DaemonBackend {
 
     fn plates(&self) -> Pending<crate::service::Plates> {
         pending(|reply| {
-            self.state.count_queued(move |state| reply.send(Ok(state.all_shown())));
+            self.state.count_queued(move |state| reply.send(Ok(state.plate_statuses())));
         })
     }
 
     fn plates_as_counted(&self) -> crate::service::Plates {
-        self.state.all_shown()
+        self.state.plate_statuses()
     }
 
     fn estop(&self, plate: &str, caller: Caller) -> Pending<EStopped> {
         match self.state.plate(plate) {
             Ok(plate) => plate.estop(),
-            Err(refusal) => return kept(Err(refusal)),
+            Err(refusal) => return ready(Err(refusal)),
         };
         let (state, name) = (Arc::clone(&self.state), plate.to_owned());
         pending(|reply| self.stops.submit(move || reply.send(estop::confirm_stop(&state, &name, &caller))))
@@ -141,7 +141,7 @@ impl Backend for DaemonBackend {
         let may = |at| self.state.intact().map(|()| at);
         let held = match self.state.plate(plate).and_then(may).and_then(estop::held) {
             Ok(held) => held,
-            Err(refusal) => return kept(Err(refusal)),
+            Err(refusal) => return ready(Err(refusal)),
         };
         let (state, plate) = (Arc::clone(&self.state), plate.to_owned());
         pending(|reply| {
@@ -164,7 +164,7 @@ impl Backend for DaemonBackend {
         let done = self.state.plate(plate).and_then(may).and_then(|at| estop::resume(at, &caller));
         match done {
             Ok(()) => pending(|reply| self.state.answer_with(plate, reply)),
-            Err(refusal) => kept(Err(refusal)),
+            Err(refusal) => ready(Err(refusal)),
         }
     }
 
@@ -198,7 +198,7 @@ impl Backend for DaemonBackend {
     }
 
     fn replay(&self, id: &str, after: u64, most: usize) -> Pending<ReplayPage> {
-        let Some(id) = JobId::parse(id) else { return kept(Err(no_job())) };
+        let Some(id) = JobId::parse(id) else { return ready(Err(no_job())) };
         pending(|reply| {
             self.state.store.replay(&id, after, most, move |found| {
                 let found = found.map_err(convert::unread).and_then(|found| found.ok_or_else(no_job));

@@ -16,7 +16,7 @@ use tar::{Builder, Header};
 
 use self::folder::{BundledRun, latches, listed, runs, tail};
 use crate::store::{InspectLimits, JobId, inspect};
-use upm_runner::config::{DaemonSpec, Diagnostic};
+use upm_runner::config::{DaemonSpec, Diagnostic, reason};
 
 /// Folder within the archive.
 const ROOT: &str = "upm-support";
@@ -86,7 +86,7 @@ pub fn bundle(sources: &BundleSources<'_>) -> io::Result<Bundle> {
             made.add_data(data)?;
             made.add_runs(&data.join("runs"), &known)?;
         }
-        None => made.missing.push("the data folder: nobody said where it is".to_owned()),
+        None => made.missing.push("data folder: no --data and no --config was given".to_owned()),
     }
     made.add_about(sources)?;
     Ok(Bundle { tar: made.tar.into_inner()?, files: made.files, missing: made.missing })
@@ -174,7 +174,7 @@ impl BundleBuilder {
             match tail(&run.path.join("journal.jsonl")) {
                 Ok(lines) => self.add_lines(&name, lines)?,
                 Err(error) => {
-                    self.missing.push(format!("{name}: {error}"));
+                    self.missing.push(format!("{name}: {}", reason(&error)));
                     continue;
                 }
             }
@@ -187,7 +187,7 @@ impl BundleBuilder {
     /// The value that was read; on an error the default, with the error noted as missing.
     fn read<T: Default>(&mut self, what: &str, read: io::Result<T>) -> T {
         read.unwrap_or_else(|error| {
-            self.missing.push(format!("{what}: {error}"));
+            self.missing.push(format!("{what}: {}", reason(&error)));
             T::default()
         })
     }

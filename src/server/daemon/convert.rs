@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_to_those_who_write() {
+    fn full_disk_is_reported_to_writers_only() {
         assert!(matches!(refusal(StoreFault::Full), Refusal::DiskFull(_)));
         assert!(matches!(unread(StoreFault::Full), Refusal::Busy { retry_after_s: 1, .. }));
         assert!(matches!(unread(StoreFault::Corrupt("a page".to_owned())), Refusal::Broken(_)));

@@ -8,7 +8,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use crate::service::{Reason, ReasonCode};
-use crate::store::Displaced;
+use crate::store::DisplacedFile;
 use upm_core::thread_priority::lower_thread_priority;
 
 /// Time between two comparisons.
@@ -17,19 +17,19 @@ const EVERY: Duration = Duration::from_secs(1);
 /// Result of the last comparison.
 #[derive(Debug, Default)]
 pub(super) struct DataWatch {
-    found: Mutex<Option<Displaced>>,
+    found: Mutex<Option<DisplacedFile>>,
     /// Held during a comparison, so that an older result never overwrites a newer one.
     comparing: Mutex<()>,
 }
 
 impl DataWatch {
     /// The displaced path; `None` while all are in place.
-    pub fn displaced(&self) -> Option<Displaced> {
+    pub fn displaced(&self) -> Option<DisplacedFile> {
         self.found.lock().clone()
     }
 
     /// Compares and stores the result, and logs a change of it. True when a path is displaced.
-    pub fn compare(&self, compare: impl FnOnce() -> Result<(), Displaced>) -> bool {
+    pub fn compare(&self, compare: impl FnOnce() -> Result<(), DisplacedFile>) -> bool {
         let _alone = self.comparing.lock();
         let found = compare().err();
         let mut last = self.found.lock();
@@ -44,7 +44,7 @@ impl DataWatch {
 }
 
 /// The reason code and sentence for a displaced path.
-pub(super) fn reason(displaced: &Displaced) -> Reason {
+pub(super) fn reason(displaced: &DisplacedFile) -> Reason {
     Reason::new(ReasonCode::DataDisplaced, displaced.to_string())
 }
 

@@ -4,12 +4,12 @@ use super::convert;
 use super::state::{DaemonState, no_job};
 use crate::plates::{self, PlateHandle, ResetFault, StopToken};
 use crate::service::{Caller, EStopped, Job, Refusal, ResetRequest, Responder};
-use crate::store::{CancelOutcome, Deleted, JobId, JobState};
+use crate::store::{CancelOutcome, DeleteOutcome, JobId, JobState};
 
 /// Stores an emergency stop already made in the audit log and reports its result.
 pub(super) fn confirm_stop(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
     let plate = state.plate(name)?;
-    plate.wait_until_silent();
+    plate.wait_until_motors_off();
     let persisted = plate.record_estop(requester(caller));
     let times = plate.stop_times();
     Ok(EStopped {
@@ -17,7 +17,7 @@ pub(super) fn confirm_stop(state: &DaemonState, name: &str, caller: &Caller) -> 
         silent: times.is_some(),
         persisted,
         requested_at_s: times.map(|times| times.requested_at.secs()),
-        silent_at_s: times.map(|times| times.silent_at.secs()),
+        silent_at_s: times.map(|times| times.motors_off_at.secs()),
         wall_s: times.map(|times| times.wall.as_secs_f64()),
     })
 }
@@ -36,7 +36,7 @@ pub(super) fn reset(
     is_listening: impl Fn() -> bool,
 ) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(held, plates::Requester { operator, reason, ..requester(caller) }, is_listening).map_err(refusal)
+    plate.reset(held, plates::ResetRequester { operator, reason, ..requester(caller) }, is_listening).map_err(refusal)
 }
 
 fn refusal(fault: ResetFault) -> Refusal {
@@ -88,9 +88,9 @@ pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
     state.store.delete(&id, move |deleted| {
         reply.send(match deleted {
             Err(fault) => Err(convert::refusal(fault)),
-            Ok(Deleted::Unknown) => Err(no_job()),
-            Ok(Deleted::Not(_)) => Err(Refusal::Conflict("the job runs: cancel it first".to_owned())),
-            Ok(Deleted::Now(row, finished)) => {
+            Ok(DeleteOutcome::Unknown) => Err(no_job()),
+            Ok(DeleteOutcome::Not(_)) => Err(Refusal::Conflict("the job runs: cancel it first".to_owned())),
+            Ok(DeleteOutcome::Now(row, finished)) => {
                 if let (Some(plate), Some(finished)) = (then.plates.get(&row.plate), finished) {
                     plate.announce_end(row.id, finished);
                 }
@@ -101,7 +101,7 @@ pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
 }
 
 /// The requester, as far as the network identifies it.
-fn requester(caller: &Caller) -> plates::Requester {
+fn requester(caller: &Caller) -> plates::ResetRequester {
     let remote = caller.remote.map(|address| address.to_string()).unwrap_or_default();
-    plates::Requester { remote, token_name: caller.name.clone(), ..plates::Requester::default() }
+    plates::ResetRequester { remote, token_name: caller.name.clone(), ..plates::ResetRequester::default() }
 }

@@ -66,7 +66,7 @@ pub struct LocalStopAnswer {
 /// Result of the stop of one plate: the answer, or why there is none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LocalStop {
-    /// The plate.
+    /// Name of the plate; a name that the daemon does not know gives an `error`.
     pub plate: String,
     /// The answer, the same as over HTTP.
     pub answer: Option<EStopped>,

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn what_there_is_of_a_recording_that_failed_is_served() {
+    fn failed_recording_serves_available_bytes() {
         let runs = tempfile::tempdir().unwrap();
         let recording_bytes = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
         let gone = |why: &str| Err(Refusal::Unknown(why.to_owned()));

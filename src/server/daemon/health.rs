@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use super::data_watch;
-use super::observed::Observed;
+use super::status::Observed;
 use crate::plates::PlateState;
 use crate::service::{Reason, ReasonCode};
 
@@ -16,7 +16,8 @@ pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
     let mut failures = Vec::new();
     if observed.store.heartbeat > LONGEST_SILENCE {
         let silent_s = observed.store.heartbeat.as_secs_f64();
-        failures.push(Reason::new(ReasonCode::StoreHangs, format!("the job store hangs since {silent_s:.1} s")));
+        failures
+            .push(Reason::new(ReasonCode::StoreHangs, format!("the job store has not responded for {silent_s:.1} s")));
     }
     if observed.store.reader_busy > LONGEST_SILENCE {
         let busy_s = observed.store.reader_busy.as_secs_f64();
@@ -56,10 +57,10 @@ fn low_disk(observed: &Observed) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Displaced, PathObject, StoreFault};
+    use crate::store::{DisplacedFile, PathObject, StoreFault};
 
     fn failures(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
-        let mut observed = Observed::well();
+        let mut observed = Observed::healthy();
         change(&mut observed);
         let details = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.detail).collect();
         (details(liveness_failures(&observed)), details(readiness_failures(&observed)))
@@ -74,14 +75,14 @@ mod tests {
     }
 
     #[test]
-    fn a_daemon_that_is_well_has_nothing_to_tell() {
+    fn healthy_daemon_reports_no_failures() {
         assert_eq!(failures(|_| ()), (Vec::new(), Vec::new()));
     }
 
     #[test]
-    fn what_hangs_is_an_ailment() {
+    fn hung_store_or_dead_worker_fails_liveness() {
         assert_eq!(failures(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
-        both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store hangs since 5.1 s");
+        both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store has not responded for 5.1 s");
         let busy = Duration::from_millis(6200);
         both(|o| o.store.reader_busy = busy, "the job store has not answered a question for 6.2 s");
         let dead = || Err("the worker of plate right has died".to_owned());
@@ -89,9 +90,9 @@ mod tests {
     }
 
     #[test]
-    fn displaced_data_are_an_ailment_that_no_restart_ends() {
-        let mut observed = Observed::well();
-        observed.displaced = Some(Displaced { path: "/data/lock".into(), found: PathObject::Nothing });
+    fn displaced_data_fail_liveness_without_a_cure_by_restart() {
+        let mut observed = Observed::healthy();
+        observed.displaced = Some(DisplacedFile { path: "/data/lock".into(), found: PathObject::Nothing });
         let detail = "/data/lock: expected the file that the daemon holds open, found none";
         let expected = [Reason::new(ReasonCode::DataDisplaced, detail)];
         assert_eq!(
@@ -102,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_bars_new_jobs_is_an_obstacle() {
+    fn conditions_that_bar_new_jobs_fail_readiness_only() {
         unready(|o| o.is_stopping = true, "the daemon is ending");
         unready(|o| o.damage = Some("the job store was damaged".to_owned()), "the job store was damaged");
         unready(|o| o.store.fault = Some(StoreFault::Full), "the disk of the job store is full");

@@ -9,7 +9,7 @@ use prometheus_client::registry::Unit;
 
 use self::family::{MetricFamily, MetricSample, written};
 use super::health::{liveness_failures, readiness_failures};
-use super::observed::{Observed, PlateObserved};
+use super::status::{Observed, PlateObserved};
 use crate::plates::PlateState;
 use crate::service::Reason;
 use upm_recording::RecordingState;
@@ -53,7 +53,8 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<MetricFamily> {
         one_of(&plate.name, RECORDING_STATES.map(|state| (state, state == now)))
     });
     vec![
-        MetricFamily::gauge("plate_state", "1 for what the plate is doing, 0 for what it is not").with_all(state),
+        MetricFamily::gauge("plate_state", "State of the plate: 1 for the current state, 0 for the others")
+            .with_all(state),
         each(MetricFamily::gauge("queue_jobs", "Jobs that wait for the plate"), |plate| Some(plate.queued as f64)),
         each(MetricFamily::counter("deadline_misses", "Frames that control came too late for"), |plate| {
             Some(plate.deadline_misses as f64)
@@ -70,8 +71,11 @@ fn of_plates(plates: &[PlateObserved]) -> Vec<MetricFamily> {
         each(MetricFamily::gauge("job_progress", "Share of the running job that is done").in_unit(ratio()), |plate| {
             plate.progress
         }),
-        MetricFamily::gauge("recording_state", "1 for how the recording of the job is, 0 for how it is not")
-            .with_all(recording),
+        MetricFamily::gauge(
+            "recording_state",
+            "State of the job's recording: 1 for the current state, 0 for the others",
+        )
+        .with_all(recording),
         each(MetricFamily::gauge("recording", "Size of the recording being written").in_unit(Unit::Bytes), |plate| {
             match plate.recording {
                 RecordingState::Writing { bytes } => Some(bytes as f64),
@@ -123,7 +127,7 @@ fn of_http(observed: &Observed) -> Vec<MetricFamily> {
     vec![
         MetricFamily::counter(
             "http_requests",
-            "Requests answered; operation none where they asked for none, status 0 for others",
+            "Requests by operation and status; operation none if no route matched, status 0 for other codes",
         )
         .with_all(observed.requests.iter().map(sample)),
         MetricFamily::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64),

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn examples_say_what_they_are() {
+    fn examples_are_summarized_by_task_parts_and_planner() {
         let examples = examples();
         let of = |name| examples.iter().find(|example| example.name == name).map(|example| example.what.as_str());
         assert_eq!(of("sort-12"), Some("sort, 12 parts"));

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_only_others_may_write_in_is_none() {
+    fn unwritable_data_folder_is_a_fault() {
         let data = tempfile::tempdir().unwrap();
         let fault_at = |data: &Path| {
             let mut spec = shipped();
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_token_that_only_reads_leaves_nobody_who_operates() {
+    fn read_token_alone_leaves_no_operator() {
         let with = |operate: bool, read: bool| {
             let file = |is: bool| is.then(|| "token".into());
             let mut spec = shipped();

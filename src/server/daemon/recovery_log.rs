@@ -29,7 +29,7 @@ pub(super) fn log(recovery: &RecoveryReport) {
 }
 
 /// Cause of `plate`'s pause after a start: the same as before it where the end of a job had paused the plate.
-pub(super) fn why_paused(recovery: &RecoveryReport, plate: &str) -> Pause {
+pub(super) fn pause_after_start(recovery: &RecoveryReport, plate: &str) -> Pause {
     if recovery.damage.is_none()
         && recovery.clean
         && let Some(pause) = recovery.paused_after.iter().find(|job| job.plate == plate).and_then(after)

@@ -117,7 +117,10 @@ impl Daemon {
                 pace: spec.pace,
                 paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
             }),
-            paused: recovery.paused.contains(&plate.name).then(|| recovery_log::why_paused(&recovery, &plate.name)),
+            paused: recovery
+                .paused
+                .contains(&plate.name)
+                .then(|| recovery_log::pause_after_start(&recovery, &plate.name)),
         });
         let around = SharedServices {
             job_store: store.clone(),
@@ -239,7 +242,7 @@ fn count_until(
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         state.count_queued(|_| {});
         // acknowledges the damage once the last plate is resumed, even when no request has asked since
-        state.unseen_damage();
+        state.unacknowledged_damage();
         tokens.report_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             state.count_jobs();
@@ -335,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_that_others_have_are_reported() {
+    fn addresses_in_use_are_reported() {
         let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let (first, second) = (taken(), taken());
         let [listen, live] = [&first, &second].map(|listener| listener.local_addr().unwrap());

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::convert;
 use super::data_watch::{DataWatch, reason};
-use super::observed::{DiskObserved, Observed, PlateObserved};
+use super::status::{DiskObserved, Observed, PlateObserved};
 use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, PlateSupervisor};
 use crate::service::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
@@ -82,12 +82,12 @@ impl DaemonState {
     }
 
     /// All plates now, with their queues as last counted.
-    pub fn all_shown(&self) -> crate::service::Plates {
-        crate::service::Plates { plates: self.plates.iter().map(|plate| self.shown(plate)).collect() }
+    pub fn plate_statuses(&self) -> crate::service::Plates {
+        crate::service::Plates { plates: self.plates.iter().map(|plate| self.plate_status(plate)).collect() }
     }
 
     /// A plate now, with its queue as last counted.
-    fn shown(&self, plate: &plates::PlateHandle) -> Plate {
+    fn plate_status(&self, plate: &plates::PlateHandle) -> Plate {
         convert::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
     }
 
@@ -102,7 +102,7 @@ impl DaemonState {
         });
     }
 
-    /// Counts all jobs.
+    /// Updates the last counts from the store; when that fails, the previous numbers remain.
     pub fn count_jobs(self: &Arc<Self>) {
         let state = Arc::clone(self);
         self.store.counts(move |counted| {
@@ -119,12 +119,12 @@ impl DaemonState {
     /// Replies with the plate's state after an operation on it.
     pub fn answer_with(self: &Arc<Self>, name: &str, reply: Responder<Plate>) {
         let name = name.to_owned();
-        self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.shown(plate))));
+        self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.plate_status(plate))));
     }
 
     /// The state of a job for a client that begins to watch it.
     pub fn stream_start(&self, row: &JobRow) -> StreamStart {
-        let plate = self.plate(&row.plate).ok().map(|plate| self.shown(plate));
+        let plate = self.plate(&row.plate).ok().map(|plate| self.plate_status(plate));
         let snapshot = json!({"job": convert::job(row), "plate": plate}).to_string();
         StreamStart { snapshot, newest: row.last_event, is_over: row.state.is_final() }
     }
@@ -141,7 +141,7 @@ impl DaemonState {
             version: self.version,
             uptime: self.clock.elapsed(),
             is_stopping: self.ending.load(Ordering::SeqCst),
-            damage: self.unseen_damage(),
+            damage: self.unacknowledged_damage(),
             displaced: self.data.displaced(),
             plates_alive: self.plates.alive(),
             plates: plates.collect(),
@@ -158,7 +158,7 @@ impl DaemonState {
     }
 
     /// Damage found at start and not acknowledged yet, as a sentence.
-    pub fn unseen_damage(&self) -> Option<String> {
+    pub fn unacknowledged_damage(&self) -> Option<String> {
         let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
         self.damage.unacknowledged(&states)
     }
@@ -257,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn damage_that_was_seen_is_not_told_again() {
+    fn acknowledged_damage_is_not_reported_again() {
         use PlateState::{Idle, Paused, Stopped};
         let damage = StoreDamage::found(Some("the job store was damaged".to_owned()));
         let states = [[Stopped, Stopped], [Paused, Stopped], [Idle, Paused], [Idle, Stopped], [Paused, Paused]];

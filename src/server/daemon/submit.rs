@@ -181,7 +181,7 @@ pub(super) fn run_next(state: &DaemonState, id: &str, caller: &Caller, reply: Re
 /// Takes a job out of the queue whose client was answered with an error while the job was being stored: it may send the
 /// job again. A job with an idempotency key stays, since sending it again yields the same job. Does not wake the plate.
 fn take_back(state: &Arc<DaemonState>, row: JobRow) {
-    tracing::warn!(job = %row.id, plate = row.plate, "its client had given up when it was stored: withdrawn");
+    tracing::warn!(job = %row.id, plate = row.plate, "withdrawn: its client disconnected before it was stored");
     let then = Arc::clone(state);
     state.store.cancel_queued(&row.id, move |cancelled| match cancelled {
         Ok(CancelOutcome::Now(row, finished)) => {
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_goes_with_what_was_asked_for() {
+    fn idempotency_key_is_bound_to_text_and_pace() {
         let sha256 = |text: &str, pace| {
             let caller = Caller { name: "test".to_owned(), remote: None };
             let order = Submission { text: text.to_owned(), pace, key: Some("k".to_owned()), caller };

@@ -59,20 +59,20 @@ impl ServiceManager {
     /// `Ok`. `None` where the manager expects none.
     pub fn keep_alive(
         &self,
-        well: impl Fn() -> Result<(), String> + Send + 'static,
+        healthy: impl Fn() -> Result<(), String> + Send + 'static,
     ) -> io::Result<Option<WatchdogPing>> {
         let Some(patience) = self.patience else { return Ok(None) };
         let (ending, manager) = (Arc::new(AtomicBool::new(false)), self.clone());
         let has_ended = Arc::clone(&ending);
-        let show = move || manager.start_watchdog_ping(patience / 2, &has_ended, &well);
+        let show = move || manager.start_watchdog_ping(patience / 2, &has_ended, &healthy);
         let thread = thread::Builder::new().name("alive".into()).spawn(show)?;
         Ok(Some(WatchdogPing { ending, thread: Some(thread) }))
     }
 
-    fn start_watchdog_ping(&self, period: Duration, ending: &AtomicBool, well: &dyn Fn() -> Result<(), String>) {
+    fn start_watchdog_ping(&self, period: Duration, ending: &AtomicBool, healthy: &dyn Fn() -> Result<(), String>) {
         let mut before = Ok(());
         while !ending.load(Ordering::SeqCst) {
-            let now = well();
+            let now = healthy();
             if now.is_ok() {
                 self.notify("WATCHDOG=1");
             }
@@ -95,7 +95,7 @@ impl ServiceManager {
     fn notify(&self, message: &str) {
         let Some(address) = &self.address else { return };
         if let Err(error) = send(address, message) {
-            tracing::warn!(%error, "the service manager was not told");
+            tracing::warn!(%error, "could not notify the service manager");
         }
     }
 }
@@ -205,7 +205,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_name_that_is_no_file_is_reached() {
+    fn abstract_socket_name_is_reached() {
         use std::os::linux::net::SocketAddrExt;
         let name = format!("upm-test-{}", std::process::id());
         let socket = UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(&name).unwrap()).unwrap();
@@ -216,19 +216,19 @@ mod tests {
     }
 
     #[test]
-    fn signs_of_life_come_only_while_all_is_well() {
+    fn watchdog_pings_are_sent_only_while_healthy() {
         let stub = Stub::new();
-        let well = Arc::new(AtomicBool::new(true));
-        let asked = Arc::clone(&well);
+        let healthy = Arc::new(AtomicBool::new(true));
+        let asked = Arc::clone(&healthy);
         let state = move || if asked.load(Ordering::SeqCst) { Ok(()) } else { Err("a plate hangs".to_owned()) };
         let alive = stub.manager(Some("20000")).keep_alive(state).unwrap().unwrap();
         assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "WATCHDOG=1"]);
-        well.store(false, Ordering::SeqCst);
+        healthy.store(false, Ordering::SeqCst);
         while stub.heard() == "WATCHDOG=1" {}
         stub.socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
         assert!(stub.socket.recv(&mut [0; 64]).is_err(), "ten periods without a word");
         stub.socket.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
-        well.store(true, Ordering::SeqCst);
+        healthy.store(true, Ordering::SeqCst);
         assert_eq!([stub.heard(), stub.heard()], ["WATCHDOG=1", "STATUS=healthy again"]);
         drop(alive);
         stub.socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_process_that_is_meant_shows_life_and_bad_notices_are_reported() {
+    fn only_the_addressed_process_pings_and_bad_settings_are_reported() {
         let socket = Some(OsStr::new("/run/notify"));
         let made =
             |watchdog_usec, watchdog_pid| ServiceManager::new(NotifyEnv { socket, watchdog_usec, watchdog_pid }, 7);

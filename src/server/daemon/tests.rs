@@ -171,7 +171,7 @@ fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
 }
 
 #[test]
-fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
+fn repeated_key_returns_the_first_answer_on_a_stopped_plate() {
     let running = RunningDaemon::new();
     running.pause();
     let text = on("upm-1");
@@ -187,7 +187,7 @@ fn a_key_gives_the_first_answer_again_whatever_stands_against_it_now() {
 }
 
 #[test]
-fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
+fn full_queue_refuses_jobs_and_runs_after_resume() {
     let running = RunningDaemon::new();
     running.pause();
     let jobs: Vec<Job> = (0..3).map(|_| running.submit(&on("upm-1")).unwrap()).collect();
@@ -209,7 +209,7 @@ fn a_queue_is_full_when_it_is_and_runs_when_it_may() {
 }
 
 #[test]
-fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
+fn emergency_stop_cancels_the_running_job_and_bars_resume() {
     let running = RunningDaemon::new();
     let long = on("upm-1").replace("0.2", "60");
     let id = running.order(&long, Pace::RealTime, None).unwrap().job.id;
@@ -225,7 +225,7 @@ fn an_emergency_stop_ends_what_runs_and_is_reset_by_a_person() {
 }
 
 #[test]
-fn a_reset_that_waits_takes_back_no_later_stop_and_none_once_nobody_waits_for_it() {
+fn waiting_reset_undoes_no_later_stop_and_is_dropped_with_its_caller() {
     let running = RunningDaemon::new();
     running.stopped();
     let held = running.backend.state.store.hold();
@@ -299,7 +299,7 @@ fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
 }
 
 #[test]
-fn what_others_can_reach_wants_a_token_of_some_length() {
+fn non_loopback_address_requires_a_long_token() {
     let data = tempfile::tempdir().unwrap();
     let lines = |spec: &DaemonSpec| match prepare(spec) {
         Ok(_) => Vec::new(),

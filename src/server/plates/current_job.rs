@@ -92,7 +92,7 @@ impl CurrentJob {
         self.turn.lock().running.clone()
     }
 
-    /// Its recording.
+    /// Handle to the recording of the job on the plate; `None` while the plate runs none.
     pub fn recording(&self) -> Option<RecordingHandle> {
         self.turn.lock().running.as_ref().map(|running| running.recording.clone())
     }
@@ -160,7 +160,7 @@ impl CurrentJob {
     }
 
     /// Stores an observation of the parts; skipped while another thread reads the last one.
-    pub fn saw(&self, observation: &LastObservation, now: Duration) {
+    pub fn set_observation(&self, observation: &LastObservation, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
         seen.observation.clone_from(observation);
         seen.at = Some(now);

@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_must_stay_free_is_no_room() {
+    fn space_that_must_stay_free_is_not_reserved() {
         let clock = MonotonicClock::new();
         let disk = DiskSpace::new(Path::new("/no/such/folder"), 500 * MB, &clock);
         let now = clock.elapsed();
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_no_longer_to_come() {
+    fn written_bytes_are_no_longer_expected() {
         assert_eq!(still_to_come(&RecordingState::Off, 70), 70);
         assert_eq!(still_to_come(&RecordingState::Writing { bytes: 50 }, 70), 20);
         assert_eq!(still_to_come(&RecordingState::Writing { bytes: 80 }, 70), 0);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_that_hangs_is_told_once() {
+    fn hung_disk_is_reported_once() {
         let clock = MonotonicClock::new();
         let disk = DiskSpace::new(Path::new("/"), 0, &clock);
         disk.saw(Some(MB), Duration::from_secs(10));
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_real_disk_says_what_is_free() {
+    fn free_space_of_a_real_disk_is_read() {
         let folder = tempfile::tempdir().unwrap();
         assert!(free_bytes(folder.path()).is_ok_and(|free| free > 0));
     }

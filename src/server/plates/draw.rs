@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_frames_are_no_fault() {
+    fn odd_frame_sizes_are_encoded_without_a_fault() {
         let frame = |width, height| Frame::new(width, height);
         assert!(draw(&frame(0, 0), &[]).is_none_or(|png| !png.is_empty()));
         assert!(draw(&frame(3, 1), &[]).is_none_or(|png| !png.is_empty()));

@@ -116,14 +116,14 @@ impl EmergencyStop {
     }
 
     /// The same, once the motors are silent; waits at most `within`.
-    pub fn wait_until_silent(&self, within: Duration) -> Option<StopTimes> {
-        self.interlock.wait_until_silent(within)
+    pub fn wait_until_motors_off(&self, within: Duration) -> Option<StopTimes> {
+        self.interlock.wait_until_motors_off(within)
     }
 
     /// Waits at most `within` until the stop that holds is on the disk. False when it is not by then: it holds all the
     /// same and is written as soon as the disk allows.
-    pub fn wait_until_kept(&self, within: Duration) -> bool {
-        self.latch.wait_until_kept(within)
+    pub fn wait_until_persisted(&self, within: Duration) -> bool {
+        self.latch.wait_until_persisted(within)
     }
 
     /// The stop that holds, as the token for its reset.

@@ -14,7 +14,7 @@ use upm_planner::PlannedPulse;
 /// An event of a job, as published to subscribers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEvent {
-    /// The job.
+    /// Id of the job that the event is about.
     pub job: JobId,
     /// Number of the event within its job; `None` for events that are not stored: observations, and those the store
     /// could not take.

@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lag_is_told_while_it_grows_and_no_longer() {
+    fn lag_is_reported_only_while_it_grows() {
         let mut lag = Lag::default();
         let mut reported = Vec::new();
         for tenths in 0..250_u64 {
@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn one_short_stall_is_no_busy_computer() {
+    fn one_short_stall_is_not_reported_as_lag() {
         let mut lag = Lag::default();
         let behind = |tenths: u64| Duration::from_millis(if tenths > 30 { 90 } else { 0 });
         assert!((0..200).all(|tenths| !lag.grows(Duration::from_millis(100 * tenths), behind(tenths))));

@@ -16,7 +16,7 @@ use std::time::Duration;
 use parking_lot::{Condvar, Mutex};
 
 use self::file::{LatchFile, check_all, make_folder};
-use crate::store::{Displaced, HeldPath};
+use crate::store::{DisplacedFile, WatchedPath};
 
 /// Interval at which a failed write is retried, and longest delay of a change before the thread wakes.
 const AGAIN: Duration = Duration::from_millis(50);
@@ -36,7 +36,7 @@ pub struct StopToken(LatchWord);
 struct LatchCell {
     word: AtomicU64,
     /// The word on the disk: written, and verified to be in the file that the path names.
-    kept: AtomicU64,
+    wait_until_persisted: AtomicU64,
     /// Signals threads that wait until a stop is on the disk.
     settled: (Mutex<()>, Condvar),
 }
@@ -66,8 +66,8 @@ impl LatchWord {
 impl Latch {
     /// A latch in the state that was found, not yet confirmed to be on the disk.
     pub(super) fn found(stopped: bool) -> Self {
-        let (word, kept) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
-        Self(Arc::new(LatchCell { word, kept, settled: Default::default() }))
+        let (word, wait_until_persisted) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
+        Self(Arc::new(LatchCell { word, wait_until_persisted, settled: Default::default() }))
     }
 
     /// Stops. True when it was not stopped before. Never waits.
@@ -94,7 +94,7 @@ impl Latch {
 
     /// Waits until the stop that holds is on the disk, at most `within`. False when it is not by then, or no stop
     /// holds.
-    pub fn wait_until_kept(&self, within: Duration) -> bool {
+    pub fn wait_until_persisted(&self, within: Duration) -> bool {
         let (lock, condition) = &self.0.settled;
         condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_persisted(), within);
         self.is_stopped() && self.is_persisted()
@@ -108,13 +108,13 @@ impl Latch {
     /// Marks the state as on the disk, as the writing thread does.
     #[cfg(test)]
     pub(super) fn keep(&self) {
-        self.0.kept.store(self.0.word().0, Ordering::SeqCst);
+        self.0.wait_until_persisted.store(self.0.word().0, Ordering::SeqCst);
         self.0.notify_waiters();
     }
 
     /// True when the disk has the current state, confirmed since the last stop or release.
     pub fn is_persisted(&self) -> bool {
-        self.0.kept.load(Ordering::SeqCst) == self.0.word().0
+        self.0.wait_until_persisted.load(Ordering::SeqCst) == self.0.word().0
     }
 }
 
@@ -136,7 +136,7 @@ impl LatchCell {
 pub struct Latches {
     latches: Vec<Latch>,
     /// The latch files, held open.
-    held: Vec<HeldPath>,
+    held: Vec<WatchedPath>,
     ending: Arc<AtomicBool>,
     /// `None` once the thread is joined.
     persist_thread: Option<JoinHandle<()>>,
@@ -168,7 +168,7 @@ impl Latches {
 
     /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
     /// the disk.
-    pub fn check_paths(&self) -> Result<(), Displaced> {
+    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
         check_all(&self.held)
     }
 
@@ -200,8 +200,8 @@ fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
         let last = ending.load(Ordering::SeqCst);
         for (file, Latch(cell)) in files.iter_mut().zip(latches) {
             let word = cell.word();
-            if word.0 != cell.kept.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
-                cell.kept.store(word.0, Ordering::SeqCst);
+            if word.0 != cell.wait_until_persisted.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
+                cell.wait_until_persisted.store(word.0, Ordering::SeqCst);
                 cell.notify_waiters();
             }
         }
@@ -223,7 +223,7 @@ mod tests {
         names.iter().map(|name| ((*name).to_owned(), false)).collect()
     }
 
-    fn kept(latches: &Latches) {
+    fn wait_until_persisted(latches: &Latches) {
         latches.persist_thread().unpark();
         while !latches.latches().iter().all(Latch::is_persisted) {
             thread::yield_now();
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_stopped_stays_stopped_and_what_was_released_released() {
+    fn latch_states_survive_reopen() {
         let folder = tempfile::tempdir().unwrap();
         let plates = names(&["left", "right"]);
         let stopped = |latches: &Latches| latches.latches().iter().map(Latch::is_stopped).collect::<Vec<_>>();
@@ -240,7 +240,7 @@ mod tests {
             assert_eq!(stopped(&latches), [false, false]);
             assert!(latches.latches()[1].stop());
             assert!(!latches.latches()[1].stop(), "it was stopped already");
-            kept(&latches);
+            wait_until_persisted(&latches);
         }
         let latches = Latches::open(folder.path(), &plates).unwrap();
         assert_eq!(stopped(&latches), [false, true]);
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_makes_no_sense_counts_as_stopped() {
+    fn malformed_latch_file_counts_as_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let plates = names(&["one"]);
         for text in [&b""[..], b"upm: rele", b"upm: released   x", b"upm: stopped    ", &[0; 16]] {
@@ -283,10 +283,10 @@ mod tests {
         let latches = Latches::open(folder.path(), &names(&["one"])).unwrap();
         for _ in 0..3 {
             latches.latches()[0].stop();
-            kept(&latches);
+            wait_until_persisted(&latches);
             let held = latches.latches()[0].held().unwrap();
             latches.latches()[0].release(held);
-            kept(&latches);
+            wait_until_persisted(&latches);
         }
         assert_eq!(fs::read(folder.path().join("one")).unwrap(), RELEASED);
     }
@@ -294,7 +294,7 @@ mod tests {
     #[test]
     fn a_stop_that_comes_before_a_release_is_not_released_with_it() {
         let latch = Latch::found(true);
-        latch.0.kept.store(latch.0.word().0, Ordering::SeqCst);
+        latch.0.wait_until_persisted.store(latch.0.word().0, Ordering::SeqCst);
         let first = latch.held().unwrap();
         assert!(latch.is_persisted());
         assert!(!latch.stop(), "it is stopped already, and yet this is another stop");

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::events::{EventSubscriber, JobEvent};
 use super::latch::StopToken;
 use super::shared::PlateInner;
-use super::validate::{laid_out, validated};
+use super::validate::{layout_of_submission, validated};
 use super::{JobLayout, Pause, PlateSnapshot, PreviewPicture, ResetFault};
 use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
 use upm_core::rig::StopTimes;
@@ -13,15 +13,15 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::Diagnostic;
 
 /// Longest waits of an emergency stop for the motors to be silent, and for the disk.
-const SILENT_WITHIN: Duration = Duration::from_millis(400);
-const KEPT_WITHIN: Duration = Duration::from_millis(400);
+const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
+const PERSISTED_WITHIN: Duration = Duration::from_millis(400);
 
 /// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";
 
 /// The requester of an operation, as far as known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Requester {
+pub struct ResetRequester {
     /// Name that the requester gave.
     pub operator: String,
     /// Reason that the requester gave.
@@ -57,9 +57,9 @@ impl PlateHandle {
 
     /// Writes the stop to the audit log, and waits briefly for the stop to be on the disk. False when it is not by
     /// then: it holds all the same and is written as soon as the disk allows.
-    pub fn record_estop(&self, who: Requester) -> bool {
+    pub fn record_estop(&self, who: ResetRequester) -> bool {
         self.audit(ESTOP, who);
-        self.shared.emergency_stop.wait_until_kept(KEPT_WITHIN)
+        self.shared.emergency_stop.wait_until_persisted(PERSISTED_WITHIN)
     }
 
     /// The emergency stop that holds, as seen by an operator who requests a reset now.
@@ -70,7 +70,12 @@ impl PlateHandle {
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
     /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_awaited` returns
     /// false.
-    pub fn reset(&self, held: StopToken, who: Requester, is_listening: impl Fn() -> bool) -> Result<(), ResetFault> {
+    pub fn reset(
+        &self,
+        held: StopToken,
+        who: ResetRequester,
+        is_listening: impl Fn() -> bool,
+    ) -> Result<(), ResetFault> {
         let shared = &*self.shared;
         let mut is_written = false;
         let allow = || {
@@ -94,7 +99,7 @@ impl PlateHandle {
     }
 
     /// Lets the plate take jobs again, and run its standing job. False while an emergency stop holds. Idempotent.
-    pub fn resume(&self, who: Requester) -> bool {
+    pub fn resume(&self, who: ResetRequester) -> bool {
         if self.is_stopped() {
             return false;
         }
@@ -173,8 +178,8 @@ impl PlateHandle {
     }
 
     /// The same, once the motors are silent; waits briefly for that.
-    pub fn wait_until_silent(&self) -> Option<StopTimes> {
-        self.shared.emergency_stop.wait_until_silent(SILENT_WITHIN)
+    pub fn wait_until_motors_off(&self) -> Option<StopTimes> {
+        self.shared.emergency_stop.wait_until_motors_off(MOTORS_OFF_WITHIN)
     }
 
     /// The state of the plate now.
@@ -207,11 +212,11 @@ impl PlateHandle {
 
     /// Name and layout of a job that may be queued, or all of its faults. Queues nothing.
     pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
-        laid_out(&self.shared.rules, text)
+        layout_of_submission(&self.shared.rules, text)
     }
 
     /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
-    fn audit(&self, act: &str, who: Requester) {
+    fn audit(&self, act: &str, who: ResetRequester) {
         let entry = self.audit_entry(act, who);
         if !self.shared.job_store.audit(entry.clone()) {
             tracing::error!("audit queue full, entry dropped: {entry:?}");
@@ -219,8 +224,8 @@ impl PlateHandle {
     }
 
     /// Logs an operation; returns the entry for the audit log.
-    fn audit_entry(&self, act: &str, who: Requester) -> AuditEntry {
-        let Requester { operator, reason, remote, token_name } = who;
+    fn audit_entry(&self, act: &str, who: ResetRequester) -> AuditEntry {
+        let ResetRequester { operator, reason, remote, token_name } = who;
         let plate = &self.shared.name;
         if act == ESTOP {
             tracing::warn!(plate, operator, reason, remote, token_name, "{act}");

@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_copied_for_nobody_and_nothing_too_often() {
+    fn frames_are_copied_only_on_request_and_at_most_twice_a_second() {
         let window = FramePreview::default();
         let give = |index: u64, ms: u64| {
             let mut taken = false;
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_too_old_is_none() {
+    fn too_old_picture_is_not_returned() {
         let window = FramePreview::default();
         window.latest(at(0));
         window.offer(&frame(1), Vec::new, at(10));

@@ -11,12 +11,12 @@ use upm_control::{
     Condition, ConditionChange, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone,
     MilestoneFacts, Sink,
 };
-use upm_core::background::{OverflowPolicy, Queue, Unsent};
+use upm_core::background::{OverflowPolicy, Queue, QueueError};
 use upm_core::time::{Clock, PlateTime};
 use upm_perception::vision::{Table, Track};
 
 /// Least wall time between two published observations.
-const LOOKS_APART: Duration = Duration::from_millis(100);
+const OBSERVATION_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: events that find the queue
 /// full, or the lock held by another thread, are dropped and counted.
@@ -66,16 +66,16 @@ impl<'a> RunObserver<'a> {
             }
         }
         let sent = self.publisher.send(Outgoing::Event(self.job, draft));
-        self.shared.job.heartbeat.could_tell(self.clock.elapsed(), sent.is_ok());
-        if let Err(Unsent::Full(Outgoing::Event(_, draft))) = sent {
+        self.shared.job.heartbeat.note_publish(self.clock.elapsed(), sent.is_ok());
+        if let Err(QueueError::Full(Outgoing::Event(_, draft))) = sent {
             self.left_out += u64::from(draft.durable);
         }
     }
 
     fn show(&mut self, now: Duration) {
         self.observation.is_late = self.lag.grows(now, self.shared.job.pacing.behind());
-        self.shared.job.saw(&self.observation, now);
-        if self.looked_at.is_none_or(|before| now >= before + LOOKS_APART) {
+        self.shared.job.set_observation(&self.observation, now);
+        if self.looked_at.is_none_or(|before| now >= before + OBSERVATION_INTERVAL) {
             self.looked_at = Some(now);
             self.publish(EventDraft::observation(&self.observation, self.shared.job.pacing.behind()));
         }

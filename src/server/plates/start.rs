@@ -20,7 +20,7 @@ use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{PlateWorker, WorkerResources};
 use super::{Pause, PlateSetup, SharedServices};
-use crate::store::Displaced;
+use crate::store::DisplacedFile;
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::rig::Interlock;
 use upm_core::thread_priority::lower_thread_priority;
@@ -29,7 +29,7 @@ use upm_runner::config::WatchdogSpec;
 use upm_viewer::LiveServer;
 
 /// Longest time since the last check of a watchdog that is alive.
-const LOOKS_WITHIN: Duration = Duration::from_secs(1);
+const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
 /// Messages that may wait for a plate's event publisher.
 const WAITING: usize = 1024;
 
@@ -89,8 +89,8 @@ impl PlateSupervisor {
     pub fn alive(&self) -> Result<(), String> {
         let unchecked =
             self.clock.elapsed().saturating_sub(Duration::from_millis(self.looked_ms.load(Ordering::Relaxed)));
-        if self.watchdog.is_finished() || unchecked > LOOKS_WITHIN {
-            return Err(format!("the watchdog has not looked for {:.1} s", unchecked.as_secs_f64()));
+        if self.watchdog.is_finished() || unchecked > WATCHDOG_INTERVAL_LIMIT {
+            return Err(format!("the watchdog thread has not run for {:.1} s", unchecked.as_secs_f64()));
         }
         if !self.latches.is_alive() {
             return Err("the thread that keeps emergency stops has died".to_owned());
@@ -100,7 +100,7 @@ impl PlateSupervisor {
 
     /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
     /// the disk.
-    pub fn check_paths(&self) -> Result<(), Displaced> {
+    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
         self.latches.check_paths()
     }
 

@@ -156,8 +156,8 @@ fn idles(plate: &PlateHandle) {
     }
 }
 
-fn caller(operator: &str) -> Requester {
-    Requester { operator: operator.into(), reason: "a test".into(), ..Requester::default() }
+fn caller(operator: &str) -> ResetRequester {
+    ResetRequester { operator: operator.into(), reason: "a test".into(), ..ResetRequester::default() }
 }
 
 /// Takes back the stop that holds now.
@@ -209,7 +209,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
     assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
     let times = plate.stop_times().unwrap();
-    assert!(times.silent_at.secs_since(times.requested_at) < 0.02, "{times:?}");
+    assert!(times.motors_off_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(caller("bob")), "a stop holds");
 
     while reset(plate, "bob") == Err(ResetFault::StillStopping) {
@@ -228,7 +228,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
 }
 
 #[test]
-fn a_run_that_ends_before_the_latch_knows_was_stopped_all_the_same() {
+fn run_ended_by_the_interlock_before_the_latch_counts_as_stopped() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -293,7 +293,7 @@ fn the_end_of_the_daemon_interrupts_the_job() {
 }
 
 #[test]
-fn what_is_wrong_with_a_job_is_said_before_it_is_queued() {
+fn invalid_job_is_rejected_before_it_is_queued() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -349,7 +349,7 @@ fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_job_whose_journal_cannot_be_written_is_stopped_and_says_so() {
+fn job_with_an_unwritable_journal_is_stopped_and_reports_it() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();

@@ -72,7 +72,7 @@ pub struct LastObservation {
 pub struct StandingSnapshot {
     /// Name of the job.
     pub name: String,
-    /// Its state.
+    /// Whether it runs, waits for its turn or is paused.
     pub state: StandingState,
     /// Why it does not run; empty when it does, or only waits for its turn.
     pub why: String,
@@ -87,7 +87,7 @@ pub struct PlateSnapshot {
     pub side_m: f64,
     /// The kinds of parts that its rig knows.
     pub kinds: Vec<LayoutPart>,
-    /// State of the plate.
+    /// Whether it is idle, runs a job, or is held by a pause or an emergency stop.
     pub state: PlateState,
     /// Why it is idle; empty when it runs a job or could.
     pub why: String,

@@ -71,7 +71,7 @@ pub(super) fn validated(
 }
 
 /// Name and layout of a submitted job that [`validated`] would accept.
-pub(super) fn laid_out(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
+pub(super) fn layout_of_submission(rules: &JobRules, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
     let (job, _) = checked(rules, text)?;
     Ok((job.name.clone(), JobLayout::of(&job)))
 }

@@ -25,7 +25,7 @@ pub(super) struct Heartbeat {
     plate_ms: AtomicU64,
     seen_ms: AtomicU64,
     /// Wall time since which no event could be published, ms; 0 while events can.
-    untold_ms: AtomicU64,
+    unpublished_since_ms: AtomicU64,
     /// True from a frame that a plan starts from until the next frame.
     planning: AtomicBool,
     /// True once control has ended.
@@ -35,7 +35,7 @@ pub(super) struct Heartbeat {
 impl Heartbeat {
     /// Resets the signs for a new run.
     pub fn clear(&self) {
-        for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.untold_ms] {
+        for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.unpublished_since_ms] {
             each.store(0, Ordering::Relaxed);
         }
         self.over.store(false, Ordering::Release);
@@ -64,11 +64,11 @@ impl Heartbeat {
     }
 
     /// Notes whether an event could be published.
-    pub fn could_tell(&self, now: Duration, could: bool) {
+    pub fn note_publish(&self, now: Duration, could: bool) {
         if could {
-            self.untold_ms.store(0, Ordering::Relaxed);
-        } else if self.untold_ms.load(Ordering::Relaxed) == 0 {
-            self.untold_ms.store(ms(now).max(1), Ordering::Relaxed);
+            self.unpublished_since_ms.store(0, Ordering::Relaxed);
+        } else if self.unpublished_since_ms.load(Ordering::Relaxed) == 0 {
+            self.unpublished_since_ms.store(ms(now).max(1), Ordering::Relaxed);
         }
     }
 }
@@ -147,8 +147,8 @@ impl Watchdog {
             DeadlinePolicy::Relaxed => (self.hung(unframed), self.spec.hung),
         };
         slow.or_else(|| self.unseen(heartbeat))
-            .or_else(|| self.untold(now, heartbeat, blocked))
-            .or_else(|| self.unwritten(now, unwritten_since?, blocked))
+            .or_else(|| self.events_blocked(now, heartbeat, blocked))
+            .or_else(|| self.journal_blocked(now, unwritten_since?, blocked))
     }
 
     /// Forgets the run: it ended, or none is on the plate.
@@ -198,14 +198,14 @@ impl Watchdog {
         (unseen_s > self.spec.no_part_s).then(|| ExternalStop::of(StopCause::NoPartSeen, reason()))
     }
 
-    fn untold(&self, now: Duration, heartbeat: &Heartbeat, longest: Duration) -> Option<ExternalStop> {
-        let since_ms = heartbeat.untold_ms.load(Ordering::Relaxed);
+    fn events_blocked(&self, now: Duration, heartbeat: &Heartbeat, longest: Duration) -> Option<ExternalStop> {
+        let since_ms = heartbeat.unpublished_since_ms.load(Ordering::Relaxed);
         let waited = self.since(now, since_ms);
         let reason = || format!("no event could be stored for {:.1} s", waited.as_secs_f64());
         (since_ms != 0 && waited > longest).then(|| ExternalStop::of(StopCause::EventsBlocked, reason()))
     }
 
-    fn unwritten(&self, now: Duration, since: Duration, longest: Duration) -> Option<ExternalStop> {
+    fn journal_blocked(&self, now: Duration, since: Duration, longest: Duration) -> Option<ExternalStop> {
         let waited = now.saturating_sub(since.max(self.memory.went_on));
         let reason = || format!("the journal could not be written for {:.1} s", waited.as_secs_f64());
         (waited > longest).then(|| ExternalStop::of(StopCause::JournalBlocked, reason()))

@@ -15,7 +15,7 @@ use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::library_for;
 use super::{JobLayout, Pause};
-use crate::store::{Claimed, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
+use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::job::StopCause;
@@ -90,7 +90,7 @@ impl PlateWorker {
     }
 
     /// The oldest queued job, or the standing job when none is queued and it may run.
-    fn next_job(&self) -> Result<Option<Claimed>, StoreFault> {
+    fn next_job(&self) -> Result<Option<ClaimedJob>, StoreFault> {
         let folder = |row: &JobRow| make_folder(&self.place.runs, row);
         let job_store = &self.shared.job_store;
         if let Some(claimed) = job_store.claim(&self.shared.name, &folder)? {
@@ -110,7 +110,7 @@ impl PlateWorker {
         job_store.begin_standing(&standing.job, &folder)
     }
 
-    fn run(&mut self, claimed: &Claimed) {
+    fn run(&mut self, claimed: &ClaimedJob) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
         self.shared.preview.clear();
@@ -130,7 +130,7 @@ impl PlateWorker {
         if recording.state() == RecordingState::Whole {
             self.rates.add(recording.bytes(), end.at.secs());
         }
-        let (kept, why) = what_is_kept(recording.state());
+        let (kept, why) = recording_status(recording.state());
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.code());
         }
@@ -152,7 +152,7 @@ impl PlateWorker {
 
     fn play(
         &self,
-        Claimed { row, spec_json }: &Claimed,
+        ClaimedJob { row, spec_json }: &ClaimedJob,
         folder: &Path,
         recording: &RecordingHandle,
         journal: WriterStatus,
@@ -326,7 +326,7 @@ fn make_folder(runs: &Path, row: &JobRow) -> io::Result<String> {
 }
 
 /// State of a recording after the run, and why it is not complete.
-fn what_is_kept(state: RecordingState) -> (RecordingStatus, String) {
+fn recording_status(state: RecordingState) -> (RecordingStatus, String) {
     match state {
         RecordingState::Off => (RecordingStatus::None, String::new()),
         RecordingState::Writing { .. } => (RecordingStatus::Partial, "it was not closed".to_owned()),

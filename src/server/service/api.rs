@@ -27,7 +27,7 @@ mod types;
 use request::Api;
 
 pub use backend::{
-    Asset, Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, kept, pending,
+    Asset, Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, pending, ready,
 };
 pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
 pub use events::JOB_OVER;

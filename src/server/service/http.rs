@@ -21,7 +21,7 @@ mod shared_tokens;
 mod socket;
 mod tokens;
 
-pub use limits::{BodyRoom, HttpLimits};
+pub use limits::{BodyMemoryLimit, HttpLimits};
 pub(super) use listen::Peer;
 pub use listen::{ShutdownReport, StopFlag, StopSender, serve};
 pub use origin_check::AllowedHosts;

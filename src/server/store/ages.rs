@@ -61,7 +61,7 @@ struct AgeWatch {
 /// Uptime and suspension at one moment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ages {
-    /// The uptime now.
+    /// Uptime of this start added to that of the earlier ones.
     pub now: Uptime,
     /// True while nothing is deleted by age.
     pub suspended: bool,

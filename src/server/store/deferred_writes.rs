@@ -55,7 +55,7 @@ impl DeferredWrites {
     }
 
     /// Number of audit entries that wait.
-    pub fn acts_waiting(&self) -> usize {
+    pub fn pending_audit_entries(&self) -> usize {
         let notes = self.notes.lock();
         notes.audit_entries.len() + self.taken.load(Ordering::SeqCst)
     }
@@ -120,12 +120,12 @@ mod tests {
             (0..MOST_ACTS).for_each(|_| _ = act());
             let notes = pending.take(false).unwrap();
             assert!(!act(), "those that were taken may come back");
-            assert_eq!(pending.acts_waiting(), MOST_ACTS);
+            assert_eq!(pending.pending_audit_entries(), MOST_ACTS);
             pending.put_back(notes);
-            assert_eq!(pending.acts_waiting(), MOST_ACTS);
+            assert_eq!(pending.pending_audit_entries(), MOST_ACTS);
         }
         assert_eq!(pending.take(false).unwrap().audit_entries.len(), MOST_ACTS);
         pending.written();
-        assert!(act() && pending.acts_waiting() == 1);
+        assert!(act() && pending.pending_audit_entries() == 1);
     }
 }

@@ -13,9 +13,9 @@ use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
-    AuditEntry, CancelOutcome, Claimed, Deleted, Displaced, HeldPath, JobEnd, JobId, JobPage, JobRow, JobSelection,
+    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, DisplacedFile, JobEnd, JobId, JobPage, JobRow, JobSelection,
     JobState, JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent,
-    SubmitOutcome, history, jobs,
+    SubmitOutcome, WatchedPath, history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -30,7 +30,7 @@ pub struct Store {
     pub(super) retention: Retention,
     pub(super) start_lock: StartLock,
     /// Data folder, lock file, database and log.
-    pub(super) held: Vec<HeldPath>,
+    pub(super) held: Vec<WatchedPath>,
 }
 
 impl fmt::Debug for Store {
@@ -71,10 +71,10 @@ impl Store {
     }
 
     /// Deletes a job that does not run; its run folder is removed soon after.
-    pub fn delete(&self, id: &JobId, done: impl FnOnce(Result<Deleted, StoreFault>) + Send + 'static) {
+    pub fn delete(&self, id: &JobId, done: impl FnOnce(Result<DeleteOutcome, StoreFault>) + Send + 'static) {
         let (id, discards) = (*id, self.retention.discards());
-        let deleted = move |outcome: Result<Deleted, StoreFault>| {
-            if let Ok(Deleted::Now(row, _)) = &outcome {
+        let deleted = move |outcome: Result<DeleteOutcome, StoreFault>| {
+            if let Ok(DeleteOutcome::Now(row, _)) = &outcome {
                 row.folder.iter().for_each(|folder| discards.add(folder));
             }
             done(outcome);
@@ -127,8 +127,8 @@ impl Store {
 
     /// Compares the paths of the data folder, its lock file, the database and its log with the files held open; `Err`
     /// is the first that is displaced. Waits for the disk.
-    pub fn check_paths(&self) -> Result<(), Displaced> {
-        self.held.iter().try_for_each(HeldPath::check)
+    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
+        self.held.iter().try_for_each(WatchedPath::check)
     }
 
     /// The state of the store's threads and disk.
@@ -143,7 +143,7 @@ impl Store {
             heartbeat: self.queue.status.heartbeat(),
             fault: fault.or((!reserve).then_some(StoreFault::Full)),
             waiting: self.queue.status.waiting.load(Ordering::Relaxed),
-            audit_waiting: self.queue.status.pending.acts_waiting(),
+            audit_waiting: self.queue.status.pending.pending_audit_entries(),
             reserve,
             reader_busy: self.readers.busy(),
             deletion_suspended: self.ages.ages().suspended,
@@ -158,7 +158,7 @@ impl Store {
 }
 
 impl JobStore for Store {
-    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         loop {
             let asked = plate.to_owned();
             let Some(row) = self.queue.written(false, move |tx| tx.next_queued(&asked))? else {
@@ -184,7 +184,7 @@ impl JobStore for Store {
         }
     }
 
-    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         let new = job.clone();
         let Some(row) = self.queue.written(false, move |tx| tx.next_standing(&new))? else {
             return Ok(None);
@@ -199,7 +199,7 @@ impl JobStore for Store {
         if !matches!(started, Ok(true)) {
             drop(std::fs::remove_dir(self.runs.join(&name)));
         }
-        Ok(started?.then(|| Claimed { row, spec_json: job.spec_json.clone() }))
+        Ok(started?.then(|| ClaimedJob { row, spec_json: job.spec_json.clone() }))
     }
 
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {

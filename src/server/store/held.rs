@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A path with the file or folder that it must name: the one that the daemon holds open.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HeldPath {
+pub struct WatchedPath {
     path: PathBuf,
     id: FileId,
 }
@@ -13,8 +13,8 @@ pub struct HeldPath {
 /// A path that does not name the file held open.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: expected the file that the daemon holds open, found {found}", path.display())]
-pub struct Displaced {
-    /// The path.
+pub struct DisplacedFile {
+    /// Path that named the file when the watch began.
     pub path: PathBuf,
     /// Object that the path names now.
     pub found: PathObject,
@@ -47,7 +47,7 @@ impl FileId {
     }
 }
 
-impl HeldPath {
+impl WatchedPath {
     /// `path` with `file`, which the caller holds open.
     pub fn of(path: &Path, file: &File) -> io::Result<Self> {
         Ok(Self { path: path.to_owned(), id: FileId::of(&file.metadata()?) })
@@ -59,14 +59,14 @@ impl HeldPath {
     }
 
     /// Compares the file that the path names with the one held open. Waits for the disk.
-    pub fn check(&self) -> Result<(), Displaced> {
+    pub fn check(&self) -> Result<(), DisplacedFile> {
         let found = match self.path.metadata() {
             Ok(file) if FileId::of(&file) == self.id => return Ok(()),
             Ok(_) => PathObject::Another,
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => PathObject::Nothing,
             Err(error) => PathObject::Unknown(error.to_string()),
         };
-        Err(Displaced { path: self.path.clone(), found })
+        Err(DisplacedFile { path: self.path.clone(), found })
     }
 }
 
@@ -81,8 +81,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (path, other) = (folder.path().join("file"), folder.path().join("other"));
         let file = File::create(&path).unwrap();
-        let held = HeldPath::of(&path, &file).unwrap();
-        assert_eq!((held.check(), HeldPath::named(&path).unwrap()), (Ok(()), held.clone()));
+        let held = WatchedPath::of(&path, &file).unwrap();
+        assert_eq!((held.check(), WatchedPath::named(&path).unwrap()), (Ok(()), held.clone()));
         fs::rename(&path, &other).unwrap();
         let found = || held.check().unwrap_err().found;
         assert_eq!(found(), PathObject::Nothing);
@@ -100,9 +100,9 @@ mod tests {
         let path = parent.path().join("data");
         fs::create_dir(&path).unwrap();
         let file = File::open(&path).unwrap();
-        let held = HeldPath::of(&path, &file).unwrap();
+        let held = WatchedPath::of(&path, &file).unwrap();
         fs::rename(&path, parent.path().join("moved")).unwrap();
         fs::create_dir(&path).unwrap();
-        assert_eq!(held.check(), Err(Displaced { path, found: PathObject::Another }));
+        assert_eq!(held.check(), Err(DisplacedFile { path, found: PathObject::Another }));
     }
 }

@@ -83,7 +83,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn ids_rise_whatever_the_clock_does(seconds in prop::collection::vec(0_i64..4_000_000_000, 1..40), cut in 0_usize..40) {
+        fn ids_rise_under_any_clock(seconds in prop::collection::vec(0_i64..4_000_000_000, 1..40), cut in 0_usize..40) {
             let (mut ids, mut last) = (Ids::above(None), None);
             for (i, second) in seconds.into_iter().enumerate() {
                 if i == cut {

@@ -5,7 +5,7 @@ use super::connection::inspecting;
 use super::schema::{APPLICATION_ID, VERSION, identity, is_clean, refuse_newer};
 use super::{AuditRow, JobId, JobRow, JobSelection, JobState, StoreFault, StoredEvent, history, jobs};
 
-/// Limits of [`inspect`].
+/// Largest numbers of rows that [`inspect`] returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InspectLimits {
     /// Most jobs, the newest first; at most [`JobSelection::MOST`].

@@ -1,7 +1,7 @@
 use std::fmt;
 use std::io;
 
-use super::{AuditEntry, Claimed, JobEnd, JobId, JobRow, NewEvent, NewJob, StoreFault, StoredEvent};
+use super::{AuditEntry, ClaimedJob, JobEnd, JobId, JobRow, NewEvent, NewJob, StoreFault, StoredEvent};
 
 /// Callback that gets the stored event after its commit, or the reason why it was not stored. Runs on the store's
 /// writing thread, so it must return at once.
@@ -14,11 +14,11 @@ pub type MakeFolder<'a> = &'a dyn Fn(&JobRow) -> io::Result<String>;
 pub trait JobStore: Send + Sync + fmt::Debug {
     /// Takes the oldest job queued for `plate`. Waits for the disk: a job that this returns is durably `running`, and
     /// is returned once.
-    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault>;
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault>;
 
     /// Begins a run of the standing job `job`, as [`Self::claim`] begins a queued one; `None` while a job is queued for
     /// its plate. A job queued after this returns finds the run begun.
-    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault>;
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault>;
 
     /// Stores the end of a running job and returns its [`FINISHED`](super::FINISHED) event; `None` when it had ended
     /// before, which is no error. Waits for the disk. On a fault the caller must retry later, and start nothing on its

@@ -3,8 +3,8 @@ use rusqlite::{Connection, OptionalExtension, params};
 use super::columns::{JOB, Micros, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{
-    CancelOutcome, Claimed, Deleted, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState, NewJob, StoredEvent,
-    SubmitOutcome,
+    CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState, NewJob,
+    StoredEvent, SubmitOutcome,
 };
 
 /// Ended runs of standing jobs except the newest of each plate.
@@ -17,7 +17,7 @@ const SURPLUS_STANDING: &str = "
 /// Outcome of [`WriteTx::start`].
 pub(super) enum StartOutcome {
     /// The job is running.
-    Now(Box<Claimed>),
+    Now(Box<ClaimedJob>),
     /// The job is no longer queued, and the folder made for it is not needed.
     Not,
     /// The folder belongs to another job: this job can never begin, and has ended.
@@ -130,7 +130,7 @@ impl WriteTx<'_> {
             return Ok(StartOutcome::Not);
         }
         let spec_json = self.connection.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
-        Ok(self.find(id)?.map_or(StartOutcome::Not, |row| StartOutcome::Now(Box::new(Claimed { row, spec_json }))))
+        Ok(self.find(id)?.map_or(StartOutcome::Not, |row| StartOutcome::Now(Box::new(ClaimedJob { row, spec_json }))))
     }
 
     /// A run of the standing job `job`, ready to begin; `None` while any job is queued for its plate.
@@ -189,16 +189,16 @@ impl WriteTx<'_> {
 
     /// Deletes a job that does not run, with its events. Its key stays spent: repeating the request does not run it
     /// again.
-    pub fn delete(&self, id: &JobId) -> rusqlite::Result<Deleted> {
+    pub fn delete(&self, id: &JobId) -> rusqlite::Result<DeleteOutcome> {
         let finished = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
-        let Some(row) = self.find(id)? else { return Ok(Deleted::Unknown) };
+        let Some(row) = self.find(id)? else { return Ok(DeleteOutcome::Unknown) };
         if row.state == JobState::Running {
-            return Ok(Deleted::Not(row));
+            return Ok(DeleteOutcome::Not(row));
         }
         let sql = "INSERT OR REPLACE INTO spent_keys (key, uptime) SELECT key, uptime FROM keys WHERE job = ?1";
         self.connection.execute(sql, [id])?;
         self.connection.execute("DELETE FROM jobs WHERE id = ?1", [id])?;
-        Ok(Deleted::Now(row, finished))
+        Ok(DeleteOutcome::Now(row, finished))
     }
 
     /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the

@@ -3,7 +3,7 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{HeldPath, StoreFault};
+use super::{StoreFault, WatchedPath};
 use upm_core::files::sync_folder;
 
 /// Folder whose contents are being deleted.
@@ -97,13 +97,13 @@ impl DataDir {
     }
 
     /// The paths that must keep naming the files of an open store: folder, lock file, database and its log.
-    pub fn held(&self, lock: &Lock) -> io::Result<Vec<HeldPath>> {
+    pub fn held(&self, lock: &Lock) -> io::Result<Vec<WatchedPath>> {
         let log = beside(&self.db, "-wal");
         Ok(vec![
-            HeldPath::of(&self.data, &lock.folder)?,
-            HeldPath::of(&self.lock_path(), &lock.file)?,
-            HeldPath::named(&self.db)?,
-            HeldPath::named(&log)?,
+            WatchedPath::of(&self.data, &lock.folder)?,
+            WatchedPath::of(&self.lock_path(), &lock.file)?,
+            WatchedPath::named(&self.db)?,
+            WatchedPath::named(&log)?,
         ])
     }
 

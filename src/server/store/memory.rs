@@ -6,7 +6,7 @@ use parking_lot::Mutex;
 
 use super::ids::Ids;
 use super::{
-    AuditEntry, CancelOutcome, Claimed, JobEnd, JobId, JobRow, JobState, JobStore, MakeFolder, NewEvent, NewJob,
+    AuditEntry, CancelOutcome, ClaimedJob, JobEnd, JobId, JobRow, JobState, JobStore, MakeFolder, NewEvent, NewJob,
     Publish, RecordingStatus, StoreFault, StoredEvent,
 };
 
@@ -75,7 +75,7 @@ impl InMemoryJobStore {
         self.kept.lock().jobs.get(id).map(|entry| entry.events.clone()).unwrap_or_default()
     }
 
-    /// The audit log.
+    /// Every entry written so far, the oldest first.
     pub fn audit_log(&self) -> Vec<AuditEntry> {
         self.kept.lock().audit.clone()
     }
@@ -110,17 +110,17 @@ impl StoredJob {
 }
 
 impl JobStore for InMemoryJobStore {
-    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
+    fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         let next = |entry: &&mut StoredJob| entry.row.plate == plate && entry.row.state == JobState::Queued;
         let Some(StoredJob { row, spec_json, .. }) = kept.jobs.values_mut().find(next) else { return Ok(None) };
         row.folder = Some(folder(row).map_err(|error| StoreFault::Io(error.to_string()))?);
         (row.state, row.started_at) = (JobState::Running, Some((self.now)()));
-        Ok(Some(Claimed { row: row.clone(), spec_json: spec_json.clone() }))
+        Ok(Some(ClaimedJob { row: row.clone(), spec_json: spec_json.clone() }))
     }
 
-    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<Claimed>, StoreFault> {
+    fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         let mut kept = self.kept.lock();
         kept.check()?;
         let waits = |entry: &StoredJob| entry.row.plate == job.plate && entry.row.state == JobState::Queued;
@@ -134,7 +134,7 @@ impl JobStore for InMemoryJobStore {
         let spec_json = job.spec_json.clone();
         let entry = StoredJob { row: row.clone(), spec_json: spec_json.clone(), events: Vec::new() };
         kept.jobs.insert(row.id, entry);
-        Ok(Some(Claimed { row, spec_json }))
+        Ok(Some(ClaimedJob { row, spec_json }))
     }
 
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {

@@ -28,7 +28,7 @@ use upm_core::time::MonotonicClock;
 /// An open store with the report of its recovery.
 #[derive(Debug)]
 pub struct OpenOutcome {
-    /// The store.
+    /// Store in the state that recovery left.
     pub store: Store,
     /// Findings and repairs of the start.
     pub recovery: RecoveryReport,

@@ -20,7 +20,7 @@ pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
     if fs::metadata(path)?.len() < LEAST_BYTES {
         return Ok(Some("upm.db has been cut off".to_owned()));
     }
-    match reading(path).and_then(|connection| look_at(&connection)) {
+    match reading(path).and_then(|connection| check_store(&connection)) {
         Ok(damage) => Ok(damage),
         Err(rusqlite::Error::SqliteFailure(code, reason)) => match code.code {
             ErrorCode::CannotOpen
@@ -37,7 +37,7 @@ pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
     }
 }
 
-fn look_at(connection: &Connection) -> rusqlite::Result<Option<String>> {
+fn check_store(connection: &Connection) -> rusqlite::Result<Option<String>> {
     let (id, version) = identity(connection)?;
     if id != APPLICATION_ID || !(OLDEST..=VERSION).contains(&version) {
         return Ok(Some(format!("upm.db is of kind {id:08x} and version {version}, not of version {VERSION}")));

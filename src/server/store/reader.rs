@@ -15,11 +15,11 @@ use upm_core::time::Clock;
 /// Most reads that may wait.
 const MOST_WAITING: usize = 512;
 
-type Question = Box<dyn FnOnce(Result<&Connection, StoreFault>) + Send>;
+type ReadRequest = Box<dyn FnOnce(Result<&Connection, StoreFault>) + Send>;
 
 /// The threads that read. Every read is one short transaction: a long one would prevent the log from being emptied.
 pub(super) struct Readers {
-    questions: SyncSender<Question>,
+    questions: SyncSender<ReadRequest>,
     clock: Arc<dyn Clock + Send + Sync>,
     busy: Vec<Arc<ReaderBusy>>,
 }
@@ -31,7 +31,7 @@ type ReaderBusy = AtomicU64;
 impl Readers {
     /// Starts one thread for each connection.
     pub fn start(connections: Vec<Connection>, clock: Arc<dyn Clock + Send + Sync>) -> Result<Self, StoreFault> {
-        let (sender, questions) = sync_channel::<Question>(MOST_WAITING);
+        let (sender, questions) = sync_channel::<ReadRequest>(MOST_WAITING);
         let questions = Arc::new(Mutex::new(questions));
         let mut readers = Self { questions: sender, clock, busy: Vec::new() };
         for connection in connections {
@@ -60,7 +60,7 @@ impl Readers {
         read: impl FnOnce(&Connection) -> rusqlite::Result<T> + Send + 'static,
         done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
     ) {
-        let question: Question =
+        let question: ReadRequest =
             Box::new(move |connection| done(connection.and_then(|connection| Ok(read(connection)?))));
         match self.questions.try_send(question) {
             Ok(()) => {}
@@ -70,7 +70,7 @@ impl Readers {
     }
 }
 
-fn answer(connection: &Connection, questions: &Mutex<Receiver<Question>>, clock: &dyn Clock, busy: &ReaderBusy) {
+fn answer(connection: &Connection, questions: &Mutex<Receiver<ReadRequest>>, clock: &dyn Clock, busy: &ReaderBusy) {
     loop {
         let next = questions.lock().recv();
         match next {

@@ -284,7 +284,7 @@ impl Sweeper {
         if folder.exists() {
             if let Some((id, recording)) = row {
                 let name = name.clone();
-                self.queue.written(true, move |tx| tx.give_back(&id, &name, recording))?;
+                self.queue.written(true, move |tx| tx.restore_job_row(&id, &name, recording))?;
             }
             return Ok(false);
         }

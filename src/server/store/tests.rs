@@ -23,8 +23,8 @@ use jiff::Timestamp;
 use super::retention::SweepReport;
 use super::write_queue::{WriteRequest, task};
 use super::{
-    AuditEntry, AuditRow, Claimed, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore, NewEvent,
-    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
+    AuditEntry, AuditRow, ClaimedJob, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore,
+    NewEvent, NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
     SubmitOutcome, history,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
@@ -209,7 +209,7 @@ fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
 }
 
 /// Queues a job and claims it for its plate.
-fn begin(store: &Store, name: &str, plate: &str) -> Claimed {
+fn begin(store: &Store, name: &str, plate: &str) -> ClaimedJob {
     queue(store, name, plate);
     store.claim(plate, &folder(store)).unwrap().unwrap()
 }

@@ -63,7 +63,7 @@ impl NewJob {
     }
 }
 
-/// A job in the store, without its text (see [`Claimed`]).
+/// A job in the store, without its text (see [`ClaimedJob`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobRow {
     /// Id; ids sort by the order in which jobs were accepted.
@@ -117,14 +117,14 @@ impl JobRow {
 
 /// A job that its plate has claimed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Claimed {
+pub struct ClaimedJob {
     /// The job, `running`, with its run folder.
     pub row: JobRow,
     /// The job as JSON, as it was accepted.
     pub spec_json: String,
 }
 
-/// The end of a job.
+/// How and when a job ended, with its report and the state of its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEnd {
     /// Plate time of the end; zero when it was not on the plate.
@@ -236,7 +236,7 @@ pub enum CancelOutcome {
 
 /// Outcome of deleting a job.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Deleted {
+pub enum DeleteOutcome {
     /// The store has no trace of the job except its key. The event that ended it, if it was queued.
     Now(JobRow, Option<StoredEvent>),
     /// The job runs, and stays.
@@ -264,7 +264,7 @@ impl JobSelection {
 /// A page of jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JobPage {
-    /// The jobs.
+    /// Selected jobs, at most [`JobSelection::MOST`].
     pub rows: Vec<JobRow>,
     /// Cursor of the next page; `None` on the last.
     pub next: Option<JobId>,
@@ -305,7 +305,7 @@ pub struct AuditRow {
     pub id: i64,
     /// Wall time of the operation.
     pub at: Timestamp,
-    /// The entry.
+    /// Operation, caller and reason, as they were written.
     pub entry: AuditEntry,
 }
 
@@ -375,7 +375,7 @@ pub struct RecoveryReport {
     pub repaired: Vec<(PathBuf, Result<RecordingRepair, String>)>,
 }
 
-/// Health of the store.
+/// Load and faults of the store's threads and disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoreHealth {
     /// Time since the writing thread last completed a round of its loop.

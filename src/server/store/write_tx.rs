@@ -62,7 +62,7 @@ impl WriteTx<'_> {
     }
 
     /// Restores the row of a job whose run folder could not be deleted.
-    pub fn give_back(&self, id: &JobId, folder: &str, recording: RecordingStatus) -> rusqlite::Result<()> {
+    pub fn restore_job_row(&self, id: &JobId, folder: &str, recording: RecordingStatus) -> rusqlite::Result<()> {
         let sql = "UPDATE jobs SET folder = ?2, recording = ?3 WHERE id = ?1 AND folder IS NULL";
         self.connection.execute(sql, params![id, folder, recording]).map(|_| ())
     }

@@ -32,7 +32,7 @@ const PROGRESS_EVERY: Duration = Duration::from_secs(1);
 const TRY_EVERY: Duration = Duration::from_secs(2);
 
 /// The writer's next step after a round.
-enum Then {
+enum WriterStep {
     GoOn,
     /// End, and report to the sender, if a caller waits for it.
     End(Option<SyncSender<bool>>),
@@ -66,8 +66,9 @@ impl Writer {
             let now = self.status.clock.elapsed();
             // detects a jump of the wall clock soon, even when nothing is written
             self.ages.ages();
-            let due =
-                now.saturating_sub(progress_at) >= PROGRESS_EVERY || !batch.is_empty() || matches!(then, Then::End(_));
+            let due = now.saturating_sub(progress_at) >= PROGRESS_EVERY
+                || !batch.is_empty()
+                || matches!(then, WriterStep::End(_));
             if due {
                 progress_at = now;
             }
@@ -82,31 +83,31 @@ impl Writer {
                     tx.connection.execute("UPDATE meta SET clean_shutdown = 0", []).map(|_| ())
                 });
             }
-            if let Then::End(closing) = then {
+            if let WriterStep::End(closing) = then {
                 return self.finish(closing);
             }
         }
     }
 
     /// The tasks to be written together, and the step after them.
-    fn collect(&self) -> (Vec<Box<dyn WriteRequest>>, Then) {
+    fn collect(&self) -> (Vec<Box<dyn WriteRequest>>, WriterStep) {
         let mut batch = Vec::new();
         let mut command = self.queue.recv_timeout(ROUND);
         loop {
             match command {
                 Ok(WriterCommand::Write(task)) => batch.push(task),
                 Ok(WriterCommand::Wake) => {}
-                Ok(WriterCommand::Close(done)) => return (batch, Then::End(Some(done))),
-                Err(RecvTimeoutError::Timeout) => return (batch, Then::GoOn),
-                Err(RecvTimeoutError::Disconnected) => return (batch, Then::End(None)),
+                Ok(WriterCommand::Close(done)) => return (batch, WriterStep::End(Some(done))),
+                Err(RecvTimeoutError::Timeout) => return (batch, WriterStep::GoOn),
+                Err(RecvTimeoutError::Disconnected) => return (batch, WriterStep::End(None)),
             }
             if batch.len() == MOST_TOGETHER {
-                return (batch, Then::GoOn);
+                return (batch, WriterStep::GoOn);
             }
             match self.queue.try_recv() {
                 Ok(next) => command = Ok(next),
                 // the next round detects that every sender is gone
-                Err(_) => return (batch, Then::GoOn),
+                Err(_) => return (batch, WriterStep::GoOn),
             }
         }
     }

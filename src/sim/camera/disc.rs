@@ -73,14 +73,14 @@ impl DiscOutline {
         mut stale: impl FnMut(usize),
     ) {
         let poses = positions_m.map(|position_m| Pose { position_m, heading_rad: 0.0 });
-        sub_exposure_params.glimpses(poses, &mut self.next);
+        sub_exposure_params.sub_exposures(poses, &mut self.next);
         if self.next == self.shown {
             return;
         }
         self.tiles.indices(grid.columns).for_each(&mut stale);
         std::mem::swap(&mut self.shown, &mut self.next);
         self.silhouettes.clear();
-        self.silhouettes.extend(self.shown.iter().map(|glimpse| Silhouette::new(&self.shape, glimpse, view)));
+        self.silhouettes.extend(self.shown.iter().map(|sub_exposure| Silhouette::new(&self.shape, sub_exposure, view)));
         self.tiles = self.tiles_touched(view, grid, blur);
         self.tiles.indices(grid.columns).for_each(&mut stale);
     }
@@ -100,10 +100,10 @@ impl DiscOutline {
         const CORNERS: u32 = 16;
         let circumradius_m = self.shape.radius_m / (std::f64::consts::PI / f64::from(CORNERS)).cos();
         let (mut low, mut high) = (Vec2::repeat(f64::INFINITY), Vec2::repeat(f64::NEG_INFINITY));
-        for glimpse in &self.shown {
+        for sub_exposure in &self.shown {
             for k in 0..CORNERS {
                 let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / f64::from(CORNERS)).sin_cos();
-                let p_m = glimpse.pose.position_m + circumradius_m * Vec2::new(cos, sin);
+                let p_m = sub_exposure.pose.position_m + circumradius_m * Vec2::new(cos, sin);
                 for height_m in [0.0, self.shape.thickness_m] {
                     let p_px = view.image_from_table(p_m, height_m);
                     (low, high) = (low.inf(&p_px), high.sup(&p_px));
@@ -120,8 +120,8 @@ impl DiscOutline {
 }
 
 impl Silhouette {
-    fn new(shape: &DiscShape, glimpse: &SubExposure, view: &CameraProjection) -> Self {
-        let foot_m = glimpse.pose.position_m;
+    fn new(shape: &DiscShape, sub_exposure: &SubExposure, view: &CameraProjection) -> Self {
+        let foot_m = sub_exposure.pose.position_m;
         let (top_m, magnification) = view.shadow(foot_m, shape.thickness_m);
         let (lean_m, growth_m) = (top_m - foot_m, (magnification - 1.0) * shape.radius_m);
         let (b2, flank2) = (lean_m.norm_squared(), lean_m.norm_squared() - growth_m * growth_m);
@@ -130,8 +130,8 @@ impl Silhouette {
         } else {
             (1.0, Vec2::zeros(), Vec2::zeros())
         };
-        let spread_m2 = glimpse.spread.fixed_view::<2, 2>(0, 0).into_owned();
-        let (foot_radius_m, weight) = (shape.radius_m, glimpse.weight);
+        let spread_m2 = sub_exposure.spread.fixed_view::<2, 2>(0, 0).into_owned();
+        let (foot_radius_m, weight) = (shape.radius_m, sub_exposure.weight);
         Self { foot_m, foot_radius_m, lean_m, growth_m, t0, t_along, t_across, spread_m2, weight }
     }
 

@@ -33,7 +33,7 @@ impl SubExposureParams {
     const STILL: f64 = 1e-2;
 
     /// Cuts evenly spaced poses of one body into the fewest glimpses that give the same picture.
-    pub(super) fn glimpses(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<SubExposure>) {
+    pub(super) fn sub_exposures(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<SubExposure>) {
         out.clear();
         let count = poses.len();
         let travel = |(a, b): (Pose, Pose)| {
@@ -44,7 +44,7 @@ impl SubExposureParams {
         let mut first = 0;
         while first < count {
             let group = poses.clone().skip(first).take(together);
-            out.push(self.glimpse(group.clone(), group.len() as f64 / count as f64));
+            out.push(self.sub_exposure(group.clone(), group.len() as f64 / count as f64));
             first += together;
         }
     }
@@ -69,7 +69,7 @@ impl SubExposureParams {
         (turn_rad / grain_rad).round() * grain_rad
     }
 
-    fn glimpse(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> SubExposure {
+    fn sub_exposure(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> SubExposure {
         let coordinates = |pose: Pose| Vector3::new(pose.position_m.x, pose.position_m.y, pose.heading_rad);
         let (mean, mut spread) = moments(group.map(coordinates));
         if self.is_still(spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * self.arm_m * self.arm_m) {
@@ -100,26 +100,26 @@ mod tests {
 
     const GRAIN: SubExposureParams = SubExposureParams { blur_m: 2e-4, arm_m: 0.1 };
 
-    fn glimpses(step_m: f64, count: usize) -> Vec<SubExposure> {
+    fn sub_exposures(step_m: f64, count: usize) -> Vec<SubExposure> {
         let mut out = Vec::new();
         let pose = |k: usize| Pose { position_m: Vec2::new(0.01 + step_m * k as f64, 0.0), heading_rad: 0.0 };
-        GRAIN.glimpses((0..count).map(pose), &mut out);
+        GRAIN.sub_exposures((0..count).map(pose), &mut out);
         out
     }
 
     #[test]
-    fn what_rests_is_one_glimpse() {
-        let still = glimpses(0.0, 8);
+    fn resting_plate_is_one_sub_exposure() {
+        let still = sub_exposures(0.0, 8);
         assert_eq!(still.len(), 1);
         assert_eq!((still[0].weight, still[0].spread), (1.0, Matrix3::zeros()));
-        assert_eq!(still, glimpses(1e-9, 8), "a nanometre is not seen");
-        assert!(glimpses(0.0, 0).is_empty());
+        assert_eq!(still, sub_exposures(1e-9, 8), "a nanometre is not seen");
+        assert!(sub_exposures(0.0, 0).is_empty());
     }
 
     #[test]
     fn mean_and_variance_of_the_motion_are_kept() {
         for (step_m, count, parts) in [(3e-5, 8, 1), (8e-5, 8, 2), (1.6e-4, 8, 4), (4e-4, 8, 8), (1.2e-4, 5, 3)] {
-            let cut = glimpses(step_m, count);
+            let cut = sub_exposures(step_m, count);
             assert_eq!(cut.len(), parts, "{step_m}");
             let mean = cut.iter().map(|g| g.weight * g.pose.position_m.x).sum::<f64>();
             let second = |g: &SubExposure| g.weight * (g.spread[(0, 0)] + (g.pose.position_m.x - mean).powi(2));

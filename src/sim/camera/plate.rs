@@ -106,7 +106,7 @@ impl PlateOutline {
         if poses.len() == 0 {
             return;
         }
-        sub_exposure_params.glimpses(poses.clone(), &mut self.next);
+        sub_exposure_params.sub_exposures(poses.clone(), &mut self.next);
         let mut moved = self.next != self.shown;
         for side in &mut self.sides {
             moved |= side.take(poses.clone(), sub_exposure_params);
@@ -115,8 +115,8 @@ impl PlateOutline {
             return;
         }
         let (mut shift_m, mut turn_rad) = (0.0_f64, 0.0_f64);
-        let glimpses = self.shown.iter().chain(&self.next).map(max_sub_exposure_motion);
-        for [shifted_m, turned_rad] in glimpses.chain(self.sides.iter().map(EdgeOutline::reach)) {
+        let sub_exposures = self.shown.iter().chain(&self.next).map(max_sub_exposure_motion);
+        for [shifted_m, turned_rad] in sub_exposures.chain(self.sides.iter().map(EdgeOutline::reach)) {
             (shift_m, turn_rad) = (shift_m.max(shifted_m), turn_rad.max(turned_rad));
         }
         for (index, tile) in self.tiles.iter().enumerate() {

@@ -64,7 +64,7 @@ proptest! {
 }
 
 #[test]
-fn few_tiles_are_looked_at_closely() {
+fn few_tiles_are_computed_in_detail() {
     let mut camera = camera(&scenes::full(), &[PENNY]);
     camera.shown(&[snapshot(pose(1e-3, 1e-3, 0.0), &[Vec2::zeros()])]);
     let known = camera.grid.tiles.iter().filter(|tile| tile.is_known()).count();
@@ -97,7 +97,7 @@ proptest! {
 }
 
 #[test]
-fn what_looks_as_before_is_not_painted_again() {
+fn unchanged_pixels_are_not_repainted() {
     let params = scenes::small();
     let mut camera = camera(&params, &[PENNY]);
     let at = |x_m| [snapshot(pose(x_m, 0.0, 0.0), &[Vec2::new(0.08, 0.08)])];

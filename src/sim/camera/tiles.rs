@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_horizon_there_is_no_bound() {
+    fn radius_bound_beyond_the_horizon_is_infinite() {
         let mut params = scenes::small();
         params.tilt_rad = [1.55, 0.0, 0.0];
         let (view, tiles) = tiles(&params);

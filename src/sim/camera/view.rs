@@ -85,7 +85,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn without_tilt_it_looks_straight_down() {
+    fn untilted_camera_projects_straight_down() {
         let mut params = scenes::small();
         params.tilt_rad = [0.0; 3];
         params.lens = Lens::ideal(1000.0, Vec2::new(60.0, 40.0));

@@ -132,14 +132,14 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     }
 
     /// Applies all picture faults, from the scene to the delivered picture.
-    fn spoil(&mut self, frame: &mut Frame) {
+    fn apply_faults(&mut self, frame: &mut Frame) {
         let at = frame.exposed_at;
         let held: Vec<FaultSpec> = self.held(at).copied().collect();
         for fault in &held {
-            self.spoil_scene(frame, fault);
+            self.alter_scene(frame, fault);
         }
         for fault in &held {
-            self.spoil_picture(frame, fault, at);
+            self.alter_picture(frame, fault, at);
         }
         self.deliver(frame, &held);
         for fault in held.iter().filter(|fault| fault.kind == FaultKind::Skew) {
@@ -148,7 +148,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         }
     }
 
-    fn spoil_scene(&self, frame: &mut Frame, fault: &FaultSpec) {
+    fn alter_scene(&self, frame: &mut Frame, fault: &FaultSpec) {
         match fault.kind {
             FaultKind::Ghost => {
                 if let Some(disc) = self.rig.seen_disc(place_m(fault)) {
@@ -160,7 +160,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
         }
     }
 
-    fn spoil_picture(&mut self, frame: &mut Frame, fault: &FaultSpec, at: PlateTime) {
+    fn alter_picture(&mut self, frame: &mut Frame, fault: &FaultSpec, at: PlateTime) {
         let value = fault.values[0];
         match (fault.component, fault.kind) {
             (_, FaultKind::Shift) => picture::knock(frame, Vec2::new(value, fault.values[1]), 0.0),
@@ -230,7 +230,7 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
             self.refuse_broken()?;
             self.rig.capture(frame)?;
             if !self.loses_frame(frame.exposed_at) {
-                self.spoil(frame);
+                self.apply_faults(frame);
                 return Ok(());
             }
         }
@@ -242,7 +242,7 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
         let mut noise = self.streams.numbered("faults of a trace", self.started_at.nanos());
         for fault in &self.faults {
             if let FaultyComponent::Accelerometer(channel) = fault.component {
-                trace::spoil(&mut read, fault, channel, self.started_at, &mut noise);
+                trace::apply_fault(&mut read, fault, channel, self.started_at, &mut noise);
             }
         }
         read
@@ -289,7 +289,7 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
     for fault in held {
         let value = fault.values[0];
         match fault.component {
-            FaultyComponent::Coil(_) | FaultyComponent::Coils => spoil_coils(&mut plant, fault),
+            FaultyComponent::Coil(_) | FaultyComponent::Coils => alter_coils(&mut plant, fault),
             FaultyComponent::Part(part) => {
                 let factor = match fault.kind {
                     FaultKind::Glued => GLUED,
@@ -322,7 +322,7 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
     plant
 }
 
-fn spoil_coils(plant: &mut PlantFaults, fault: &FaultSpec) {
+fn alter_coils(plant: &mut PlantFaults, fault: &FaultSpec) {
     let coils = &mut plant.coils;
     if let Some([a, b]) = fault.pair().filter(|pair| pair.iter().all(|&coil| coil < MOTORS)) {
         coils.source.swap(a, b);

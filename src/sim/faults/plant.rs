@@ -4,7 +4,7 @@ use upm_core::signal::MOTORS;
 /// All present faults of the plant. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlantFaults {
-    /// Faults of the coils.
+    /// Wrong gains, exchanged signals, held samples and low-passes of the coils.
     pub coils: CoilFaults,
     /// Factor on the friction of each part; parts beyond its end have 1.
     pub friction: Vec<f64>,
@@ -49,7 +49,7 @@ impl Default for CoilFaults {
 pub struct Oil {
     /// Position of its centre, m.
     pub center_m: Vec2,
-    /// Its radius, m.
+    /// Distance from the centre to the spot's rim, m.
     pub radius_m: f64,
     /// Factor on the friction there.
     pub friction: f64,
@@ -76,7 +76,7 @@ pub enum PlantChange {
 pub struct SeenDisc {
     /// Position of its centre, px.
     pub center_px: Vec2,
-    /// Its radius, px.
+    /// Radius of its outline in the picture, px.
     pub radius_px: f64,
     /// Its gray level.
     pub level: f64,

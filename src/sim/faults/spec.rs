@@ -13,15 +13,15 @@ pub enum FaultyComponent {
     View,
     /// One voice coil with its amplifier, 0 to 3: x1, x2, y1, y2.
     Coil(usize),
-    /// All coils.
+    /// All four voice coils with their amplifiers.
     Coils,
     /// One accelerometer channel, 0 to 3: x1, y1, x2, y2.
     Accelerometer(usize),
     /// One part, in the order of the job.
     Part(usize),
-    /// All parts.
+    /// Every part of the job.
     Parts,
-    /// The plate.
+    /// The moving plate: its surface, level and springs.
     Plate,
     /// The controller between computer and plate.
     Device,
@@ -267,7 +267,7 @@ const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
 pub struct FaultSpec {
     /// Component that fails.
     pub component: FaultyComponent,
-    /// Kind of the fault.
+    /// How the component fails.
     pub kind: FaultKind,
     /// Values in the order of [`FaultKind::values`]; the rest is zero.
     pub values: [f64; 3],

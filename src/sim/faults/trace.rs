@@ -8,7 +8,13 @@ use upm_core::signal::AccelTrace;
 use upm_core::time::PlateTime;
 
 /// Applies `fault` to the samples of `channel` in its time span; the pulse began at `started_at`.
-pub(super) fn spoil(trace: &mut AccelTrace, fault: &FaultSpec, channel: usize, started_at: PlateTime, noise: &mut Rng) {
+pub(super) fn apply_fault(
+    trace: &mut AccelTrace,
+    fault: &FaultSpec,
+    channel: usize,
+    started_at: PlateTime,
+    noise: &mut Rng,
+) {
     let holds = |i: usize| fault.holds(started_at + trace.time_s(i).max(0.0));
     let first = (0..trace.len()).find(|&i| holds(i));
     let Some(first) = first else { return };
@@ -41,7 +47,7 @@ mod tests {
     use super::*;
     use upm_core::random::Streams;
 
-    fn spoilt(kind: FaultKind, value: f64) -> Vec<i16> {
+    fn altered(kind: FaultKind, value: f64) -> Vec<i16> {
         let ramp: Vec<i16> = (0..10).map(|i| 10 * i).collect();
         let mut trace = AccelTrace {
             sample_hz: 10.0,
@@ -53,7 +59,7 @@ mod tests {
         let (from, to) = (PlateTime::from_secs(5.2), Some(PlateTime::from_secs(5.5)));
         let fault =
             FaultSpec { component: FaultyComponent::Accelerometer(1), kind, values: [value, 0.0, 0.0], from, to };
-        spoil(&mut trace, &fault, 1, PlateTime::from_secs(5.0), &mut Streams::new(1).stream("faults"));
+        apply_fault(&mut trace, &fault, 1, PlateTime::from_secs(5.0), &mut Streams::new(1).stream("faults"));
         assert_eq!(trace.counts[0], trace.counts[2], "other channels stay");
         trace.counts[1].clone()
     }
@@ -61,12 +67,12 @@ mod tests {
     #[test]
     fn channel_is_spoilt_while_the_fault_holds() {
         let with = |middle: [i16; 3]| [vec![0, 10], middle.to_vec(), vec![50, 60, 70, 80, 90]].concat();
-        assert_eq!(spoilt(FaultKind::Dead, 0.0), with([0, 0, 0]));
-        assert_eq!(spoilt(FaultKind::Stuck, 0.0), with([10, 10, 10]));
-        assert_eq!(spoilt(FaultKind::Flip, 0.0), with([-20, -30, -40]));
-        assert_eq!(spoilt(FaultKind::Gain, 0.5), with([10, 15, 20]));
-        assert_eq!(spoilt(FaultKind::Clipped, 3.0), with([20, 30, 30]));
-        assert_eq!(spoilt(FaultKind::Late, 2.0), with([0, 10, 20]));
-        assert_ne!(spoilt(FaultKind::Garbage, 0.0), with([20, 30, 40]));
+        assert_eq!(altered(FaultKind::Dead, 0.0), with([0, 0, 0]));
+        assert_eq!(altered(FaultKind::Stuck, 0.0), with([10, 10, 10]));
+        assert_eq!(altered(FaultKind::Flip, 0.0), with([-20, -30, -40]));
+        assert_eq!(altered(FaultKind::Gain, 0.5), with([10, 15, 20]));
+        assert_eq!(altered(FaultKind::Clipped, 3.0), with([20, 30, 30]));
+        assert_eq!(altered(FaultKind::Late, 2.0), with([0, 10, 20]));
+        assert_ne!(altered(FaultKind::Garbage, 0.0), with([20, 30, 40]));
     }
 }

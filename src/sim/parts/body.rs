@@ -80,7 +80,7 @@ impl PartBody {
         let slip = self.motion.velocity_mps - surface_mps;
         let spin_slip = self.motion.spin_radps - surface_radps;
         let rim_mps = self.radius_m * spin_slip.abs();
-        let [keep_slide, keep_spin] = friction.kept(slip.norm(), rim_mps, reach_mps);
+        let [keep_slide, keep_spin] = friction.remaining_slip_fractions(slip.norm(), rim_mps, reach_mps);
         let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
         self.motion.velocity_mps += change.0;
         self.motion.spin_radps += change.1;
@@ -88,7 +88,7 @@ impl PartBody {
     }
 
     /// Lower bound of the squared speed of the rim's fastest point, m²/s².
-    pub fn liveliness(&self) -> f64 {
+    pub fn min_rim_speed_squared(&self) -> f64 {
         self.motion.velocity_mps.norm_squared() + (self.radius_m * self.motion.spin_radps).powi(2)
     }
 

@@ -30,7 +30,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn whenever_the_trip_comes_there_is_no_force_within_a_step(after in 0u32..6000, why in 0usize..4) {
+    fn force_is_zero_within_a_step_of_a_trip_at_any_time(after in 0u32..6000, why in 0usize..4) {
         let (mut rig, interlock) = driving();
         let mut felt = Wrench::default();
         for _ in 0..after {
@@ -43,7 +43,7 @@ proptest! {
             prop_assert_eq!(one_step(&mut rig), Wrench::default());
         }
         let answer = interlock.stop_times().unwrap();
-        prop_assert!(answer.silent_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
+        prop_assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
         prop_assert!((tripped_at - answer.requested_at).abs() <= STEP_S + 1e-12, "{answer:?}");
         prop_assert_eq!(rig.play(&long_drive()), Err(RigFault::Stopped(Trip::ALL[why])));
         let mut frame = Frame::new(1, 1);
@@ -51,7 +51,7 @@ proptest! {
     }
 
     #[test]
-    fn nobody_drives_for_a_tenth_of_a_second_and_motors_fall_silent(before in 0u32..4000, away_s in 0.101..2.0f64) {
+    fn expired_lease_turns_motors_off(before in 0u32..4000, away_s in 0.101..2.0f64) {
         let (mut rig, interlock) = driving();
         for _ in 0..before {
             one_step(&mut rig);
@@ -60,8 +60,8 @@ proptest! {
         prop_assert_eq!(rig.pass(left_at + away_s), Err(RigFault::Stopped(Trip::Lease)));
         prop_assert!((rig.now() - left_at - away_s).abs() <= STEP_S, "time passes all the same");
         let answer = interlock.stop_times().unwrap();
-        prop_assert!((answer.silent_at - left_at - Interlock::LEASE_S).abs() <= STEP_S, "{answer:?} from {left_at}");
-        prop_assert!(rig.settled_at() - answer.silent_at <= LONG.rest_s + 1e-9);
+        prop_assert!((answer.motors_off_at - left_at - Interlock::LEASE_S).abs() <= STEP_S, "{answer:?} from {left_at}");
+        prop_assert!(rig.settled_at() - answer.motors_off_at <= LONG.rest_s + 1e-9);
         prop_assert_eq!(rig.plant.motors().wrench(), Wrench::default());
     }
 }
@@ -94,7 +94,7 @@ fn an_emergency_stop_goes_before_the_lease() {
     let (mut rig, interlock) = driving();
     interlock.trip(Trip::EStop);
     assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::EStop)));
-    assert!(interlock.stop_times().unwrap().silent_at - PlateTime::ZERO <= STEP_S);
+    assert!(interlock.stop_times().unwrap().motors_off_at - PlateTime::ZERO <= STEP_S);
 }
 
 #[test]
@@ -120,10 +120,10 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
     assert_eq!(fault, RigFault::Stopped(Trip::EStop));
     let answer = interlock.stop_times().unwrap();
     assert!(answer.requested_at.secs() >= 0.03 - STEP_S, "{answer:?}");
-    assert!(answer.requested_at <= answer.silent_at, "{answer:?}");
+    assert!(answer.requested_at <= answer.motors_off_at, "{answer:?}");
     // the step in progress when the trip was set, and one whose start the other thread had not seen yet; the scheduler
     // may let any number of steps pass between the request and the trip
-    assert!(answer.silent_at - tripped_by <= 2.0 * STEP_S + 1e-12, "{answer:?} {tripped_by:?}");
+    assert!(answer.motors_off_at - tripped_by <= 2.0 * STEP_S + 1e-12, "{answer:?} {tripped_by:?}");
     assert_eq!(rig.plant.motors().wrench(), Wrench::default());
 }
 

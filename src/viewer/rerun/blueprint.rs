@@ -75,21 +75,21 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 
 /// Cache of layouts by their [`key`]. Making one takes three in-memory streams, which are never freed (rerun 0.36: each
 /// holds itself), so a daemon would grow by them with every job.
-static MADE: Mutex<BTreeMap<String, Written>> = Mutex::new(BTreeMap::new());
+static MADE: Mutex<BTreeMap<String, EncodedLayout>> = Mutex::new(BTreeMap::new());
 const MOST_MADE: usize = 64;
 
-fn made() -> MutexGuard<'static, BTreeMap<String, Written>> {
+fn made() -> MutexGuard<'static, BTreeMap<String, EncodedLayout>> {
     MADE.lock()
 }
 
 /// A layout, encoded as messages.
 #[derive(Clone)]
-struct Written {
+struct EncodedLayout {
     messages: Vec<LogMsg>,
     activation: BlueprintActivationCommand,
 }
 
-impl Written {
+impl EncodedLayout {
     fn send(self, stream: &RecordingStream) {
         stream.send_blueprint(self.messages, self.activation);
     }
@@ -224,7 +224,7 @@ impl ViewLayout {
         self.written(pages).map(|written| written.send(stream))
     }
 
-    fn written(self, pages: Vec<ContainerLike>) -> Result<Written, String> {
+    fn written(self, pages: Vec<ContainerLike>) -> Result<EncodedLayout, String> {
         let blueprint = Blueprint::new(Tabs::new(pages))
             .with_auto_layout(false)
             .with_auto_views(false)
@@ -248,7 +248,7 @@ impl ViewLayout {
             properties.log_serialized_batches(path, false, batches).map_err(faults)?;
         }
         messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
-        Ok(Written { messages, activation })
+        Ok(EncodedLayout { messages, activation })
     }
 }
 

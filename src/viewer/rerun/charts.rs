@@ -5,10 +5,10 @@ use std::borrow::Cow;
 
 use rerun::{Arrows2D, Color, Ellipses2D, Image, LineStrips2D, Points2D, Transform3D};
 
-use super::cells::Raster;
 use super::names::{self, LabelSize};
 use super::paint::{self, thin};
 use super::run_stream::{LogResult, RunStream};
+use super::shaded_cells::Raster;
 use upm_chart::{self as chart, Chart, LabelledDisc, Layer, Mark, axis_ticks, place_labels};
 
 /// Width and height of the box that a curve is drawn in.
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn extents_hold_what_marks_reach() {
+    fn extents_contain_the_whole_marks() {
         assert_eq!(extent(&chart(true, Mark::Circles { radius: 5.0 }, &[[0.0, 0.0]]), 0), [-5.4, 5.4]);
         assert_eq!(extent(&chart(true, Mark::Arrows { vectors: vec![[10.0, 0.0]] }, &[[0.0, 3.0]]), 0), [-0.4, 10.4]);
         assert_eq!(extent(&chart(true, Mark::Dots, &[[f64::NAN, 3.0]]), 0), [0.0, 1.0]);
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_break_where_a_point_is_no_number() {
+    fn lines_break_at_nan_points() {
         let broken = chart(true, Mark::Line, &[]);
         let view = ChartView::new(&broken);
         let lines = view.lines(&[[0.0, 0.0], [1.0, 1.0], [2.0, f64::NAN], [3.0, 3.0]]);

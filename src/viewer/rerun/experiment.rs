@@ -12,7 +12,7 @@ use super::paint::{self, above, thin};
 use super::run_stream::{LogResult, RunStream};
 use super::sink::record;
 use super::titles;
-use crate::types::ExperimentLook;
+use crate::types::ExperimentView;
 use crate::types::{RecordingError, RecordingStats};
 use upm_chart::{Chart, Playback, PlaybackTrack};
 use upm_core::geometry::Vec2;
@@ -29,12 +29,12 @@ const REACH: f64 = 1.15;
 pub fn record_experiment(
     mode: &RerunMode,
     path: &Path,
-    experiment: &ExperimentLook,
+    experiment: &ExperimentView,
 ) -> Result<RecordingStats, RecordingError> {
     record(mode, path, |file| log(file, experiment))
 }
 
-fn log(file: RrdFile, experiment: &ExperimentLook) -> LogResult {
+fn log(file: RrdFile, experiment: &ExperimentView) -> LogResult {
     let charts: Vec<(String, ChartView)> =
         experiment.charts.iter().map(|chart| (format!("charts/{}", chart.name), ChartView::new(chart))).collect();
     let stream = RunStream::start(file, experiment.title.clone(), |stream| {
@@ -55,7 +55,7 @@ fn log(file: RrdFile, experiment: &ExperimentLook) -> LogResult {
 }
 
 /// The page: motion and charts above, figures below.
-fn page(layout: &mut ViewLayout, experiment: &ExperimentLook, charts: &[(String, ChartView)]) -> ContainerLike {
+fn page(layout: &mut ViewLayout, experiment: &ExperimentView, charts: &[(String, ChartView)]) -> ContainerLike {
     let mut views: Vec<ContainerLike> = Vec::new();
     if let Some(motion) = &experiment.motion {
         let reach_mm = mm_from_m(motion.half_side_m) * REACH;

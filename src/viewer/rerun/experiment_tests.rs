@@ -3,13 +3,13 @@ use std::path::Path;
 
 use super::record_experiment;
 use super::tests::stores;
-use crate::ExperimentLook;
+use crate::ExperimentView;
 use crate::{RecordingError, RecordingStats};
 use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_recording::RerunMode;
 
 /// A map and a curve with every kind of mark, and two moving parts.
-fn experiment() -> ExperimentLook {
+fn experiment() -> ExperimentView {
     let grid = || (0..49).map(|i| [f64::from(i % 7) * 20.0 - 60.0, f64::from(i / 7) * 20.0 - 60.0]);
     let turn = |p: [f64; 2]| [-0.12 * p[1], 0.12 * p[0]];
     let cells = Mark::Cells { side: 20.0, values: grid().map(|[x, y]| x.hypot(y) / 85.0).collect() };
@@ -48,10 +48,10 @@ fn experiment() -> ExperimentLook {
         Playback { half_side_m: 0.1, tracks: vec![track("penny-1", 0.0), track("penny-2", 3.0)], t_s: t_s.clone() };
     let figures = "| figure | measured |\n| --- | ---: |\n| COR of row a along x | 40.2 |".to_owned();
     let title = "made up, seed 1".to_owned();
-    ExperimentLook { title, figures, charts: vec![map, curve], motion: Some(motion) }
+    ExperimentView { title, figures, charts: vec![map, curve], motion: Some(motion) }
 }
 
-fn record(experiment: &ExperimentLook, path: &Path) -> Result<RecordingStats, RecordingError> {
+fn record(experiment: &ExperimentView, path: &Path) -> Result<RecordingStats, RecordingError> {
     record_experiment(&RerunMode::Save, path, experiment)
 }
 
@@ -100,20 +100,20 @@ fn everything_an_experiment_leaves_is_in_its_recording() {
 fn an_experiment_without_motion_or_with_nothing_is_recorded_too() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lab.rrd");
-    record(&ExperimentLook { motion: None, ..experiment() }, &path).unwrap();
+    record(&ExperimentView { motion: None, ..experiment() }, &path).unwrap();
     assert!(stores(&path).0.all_entities().iter().all(|entity| !entity.to_string().starts_with("/motion")));
-    record(&ExperimentLook::default(), &path).unwrap();
+    record(&ExperimentView::default(), &path).unwrap();
     let broken = Playback {
         t_s: vec![0.0],
         tracks: vec![PlaybackTrack { positions_m: vec![], label: "a".into(), radius_m: 0.01 }],
         half_side_m: 0.1,
     };
-    record(&ExperimentLook { motion: Some(broken), ..ExperimentLook::default() }, &path).unwrap();
+    record(&ExperimentView { motion: Some(broken), ..ExperimentView::default() }, &path).unwrap();
     assert_eq!(stores(&path).0.all_entities().iter().filter(|e| e.to_string().starts_with("/motion")).count(), 1);
 }
 
 #[test]
-fn off_leaves_no_file_and_a_bad_place_is_told() {
+fn off_leaves_no_file_and_an_unusable_path_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lab.rrd");
     assert_eq!(record_experiment(&RerunMode::Off, &path, &experiment()).unwrap(), RecordingStats::default());

@@ -42,8 +42,8 @@ const FIRST_PORT: u16 = 1024;
 const ADDRESSES_TRIED: usize = 64;
 
 /// Number and interval of the attempts to reach a new server.
-const KNOCKS: usize = 200;
-const KNOCKS_APART: Duration = Duration::from_millis(10);
+const CONNECT_ATTEMPTS: usize = 200;
+const CONNECT_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A server for Rerun viewers on this machine that shows the runs of one plate, each run as a separate recording. It
 /// lives as long as the plate; clones are the same server. New viewers see the most recent runs, including the current
@@ -54,13 +54,13 @@ const KNOCKS_APART: Duration = Duration::from_millis(10);
 /// are refused, because they cannot speak HTTP/2 without TLS. The Rerun server behind the gate would answer them, so
 /// its address is random.
 #[derive(Clone)]
-pub struct LiveServer(Arc<Serving>);
+pub struct LiveServer(Arc<LiveServerInner>);
 
-struct Serving {
+struct LiveServerInner {
     uri: String,
     proxy: ViewerProxy,
     history_bytes: u64,
-    on_show: Mutex<ActiveServer>,
+    active: Mutex<ActiveServer>,
 }
 
 struct ActiveServer {
@@ -76,8 +76,8 @@ impl LiveServer {
         let (stage, address) = ServerGeneration::start(history_bytes)?;
         let proxy = ViewerProxy::start(listener, address)?;
         let uri = ProxyUri::new(Origin::from_scheme_and_socket_addr(Scheme::RerunHttp, proxy.address())).to_string();
-        let on_show = Mutex::new(ActiveServer { stage, runs: 0 });
-        Ok(Self(Arc::new(Serving { uri, proxy, history_bytes, on_show })))
+        let active = Mutex::new(ActiveServer { stage, runs: 0 });
+        Ok(Self(Arc::new(LiveServerInner { uri, proxy, history_bytes, active })))
     }
 
     /// Address for viewers, `rerun+http://127.0.0.1:PORT/proxy`.
@@ -88,12 +88,12 @@ impl LiveServer {
     /// Number of messages that the present server lost because a viewer lagged.
     #[cfg(test)]
     pub(super) fn lost(&self) -> u64 {
-        lock(&self.0.on_show).stage.queue.lost()
+        lock(&self.0.active).stage.queue.lost()
     }
 
     /// The feed for one run whose layout depends on `layout` alone.
     pub(super) fn feed(&self, layout: String) -> MessageSink {
-        let mut feed = RunFeed { stage: self.0.stage_of_a_run(), layout, layout_whole: true };
+        let mut feed = RunFeed { stage: self.0.server_for_run(), layout, layout_whole: true };
         Box::new(move |message| feed.offer(message))
     }
 }
@@ -104,18 +104,18 @@ impl fmt::Debug for LiveServer {
     }
 }
 
-impl Serving {
-    fn stage_of_a_run(&self) -> Arc<ServerGeneration> {
-        let mut on_show = lock(&self.on_show);
-        if on_show.runs >= RUNS_EACH {
-            match self.proxy.replace_when_alone(|| ServerGeneration::start(self.history_bytes)) {
-                Ok(Some(stage)) => *on_show = ActiveServer { stage, runs: 0 },
+impl LiveServerInner {
+    fn server_for_run(&self) -> Arc<ServerGeneration> {
+        let mut active = lock(&self.active);
+        if active.runs >= RUNS_EACH {
+            match self.proxy.replace_if_idle(|| ServerGeneration::start(self.history_bytes)) {
+                Ok(Some(stage)) => *active = ActiveServer { stage, runs: 0 },
                 Ok(None) => {}
                 Err(fault) => tracing::warn!("the live stream at {} goes on as it was: {fault}", self.uri),
             }
         }
-        on_show.runs += 1;
-        Arc::clone(&on_show.stage)
+        active.runs += 1;
+        Arc::clone(&active.stage)
     }
 }
 
@@ -248,11 +248,11 @@ fn serve(sink: &GrpcServerSink, messages: &Receiver<LogMsg>) {
 
 /// Waits until the server at `address` answers.
 fn wait_for(address: SocketAddr) -> io::Result<()> {
-    for _ in 1..KNOCKS {
+    for _ in 1..CONNECT_ATTEMPTS {
         if TcpStream::connect(address).is_ok() {
             return Ok(());
         }
-        thread::sleep(KNOCKS_APART);
+        thread::sleep(CONNECT_INTERVAL);
     }
     TcpStream::connect(address).map(drop)
 }
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn inner_servers_have_addresses_of_their_own_on_the_loopback() {
+    fn inner_servers_have_distinct_loopback_addresses() {
         let addresses = [0; 8].map(|_| hidden_address().unwrap());
         for address in addresses {
             assert!(address.ip().is_loopback() && address.ip() != Ipv4Addr::LOCALHOST, "{address}");

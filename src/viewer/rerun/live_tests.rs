@@ -127,7 +127,7 @@ fn viewers_see_every_run_apart_whether_they_come_early_or_late() {
 }
 
 #[test]
-fn who_comes_after_many_runs_sees_the_last_ones_and_who_stays_sees_all() {
+fn late_viewer_sees_recent_runs() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
     let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
@@ -168,7 +168,7 @@ fn a_run_without_a_file_is_seen_all_the_same() {
 }
 
 #[test]
-fn it_is_there_for_this_machine_alone() {
+fn live_server_listens_on_loopback_only() {
     let server = LiveServer::start(None, HISTORY_BYTES).unwrap();
     let port = address(&server).port();
     assert!(address(&server).ip() == Ipv4Addr::LOCALHOST && TcpStream::connect(address(&server)).is_ok());
@@ -177,7 +177,7 @@ fn it_is_there_for_this_machine_alone() {
 }
 
 #[test]
-fn a_port_in_use_is_told_at_once() {
+fn port_in_use_is_reported_at_once() {
     let other = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let port = other.local_addr().unwrap().port();
     assert_eq!(LiveServer::start(Some(port), HISTORY_BYTES).unwrap_err().kind(), io::ErrorKind::AddrInUse);

@@ -25,13 +25,13 @@ impl LogView {
             found.detections.len(),
             context.parts.len()
         );
-        say(stream, TextLogLevel::INFO, text)
+        log_line(stream, TextLogLevel::INFO, text)
     }
 
     pub(super) fn planned(&mut self, stream: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
         if cycle.wanted.phase != self.phase {
             self.phase.clone_from(&cycle.wanted.phase);
-            say(stream, TextLogLevel::INFO, self.phase.clone())?;
+            log_line(stream, TextLogLevel::INFO, self.phase.clone())?;
         }
         let (level, plan) = match &cycle.plan.status {
             PlanStatus::Solved => (TextLogLevel::DEBUG, sequence(&cycle.plan.pulses, context)),
@@ -41,7 +41,7 @@ impl LogView {
         };
         let errors = cycle.result_m.iter().zip(&cycle.wanted.subgoals_m).map(|(at, subgoal)| (at - subgoal).norm());
         let worst_mm = mm_from_m(errors.fold(0.0, f64::max));
-        say(stream, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
+        log_line(stream, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
     }
 
     pub(super) fn event(&self, stream: &RunStream, event: &EventRecord) -> LogResult {
@@ -50,16 +50,16 @@ impl LogView {
             EventLevel::Warning => TextLogLevel::WARN,
             EventLevel::Error => TextLogLevel::ERROR,
         };
-        say(stream, level, event.text.clone())
+        log_line(stream, level, event.text.clone())
     }
 
     /// Logs a warning at the time of the last fact.
     pub(super) fn warn(&self, stream: &RunStream, text: String) -> LogResult {
-        say(stream, TextLogLevel::WARN, text)
+        log_line(stream, TextLogLevel::WARN, text)
     }
 }
 
-fn say(stream: &RunStream, level: &str, text: String) -> LogResult {
+fn log_line(stream: &RunStream, level: &str, text: String) -> LogResult {
     stream.log("log", &TextLog::new(text).with_level(level))
 }
 
@@ -104,7 +104,7 @@ mod tests {
     use upm_core::signal::TwistWave;
 
     #[test]
-    fn a_field_is_told_by_harmonics_sustain_and_strongest_speed() {
+    fn field_is_described_by_harmonics_sustain_and_strongest_speed() {
         // ½ + 1 of the amplitude at the corner farthest from the centre, half a period after the start
         let wave = TwistWave::pump(Twist::about(Vec2::new(0.1, 0.1), 2.0), std::f64::consts::TAU * 30.0);
         let words = field(&FieldPulse { wave, sustain_s: 0.12 }, 0.1);

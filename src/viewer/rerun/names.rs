@@ -1,7 +1,7 @@
 use rerun::{Color, Points2D};
 
 use super::paint::{colors, thin};
-use crate::types::PartLook;
+use crate::types::PartAppearance;
 use upm_chart::{LabelPlace, LabelledDisc, place_labels};
 
 /// Size of a label of the viewer, in points of the screen: width of a letter, space beside the text, height, and the
@@ -69,7 +69,7 @@ impl Names {
     }
 
     /// The names of `parts`, as [`Names::new`].
-    pub(super) fn of(parts: &[PartLook], rgb: &[[u8; 3]], bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
+    pub(super) fn of(parts: &[PartAppearance], rgb: &[[u8; 3]], bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
         let (ids, kinds): (Vec<&str>, Vec<&str>) =
             parts.iter().map(|part| (part.id.as_str(), part.kind.as_str())).unzip();
         Self::new((&ids, &kinds), rgb, bounds, panel)
@@ -145,7 +145,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn names_of_many_parts_are_as_short_as_tells_them_apart() {
+    fn names_of_many_parts_are_shortened_but_unique() {
         assert_eq!(shortened(&["penny-1", "penny-12"], &["penny"; 2]), ["p1", "p12"]);
         let kinds = ["dime", "dollar", "penny"];
         assert_eq!(shortened(&["dime-1", "dollar-2", "penny-3"], &kinds), ["di1", "do2", "p3"]);

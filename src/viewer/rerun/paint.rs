@@ -2,7 +2,7 @@
 
 use rerun::{Arrows2D, Color, Ellipses2D, LineStrip2D, LineStrips2D, Points2D, Radius};
 
-use crate::types::PartLook;
+use crate::types::PartAppearance;
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
@@ -44,7 +44,7 @@ pub(super) fn color((r, g, b): Rgb) -> Color {
 }
 
 /// Colours of the parts of a job and of their kinds.
-pub(super) fn palette(parts: &[PartLook]) -> Palette {
+pub(super) fn palette(parts: &[PartAppearance]) -> Palette {
     Palette::of(&parts.iter().map(|part| part.kind.as_str()).collect::<Vec<_>>(), Ground::Dark)
 }
 

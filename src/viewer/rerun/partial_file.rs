@@ -60,7 +60,7 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 /// Refuses a file that another process is writing. On a file system without locks every file is accepted.
 pub(super) fn lock(file: &File) -> io::Result<()> {
     match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(io::Error::new(ErrorKind::WouldBlock, "somebody else is writing it")),
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(ErrorKind::WouldBlock, "another process is writing it")),
         Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
     }
 }

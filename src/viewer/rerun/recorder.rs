@@ -104,7 +104,7 @@ impl Recorder {
             let now = clock.elapsed();
             if now.saturating_sub(sent_on_at) >= FLUSH {
                 sent_on_at = now;
-                let send = if input.run_waits { RunStream::flush } else { RunStream::send_on };
+                let send = if input.run_waits { RunStream::flush } else { RunStream::flush_async };
                 recorded = recorded.and_then(|()| send(&self.stream));
             }
             if let (Some(reason), false) = (file.handle().stop_request(), stopped) {

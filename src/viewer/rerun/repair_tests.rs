@@ -84,7 +84,7 @@ fn cut_anywhere_a_recording_opens_again_with_every_whole_message() {
 }
 
 #[test]
-fn messages_stay_what_they_were() {
+fn whole_messages_survive_a_repair_unchanged() {
     let (bytes, ends) = recording();
     let (_folder, whole, _) = repaired(bytes);
     let before = messages(&whole);
@@ -104,7 +104,7 @@ fn a_whole_recording_is_only_renamed() {
 }
 
 #[test]
-fn what_is_no_recording_or_still_written_stays_as_it_is() {
+fn non_recording_and_open_recording_are_left_untouched() {
     let (folder, path, done) = repaired(b"{\"a\": \"journal, that is\"}");
     assert!(matches!(done, Err(RecordingError::Repair { .. })));
     assert!(!path.exists() && folder.path().join("run.rrd.part").exists());
@@ -113,14 +113,14 @@ fn what_is_no_recording_or_still_written_stays_as_it_is() {
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     run.cycle(&mut sink);
     let refused = repair_recording(&folder.path().join("run.rrd.part"), &path).unwrap_err();
-    assert!(refused.to_string().ends_with("somebody else is writing it"), "{refused}");
+    assert!(refused.to_string().ends_with("another process is writing it"), "{refused}");
     sink.finish().unwrap();
     assert!(path.exists());
 }
 
 #[test]
 #[cfg(target_os = "linux")]
-fn part_that_is_no_regular_file_is_refused_at_once() {
+fn partial_file_that_is_not_regular_is_refused_at_once() {
     use std::os::unix::fs::symlink;
     use std::sync::mpsc::sync_channel;
     use std::time::Duration;

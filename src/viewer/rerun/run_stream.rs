@@ -59,7 +59,7 @@ impl RunStream {
     }
 
     /// Starts the writing of everything logged so far, without waiting.
-    pub(super) fn send_on(&self) -> LogResult {
+    pub(super) fn flush_async(&self) -> LogResult {
         self.0.flush_async().map_err(|e| e.to_string())
     }
 

@@ -91,9 +91,9 @@ fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
     let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0) as f64;
     let top_hz = harmonics * drive.base_radps / std::f64::consts::TAU;
     let sample_hz = MOTOR_HZ.max(MOTOR_SAMPLES_A_PERIOD * top_hz);
-    let sounding_s = drive.envelope.sounding_s();
-    let steps = (sounding_s * sample_hz).ceil() as usize;
-    let times_s: Vec<f64> = (0..=steps).map(|i| (i as f64 / sample_hz).min(sounding_s)).collect();
+    let driven_s = drive.envelope.driven_s();
+    let steps = (driven_s * sample_hz).ceil() as usize;
+    let times_s: Vec<f64> = (0..=steps).map(|i| (i as f64 / sample_hz).min(driven_s)).collect();
     let counts = times_s.iter().flat_map(|&t| (0..MOTORS).map(move |motor| drive.counts_at(motor, t).round()));
     let counts = counts.collect();
     (times_s, counts)
@@ -134,7 +134,7 @@ mod tests {
     use upm_core::signal::{Envelope, Harmonic};
 
     #[test]
-    fn motors_start_and_end_in_silence() {
+    fn motor_samples_start_and_end_at_zero() {
         let wave = vec![Harmonic { cos: 100.0, sin: 0.0 }; 2];
         let drive = Drive {
             base_radps: 377.0,
@@ -144,7 +144,7 @@ mod tests {
         };
         let (times_s, counts) = motor_samples(&drive);
         assert_eq!(counts.len(), MOTORS * times_s.len());
-        assert_eq!((times_s.first(), times_s.last()), (Some(&0.0), Some(&drive.envelope.sounding_s())));
+        assert_eq!((times_s.first(), times_s.last()), (Some(&0.0), Some(&drive.envelope.driven_s())));
         assert!(counts[..MOTORS].iter().chain(&counts[counts.len() - MOTORS..]).all(|&count| count == 0.0));
         assert!(counts.iter().all(|count| count.fract() == 0.0));
     }

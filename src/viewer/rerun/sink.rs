@@ -13,7 +13,7 @@ use super::run_stream::LogResult;
 use super::samples::Samples;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
-use upm_core::background::{BackgroundThread, NoResult, OverflowPolicy, Queue, Receiver, Unsent};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, Receiver, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
@@ -26,7 +26,7 @@ const QUEUE: usize = 32;
 const QUEUE_OF_WAITING: usize = 8;
 
 /// Interval at which a run that waits for its recorder checks for a request to stop.
-const STOP_LOOKED_AT: Duration = Duration::from_millis(10);
+const STOP_CHECKED_AT: Duration = Duration::from_millis(10);
 
 /// Longest such wait of a run that was asked to stop: enough for a recorder that works.
 const STOPPED_WITHIN: Duration = Duration::from_millis(100);
@@ -154,8 +154,8 @@ impl Running {
         }
         let closed = closed.unwrap_or_else(|unfinished| {
             let reason = match unfinished {
-                NoResult::Hangs => "the disk hangs",
-                NoResult::Died => "the recorder's thread died",
+                WaitError::Hangs => "the disk hangs",
+                WaitError::Died => "the recorder's thread died",
             };
             self.handle.fail(reason);
             Err(reason.to_owned())
@@ -176,7 +176,7 @@ impl Running {
             OverflowPolicy::Wait => return drop(queue.send(message)),
             _ => queue.send_within(message, Duration::ZERO),
         };
-        while let Err(Unsent::Full(message)) = sent {
+        while let Err(QueueError::Full(message)) = sent {
             let most = match self.overflow {
                 OverflowPolicy::WaitAtMost(most) if self.stop.load(Ordering::Relaxed) => most.min(STOPPED_WITHIN),
                 OverflowPolicy::WaitAtMost(most) => most,
@@ -187,7 +187,7 @@ impl Running {
                 self.queue = None;
                 return;
             }
-            let longest = (most - waited).min(STOP_LOOKED_AT);
+            let longest = (most - waited).min(STOP_CHECKED_AT);
             waited += longest;
             sent = queue.send_within(message, longest);
         }

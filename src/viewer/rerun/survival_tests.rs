@@ -81,7 +81,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
 }
 
 #[test]
-fn looks_do_not_wait_for_the_end_of_a_long_cycle() {
+fn observations_are_written_before_a_long_cycle_ends() {
     let (_folder, path, part) = places();
     let mut run = SyntheticRun::new(2);
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
@@ -195,7 +195,7 @@ impl Write for HangingFile {
 }
 
 #[test]
-fn a_run_that_is_told_to_stop_does_not_wait_for_a_disk_that_hangs() {
+fn stopping_run_does_not_wait_for_a_hung_disk() {
     let (_folder, path, _) = places();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);

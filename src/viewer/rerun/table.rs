@@ -197,7 +197,8 @@ impl TableView {
         let middle = (FIELD as f64 - 1.0) / 2.0;
         let grid =
             (0..FIELD * FIELD).map(|i| Vec2::new((i % FIELD) as f64 - middle, (i / FIELD) as f64 - middle) * pitch_m);
-        let fields: Vec<Flow> = pulses.iter().filter_map(|pulse| Flow::of(pulse, library)).collect();
+        let fields: Vec<DirectionField> =
+            pulses.iter().filter_map(|pulse| DirectionField::of(pulse, library)).collect();
         let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|flow| flow.at(p_m)).sum())).collect();
         let longest_m = field.iter().map(|(_, step_m)| step_m.norm()).fold(0.0, f64::max);
         let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
@@ -219,14 +220,14 @@ fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
 }
 
 /// Field of directions of a pulse, with its weight relative to the plan's others of the same kind.
-enum Flow {
+enum DirectionField {
     /// A rotation: `d τ(p)`, m.
     Rotation { pump: Twist, distance_m: f64 },
     /// The mean direction of the plate's velocity over this period.
     Field(Vec<Twist>),
 }
 
-impl Flow {
+impl DirectionField {
     fn of(pulse: &PlannedPulse, library: &Library) -> Option<Self> {
         match pulse {
             PlannedPulse::Rotation(Rotation { entry, distance_m, .. }) => {
@@ -282,7 +283,7 @@ mod tests {
             sustain_s: 0.1,
             rest_s: 0.04,
         });
-        let step_m = Flow::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
+        let step_m = DirectionField::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
         assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
     }
 }

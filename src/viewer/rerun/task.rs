@@ -4,7 +4,7 @@ use rerun::{AsComponents, LineStrips2D, Points2D};
 
 use super::paint::{self, thin};
 use super::run_stream::{LogResult, RunStream};
-use crate::types::{BinLook, PathLook, RunContext};
+use crate::types::{BinAppearance, PathAppearance, RunContext};
 use upm_chart::{Palette, bin_label, bin_outline};
 use upm_core::geometry::Vec2;
 
@@ -39,7 +39,8 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         if context.paths.is_empty() {
             return Ok(());
         }
-        let rgb = |path: &PathLook| path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(FAINT);
+        let rgb =
+            |path: &PathAppearance| path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(FAINT);
         let colors: Vec<[u8; 3]> = context.paths.iter().map(rgb).collect();
         let lines = context.paths.iter().map(|path| self.strip(&path.line_m));
         let paths = LineStrips2D::new(lines).with_colors(paint::colors(&colors)).with_radii([thin(0.5)]);
@@ -47,11 +48,11 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
     }
 
     /// Rims of the bins, and their names above them.
-    fn bins(&self, bins: &[BinLook], palette: &Palette) -> (LineStrips2D, Points2D) {
-        let rgb = |bin: &BinLook| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
+    fn bins(&self, bins: &[BinAppearance], palette: &Palette) -> (LineStrips2D, Points2D) {
+        let rgb = |bin: &BinAppearance| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
         let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
-        let above = |bin: &BinLook| {
+        let above = |bin: &BinAppearance| {
             let [x, y] = (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.max_m.y));
             [x, y - (1.2 * self.label) as f32]
         };
@@ -73,7 +74,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
 }
 
 /// The corners of a bin, the first one again at the end.
-fn outline_m(bin: &BinLook) -> [Vec2; 5] {
+fn outline_m(bin: &BinAppearance) -> [Vec2; 5] {
     bin_outline(bin.min_m.into(), bin.max_m.into()).map(Vec2::from)
 }
 

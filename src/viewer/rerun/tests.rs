@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rerun::external::re_chunk_store::{ChunkStore, ChunkStoreConfig};
 
 use super::RerunSink;
-use crate::{PartLook, RecordingError, RecordingStats, RunContext};
+use crate::{PartAppearance, RecordingError, RecordingStats, RunContext};
 use upm_control::{EventLevel, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_fixtures::{
@@ -17,8 +17,11 @@ use upm_planner::PlanningMethod;
 use upm_recording::{MemorySink, RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {
-    let part =
-        |i| PartLook { id: format!("penny-{}", i + 1), kind: "penny".to_owned(), radius_m: synthetic_run::RADIUS_M };
+    let part = |i| PartAppearance {
+        id: format!("penny-{}", i + 1),
+        kind: "penny".to_owned(),
+        radius_m: synthetic_run::RADIUS_M,
+    };
     RunContext {
         name: "made-up".to_owned(),
         seed: 7,
@@ -66,7 +69,7 @@ pub(super) fn stores(path: &Path) -> (ChunkStore, ChunkStore) {
 }
 
 #[test]
-fn a_recording_holds_what_a_person_looks_for() {
+fn recording_has_every_expected_entity() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
     let stats = record(&RerunMode::Save, &path, 4).unwrap();
@@ -127,7 +130,7 @@ fn a_recording_holds_what_a_person_looks_for() {
 }
 
 #[test]
-fn fields_are_shown_by_what_they_do_to_the_parts() {
+fn fields_are_shown_by_their_effect_on_the_parts() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
     let mut fields = SyntheticRun::new(2);
@@ -163,7 +166,7 @@ fn every_sample_and_every_frame_of_a_cycle_arrives() {
     let mut memory = MemorySink::default();
     let mut run = SyntheticRun::new(2);
     (0..40).for_each(|_| run.cycle(&mut memory));
-    let samples = |drive: &upm_core::signal::Drive| (drive.envelope.sounding_s() * 1000.0).ceil() as u64 + 1;
+    let samples = |drive: &upm_core::signal::Drive| (drive.envelope.driven_s() * 1000.0).ceil() as u64 + 1;
     assert_eq!(rows("motors"), memory.pulses.iter().map(|pulse| samples(&pulse.drive)).sum::<u64>());
 }
 
@@ -191,7 +194,7 @@ fn a_frozen_viewer_delays_nothing_and_the_file_is_whole() {
 }
 
 #[test]
-fn faults_are_told() {
+fn unusable_path_and_address_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let nowhere = folder.path().join("missing").join("run.rrd");
     assert!(matches!(record(&RerunMode::Save, &nowhere, 1), Err(RecordingError::Create { .. })));

@@ -55,7 +55,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_left_fits(title in "[a-zäµ:, (]{0,80}", width in 140.0..1280.0f64) {
+        fn shortened_title_fits(title in "[a-zäµ:, (]{0,80}", width in 140.0..1280.0f64) {
             prop_assert!(fits(&shortened(&title, width), width));
         }
     }

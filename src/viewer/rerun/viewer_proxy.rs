@@ -94,7 +94,7 @@ impl ViewerProxy {
 
     /// Replaces the server by the one that `start` makes. Returns `None`, without calling `start`, while viewers are
     /// connected. Viewers that connect meanwhile wait.
-    pub(super) fn replace_when_alone<T>(
+    pub(super) fn replace_if_idle<T>(
         &self,
         start: impl FnOnce() -> io::Result<(T, SocketAddr)>,
     ) -> io::Result<Option<T>> {
@@ -230,11 +230,11 @@ mod tests {
     }
 
     fn replaced(proxy: &ViewerProxy) -> bool {
-        proxy.replace_when_alone(|| Ok(((), speaker(b"new")))).unwrap().is_some()
+        proxy.replace_if_idle(|| Ok(((), speaker(b"new")))).unwrap().is_some()
     }
 
     #[test]
-    fn a_server_is_replaced_only_while_nobody_looks() {
+    fn server_is_replaced_only_without_viewers() {
         let proxy = proxy(b"old");
         let (first, word) = viewer(&proxy);
         assert_eq!(word, b"old");
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_viewers_than_there_are_seats() {
+    fn viewer_over_the_limit_is_refused() {
         let proxy = proxy(b"old");
         let mut seated: Vec<_> = (0..MOST_VIEWERS).map(|_| viewer(&proxy)).collect();
         assert!(seated.iter().all(|(_, word)| word == b"old"));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn client_that_is_no_viewer_gets_no_answer() {
+    fn non_viewer_client_gets_no_answer() {
         let proxy = proxy(b"old");
         for words in [&b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"[..], b"P", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\t"] {
             let mut page = TcpStream::connect(proxy.address()).unwrap();
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn the_server_hears_what_the_viewer_said() {
+    fn viewer_bytes_reach_the_server_unchanged() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
         let proxy =
             ViewerProxy::start(TcpListener::bind("127.0.0.1:0").unwrap(), server.local_addr().unwrap()).unwrap();
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_proxy_that_is_gone_lets_nobody_in() {
+    fn dropped_proxy_accepts_no_connections() {
         let proxy = proxy(b"old");
         let address = proxy.address();
         drop(proxy);

@@ -5,7 +5,7 @@ use ureq::http::header::RETRY_AFTER;
 use ureq::{Error, Timeout};
 
 use crate::cli::output::{BAD_INPUT, Failure};
-use upm_runner::config::Diagnostic;
+use upm_runner::config::{Diagnostic, reason};
 use upm_server::service::ProblemDocument;
 
 /// Reason why a request to a daemon did not succeed.
@@ -42,7 +42,10 @@ impl ClientRefusal {
             Error::HostNotFound | Error::ConnectionFailed | Error::BadUri(_) | Error::Http(_) => true,
             _ => false,
         };
-        let error = on_one_line(&error.to_string());
+        let error = match &error {
+            Error::Io(io) => reason(io),
+            other => on_one_line(&other.to_string()),
+        };
         if unreached {
             Self::Unreached(format!("no daemon answers at {base}: {error} (`upm serve` starts one)"))
         } else {

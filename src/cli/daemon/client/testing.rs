@@ -23,7 +23,7 @@ pub struct ReceivedRequest {
     pub line: String,
     /// Header lines.
     pub head: Vec<String>,
-    /// The body.
+    /// Text after the head, of the length that `Content-Length` gives.
     pub body: String,
 }
 

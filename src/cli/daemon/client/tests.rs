@@ -47,7 +47,7 @@ fn faults_come_one_a_line_under_the_name_of_the_file() {
 }
 
 #[test]
-fn a_problem_without_faults_is_its_detail_and_what_to_do() {
+fn problem_without_faults_is_shown_as_detail_and_remedy() {
     let none = Value::Array(Vec::new());
     let cases = [
         (problem(429, "64 jobs wait", "Retry-After: 7\r\n", &none), 1, "64 jobs wait; try again in 7 s".to_owned()),
@@ -67,7 +67,7 @@ fn a_problem_without_faults_is_its_detail_and_what_to_do() {
 }
 
 #[test]
-fn what_is_no_daemon_is_told_apart() {
+fn missing_daemon_and_foreign_servers_are_distinguished() {
     let url = nobody();
     let refusal = Client::at(&url).unwrap().get::<Job>("/v1/jobs").unwrap_err();
     assert!(matches!(refusal, ClientRefusal::Unreached(_)), "{refusal:?}");

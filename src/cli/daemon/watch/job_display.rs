@@ -12,7 +12,7 @@ use crate::cli::progress::{FULL, bar, behind};
 use upm_server::service::{Job, JobState, Plate, PlateState};
 
 /// Output format of a watched job.
-enum How {
+enum OutputFormat {
     /// Each event as a JSON object on a line of stdout.
     Json,
     /// A progress bar on stderr.
@@ -25,7 +25,7 @@ enum How {
 
 /// Output of a watched job.
 pub(super) struct JobDisplay {
-    how: How,
+    how: OutputFormat,
     quiet: bool,
     id: String,
 }
@@ -33,21 +33,21 @@ pub(super) struct JobDisplay {
 impl JobDisplay {
     pub fn new(id: &str, Common { json, quiet, .. }: Common) -> Self {
         let how = match (json, quiet) {
-            (true, _) => How::Json,
-            (false, true) => How::EndAlone,
-            (false, false) if stderr().is_terminal() && stdout().is_terminal() => How::Bar(bar(false)),
-            (false, false) => How::Lines,
+            (true, _) => OutputFormat::Json,
+            (false, true) => OutputFormat::EndAlone,
+            (false, false) if stderr().is_terminal() && stdout().is_terminal() => OutputFormat::Bar(bar(false)),
+            (false, false) => OutputFormat::Lines,
         };
         Self { how, quiet, id: id.to_owned() }
     }
 
     pub fn show(&mut self, event: &ReceivedEvent) -> Result<(), Failure> {
         match &self.how {
-            How::Json => {
+            OutputFormat::Json => {
                 let ReceivedEvent { id, kind, data } = event;
                 outln!("{}", json!({ "id": id, "event": kind, "data": data }))?;
             }
-            How::Bar(bar) => {
+            OutputFormat::Bar(bar) => {
                 if let Some((done, message)) = bar_of(event) {
                     bar.set_position((done * FULL as f64) as u64);
                     bar.set_message(message);
@@ -56,12 +56,12 @@ impl JobDisplay {
                     bar.suspend(|| errln!("{note}"));
                 }
             }
-            How::Lines => {
+            OutputFormat::Lines => {
                 if let Some(line) = line_of(event) {
                     outln!("{line}")?;
                 }
             }
-            How::EndAlone => {}
+            OutputFormat::EndAlone => {}
         }
         Ok(())
     }
@@ -71,16 +71,16 @@ impl JobDisplay {
         let line = format!("upm: {}", on_one_line(line));
         match &self.how {
             _ if self.quiet => {}
-            How::Bar(bar) => bar.suspend(|| errln!("{line}")),
+            OutputFormat::Bar(bar) => bar.suspend(|| errln!("{line}")),
             _ => errln!("{line}"),
         }
     }
 
     pub fn ended(&self, job: &Job) -> Result<(), Failure> {
         match self.how {
-            How::Json => Ok(()),
-            How::EndAlone => outln!("{}", headline(job)),
-            How::Bar(_) | How::Lines => {
+            OutputFormat::Json => Ok(()),
+            OutputFormat::EndAlone => outln!("{}", headline(job)),
+            OutputFormat::Bar(_) | OutputFormat::Lines => {
                 print_job(job)?;
                 outln!("  {:15} upm show {}", "all of it", self.id)
             }
@@ -89,7 +89,7 @@ impl JobDisplay {
 
     /// Removes the bar.
     pub fn finish(&self) {
-        if let How::Bar(bar) = &self.how {
+        if let OutputFormat::Bar(bar) = &self.how {
             bar.finish_and_clear();
         }
     }

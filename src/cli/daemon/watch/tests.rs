@@ -37,7 +37,7 @@ fn snapshot(state: JobState) -> String {
 }
 
 #[test]
-fn events_are_read_as_the_standard_says() {
+fn events_are_parsed_per_the_sse_standard() {
     assert_eq!(
         read("retry: 1000\n\nid: 7\nevent: cycle\ndata: {\"a\":1}\n\n"),
         [event(Some(7), "cycle", json!({"a": 1}))]
@@ -69,7 +69,7 @@ fn a_job_is_followed_over_a_cut_in_the_middle_of_an_event() {
 }
 
 #[test]
-fn a_job_that_is_over_is_told_and_left() {
+fn watching_ends_once_the_daemon_reports_the_job_over() {
     let (over, bye) =
         (snapshot(JobState::Interrupted), "event: bye\ndata: {\"code\":\"job_over\",\"why\":\"the job is over\"}\n\n");
     let server = FakeServer::saying(vec![events(&[&over, bye], true)]);
@@ -84,7 +84,7 @@ fn a_job_that_is_over_is_told_and_left() {
 }
 
 #[test]
-fn a_daemon_that_says_no_or_stays_away_is_given_up() {
+fn watching_ends_when_the_daemon_refuses_or_stays_unreachable() {
     let none = json!([]);
     let server = FakeServer::saying(vec![problem(503, "too many event streams", "Retry-After: 10\r\n", &none)]);
     let all = heard(&server, None);
@@ -104,7 +104,7 @@ fn a_daemon_that_says_no_or_stays_away_is_given_up() {
 }
 
 #[test]
-fn what_happens_is_told_in_a_line() {
+fn each_event_is_shown_in_one_line() {
     let line = |kind: &str, data: Value| line_of(&event(None, kind, data));
     assert_eq!(line("state", json!({"state": "running", "at_s": 0})).unwrap(), "plate    0.0 s  running");
     let cycle = json!({"at_s": 12.34, "progress": 0.5, "cycle": 3, "pulses": 24, "phase": "to\u{1b} A"});

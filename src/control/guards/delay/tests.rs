@@ -24,7 +24,7 @@ fn frames(swing: &PlateSwing) -> u32 {
 }
 
 /// Findings in four consecutive pulses of `swing`, in frames that are `late` frames late.
-fn found(late: u32, swing: &PlateSwing) -> [Option<Late>; 4] {
+fn found(late: u32, swing: &PlateSwing) -> [Option<PictureLag>; 4] {
     let frames = frames(swing);
     let mut guard = DelayGuard::new(FRAME_HZ);
     let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
@@ -49,17 +49,16 @@ fn delay_is_measured_to_the_frame_by_the_third_pulse() {
             let (found, period) = (found(late, &pulse), frames(&pulse) as usize);
             let named = found[..3].iter().flatten().next();
             // two pulses may be over before one is visible
-            let delay = found.iter().flatten().find(|&&late| late != Late::Unseen);
+            let delay = found.iter().flatten().find(|&&late| late != PictureLag::Unseen);
             // pulses at equal intervals look alike
-            let is_right =
-                |&late_by: &Late| matches!(late_by, Late::By(by) if by.abs_diff(late as usize) % period == 0);
+            let is_right = |&late_by: &PictureLag| matches!(late_by, PictureLag::By(by) if by.abs_diff(late as usize) % period == 0);
             assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
         }
     }
 }
 
 #[test]
-fn a_push_that_swings_the_plate_farther_than_its_drive_is_no_sign_of_late_pictures() {
+fn push_beyond_the_drive_is_not_taken_for_late_pictures() {
     let pulse = swing(0.05, 30.0, 1.0 / 15.0, 0.2);
     let found = |pushed_px: f64| {
         let mut guard = DelayGuard::new(FRAME_HZ);
@@ -80,12 +79,12 @@ fn a_push_that_swings_the_plate_farther_than_its_drive_is_no_sign_of_late_pictur
     };
     let driven_px = (0..40).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
     assert!((0.8..3.0).contains(&driven_px), "{driven_px}");
-    assert_eq!(found(driven_px), Some(Late::Unseen));
+    assert_eq!(found(driven_px), Some(PictureLag::Unseen));
     assert_eq!(found(2.0 * driven_px + 0.4), None);
 }
 
 #[test]
-fn pictures_in_time_and_weak_pulses_tell_nothing() {
+fn pictures_in_time_and_weak_pulses_give_no_finding() {
     assert_eq!(found(0, &swing(0.3, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
     assert_eq!(found(6, &swing(0.001, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
     assert_eq!(DelayGuard::new(FRAME_HZ).end(), None, "no frames");
@@ -114,12 +113,12 @@ fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
     let driven_px = (0..30).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
     let higher = 0.9 * FARTHEST_PX / driven_px;
     assert!(higher > PUSHED + PUSHED_PX / driven_px, "{driven_px}");
-    assert_eq!(found(6, higher), Some(Late::By(6)));
+    assert_eq!(found(6, higher), Some(PictureLag::By(6)));
     assert_eq!(found(0, higher), None);
 }
 
 #[test]
-fn late_pictures_of_a_coil_that_stutters_are_told_by_the_shape_of_the_swing() {
+fn late_pictures_with_a_stuttering_coil_are_detected_by_swing_shape() {
     let pulse = swing(0.03, 60.0, 1.0 / 60.0, 0.1);
     let found = |late: u32| {
         let mut guard = DelayGuard::new(FRAME_HZ);
@@ -136,7 +135,7 @@ fn late_pictures_of_a_coil_that_stutters_are_told_by_the_shape_of_the_swing() {
         })
     };
     assert_eq!(found(0), [None; 2]);
-    assert_eq!(found(4), [None, Some(Late::By(4))]);
+    assert_eq!(found(4), [None, Some(PictureLag::By(4))]);
 }
 
 #[test]
@@ -161,7 +160,7 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
 
 /// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is the displacement of the
 /// plate in a frame as a multiple of the planned one.
-fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<Late>> {
+fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<PictureLag>> {
     let mut guard = DelayGuard::new(FRAME_HZ);
     let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
     let seen_px = |at: u32| {
@@ -202,7 +201,7 @@ fn pulse_that_shows_neither_does_not_restart_the_count_of_late_ones() {
         let is_second = |frame: u32| (begins[1]..begins[2] - late).contains(&frame);
         let height = |frame: u32| if is_second(frame) { second[0] + second[1] * f64::from(frame % 2) } else { 1.0 };
         let found = found_in(&begins, &pulse, late, height);
-        assert_eq!(found, [None, None, Some(Late::By(late as usize))]);
+        assert_eq!(found, [None, None, Some(PictureLag::By(late as usize))]);
         assert_eq!(found_in(&begins, &pulse, 0, height), [None; 3]);
     }
 }

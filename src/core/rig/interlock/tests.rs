@@ -27,7 +27,7 @@ impl Clock for HandClock {
 }
 
 #[test]
-fn the_first_trip_stands_but_for_an_emergency_stop() {
+fn first_trip_is_kept_unless_an_emergency_stop_follows() {
     let others = [Trip::Lease, Trip::Watchdog, Trip::Shutdown];
     for first in others {
         let interlock = Interlock::default();
@@ -55,7 +55,7 @@ fn a_trip_is_answered_when_motors_are_at_zero() {
     clock.pass(30);
     assert_eq!(rig.step(at(5)), Some(Trip::EStop));
     rig.motors_off(at(5));
-    let times = StopTimes { requested_at: at(4), silent_at: at(5), wall: Duration::from_nanos(30) };
+    let times = StopTimes { requested_at: at(4), motors_off_at: at(5), wall: Duration::from_nanos(30) };
     assert_eq!(interlock.stop_times(), Some(times));
     clock.pass(30);
     rig.motors_off(at(9));
@@ -63,13 +63,13 @@ fn a_trip_is_answered_when_motors_are_at_zero() {
 }
 
 #[test]
-fn what_is_silent_answers_at_once() {
+fn idle_rig_reports_motors_off_at_once() {
     let clock = Arc::new(HandClock::default());
     let interlock = Interlock::timed(clock.clone());
     assert_eq!(interlock.stop_times(), None);
     interlock.trip(Trip::EStop);
     let without_a_rig = interlock.stop_times().unwrap();
-    assert_eq!((without_a_rig.requested_at, without_a_rig.silent_at), (PlateTime::ZERO, PlateTime::ZERO));
+    assert_eq!((without_a_rig.requested_at, without_a_rig.motors_off_at), (PlateTime::ZERO, PlateTime::ZERO));
     assert!(interlock.release(Trip::EStop));
 
     let rig = interlock.attach(at(10)).unwrap();
@@ -80,7 +80,7 @@ fn what_is_silent_answers_at_once() {
     rig.step(at(70));
     interlock.trip(Trip::Watchdog);
     let answer = interlock.stop_times().unwrap();
-    assert_eq!((answer.requested_at, answer.silent_at, answer.wall), (at(70), at(70), Duration::ZERO));
+    assert_eq!((answer.requested_at, answer.motors_off_at, answer.wall), (at(70), at(70), Duration::ZERO));
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn a_stop_while_another_one_is_under_way_is_answered_for_itself() {
 }
 
 #[test]
-fn nothing_sounds_once_tripped() {
+fn motors_cannot_be_energized_once_tripped() {
     let interlock = Interlock::default();
     let rig = interlock.attach(PlateTime::ZERO).unwrap();
     interlock.trip(Trip::Shutdown);
@@ -130,19 +130,19 @@ fn a_trip_stays_while_a_rig_is_fitted_and_is_released_by_its_own_reason_alone() 
 }
 
 #[test]
-fn a_rig_that_is_gone_is_silent() {
+fn dropped_rig_counts_as_motors_off() {
     let interlock = Interlock::default();
     let rig = interlock.attach(PlateTime::ZERO).unwrap();
     rig.energize().unwrap();
     rig.step(at(3));
     interlock.trip(Trip::EStop);
     drop(rig);
-    assert_eq!(interlock.stop_times().unwrap().silent_at, at(3));
+    assert_eq!(interlock.stop_times().unwrap().motors_off_at, at(3));
     assert!(interlock.release(Trip::EStop));
 }
 
 #[test]
-fn a_trip_wakes_the_thread_that_drives() {
+fn trip_unparks_the_driver_thread() {
     let interlock = Interlock::default();
     let driver = {
         let interlock = interlock.clone();
@@ -186,13 +186,13 @@ fn of_many_at_once_one_trips_and_an_emergency_stop_is_never_lost() {
 
 proptest! {
     #[test]
-    fn a_word_keeps_what_is_put_into_it(state in 0u64..4, at_ns in any::<u64>(), why in 0usize..4) {
+    fn state_word_keeps_trip_time_and_flags(state in 0u64..4, at_ns in any::<u64>(), why in 0usize..4) {
         let state = StateWord(state << 62);
         let word = state.tripped(Trip::ALL[why], at_ns);
         prop_assert_eq!(word.trip(), Some(Trip::ALL[why]));
         prop_assert_eq!(word.requested_at().nanos(), at_ns.min(StateWord::TIME));
         prop_assert!(word.has(StateWord::ATTACHED) == state.has(StateWord::ATTACHED));
-        prop_assert!(word.has(StateWord::SOUNDING) == state.has(StateWord::SOUNDING));
+        prop_assert!(word.has(StateWord::DRIVING) == state.has(StateWord::DRIVING));
         prop_assert!(word.released() == state && state.trip().is_none());
     }
 }

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{Felt, MotionVerdict, Played, PulseJudge, felt, is_fault};
+use super::{AccelerometerPhasors, AssumedCoilSignals, MotionVerdict, PulseJudge, accelerometer_phasors, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
@@ -18,7 +18,7 @@ impl PulseJudge<'_> {
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
         let [share, others] = self.split(coil);
         let information = self.dot(&share, &share, 0..CHANNELS);
-        let along = |felt: &Felt| self.dot(&share, felt, 0..CHANNELS);
+        let along = |accelerometer_phasors: &AccelerometerPhasors| self.dot(&share, accelerometer_phasors, 0..CHANNELS);
         let gain = (along(&self.read.accel_mps2) - along(&others)) / information;
         let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
         let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)])) } else { f64::INFINITY };
@@ -34,7 +34,7 @@ impl PulseJudge<'_> {
     /// Score and verdict for the gains of `coil` and of all others that fit the reading best.
     fn coil_and_others(&self, coil: usize) -> (f64, MotionVerdict) {
         let parts = self.split(coil);
-        let dot = |a: &Felt, b: &Felt| self.dot(a, b, 0..CHANNELS);
+        let dot = |a: &AccelerometerPhasors, b: &AccelerometerPhasors| self.dot(a, b, 0..CHANNELS);
         let normal = Matrix2::from_fn(|row, column| dot(&parts[row], &parts[column]));
         let seen = Vector2::from_fn(|row, _| dot(&parts[row], &self.read.accel_mps2));
         let Some(inverse) = normal.try_inverse() else { return (f64::INFINITY, MotionVerdict::Other) };
@@ -46,20 +46,20 @@ impl PulseJudge<'_> {
     }
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
-    fn split(&self, coil: usize) -> [Felt; 2] {
-        let others = self.expected.velocity(self.planned.len(), &Played::Without(coil));
-        let others = felt(&others, self.expected.drive.base_radps, self.sensors.position_m);
+    fn split(&self, coil: usize) -> [AccelerometerPhasors; 2] {
+        let others = self.expected.velocity(self.planned.len(), &AssumedCoilSignals::Without(coil));
+        let others = accelerometer_phasors(&others, self.expected.drive.base_radps, self.sensors.position_m);
         [sum([(&self.planned, 1.0), (&others, -1.0)]), others]
     }
 
     pub(super) fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
-        let velocity = self.expected.velocity(self.planned.len(), &Played::Swapped(coils));
-        let predicted = felt(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
+        let velocity = self.expected.velocity(self.planned.len(), &AssumedCoilSignals::Swapped(coils));
+        let predicted = accelerometer_phasors(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
         (self.score(&predicted), MotionVerdict::Swapped { coils })
     }
 }
 
 /// Sum of two readings, each times a factor.
-fn sum([(a, of_a), (b, of_b)]: [(&Felt, f64); 2]) -> Felt {
+fn sum([(a, of_a), (b, of_b)]: [(&AccelerometerPhasors, f64); 2]) -> AccelerometerPhasors {
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| a[c] * of_a + b[c] * of_b)).collect()
 }

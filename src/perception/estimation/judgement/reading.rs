@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-use super::super::felt::Felt;
+use super::super::accelerometer_phasors::AccelerometerPhasors;
 use super::super::{PlateFit, WEAKEST_MPS2};
 use upm_core::signal::CHANNELS;
 
@@ -11,7 +11,7 @@ const NOISY: f64 = 10.0;
 
 /// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
 pub(super) struct TraceReading {
-    pub accel_mps2: Felt,
+    pub accel_mps2: AccelerometerPhasors,
     pub variance: Vec<f64>,
     /// The channel that is full of noise, if one is, with its share of the variance.
     pub noisy: Option<(usize, f64)>,

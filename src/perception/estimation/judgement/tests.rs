@@ -76,7 +76,8 @@ impl TestPlate {
         }
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
-        let velocity = ExpectedMotion { drive: &played, coils: &answers }.velocity(harmonics, &Played::Planned);
+        let velocity =
+            ExpectedMotion { drive: &played, coils: &answers }.velocity(harmonics, &AssumedCoilSignals::Planned);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {
@@ -94,7 +95,7 @@ impl TestPlate {
                 [x, y][channel % 2]
             })
         };
-        let samples = (drive.envelope.sounding_s() * SAMPLE_HZ) as usize;
+        let samples = (drive.envelope.driven_s() * SAMPLE_HZ) as usize;
         let mut counts: [Vec<i16>; CHANNELS] = Default::default();
         for shown in (0..samples).map(shown) {
             for ((channel, shown), gain) in counts.iter_mut().zip(shown).zip(self.channel_gain) {
@@ -230,7 +231,7 @@ proptest! {
 }
 
 #[test]
-fn erratic_channel_is_told_by_the_other_three() {
+fn erratic_channel_is_detected_by_the_other_three() {
     let drive = strong_field(3, 3.0);
     let mut trace = HEALTHY.trace(&drive, &mut Streams::new(3).stream("noise"));
     // another channel's motion
@@ -240,7 +241,7 @@ fn erratic_channel_is_told_by_the_other_three() {
 }
 
 #[test]
-fn several_faults_are_no_single_one() {
+fn several_faults_are_not_blamed_on_a_single_one() {
     let drive = strong_field(5, 3.0);
     for coil_gain in [[-1.0; MOTORS], [0.5; MOTORS], [0.0, 1.0, 0.0, 1.0], [0.7, 1.0, 1.4, 1.0]] {
         let judgement = TestPlate { coil_gain, ..HEALTHY }.judged(&drive, 5);
@@ -264,7 +265,7 @@ fn mismatch_is_relative_to_the_plan() {
 }
 
 #[test]
-fn unreadable_trace_of_a_strong_pulse_is_told_from_that_of_a_short_or_weak_one() {
+fn unreadable_strong_pulse_is_distinguished_from_a_short_or_weak_one() {
     let verdict = |plate: &TestPlate, drive: &Drive| plate.judged(drive, 9).verdict;
     let (strong, weak) = (MotionVerdict::Unreadable { strong: true }, MotionVerdict::Unreadable { strong: false });
     let dead_coils = TestPlate { coil_gain: [0.0; MOTORS], noise_mps2: 0.1, ..HEALTHY };

@@ -120,7 +120,7 @@ fn noise_and_drift_leave_the_wave_alone() {
 }
 
 #[test]
-fn a_harmonic_that_is_not_looked_for_is_residual() {
+fn unfitted_harmonic_is_left_in_the_residual() {
     let mut wave = random_wave(&mut Streams::new(5).stream("wave"), 30.0, 4);
     let lone = Twist::new(4.0 / (4.0 * wave.base_radps), 0.0, 0.0);
     wave.harmonics[3] = TwistHarmonic { cos: lone, sin: Twist::ZERO };
@@ -143,7 +143,7 @@ fn a_pump_wave_is_read_as_by_the_fit_of_rotations() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused() {
+fn traces_that_cannot_be_fitted_are_refused() {
     let wave = random_wave(&mut Streams::new(6).stream("wave"), 30.0, 8);
     let envelope = pulse(30.0, 2.0);
     let trace = trace_of(&wave, &envelope, RIG, [1.0; CHANNELS], &mut |_, _| 0.0);

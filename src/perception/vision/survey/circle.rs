@@ -92,7 +92,7 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The discs, their outline shares referred to the outline that the others leave visible.
-    pub(super) fn seen_past_each_other(&self, discs: Vec<DiscSpec>) -> Vec<DiscSpec> {
+    pub(super) fn with_mutual_occlusion(&self, discs: Vec<DiscSpec>) -> Vec<DiscSpec> {
         let open_share = |disc: &DiscSpec| {
             let margin_m = 1.5 / self.table.px_per_m_at(disc.at_m) + 0.03 * disc.radius_m;
             let near: Vec<&DiscSpec> = discs

@@ -81,13 +81,13 @@ impl PartLocalizer {
         let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
         let peak = hill_climb(disk, view.frame, x, y, self.classifier.dark_parts, disk.reach())?;
         let climbed = self.recognise(view, i, peak.vertex_px, expected);
-        if climbed.as_ref().is_some_and(|look| look.agreeing >= PLAIN_RAYS) {
+        if climbed.as_ref().is_some_and(|detection| detection.agreeing >= PLAIN_RAYS) {
             return climbed;
         }
         let still = Expected { speed_px: 0.0, ..*expected };
         let by_rim = [expected.place_px, seen.center_px].map(|place| self.recognise_far(view, i, place, &still));
         // Of equally good detections the first.
-        climbed.into_iter().chain(by_rim.into_iter().flatten()).rev().max_by_key(|look| look.agreeing)
+        climbed.into_iter().chain(by_rim.into_iter().flatten()).rev().max_by_key(|detection| detection.agreeing)
     }
 
     /// Detection of a part of the kind of part `i` whose rim is near `place_px`.
@@ -111,7 +111,7 @@ impl PartLocalizer {
             moved_px = (again.center_px - fit.center_px).norm();
             fit = again;
         }
-        self.look(view, i, &fit, expected)
+        self.detection(view, i, &fit, expected)
     }
 
     /// The same over a longer reach.
@@ -128,11 +128,11 @@ impl PartLocalizer {
         let far = self.classifier.rim::<25>(&view.sampler, &self.table, kind, foot_m, reach);
         let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, expected));
         let close = self.recognise(view, i, place_px, expected);
-        from_far.into_iter().chain(close).max_by_key(|look| look.agreeing)
+        from_far.into_iter().chain(close).max_by_key(|detection| detection.agreeing)
     }
 
     /// Detection of part `i` from a rim, if it is one.
-    fn look(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
+    fn detection(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
         let (part, disk) = (self.classifier.kinds.get(kind)?, self.disks.get(kind)?);
         if self.classifier.nearest_kind(fit.radius_m) != Some(kind)
@@ -196,8 +196,8 @@ impl PartLocalizer {
             tried.push(place);
             let peak = hill_climb(disk, view.frame, x as i64, y as i64, self.classifier.dark_parts, 4 * disk.reach())?;
             let found = self.recognise(view, i, peak.vertex_px, &still);
-            if let Some(look) = found.filter(|look| !self.is_taken(look.part.center_px, kind, taken)) {
-                return Some(look);
+            if let Some(detection) = found.filter(|detection| !self.is_taken(detection.part.center_px, kind, taken)) {
+                return Some(detection);
             }
         }
         None
@@ -230,6 +230,6 @@ impl PartLocalizer {
         let radius_px = self.radius_px(kind);
         let too_near =
             |part: &Detection| (part.center_px - place_px).norm() < APART * 0.5 * (part.radius_px + radius_px);
-        taken.iter().any(|look| too_near(&look.part))
+        taken.iter().any(|detection| too_near(&detection.part))
     }
 }

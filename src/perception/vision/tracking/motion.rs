@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_look_moves_less_than_a_good_one() {
+    fn uncertain_observation_moves_the_estimate_less() {
         let mut good = MotionModel::at_rest(Vec2::zeros(), 40.0, [100, 100]);
         good.step();
         let mut bad = good.clone();

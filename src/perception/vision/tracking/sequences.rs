@@ -113,7 +113,7 @@ fn parts_that_brush_past_each_other_keep_their_names() {
 }
 
 #[test]
-fn a_finger_hides_parts_and_is_none() {
+fn finger_hides_parts_and_is_not_taken_for_one() {
     for (seed, level) in [(1, 30.0), (2, 90.0), (3, 250.0)] {
         let places = |k: f64| vec![mm(-40.0 + 0.3 * k, 30.0), mm(-20.0 + 0.3 * k, 30.0), mm(30.0, 20.0 - 0.3 * k)];
         let mut sequence = TrackingSequence::start(small_scene(seed), &places(0.0));
@@ -142,7 +142,7 @@ fn curtain() -> Vec<ClutterShape> {
 }
 
 #[test]
-fn equal_parts_come_back_each_on_its_own_way() {
+fn equal_hidden_parts_reappear_on_their_own_paths() {
     for seed in 0..3 {
         let gap = PENNY_M * 1e3 + 0.3;
         let speed = [1.1 + 0.1 * seed as f64, 1.2];

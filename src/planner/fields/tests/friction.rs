@@ -19,7 +19,7 @@ fn distance(speed_mps: f64, sustain_s: f64, friction: f64) -> f64 {
     };
     let pull_mps = friction * 9.81 * STEP_S;
     let (mut v, mut x) = (0.0, 0.0);
-    for k in 0..(envelope.sounding_s() / STEP_S) as i32 {
+    for k in 0..(envelope.driven_s() / STEP_S) as i32 {
         let t_s = f64::from(k) * STEP_S;
         let slip = (belt_m(t_s + STEP_S) - belt_m(t_s)) / STEP_S - v;
         v += slip.clamp(-pull_mps, pull_mps);
@@ -54,7 +54,7 @@ fn a_table_made_with_a_friction_gives_it_back() {
 /// The rig file gives 0.3 with a spread of a tenth from coin to coin: the mean of the calibration's seven coins has a
 /// standard deviation of 3.8 %.
 #[test]
-fn the_shipped_library_knows_its_friction() {
+fn friction_is_recovered_from_the_shipped_library() {
     let found = friction_of(&upm_2()).unwrap();
     assert!((found / 0.3 - 1.0).abs() < 0.038, "{found}");
 }

@@ -110,7 +110,7 @@ fn steps_visit_every_phase_once_and_take_their_time() {
 }
 
 #[test]
-fn a_coefficient_knows_its_harmonic() {
+fn each_coefficient_is_mapped_to_its_harmonic() {
     let basis = basis(5);
     for j in 0..basis.len() {
         let mut coefficients = vec![0.0; basis.len()];

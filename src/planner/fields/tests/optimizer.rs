@@ -34,7 +34,7 @@ fn went(iterate: &Iterate, discs: &[RolloutDisc]) -> DVector<f64> {
 fn cost(problem: &ShootingProblem<'_>, iterate: &Iterate) -> f64 {
     let missing = problem.steps_m - went(iterate, problem.discs);
     let went_m = went(iterate, problem.discs);
-    missing.norm_squared() + problem.guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
+    missing.norm_squared() + problem.penalties.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
 }
 
 fn parts(discs: &[RolloutDisc]) -> Vec<PartState> {
@@ -51,15 +51,15 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, guarded in any::<bool>()) {
+    fn more_rounds_never_cost_more(scene in scene(6), sustain_s in 0.0..0.2f64, penalised in any::<bool>()) {
         let basis = upm_2_basis();
         let effort = upm_2_effort(&basis);
-        let guards: Vec<SeparationPenalty> =
-            guarded.then(|| SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
+        let penalties: Vec<SeparationPenalty> =
+            penalised.then(|| SeparationPenalty::of_limit(Limit::Edge { part: 0 }, &parts(&scene.discs), scene.steps_m.as_slice())).flatten().into_iter().collect();
         let ShootingSetup { discs, steps_m, start } = scene;
         let problem = ShootingProblem {
             basis: &basis, effort: &effort, discs: &discs, steps_m: &steps_m,
-            envelope: &upm_2_envelope(sustain_s), guards: &guards, pool: &RolloutPool::default(),
+            envelope: &upm_2_envelope(sustain_s), penalties: &penalties, pool: &RolloutPool::default(),
         };
         let first = problem.iterate(&start);
         let mut before = cost(&problem, &first);
@@ -88,7 +88,7 @@ proptest! {
         let scale = 0.2 * effort.norm(&known) / effort.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);
         let blank = DVector::zeros(2 * discs.len());
-        let problem = ShootingProblem { basis: &basis, effort: &effort, discs: &discs, steps_m: &blank, envelope: &envelope, guards: &[], pool: &RolloutPool::default() };
+        let problem = ShootingProblem { basis: &basis, effort: &effort, discs: &discs, steps_m: &blank, envelope: &envelope, penalties: &[], pool: &RolloutPool::default() };
         let steps_m = went(&problem.iterate(&known), &discs);
         let problem = ShootingProblem { steps_m: &steps_m, ..problem };
         let away = |share: f64| -> Vec<f64> { known.iter().zip(&off).map(|(c, d)| c + share * d).collect() };
@@ -103,7 +103,7 @@ proptest! {
 /// After a search without guards, a few rounds with guards on the parts that came nearer. Steps and guards are weighed
 /// against each other, so single scenes may deviate; only the sum over all is checked.
 #[test]
-fn guards_hold_what_they_guard() {
+fn penalised_directions_are_held_in_sum() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(2).stream("guards");
     let basis = upm_2_basis();
@@ -116,7 +116,7 @@ fn guards_hold_what_they_guard() {
         let steps_m = DVector::from_iterator(2 * count, (0..2 * count).map(|_| draw(0.015)));
         let start: Vec<f64> = (0..basis.len()).map(|j| draw(1.0) / basis.harmonic_of(j) as f64).collect();
         let limits = [Limit::Edge { part: 0 }, Limit::Separation { parts: [1, 2] }];
-        let guards =
+        let penalties =
             limits.map(|limit| SeparationPenalty::of_limit(limit, &parts(&discs), steps_m.as_slice()).unwrap());
         let free = ShootingProblem {
             basis: &basis,
@@ -124,19 +124,19 @@ fn guards_hold_what_they_guard() {
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
-            guards: &[],
+            penalties: &[],
             pool: &RolloutPool::default(),
         };
-        let guarded = ShootingProblem { guards: &guards, ..free };
+        let penalised = ShootingProblem { penalties: &penalties, ..free };
         let astray_sq = |iterate: &Iterate| {
             let went_m = went(iterate, &discs);
-            guards.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
+            penalties.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum::<f64>()
         };
         let iterate = free.improved(free.iterate(&start), 20);
         let without = astray_sq(&iterate);
-        let start = guarded.iterate(&iterate.coefficients);
-        let held = guarded.improved(start.clone(), 3);
-        assert!(cost(&guarded, &held) <= cost(&guarded, &start), "{count}");
+        let start = penalised.iterate(&iterate.coefficients);
+        let held = penalised.improved(start.clone(), 3);
+        assert!(cost(&penalised, &held) <= cost(&penalised, &start), "{count}");
         let with = astray_sq(&held);
         (sum_without, sum_with) = (sum_without + without, sum_with + with);
     }
@@ -146,7 +146,7 @@ fn guards_hold_what_they_guard() {
 /// Away from the edge beside a part; along the line between two parts, with the second part's displacement counted
 /// negative.
 #[test]
-fn guards_stand_across_what_they_guard() {
+fn penalties_act_away_from_the_edge_and_along_the_pair() {
     let discs = [coin(Vec2::new(0.02, -0.13), FRICTION), coin(Vec2::new(0.05, -0.09), FRICTION)];
     let parts = parts(&discs);
     let nothing = [0.0; 4];

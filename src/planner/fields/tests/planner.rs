@@ -8,7 +8,7 @@ use crate::friction::friction_of;
 use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 
 /// Instants per period at which the planner checks the limits.
-const LOOKS: usize = 4;
+const OBSERVATIONS: usize = 4;
 const SWAY_M: f64 = 0.25e-3;
 
 fn params() -> PlannerParams {
@@ -110,7 +110,7 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
 
     let clearances = Clearances::of(parts, &limits);
     let mut before_m = start_m.clone();
-    for places_m in rollout(parts, pulse, basis.steps_a_period() / LOOKS) {
+    for places_m in rollout(parts, pulse, basis.steps_a_period() / OBSERVATIONS) {
         assert_eq!(clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M), None);
         before_m = places_m;
     }
@@ -129,7 +129,7 @@ proptest! {
 
     /// When all limits are kept at the start a plan is found, also by a planner with state from other parts.
     #[test]
-    fn plans_keep_their_promises(scenes in proptest::collection::vec(scene(), 1..4)) {
+    fn plans_are_solved_and_their_forecasts_kept(scenes in proptest::collection::vec(scene(), 1..4)) {
         let mut planner = planner();
         for parts in &scenes {
             let plan = kept_plan(&mut planner, parts);
@@ -171,7 +171,7 @@ proptest! {
 }
 
 #[test]
-fn nothing_worth_a_pulse_and_parts_that_are_nowhere_end_without_one() {
+fn trivial_steps_and_nonfinite_inputs_end_without_a_pulse() {
     fixture::ends_without_a_plan(|parts| planner().plan(parts).status);
     let nowhere = penny(mm(1.0, 2.0), mm(f64::INFINITY, 0.0));
     assert!(matches!(planner().plan(&[nowhere]).status, PlanStatus::SolverFailed(_)));
@@ -239,7 +239,7 @@ fn a_library_without_fields_or_friction_has_no_planner() {
 
 /// When the parts did not move although a plan predicted it, the same plan is not made again.
 #[test]
-fn a_broken_promise_is_not_made_again() {
+fn plan_that_moved_nothing_is_not_repeated() {
     let parts = [at(-30.0, 10.0, 0.4, -0.3), at(40.0, -20.0, -0.2, 0.5), at(0.0, 60.0, 0.3, 0.3)];
     let mut planner = planner();
     let plans: Vec<Plan> = (0..4).map(|_| kept_plan(&mut planner, &parts)).collect();

@@ -101,7 +101,7 @@ proptest! {
     /// The slopes leave out that a change of the motion also moves the plate's centre, about which spin acts: an error
     /// of up to 3 % of the largest slope.
     #[test]
-    fn slopes_are_central_differences_but_for_the_centre(
+    fn slopes_match_central_differences_up_to_the_moving_centre(
         coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64,
     ) {
         let coefficients = full(&upm_2_basis(), &coefficients);
@@ -176,7 +176,7 @@ proptest! {
 }
 
 #[test]
-fn points_end_where_coulombs_law_in_fine_steps_says() {
+fn points_end_as_coulombs_law_in_fine_steps_predicts() {
     use rand::RngExt as _;
     let mut rng = upm_core::random::Streams::new(1).stream("points");
     let basis = upm_2_basis();

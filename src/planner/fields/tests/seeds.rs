@@ -7,7 +7,7 @@ use super::*;
 /// Nodes along a side of the seed library's tables.
 const NODES: usize = 17;
 /// Price of a displacement across the wanted step, relative to one along it.
-const ASTRAY: f64 = 0.3;
+const CROSS_STEP_PRICE: f64 = 0.3;
 /// Symmetries of a square.
 const SYMMETRIES: usize = 8;
 
@@ -34,11 +34,11 @@ fn score(mean_forces: &[Vec2], steps_m: &[Vec2]) -> f64 {
     let length = steps_m.iter().map(Vec2::norm_squared).sum::<f64>().sqrt();
     let along = mean_forces.iter().zip(steps_m).map(|(mean_force, step)| mean_force.dot(step)).sum::<f64>() / length;
     let square: f64 = mean_forces.iter().map(Vec2::norm_squared).sum();
-    along - ASTRAY * (square - along * along).max(0.0).sqrt()
+    along - CROSS_STEP_PRICE * (square - along * along).max(0.0).sqrt()
 }
 
 /// Scores of `motions`.
-fn promises(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
+fn scores(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], steps_m: &[Vec2]) -> Vec<f64> {
     let of = |motion: &Vec<f64>| {
         let samples = basis.motion(motion);
         let mean_forces: Vec<Vec2> = positions_m.iter().map(|&p| mean_force(&samples, p)).collect();
@@ -48,9 +48,9 @@ fn promises(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], s
 }
 
 /// Largest amount by which a later score exceeds an earlier one.
-fn disorder(promises: &[f64]) -> f64 {
+fn disorder(scores: &[f64]) -> f64 {
     let fold = |(worst, least): (f64, f64), &p: &f64| (worst.max(p - least), least.min(p));
-    promises.iter().fold((0.0, f64::INFINITY), fold).0
+    scores.iter().fold((0.0, f64::INFINITY), fold).0
 }
 
 fn node() -> impl Strategy<Value = Vec2> {
@@ -78,27 +78,27 @@ proptest! {
         for (scene, most) in [(at_nodes, 0.05), (between, 0.1)] {
             let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
             let motions = all(&seeds, &basis, &positions_m, &steps_m);
-            let promises = promises(&basis, &motions, &positions_m, &steps_m);
-            prop_assert!(disorder(&promises) < most, "{}", disorder(&promises));
+            let scores = scores(&basis, &motions, &positions_m, &steps_m);
+            prop_assert!(disorder(&scores) < most, "{}", disorder(&scores));
         }
     }
 
-    /// The reported pushes equal those of the motions with their symmetry and direction applied.
+    /// The reported mean forces equal those of the motions with their symmetry and direction applied.
     #[test]
-    fn all_pushes_are_those_of_the_laid_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
+    fn all_mean_forces_are_those_of_the_transformed_motions(scene in proptest::collection::vec((node(), step()), 1..4)) {
         let basis = basis();
         let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
         let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let scores = seeds.all_mean_forces(&positions_m).map(|there| {
+        let reported = seeds.all_mean_forces(&positions_m).map(|there| {
             let back: Vec<Vec2> = there.iter().map(|mean_force| -mean_force).collect();
             score(&there, &steps_m).max(score(&back, &steps_m))
         });
-        let mut scores: Vec<f64> = scores.collect();
-        let mut transformed = promises(&basis, &all(&seeds, &basis, &positions_m, &steps_m), &positions_m, &steps_m);
-        prop_assert_eq!(scores.len(), transformed.len());
-        scores.sort_by(f64::total_cmp);
+        let mut reported: Vec<f64> = reported.collect();
+        let mut transformed = scores(&basis, &all(&seeds, &basis, &positions_m, &steps_m), &positions_m, &steps_m);
+        prop_assert_eq!(reported.len(), transformed.len());
+        reported.sort_by(f64::total_cmp);
         transformed.sort_by(f64::total_cmp);
-        let worst = scores.iter().zip(&transformed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let worst = reported.iter().zip(&transformed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         prop_assert!(worst < 0.05, "{worst}");
     }
 

@@ -45,7 +45,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn plans_keep_their_promises(count in 1usize..9, reach_m in 0.0..0.03f64, seed: u64) {
+    fn plans_match_their_forecasts_and_keep_the_limits(count in 1usize..9, reach_m in 0.0..0.03f64, seed: u64) {
         let parts = scene(count, reach_m, seed);
         let plan = planner().plan(&parts);
         keeps_its_promises(&parts, &plan)?;
@@ -63,7 +63,7 @@ proptest! {
 }
 
 #[test]
-fn a_corner_holds_what_wants_out() {
+fn part_in_a_corner_is_not_moved_off_the_plate() {
     let corner = HALF_SIDE_M - PENNY_M - params().edge_margin_m;
     for step in [mm(5.0, 5.0), mm(5.0, 0.0), mm(0.0, 3.0)] {
         let parts = [penny(Vec2::new(corner, corner), step)];

@@ -48,7 +48,7 @@ fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
 }
 
 #[test]
-fn every_fault_is_told_with_its_place() {
+fn every_fault_is_reported_with_its_path() {
     let rig = value_of("rigs/upm-2.json");
     let mut inline = rig.clone();
     inline.as_object_mut().unwrap().remove("library");
@@ -81,7 +81,7 @@ keep.events: expected at least keep.events_per_job (10000), found 5000";
 }
 
 #[test]
-fn keys_types_and_ranges_are_told_first() {
+fn keys_types_and_ranges_are_reported_first() {
     for (pointer, value, expected) in [
         ("/queue", json!(0), ["queue: expected ", ", found 0"]),
         ("/queue", json!(10_001), ["queue: expected ", ", found 10001"]),
@@ -112,7 +112,7 @@ fn a_request_may_not_bring_a_daemon_that_names_files() {
 }
 
 #[test]
-fn a_job_may_say_its_plates_rig_and_no_other() {
+fn job_may_repeat_its_plates_rig_but_name_no_other() {
     let spec = DaemonSpec::load(&shipped("daemon.json")).unwrap();
     let strong = &spec.plate("upm-2").unwrap().rig;
     let origin = Origin::of_request("job");
@@ -179,7 +179,7 @@ fn shipped_plate_has_an_endless_standing_job_that_starts_running() {
 }
 
 #[test]
-fn invalid_standing_job_is_told_in_one_line_with_its_place() {
+fn invalid_standing_job_is_reported_in_one_line_with_its_path() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("job.json");
     let with = |pointer: &str, value: Value| {

@@ -35,11 +35,15 @@ fn a_file_of_another_kind_is_one_fault() {
 }
 
 #[test]
-fn syntax_tells_line_and_column() {
+fn syntax_fault_reports_line_and_column() {
     let line = listing("{\n  \"name\": \"x\",,\n}");
-    assert!(line.starts_with("bad.json: not valid JSON: key must be a string at line 2 column 15"), "{line}");
+    assert!(
+        line.starts_with("bad.json: expected JSON, found a mistake: key must be a string at line 2 column 15"),
+        "{line}"
+    );
     for (text, word) in [
-        ("", "EOF"),
+        ("", "an empty file"),
+        ("{", "the end of the file"),
         ("{} x", "trailing"),
         ("{\"seed\": 1e999}", "out of range"),
         ("{\"seed\": NaN}", "expected value"),
@@ -51,7 +55,7 @@ fn syntax_tells_line_and_column() {
 }
 
 #[test]
-fn a_key_that_stands_twice_is_a_fault() {
+fn duplicate_key_is_a_fault() {
     let text = value_of("plus-sign.json").to_string().replacen('{', "{\"seed\": 3, ", 1);
     assert!(
         listing(&text).contains("seed: expected each key once, found the key \"seed\" a second time"),

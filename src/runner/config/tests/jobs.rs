@@ -65,7 +65,7 @@ fn every_task_is_valid() {
 }
 
 #[test]
-fn job_without_an_end_is_known_by_its_task_and_its_limit() {
+fn endless_job_is_detected_by_task_and_limit() {
     let path = |repeat: u32| json!({"waypoints_mm": [[0, 0], [20, 0]], "speed_mm_s": 10, "repeat": repeat});
     let is_endless = |task: Value| {
         let mut document = value_of("plus-sign.json");
@@ -170,7 +170,7 @@ fn parts_too_large_or_too_many_are_faults() {
 }
 
 #[test]
-fn nothing_is_told_that_follows_from_a_part_too_large() {
+fn oversized_part_is_reported_without_its_consequences() {
     let mut rig = value_of("rigs/upm-1.json");
     set(&mut rig, "/kinds", json!({"tray": {"diameter_mm": 300, "mass_g": 80, "thickness_mm": 2}}));
     let path = json!({"waypoints_mm": [[0, 0], [20, 0]], "speed_mm_s": 5});
@@ -189,7 +189,7 @@ fn nothing_is_told_that_follows_from_a_part_too_large() {
 }
 
 #[test]
-fn kinds_on_the_plate_must_be_told_apart_by_size() {
+fn kinds_on_the_plate_must_differ_in_size() {
     let mut rig = value_of("rigs/upm-2.json");
     let disc = |diameter_mm: f64| json!({"diameter_mm": diameter_mm, "mass_g": 3, "thickness_mm": 2});
     set(&mut rig, "/kinds", json!({"cent": disc(19.3), "token": disc(19.7)}));

@@ -87,7 +87,7 @@ fn targets_and_parts_go_one_to_one() {
 }
 
 #[test]
-fn targets_lie_as_far_apart_as_parts_need() {
+fn targets_must_be_as_far_apart_as_parts_need() {
     let mixed = json!([{"kind": "penny"}, {"kind": "quarter"}]);
     // (19.05 + 24.26) / 2 + 2 = 23.655
     assert_eq!(
@@ -102,7 +102,7 @@ fn targets_lie_as_far_apart_as_parts_need() {
 }
 
 #[test]
-fn targets_lie_where_the_planner_takes_parts() {
+fn targets_must_be_where_the_planner_takes_parts() {
     // 152.4 - 9.525 - 1 = 141.875
     let line = |found: &str| {
         format!(

@@ -13,7 +13,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn parts_lie_apart_and_inside(seed in any::<u64>(), pennies in 1..12_u32, quarters in 1..8_u32) {
+    fn placed_parts_are_apart_and_inside(seed in any::<u64>(), pennies in 1..12_u32, quarters in 1..8_u32) {
         let parts = json!([
             {"kind": "penny", "count": pennies},
             {"kind": "dime", "position_mm": [140, -140]},
@@ -48,7 +48,7 @@ fn ids_count_within_a_kind_in_job_order() {
 }
 
 #[test]
-fn friction_spreads_as_told() {
+fn friction_is_spread_as_configured() {
     let spec = job(&mixed(json!([{"kind": "dime", "count": 60}]))).unwrap();
     let frictions: Vec<f64> = (0..20)
         .flat_map(|seed| place_parts(&spec, Streams::new(seed)).unwrap())

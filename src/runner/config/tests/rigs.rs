@@ -48,7 +48,7 @@ fn accelerometers_are_not_driven_out_of_range() {
 }
 
 #[test]
-fn fingerprint_follows_what_a_library_rests_on() {
+fn fingerprint_depends_only_on_the_inputs_of_a_library() {
     let base = value_of("rigs/upm-1.json");
     let fingerprint = |pointer: &str, value: Value| {
         let mut document = base.clone();

@@ -48,7 +48,7 @@ fn proposed(fault: &str, key: &str) -> f64 {
 }
 
 #[test]
-fn each_rule_puts_the_parts_where_it_says() {
+fn each_rule_places_parts_as_specified() {
     let places = arranged(&pennies(10), &json!({"line": {"from_mm": [-120, 30], "to_mm": [120, 30]}})).unwrap();
     assert_eq!((places[0], places[9]), (Vec2::new(-0.12, 0.03), Vec2::new(0.12, 0.03)));
     let places =
@@ -235,7 +235,7 @@ proptest! {
     }
 
     #[test]
-    fn made_targets_keep_what_typed_ones_must(
+    fn generated_targets_obey_the_limits_of_typed_ones(
         which in 0..4_usize, count in 1..20_usize, size_mm in 1.0..160.0f64, x in -150.0..150.0f64, y in -150.0..150.0f64,
         quarters in 0..3_usize,
     ) {

@@ -91,7 +91,7 @@ fn frequencies_are_held_to_step_generator_and_resonance() {
 }
 
 #[test]
-fn points_are_for_experiments_alone() {
+fn points_are_accepted_in_experiments_only() {
     let with_point = |mut document: Value, diameter_mm: f64| {
         document["rig"] = value_of("rigs/upm-1.json");
         document["rig"]["kinds"]["point"] = json!({"diameter_mm": diameter_mm, "mass_g": 2.5, "thickness_mm": 1.5});

@@ -35,7 +35,7 @@ fn a_trace_is_read_in_si_with_its_defaults() {
 }
 
 #[test]
-fn what_is_written_reads_back() {
+fn written_trace_is_read_back_unchanged() {
     let mut document = trace();
     set(&mut document, "/first_sample_s", json!(-0.003));
     set(&mut document, "/channel_gain", json!([1.01, 0.98, 1.0, 1.003]));
@@ -48,7 +48,7 @@ fn what_is_written_reads_back() {
 }
 
 #[test]
-fn every_fault_of_a_trace_is_told_with_its_place() {
+fn every_fault_of_a_trace_is_reported_with_its_path() {
     for (pointer, value, line) in [
         ("/sample_hz", json!(700), "sample_hz: expected 800 or more (16 samples to a period of base_hz), found 700"),
         (

@@ -66,7 +66,7 @@ fn centres_are_counted_where_they_are() {
 }
 
 #[test]
-fn shades_go_from_the_least_step_to_the_longest_and_leave_out_what_is_not_reached() {
+fn shades_span_least_to_longest_step_and_skip_unreached_places() {
     let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
     coverage.places.iter_mut().for_each(|place| place.longest_step_m = 0.026);
     coverage.places[0].longest_step_m = 0.027;

@@ -23,7 +23,7 @@ fn along_x_alone_nothing_goes_up() {
 }
 
 #[test]
-fn what_moves_all_alike_moves_none_alone() {
+fn flows_that_move_all_parts_alike_have_no_independence() {
     let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.4, 0.4, 0.0)]);
     let both = Independence::of_rotations(&made, &[Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.02)]);
     assert_eq!(both.singular_values.len(), 4);

@@ -129,7 +129,7 @@ fn the_first_frame_starts_the_clock_and_every_frame_takes_its_period() {
 }
 
 #[test]
-fn who_is_later_than_a_frame_missed_a_deadline_and_the_plate_does_not_hurry() {
+fn delay_over_a_frame_misses_a_deadline_and_is_not_made_up() {
     let world = World::at(0);
     world.paced(|rig| {
         capture(rig).unwrap();
@@ -193,7 +193,7 @@ fn control_away_during_a_pulse_finds_the_plate_where_it_left_it_under_relaxed_de
 }
 
 #[test]
-fn slow_computer_falls_behind_by_what_each_frame_takes_too_long() {
+fn slow_computer_falls_behind_by_the_excess_time_of_each_frame() {
     let world = World::at(0);
     world.capture_takes.set(2 * PERIOD);
     world.paced(|rig| (0..61).for_each(|_| capture(rig).unwrap()));
@@ -232,7 +232,7 @@ fn a_trip_ends_the_wait_and_stops_the_rig_at_once() {
 }
 
 #[test]
-fn a_clock_that_stands_still_keeps_nobody_waiting() {
+fn stopped_clock_does_not_block_a_capture() {
     let (world, clock) = (World::at(0), upm_core::time::StoppedClock);
     let mut rig = MadeUp { world: &world, settled_at: PlateTime::ZERO };
     let (stats, interlock, deadlines) = (&world.stats, &world.interlock, DeadlinePolicy::Strict);

@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_looks_like_a_secret_goes() {
+    fn secret_looking_words_are_removed() {
         for word in [
             "hIq8Zr0pT3vL5mWn9xYb2cKd7fGj4sAe",
             "0123456789abcdef0123456789abcdef",
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_configuration_only_what_is_known_to_be_harmless_stays() {
+    fn only_harmless_values_of_a_configuration_are_kept() {
         let given = json!({
             "listen": "127.0.0.1:8750", "data": "../data", "token_file": "my-token", "queue": 64,
             "hosts": ["lab.example.org"], "plates": [{"name": "left", "rig": {"library": "x.json", "side_mm": 203.2}}],

@@ -139,7 +139,7 @@ fn no_planted_secret_is_in_a_bundle() {
     let config: Value = serde_json::from_str(&text_of(&files, "config.json")).unwrap();
     assert_eq!((&config["token_file"], &config["hosts"][0]), (&json!("[removed]"), &json!("[removed]")));
     assert_eq!((&config["queue"], &config["plates"][1]["name"]), (&json!(64), &json!("upm-2")));
-    assert_eq!(made.missing, ["the latches: No such file or directory (os error 2)"]);
+    assert_eq!(made.missing, ["the latches: no such file"]);
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn the_daemon_goes_on_and_afterwards_its_folder_is_as_it_was() {
 }
 
 #[test]
-fn what_is_missing_is_reported() {
+fn missing_bundle_parts_are_reported() {
     let faults = DaemonSpec::from_json(&format!("{{\"listen\": \"{TOKEN}\"}}"), &Origin::of_request("x")).unwrap_err();
     let empty = tempfile::tempdir().unwrap();
     let (made, files) = made_of(Err(&faults), Some(empty.path()));

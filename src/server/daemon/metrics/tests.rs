@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::text;
-use crate::daemon::observed::Observed;
+use crate::daemon::status::Observed;
 use crate::store::StoreFault;
 
 /// All samples of one metric, as a strict OpenMetrics parser reads them.
@@ -109,7 +109,7 @@ fn of<'a>(families: &'a [ParsedMetrics], name: &str) -> &'a ParsedMetrics {
 /// Name, type, unit and labels of every metric against the golden file. `UPM_REMAKE_GOLDEN=1` rewrites that file.
 #[test]
 fn names_types_units_and_labels_stay() {
-    let families = read(&text(&Observed::well()));
+    let families = read(&text(&Observed::healthy()));
     let line_of = |family: &ParsedMetrics| {
         let labels: Vec<&str> = family.samples[0].0.iter().map(|(name, _)| name.as_str()).collect();
         let unit = family.unit.as_deref().unwrap_or("-");
@@ -124,8 +124,8 @@ fn names_types_units_and_labels_stay() {
 }
 
 #[test]
-fn figures_are_what_was_observed() {
-    let families = read(&text(&Observed::well()));
+fn metrics_equal_the_observed_values() {
+    let families = read(&text(&Observed::healthy()));
     let value = |name: &str, labels: &[(&str, &str)]| of(&families, name).value(labels);
     assert_eq!(value("upm_uptime_seconds", &[]), Some(61.5));
     assert_eq!(value("upm_plate_state", &[("plate", "left"), ("state", "running")]), Some(1.0));
@@ -146,8 +146,8 @@ fn figures_are_what_was_observed() {
 }
 
 #[test]
-fn what_cannot_be_known_is_left_out_and_odd_names_are_read_back() {
-    let mut observed = Observed::well();
+fn unknown_values_are_omitted_and_odd_names_read_back() {
+    let mut observed = Observed::healthy();
     observed.disk.free_bytes = None;
     observed.plates[1].name = "a\\b\"c\nd,e}=".to_owned();
     observed.store.fault = Some(StoreFault::Full);

@@ -28,7 +28,7 @@ fn checked_job_is_laid_out_and_not_queued() {
 }
 
 #[test]
-fn layout_is_told_while_the_job_is_on_its_plate() {
+fn layout_is_available_while_the_job_is_on_its_plate() {
     let running = RunningDaemon::new();
     let id = running.submit(ENDLESS).unwrap().id;
     let layout = soon("the job is not laid out", || kept(running.backend.layout(&id)).ok());

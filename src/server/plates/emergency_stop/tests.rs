@@ -113,7 +113,7 @@ fn stop_of(is_stopped: bool) -> EmergencyStop {
 
 proptest! {
     #[test]
-    fn every_step_does_what_the_table_says(steps in prop::collection::vec(step(), 1..60)) {
+    fn every_step_follows_the_state_table(steps in prop::collection::vec(step(), 1..60)) {
         let mut stop = stop_of(false);
         let mut attached: Option<InterlockGuard> = None;
         let mut tokens: Vec<(StopToken, u32)> = Vec::new();
@@ -170,7 +170,7 @@ proptest! {
             }
             prop_assert_eq!(stop.state(), model.state);
             prop_assert_eq!(stop.holds(), model.state != StopState::Released);
-            prop_assert_eq!(stop.wait_until_kept(Duration::ZERO), model.is_latched() && model.kept);
+            prop_assert_eq!(stop.wait_until_persisted(Duration::ZERO), model.is_latched() && model.kept);
             prop_assert_eq!(stop.cause().is_some(), stop.holds());
             prop_assert_eq!(stop.interlock().tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
         }
@@ -179,7 +179,7 @@ proptest! {
 }
 
 #[test]
-fn waits_end_when_the_motors_are_silent_and_when_the_disk_has_the_stop() {
+fn waits_end_when_motors_are_off_and_when_the_stop_is_persisted() {
     let long = Duration::from_secs(60);
     let stop = stop_of(false);
     let _fitted = stop.interlock().attach(PlateTime::ZERO);
@@ -188,16 +188,16 @@ fn waits_end_when_the_motors_are_silent_and_when_the_disk_has_the_stop() {
     thread::scope(|scope| {
         let silent = scope.spawn(|| {
             start.wait();
-            stop.wait_until_silent(long)
+            stop.wait_until_motors_off(long)
         });
         let kept = scope.spawn(|| {
             start.wait();
-            stop.wait_until_kept(long)
+            stop.wait_until_persisted(long)
         });
         stop.stop();
         start.wait();
-        assert_eq!(stop.wait_until_silent(Duration::from_millis(1)), None, "it sounds");
-        assert!(!stop.wait_until_kept(Duration::from_millis(1)));
+        assert_eq!(stop.wait_until_motors_off(Duration::from_millis(1)), None, "it sounds");
+        assert!(!stop.wait_until_persisted(Duration::from_millis(1)));
         stop.interlock().motors_off(PlateTime::from_secs(0.001));
         stop.latch.keep();
         assert!(silent.join().unwrap().is_some() && kept.join().unwrap());

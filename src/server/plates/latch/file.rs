@@ -2,7 +2,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use crate::store::{Displaced, HeldPath};
+use crate::store::{DisplacedFile, WatchedPath};
 use upm_core::files::sync_folder;
 
 const STOPPED: &[u8; 16] = b"upm: stopped    ";
@@ -12,7 +12,7 @@ pub(super) const RELEASED: &[u8; 16] = b"upm: released   ";
 #[derive(Debug)]
 pub(super) struct LatchFile {
     file: File,
-    held: HeldPath,
+    held: WatchedPath,
     /// State that was written last; `None` when unknown.
     written: Option<bool>,
 }
@@ -29,9 +29,9 @@ impl LatchFile {
             Err(error) if error.kind() == ErrorKind::NotFound => (options.create_new(true).open(&path)?, true),
             opened => (opened?, false),
         };
-        let mut latch = Self { held: HeldPath::of(&path, &file)?, file, written: None };
+        let mut latch = Self { held: WatchedPath::of(&path, &file)?, file, written: None };
         if !is_new {
-            let released = latch.says_released();
+            let released = latch.is_released();
             latch.written = Some(!released);
             return Ok((latch, !released));
         }
@@ -49,7 +49,7 @@ impl LatchFile {
         Ok((latch, known))
     }
 
-    fn says_released(&self) -> bool {
+    fn is_released(&self) -> bool {
         let mut text = Vec::new();
         let whole = (&self.file).take(1024).read_to_end(&mut text).is_ok();
         whole && text == RELEASED
@@ -72,14 +72,14 @@ impl LatchFile {
     }
 
     /// The path of the file with the file it must name.
-    pub fn held(&self) -> &HeldPath {
+    pub fn held(&self) -> &WatchedPath {
         &self.held
     }
 }
 
 /// Compares each path with the file it must name; `Err` is the first that is displaced.
-pub(super) fn check_all(held: &[HeldPath]) -> Result<(), Displaced> {
-    held.iter().try_for_each(HeldPath::check)
+pub(super) fn check_all(held: &[WatchedPath]) -> Result<(), DisplacedFile> {
+    held.iter().try_for_each(WatchedPath::check)
 }
 
 /// Creates the folder of the latch files durably: a power cut does not remove it.
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_file_of_a_known_plate_says_stopped_and_of_a_new_one_released() {
+    fn missing_file_means_stopped_for_a_known_plate_and_released_for_a_new_one() {
         let folder = tempfile::tempdir().unwrap();
         assert!(!open(folder.path(), false).1);
         assert!(!open(folder.path(), true).1, "it is there now");

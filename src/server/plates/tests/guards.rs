@@ -23,7 +23,7 @@ fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (s
 }
 
 #[test]
-fn control_waits_for_sight_as_long_as_its_guards_allow_whatever_the_watchdog_sees() {
+fn guards_bound_the_wait_for_pictures_beyond_watchdog_limits() {
     const { assert!(WATCHDOG.no_part_s < 1.0, "the watchdog would be first") };
     let (report, pause) = ended_with("camera", "freeze", 0.3, Some(1.3));
     assert_eq!((report["outcome"].as_str(), pause), (Some("completed"), None), "{}", report["reason"]);
@@ -36,7 +36,7 @@ fn control_waits_for_sight_as_long_as_its_guards_allow_whatever_the_watchdog_see
 }
 
 #[test]
-fn a_lost_part_stops_the_plate_for_a_person_to_look() {
+fn lost_part_pauses_the_plate_for_an_operator() {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -65,7 +65,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
 }
 
 #[test]
-fn an_end_by_a_guard_stops_the_plate_for_a_person_to_look() {
+fn end_by_a_guard_pauses_the_plate_for_an_operator() {
     let test_plates = TestPlates::new();
     let mut wrong = library();
     for entry in &mut wrong.entries {

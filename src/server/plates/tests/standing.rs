@@ -121,7 +121,7 @@ fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
 }
 
 #[test]
-fn cancelled_standing_job_waits_for_a_person() {
+fn cancelled_standing_job_waits_for_an_operator() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
@@ -158,7 +158,7 @@ fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
 }
 
 #[test]
-fn failed_standing_job_waits_for_a_person_and_says_why() {
+fn failed_standing_job_waits_for_an_operator_and_reports_why() {
     let test_plates = test_plates(setup(r#"{ "type": "arrange", "targets_mm": [[-100, 0]] }"#, 0.5));
     let plates = ShutDownPlates(test_plates.open(None));
     let why = until(plates.get("one").unwrap(), StandingState::Paused);

@@ -7,7 +7,7 @@ use std::thread;
 
 use super::*;
 use crate::plates::emergency_stop::StopState;
-use crate::store::{AuditEntry, Claimed, JobEnd, JobStore, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
+use crate::store::{AuditEntry, ClaimedJob, JobEnd, JobStore, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
 use upm_core::job::StopCause;
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingHandle, WriterStatus};
@@ -32,7 +32,7 @@ impl JobStore for FaultInjector {
         &self,
         plate: &str,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    ) -> Result<Option<ClaimedJob>, StoreFault> {
         self.job_store.claim(plate, folder)
     }
 
@@ -40,7 +40,7 @@ impl JobStore for FaultInjector {
         &self,
         job: &NewJob,
         folder: &dyn Fn(&JobRow) -> io::Result<String>,
-    ) -> Result<Option<Claimed>, StoreFault> {
+    ) -> Result<Option<ClaimedJob>, StoreFault> {
         self.job_store.begin_standing(job, folder)
     }
 
@@ -133,7 +133,7 @@ fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stop
 }
 
 #[test]
-fn a_reset_that_cannot_be_written_down_is_none() {
+fn unrecorded_reset_is_refused() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -233,7 +233,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
 }
 
 #[test]
-fn the_last_word_of_control_ends_the_watch() {
+fn watch_is_over_once_the_run_has_finished() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -247,7 +247,7 @@ fn the_last_word_of_control_ends_the_watch() {
 }
 
 #[test]
-fn a_job_that_had_begun_is_not_run_over_what_it_left() {
+fn job_with_a_used_run_folder_is_not_run_again() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
@@ -272,10 +272,10 @@ fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    assert!(plate.record_estop(Requester::default()));
+    assert!(plate.record_estop(ResetRequester::default()));
     std::fs::remove_dir_all(test_plates.folder.path().join("latch")).unwrap();
     plate.estop();
-    assert!(!plate.record_estop(Requester::default()), "it was persisted, and is no longer");
+    assert!(!plate.record_estop(ResetRequester::default()), "it was persisted, and is no longer");
     assert!(stopped(plate));
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
+fn plate_has_its_own_live_stream_if_configured() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
     let plate = plates.get("one").unwrap();
@@ -18,7 +18,7 @@ fn a_plate_has_a_live_stream_of_its_own_if_wanted() {
 }
 
 #[test]
-fn pictures_are_made_for_those_who_look() {
+fn pictures_are_made_on_request() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -40,7 +40,7 @@ fn pictures_are_made_for_those_who_look() {
 }
 
 #[test]
-fn control_never_waits_for_those_who_watch() {
+fn run_observer_has_no_blocking_call() {
     let source = include_str!("../run_observer.rs");
     for waits in ["lock(", "recv", ".join(", "park", "sleep", "std::fs", "File", "rustix"] {
         assert!(!source.contains(waits), "run_observer.rs is called by the control loop and has `{waits}`");

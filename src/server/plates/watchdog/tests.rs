@@ -89,7 +89,7 @@ fn a_plan_may_take_longer_than_a_frame() {
 }
 
 #[test]
-fn a_run_is_over_with_its_last_word_unless_frames_come_after_it() {
+fn run_is_over_at_its_end_unless_frames_follow() {
     let heartbeat = Heartbeat::default();
     assert!(!heartbeat.is_over());
     heartbeat.end();
@@ -109,7 +109,7 @@ fn the_deadlines_of_the_run_before_are_not_held_against_a_new_one() {
 }
 
 #[test]
-fn parts_that_nobody_sees_are_reported() {
+fn unseen_parts_are_reported() {
     let mut watchdog = Watchdog::new(SPEC);
     let blind = |now_ms: u64, heartbeat: &Heartbeat| {
         heartbeat.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000, false);
@@ -142,7 +142,7 @@ fn stalled_publisher_trips_watchdog() {
     let mut watchdog = Watchdog::new(SPEC);
     let hangs = |now_ms: u64, heartbeat: &Heartbeat| {
         heartbeat.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), true, false);
-        heartbeat.could_tell(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
+        heartbeat.note_publish(at(now_ms), !(2000..2400).contains(&now_ms) && now_ms < 4000);
     };
     let found = first_found(&mut watchdog, 1000, 9000, hangs, |_| STRICT);
     assert_eq!(found, fault(4510, StopCause::EventsBlocked, "no event could be stored for 0.5 s"));
@@ -163,7 +163,7 @@ fn a_journal_that_waits_for_the_disk_is_reported() {
 }
 
 #[test]
-fn a_program_that_stood_still_is_nobodys_fault() {
+fn suspended_process_is_not_blamed() {
     let (mut watchdog, heartbeat) = (Watchdog::new(SPEC), Heartbeat::default());
     heartbeat.frame(at(1000), PlateTime::ZERO, true, false);
     assert_eq!(watchdog.check(at(1000), &heartbeat, STRICT, None), None);
@@ -204,7 +204,7 @@ fn planner_that_never_returns_is_reported_under_relaxed_deadlines() {
 }
 
 #[test]
-fn time_in_which_the_program_stood_still_is_no_hang() {
+fn suspended_time_is_not_counted_as_a_hang() {
     let (mut watchdog, heartbeat) = (Watchdog::new(SPEC), Heartbeat::default());
     heartbeat.frame(at(1000), PlateTime::ZERO, true, true);
     // suspended for a minute, then on a machine so busy that the watchdog itself checks twice a second

@@ -24,10 +24,10 @@ pub type Pending<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
 /// Ids are 32 hex digits and names of plates plain names; the API rejects anything else first.
 pub trait Backend: Send + Sync {
     /// Checks a job and queues it. The promise is fulfilled once the job is on the disk.
-    fn submit(&self, order: Submission) -> Pending<JobCreated>;
+    fn submit(&self, submission: Submission) -> Pending<JobCreated>;
 
     /// Checks a job as for queueing. Queues nothing.
-    fn check(&self, order: Submission) -> Pending<Checked>;
+    fn check(&self, submission: Submission) -> Pending<Checked>;
 
     /// The job with that id.
     fn job(&self, id: &str) -> Pending<Job>;
@@ -240,6 +240,6 @@ pub fn pending<T: Send + 'static>(start: impl FnOnce(Responder<T>)) -> Pending<T
 }
 
 /// A promise that is already fulfilled.
-pub fn kept<T: Send + 'static>(outcome: Result<T, Refusal>) -> Pending<T> {
+pub fn ready<T: Send + 'static>(outcome: Result<T, Refusal>) -> Pending<T> {
     Box::pin(async move { outcome })
 }

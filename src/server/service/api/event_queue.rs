@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_event_is_written_as_the_standard_says() {
+    fn event_is_written_per_the_sse_standard() {
         assert_eq!(StreamEvent::new(Some(7), "cycle", "{}").text, "id: 7\nevent: cycle\ndata: {}\n\n");
         assert_eq!(StreamEvent::new(None, "look", "{\n\r}").text, "event: look\ndata: {  }\n\n");
     }

@@ -24,7 +24,7 @@ pub struct Checked {
     pub name: String,
     /// Plate to which it would go.
     pub plate: String,
-    /// Its layout.
+    /// Parts, targets, bins and paths that the job asks for.
     pub layout: LayoutView,
 }
 
@@ -33,7 +33,7 @@ pub struct Checked {
 pub struct LayoutPart {
     /// Name of its kind.
     pub kind: String,
-    /// Its radius, mm.
+    /// Radius of the kind's outline, mm.
     pub radius_mm: f64,
 }
 

@@ -48,7 +48,7 @@ pub(super) struct Param {
     pub name: &'static str,
     pub location: ParamIn,
     pub description: &'static str,
-    /// JSON Schema of its value.
+    /// Makes the JSON Schema that its values must match.
     pub schema: fn() -> serde_json::Value,
 }
 

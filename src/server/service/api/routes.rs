@@ -67,7 +67,7 @@ const SUBMIT_PARAMS: &[Param] = &[
     Param {
         name: "pace",
         location: ParamIn::Query,
-        description: "How fast the job runs; left out: as the daemon's configuration says, `real-time` unless changed.",
+        description: "How fast the job runs; left out: the pace in the daemon's configuration, `real-time` if none is set.",
         schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::code)}),
     },
 ];
@@ -143,7 +143,7 @@ const LAST_EVENT_ID: Param = Param {
 const RANGE: Param = Param {
     name: "Range",
     location: ParamIn::Header,
-    description: "One range of bytes; anything else is not looked at.",
+    description: "A single byte range; any other value is ignored.",
     schema: || json!({"type": "string"}),
 };
 
@@ -174,15 +174,17 @@ fn plate_operations() -> Vec<Operation> {
 
 /// Operations on the daemon itself, and the files it serves. Those without a scope need no token.
 fn own_operations() -> Vec<Operation> {
-    const WELL: &[ResponseSpec] = &[answer(200, "Yes. Otherwise 503 and why.", MediaType::Json(schema_of::<Health>))];
+    const HEALTHY: &[ResponseSpec] =
+        &[answer(200, "The check passed. On failure: 503 with the reasons.", MediaType::Json(schema_of::<Health>))];
     const METRICS: &[ResponseSpec] = &[answer(200, "OpenMetrics.", MediaType::Media(plates::OPENMETRICS))];
     const DOCUMENT: &[ResponseSpec] = &[answer(200, "OpenAPI 3.1.", MediaType::Media("application/json"))];
-    const UNCHANGED: ResponseSpec = answer(304, "As it was: its `If-None-Match` still holds.", MediaType::Nothing);
+    const UNCHANGED: ResponseSpec =
+        answer(304, "Not modified: the tag in `If-None-Match` is current.", MediaType::Nothing);
     const PAGE: &[ResponseSpec] = &[answer(200, "The page.", MediaType::Media("text/html")), UNCHANGED];
     const ASSET: &[ResponseSpec] = &[answer(200, "The file.", MediaType::Media("*/*")), UNCHANGED];
     vec![
-        Operation { scope: None, ..get("healthz", "/healthz", "Is the daemon well?", WELL, plates::healthz) },
-        Operation { scope: None, ..get("readyz", "/readyz", "Does it take jobs?", WELL, plates::readyz) },
+        Operation { scope: None, ..get("healthz", "/healthz", "Liveness", HEALTHY, plates::healthz) },
+        Operation { scope: None, ..get("readyz", "/readyz", "Does it take jobs?", HEALTHY, plates::readyz) },
         get("metrics", "/metrics", "Figures for Prometheus", METRICS, plates::metrics),
         get("openapi", "/openapi.json", "This document", DOCUMENT, files::openapi),
         Operation {

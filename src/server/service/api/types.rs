@@ -14,7 +14,7 @@ pub struct Job {
     pub id: String,
     /// Name of the job; several jobs may have the same.
     pub name: String,
-    /// State of the job.
+    /// Stage between submission and end, at the time of the answer.
     pub state: JobState,
     /// Plate on which it runs.
     pub plate: String,
@@ -52,7 +52,7 @@ pub struct Job {
 /// A page of jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JobsPage {
-    /// The jobs.
+    /// At most `limit` jobs of those that match the query.
     pub jobs: Vec<Job>,
     /// Cursor of the next page; null on the last.
     pub next: Option<String>,
@@ -63,7 +63,7 @@ pub struct JobsPage {
 pub struct StandingJob {
     /// Name of the job.
     pub name: String,
-    /// Its state.
+    /// Whether it runs, waits for its turn or is paused.
     pub state: StandingState,
     /// Why it does not run; empty when it does, or only waits for its turn.
     pub why: String,
@@ -96,7 +96,7 @@ pub struct PlateCondition {
 pub struct Plate {
     /// Name of the plate.
     pub name: String,
-    /// State of the plate.
+    /// Whether it is idle, runs a job, or is held by a pause or an emergency stop.
     pub state: PlateState,
     /// Why it is idle; empty when it runs a job or could.
     pub why: String,
@@ -143,7 +143,7 @@ pub struct Plate {
     pub live: Option<String>,
 }
 
-/// All plates.
+/// Every plate of the daemon at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plates {
     /// The plates, in the order of the configuration.

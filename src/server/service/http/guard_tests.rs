@@ -22,7 +22,7 @@ async fn status(listen: &str, path: &str, headers: &[(&str, &str)]) -> u16 {
 }
 
 #[tokio::test]
-async fn hosts_of_the_daemon_alone() {
+async fn only_hosts_of_the_daemon_are_allowed() {
     let table = [
         ("localhost", 200),
         ("localhost:8750", 200),
@@ -86,7 +86,7 @@ async fn an_absolute_address_is_held_to_the_same() {
 }
 
 #[tokio::test]
-async fn addresses_will_do_where_all_are_listened_on() {
+async fn any_ip_address_is_allowed_as_host_when_listening_on_all() {
     for (host, wanted) in [("192.168.3.4:8750", 200), ("[fe80::1]", 200), ("evil.example", 403), ("localhost", 200)] {
         assert_eq!(status("0.0.0.0:8750", "/", &[("host", host)]).await, wanted, "{host}");
         assert_eq!(status("[::]:8750", "/", &[("host", host)]).await, wanted, "{host}");
@@ -96,7 +96,7 @@ async fn addresses_will_do_where_all_are_listened_on() {
 }
 
 #[tokio::test]
-async fn origins_of_the_daemon_alone() {
+async fn only_origins_of_the_daemon_are_allowed() {
     let table = [
         ("http://localhost:8750", 200),
         ("http://LOCALHOST:8750", 200),

@@ -34,7 +34,7 @@ pub struct HttpLimits {
     /// Largest body, bytes.
     pub body_bytes: usize,
     /// Memory for all bodies together.
-    pub bodies: BodyRoom,
+    pub bodies: BodyMemoryLimit,
     /// Longest time for a complete header to arrive, and longest idle time of a connection between requests.
     pub header_time: Duration,
     /// Longest time for a complete body to arrive.
@@ -73,7 +73,7 @@ impl Default for HttpLimits {
             header_bytes: 16 << 10,
             header_lines: 64,
             body_bytes: usize::try_from(MOST_BYTES).unwrap_or(usize::MAX),
-            bodies: BodyRoom::of(64 << 20),
+            bodies: BodyMemoryLimit::of(64 << 20),
             header_time: Duration::from_secs(5),
             body_time: Duration::from_secs(10),
             handler_time: Duration::from_secs(10),
@@ -98,7 +98,7 @@ impl HttpLimits {
         &self,
         headers: &HeaderMap,
         body: Body,
-    ) -> Result<(Bytes, HeldRoom), Problem> {
+    ) -> Result<(Bytes, BodyMemoryPermit), Problem> {
         let mut room = self.bodies.for_one();
         let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
         if announced.is_some_and(|bytes| bytes > self.body_bytes as u64) {
@@ -110,12 +110,12 @@ impl HttpLimits {
         }
         match timeout(self.body_time, collect(body, self.body_bytes, &mut room)).await {
             Ok(Ok(bytes)) => Ok((bytes, room)),
-            Ok(Err(Unread::TooLarge)) => Err(self.too_large()),
-            Ok(Err(Unread::NoRoom)) => {
+            Ok(Err(BodyReadError::TooLarge)) => Err(self.too_large()),
+            Ok(Err(BodyReadError::NoRoom)) => {
                 let detail = "the bodies of other requests take all the memory there is for them";
                 Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(1)))
             }
-            Ok(Err(Unread::Broken)) => Err(Problem::new(ProblemKind::Malformed, "the body broke off")),
+            Ok(Err(BodyReadError::Broken)) => Err(Problem::new(ProblemKind::Malformed, "the body broke off")),
             Err(_) => {
                 let detail = format!("the body was not here after {} s", self.body_time.as_secs_f64());
                 Err(closing(Problem::new(ProblemKind::RequestTimeout, detail)))
@@ -177,22 +177,22 @@ fn closing(problem: Problem) -> Problem {
     problem.with_header(CONNECTION, HeaderValue::from_static("close"))
 }
 
-enum Unread {
+enum BodyReadError {
     TooLarge,
     NoRoom,
     Broken,
 }
 
-async fn collect(body: Body, most: usize, room: &mut HeldRoom) -> Result<Bytes, Unread> {
+async fn collect(body: Body, most: usize, room: &mut BodyMemoryPermit) -> Result<Bytes, BodyReadError> {
     let (mut body, mut bytes) = (pin!(body), BytesMut::new());
     while let Some(frame) = body.frame().await {
-        let Ok(data) = frame.map_err(|_| Unread::Broken)?.into_data() else { continue };
+        let Ok(data) = frame.map_err(|_| BodyReadError::Broken)?.into_data() else { continue };
         if bytes.len() + data.len() > most {
-            return Err(Unread::TooLarge);
+            return Err(BodyReadError::TooLarge);
         }
         // a growing buffer takes up to twice its contents
         if !room.grow_to(2 * (bytes.len() + data.len())) {
-            return Err(Unread::NoRoom);
+            return Err(BodyReadError::NoRoom);
         }
         bytes.extend_from_slice(&data);
     }
@@ -209,28 +209,28 @@ pub async fn limit(State(limits): State<Arc<HttpLimits>>, request: Request, next
 
 /// The memory that all request bodies together may take, shared by all copies.
 #[derive(Clone, Debug)]
-pub struct BodyRoom(Arc<AtomicUsize>);
+pub struct BodyMemoryLimit(Arc<AtomicUsize>);
 
-impl BodyRoom {
+impl BodyMemoryLimit {
     /// A memory limit of `bytes`.
     pub fn of(bytes: usize) -> Self {
         Self(Arc::new(AtomicUsize::new(bytes)))
     }
 
     /// An empty reservation for one body.
-    fn for_one(&self) -> HeldRoom {
-        HeldRoom { room: self.clone(), bytes: 0 }
+    fn for_one(&self) -> BodyMemoryPermit {
+        BodyMemoryPermit { room: self.clone(), bytes: 0 }
     }
 }
 
-/// The share of one body in a [`BodyRoom`]; freed on drop.
+/// The share of one body in a [`BodyMemoryLimit`]; freed on drop.
 #[derive(Debug)]
-pub(in crate::service) struct HeldRoom {
-    room: BodyRoom,
+pub(in crate::service) struct BodyMemoryPermit {
+    room: BodyMemoryLimit,
     bytes: usize,
 }
 
-impl HeldRoom {
+impl BodyMemoryPermit {
     /// Grows the reservation to `bytes` in total. False when that exceeds the memory left: it then stays as it is.
     fn grow_to(&mut self, bytes: usize) -> bool {
         let more = bytes.saturating_sub(self.bytes);
@@ -243,7 +243,7 @@ impl HeldRoom {
     }
 }
 
-impl Drop for HeldRoom {
+impl Drop for BodyMemoryPermit {
     fn drop(&mut self) {
         self.room.0.fetch_add(self.bytes, Ordering::AcqRel);
     }
@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn bodies_together_take_no_more_than_the_room() {
-        let room = BodyRoom::of(10);
+        let room = BodyMemoryLimit::of(10);
         let (mut first, mut second) = (room.for_one(), room.for_one());
         assert!(first.grow_to(6) && first.grow_to(3), "a body does not shrink");
         assert!(second.grow_to(4) && !second.grow_to(5));

@@ -146,7 +146,7 @@ fn a_slow_body_is_a_problem() {
 
 #[tokio::test]
 async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
-    let limits = HttpLimits { bodies: BodyRoom::of(100_000), ..HttpLimits::default() };
+    let limits = HttpLimits { bodies: BodyMemoryLimit::of(100_000), ..HttpLimits::default() };
     let read = async |bytes: usize| limits.read_body(&HeaderMap::new(), Body::from(vec![b' '; bytes])).await;
     let held = read(40_000).await.unwrap();
     assert_eq!(read(30_000).await.unwrap_err().kind(), ProblemKind::Unavailable);
@@ -183,7 +183,7 @@ fn too_large_request_gets_a_problem_that_the_client_can_read() {
 }
 
 #[test]
-fn garbage_is_no_request_and_refused() {
+fn malformed_requests_are_refused() {
     let server = TestServer::start(|_| ());
     for garbage in [b"\x16\x03\x01\x02\x00\x01".as_slice(), b"nonsense\r\n\r\n", b"GET /\xff HTTP/9.9\r\n\r\n"] {
         assert!(server.exchange(garbage).starts_with("HTTP/1.1 400 "), "{garbage:?}");
@@ -261,7 +261,7 @@ fn a_thousand_connections_are_answered_at_once() {
 }
 
 #[test]
-fn a_client_that_reads_nothing_is_let_go() {
+fn client_that_reads_nothing_is_disconnected() {
     let mut server = TestServer::start(|limits| {
         limits.stalled_time = Duration::from_millis(100);
         limits.ending_time = Duration::from_secs(60);
@@ -273,7 +273,7 @@ fn a_client_that_reads_nothing_is_let_go() {
 }
 
 #[test]
-fn shutdown_is_bounded_whatever_clients_do() {
+fn shutdown_is_bounded_despite_stalled_clients() {
     let mut server = TestServer::start(|limits| {
         limits.header_time = Duration::from_secs(60);
         limits.handler_time = Duration::from_secs(60);

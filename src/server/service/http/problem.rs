@@ -231,7 +231,7 @@ mod tests {
     use upm_runner::config::Path;
 
     #[test]
-    fn every_kind_has_a_status_and_an_address_of_its_own() {
+    fn every_kind_has_its_own_status_and_address() {
         let statuses: BTreeSet<u16> = ProblemKind::ALL.iter().map(|kind| kind.status().as_u16()).collect();
         let addresses: BTreeSet<String> = ProblemKind::ALL.iter().map(|kind| kind.address()).collect();
         assert_eq!((statuses.len(), addresses.len()), (ProblemKind::ALL.len(), ProblemKind::ALL.len()));

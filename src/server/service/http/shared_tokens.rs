@@ -12,7 +12,7 @@ use super::{Problem, ProblemKind};
 use upm_core::time::{Clock, MonotonicClock};
 
 /// Least time between two log entries on wrong tokens.
-const TOLD_EVERY: Duration = Duration::from_secs(60);
+const LOG_INTERVAL: Duration = Duration::from_secs(60);
 
 /// The accepted tokens, and a count of wrong ones. Copies share both.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ impl SharedTokens {
         let due = due(&mut self.0.wrong.lock(), self.0.clock.elapsed());
         if let Some((requests, remote)) = due {
             let remote = remote.map(|remote| remote.to_string()).unwrap_or_default();
-            tracing::warn!(requests, remote, "refused: the token is none of this daemon's");
+            tracing::warn!(requests, remote, "rejected requests with an unknown token");
         }
     }
 }
@@ -84,7 +84,7 @@ impl WrongTokens {
 
     /// The number to log now, and the address of the last request.
     fn due(&mut self, now: Duration) -> Option<(u64, Option<SocketAddr>)> {
-        let is_due = self.told_at.is_none_or(|told_at| now.saturating_sub(told_at) >= TOLD_EVERY);
+        let is_due = self.told_at.is_none_or(|told_at| now.saturating_sub(told_at) >= LOG_INTERVAL);
         if self.count == 0 || !is_due {
             return None;
         }

@@ -60,7 +60,7 @@ fn closed(folder: &Path, known: RecordingStatus) -> RecordingStatus {
 
 /// True when the report, or the journal of a run without a report, says that the recording ended before the run did.
 fn ends_early(folder: &Path) -> bool {
-    let Some(report) = text_of(&folder.join("report.json")) else { return journal_tells(folder) };
+    let Some(report) = text_of(&folder.join("report.json")) else { return journal_reports_early_end(folder) };
     let report: Value = serde_json::from_str(&report).unwrap_or_default();
     let of_0_1_0 = |text: &Value| text.as_str().is_some_and(|text| text.starts_with(legacy::RECORDING_ENDS_EARLY));
     report["recording"].is_object() || report["warnings"].as_array().is_some_and(|texts| texts.iter().any(of_0_1_0))
@@ -68,7 +68,7 @@ fn ends_early(folder: &Path) -> bool {
 
 /// Searches a journal for the end of its recording, block by block, since it may be long. False for an unreadable
 /// journal.
-fn journal_tells(folder: &Path) -> bool {
+fn journal_reports_early_end(folder: &Path) -> bool {
     let Ok(mut file) = open_run_file(folder, "journal.jsonl") else { return false };
     let coded = |end: RecordingEnd| format!("\"code\":\"{}\"", end.code());
     let of_0_1_0 = format!("\"text\":\"{}", legacy::RECORDING_ENDS_EARLY);
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn journal_and_report_tell_of_a_recording_that_ends_early() {
+    fn early_end_of_a_recording_is_read_from_journal_and_report() {
         let folder = tempfile::tempdir().unwrap();
         let journal = folder.path().join("journal.jsonl");
         assert!(!ends_early(folder.path()));
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn an_end_is_what_the_report_says() {
+    fn end_of_a_run_is_read_from_its_report() {
         let folder = tempfile::tempdir().unwrap();
         for (report, state, stop) in [
             (r#"{"outcome": "completed"}"#, JobState::Completed, None),

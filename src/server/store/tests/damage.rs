@@ -112,7 +112,7 @@ fn zeroed_page_never_hides_a_run_or_starts_a_job() {
 }
 
 #[test]
-fn wherever_it_is_cut_off_what_ran_is_known_and_nothing_begins() {
+fn store_truncated_anywhere_keeps_past_runs_and_starts_no_job() {
     let (left, _) = left_behind();
     into_one_file(left.path());
     let whole = fs::read(left.path().join("upm.db")).unwrap();

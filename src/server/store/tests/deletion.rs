@@ -1,9 +1,9 @@
 //! Deletion of jobs on request.
 
 use super::*;
-use crate::store::Deleted;
+use crate::store::DeleteOutcome;
 
-fn delete(store: &Store, id: JobId) -> Deleted {
+fn delete(store: &Store, id: JobId) -> DeleteOutcome {
     ask(|done| store.delete(&id, done)).unwrap()
 }
 
@@ -15,20 +15,20 @@ fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
         append(&store, id, "{}").unwrap();
         store.finish(&id, end(JobState::Completed)).unwrap();
     }
-    assert!(matches!(delete(&store, gone), Deleted::Now(row, None) if row.id == gone));
+    assert!(matches!(delete(&store, gone), DeleteOutcome::Now(row, None) if row.id == gone));
     assert_eq!(all_jobs(&store).iter().map(|row| row.id).collect::<Vec<_>>(), [kept]);
     assert!(ask(|done| store.replay(&gone, 0, 10, done)).unwrap().is_none());
     store.sweep().unwrap();
     assert!(!store.runs().join("gone").exists() && store.runs().join("kept").exists());
     assert_eq!(std::fs::read_dir(folder.path().join(".trash")).unwrap().count(), 0);
-    assert_eq!(delete(&store, gone), Deleted::Unknown);
+    assert_eq!(delete(&store, gone), DeleteOutcome::Unknown);
 }
 
 #[test]
-fn queued_job_that_is_deleted_never_runs_and_tells_its_end() {
+fn deleted_queued_job_never_runs_and_reports_its_end() {
     let (_folder, store) = new_store(limits());
     let [first, second] = ["first", "second"].map(|name| queue(&store, name, "a").id);
-    let Deleted::Now(row, Some(finished)) = delete(&store, first) else { panic!("not deleted") };
+    let DeleteOutcome::Now(row, Some(finished)) = delete(&store, first) else { panic!("not deleted") };
     assert_eq!((row.id, row.state, finished.kind.as_str()), (first, JobState::Cancelled, FINISHED));
     assert_eq!(store.claim("a", &super::folder(&store)).unwrap().unwrap().row.id, second);
 }
@@ -37,11 +37,11 @@ fn queued_job_that_is_deleted_never_runs_and_tells_its_end() {
 fn running_job_is_not_deleted() {
     let (_folder, store) = new_store(limits());
     let id = begin(&store, "runs", "a").row.id;
-    assert!(matches!(delete(&store, id), Deleted::Not(row) if row.state == JobState::Running));
+    assert!(matches!(delete(&store, id), DeleteOutcome::Not(row) if row.state == JobState::Running));
     store.sweep().unwrap();
     assert!(store.runs().join("runs").exists());
     store.finish(&id, end(JobState::Completed)).unwrap();
-    assert!(matches!(delete(&store, id), Deleted::Now(..)));
+    assert!(matches!(delete(&store, id), DeleteOutcome::Now(..)));
 }
 
 #[test]
@@ -49,7 +49,7 @@ fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
     let (folder, store) = new_store(limits());
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
     let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
-    assert!(matches!(delete(&store, row.id), Deleted::Now(..)));
+    assert!(matches!(delete(&store, row.id), DeleteOutcome::Now(..)));
     assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));
     assert!(store.close(PATIENCE));
     drop(store);

@@ -116,7 +116,7 @@ fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
 }
 
 #[test]
-fn one_fault_is_no_others() {
+fn one_failed_task_does_not_fail_the_others() {
     let (_folder, store) = new_store(limits());
     let held = store.hold();
     assert!(store.audit(act("ann")));

@@ -46,7 +46,7 @@ fn a_job_that_waits_and_has_run_is_ended_and_never_run_again() {
 }
 
 #[test]
-fn a_lost_log_makes_no_second_job_of_a_run() {
+fn run_is_recovered_as_one_job_after_a_lost_log() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     run_of(&store, &row);
@@ -64,7 +64,7 @@ fn a_lost_log_makes_no_second_job_of_a_run() {
 }
 
 #[test]
-fn a_store_moved_aside_makes_no_second_job_of_a_run() {
+fn run_is_recovered_as_one_job_after_the_store_is_moved_aside() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     run_of(&store, &row);

@@ -51,7 +51,7 @@ fn accept_until_refused(store: &Store) -> usize {
 }
 
 #[test]
-fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
+fn full_disk_refuses_jobs_and_still_stores_essential_writes() {
     let Some(disk) = SmallDisk::mounted(16 << 20) else {
         eprintln!("no disk could be mounted: not tested");
         return;
@@ -95,7 +95,7 @@ fn on_a_full_disk_jobs_are_refused_and_what_matters_is_written() {
 }
 
 #[test]
-fn a_store_that_may_not_grow_says_full_and_goes_on_when_it_may() {
+fn store_at_its_size_limit_reports_full_and_recovers_when_raised() {
     let (folder, store) = new_store(StoreLimits { queued: 10_000, ..limits() });
     let pages = |number: u32| {
         let sql = format!("PRAGMA max_page_count = {number}");

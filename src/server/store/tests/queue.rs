@@ -183,7 +183,7 @@ fn a_repeated_key_gives_the_first_job_again() {
 }
 
 #[test]
-fn keys_are_forgotten_with_age_and_the_time_between_two_starts_is_none() {
+fn keys_are_forgotten_with_age_not_counting_time_between_starts() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
@@ -245,7 +245,7 @@ fn pages_joined_are_the_whole_list() {
 }
 
 #[test]
-fn a_closed_store_says_so() {
+fn closed_store_reports_that_it_is_closed() {
     let (_folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
     assert!(store.health().heartbeat < PATIENCE);

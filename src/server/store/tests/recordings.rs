@@ -32,7 +32,7 @@ fn a_recording_that_failed_is_repaired_where_something_is_left_of_it() {
 }
 
 #[test]
-fn a_recording_closed_before_its_run_was_over_is_no_whole_one() {
+fn recording_closed_before_the_end_of_its_run_is_not_whole() {
     let (folder, store) = new_store(limits());
     let runs = [
         ("stopped", r#","code":"recording_stopped""#, "run.rrd", RecordingStatus::Stopped),

@@ -252,7 +252,7 @@ fn wall_clock_that_jumps_makes_nothing_old() {
 }
 
 #[test]
-fn job_never_ends_before_it_was_submitted_whatever_the_wall_clock_does() {
+fn job_ends_no_earlier_than_submitted_when_the_wall_clock_goes_back() {
     static BACK: AtomicI64 = AtomicI64::new(0);
     let wall = || fixed_time() - Duration::from_secs(BACK.load(Ordering::SeqCst).unsigned_abs());
     let data = tempfile::tempdir().unwrap();

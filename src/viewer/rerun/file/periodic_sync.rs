@@ -58,7 +58,7 @@ mod tests {
     const OFTEN: Duration = Duration::from_millis(1);
 
     #[test]
-    fn what_is_new_is_synced_once_until_it_is_let_go() {
+    fn new_bytes_are_synced_once_until_the_end() {
         let (handle, (alive, ended)) = (RecordingHandle::default(), sync_channel(1));
         let (synced, syncs) = sync_channel(1);
         let growing = handle.clone();

@@ -7,7 +7,7 @@ use super::fake::{HOLD, JOB, PLATE};
 use super::{READING, TestApi, WORK, request};
 use crate::service::api::operation::{HttpMethod, Operation};
 use crate::service::api::{Refusal, routes};
-use crate::service::http::{BodyRoom, Reason, ReasonCode, Scope, Tokens};
+use crate::service::http::{BodyMemoryLimit, Reason, ReasonCode, Scope, Tokens};
 
 fn path_of(operation: &Operation) -> String {
     operation.path.replace("{id}", JOB).replace("{name}", PLATE).replace("{file}", "index.html")
@@ -28,7 +28,7 @@ fn good(operation: &Operation, headers: &[(&str, &str)]) -> axum::http::Request<
 }
 
 #[tokio::test]
-async fn every_operation_does_what_it_is_for() {
+async fn every_operation_answers_with_its_success_status() {
     let asked = TestApi::new();
     for operation in routes::operations() {
         let seen = asked.ask(good(&operation, &[])).await;
@@ -42,7 +42,7 @@ async fn every_operation_does_what_it_is_for() {
 }
 
 #[tokio::test]
-async fn tokens_open_what_their_scope_says() {
+async fn tokens_grant_only_their_scope() {
     let asked = TestApi::with_tokens();
     let (reading, work) = (format!("Bearer {READING}"), format!("Bearer {WORK}"));
     let wrong = format!("Bearer {WORK}x");
@@ -124,7 +124,7 @@ async fn refusals_become_their_problems() {
 }
 
 #[tokio::test]
-async fn the_list_of_plates_comes_whatever_the_store_does() {
+async fn plates_are_listed_while_the_store_hangs_or_refuses() {
     let asked = TestApi::new();
     let queued = async || asked.get("/v1/plates").await.json()["plates"][0]["queued"].clone();
     assert_eq!(queued().await, json!(0));
@@ -136,13 +136,13 @@ async fn the_list_of_plates_comes_whatever_the_store_does() {
 }
 
 #[tokio::test]
-async fn a_picture_says_how_old_it_is() {
+async fn picture_has_its_age_in_a_header() {
     let seen = TestApi::new().get(&format!("/v1/jobs/{JOB}/frame.png")).await;
     assert_eq!((seen.status, seen.header("upm-age-ms")), (200, "12"));
 }
 
 #[tokio::test]
-async fn a_submission_says_where_the_job_is_and_whether_it_was_there() {
+async fn submission_returns_location_and_replayed_headers() {
     let asked = TestApi::new();
     let seen = asked.post("/v1/jobs?pace=max", HOLD).await;
     assert_eq!((seen.status, seen.header("location")), (201, format!("/v1/jobs/{JOB}").as_str()));
@@ -163,7 +163,7 @@ async fn emergency_stop_reaches_the_plate_before_any_wait() {
 }
 
 #[tokio::test]
-async fn health_says_what_is_wrong() {
+async fn health_reports_every_failure() {
     let asked = TestApi::new();
     assert_eq!(asked.get("/healthz").await.json(), json!({"ok": true}));
     let reasons = [(ReasonCode::StoreHangs, "the store hangs"), (ReasonCode::DiskLow, "no room")];
@@ -190,7 +190,7 @@ async fn the_page_is_fenced_in_and_not_sent_twice() {
 
 #[tokio::test]
 async fn stop_is_taken_when_there_is_no_memory_for_bodies() {
-    let asked = TestApi::with(Tokens::default(), |limits| limits.bodies = BodyRoom::of(0));
+    let asked = TestApi::with(Tokens::default(), |limits| limits.bodies = BodyMemoryLimit::of(0));
     let refused = asked.post("/v1/jobs", "{}").await;
     assert_eq!((refused.status, refused.header("retry-after")), (503, "1"));
     assert_eq!(asked.post("/v1/plates/left/estop", "").await.status, 200);

@@ -66,7 +66,7 @@ fn routes_and_document_are_one() {
 }
 
 #[test]
-fn the_contract_is_there() {
+fn document_contains_the_contract() {
     let document = document("0");
     for (path, method) in [
         ("/v1/jobs", "post"),

@@ -27,7 +27,7 @@ pub(super) struct FakeBackend {
     pub asked: Mutex<Vec<String>>,
     pub senders: Mutex<Vec<EventSender>>,
     pub stream_start: Mutex<Option<StreamStart>>,
-    pub kept: Mutex<ReplayPage>,
+    pub ready: Mutex<ReplayPage>,
     pub recording: Mutex<Vec<u8>>,
     pub failures: Mutex<Vec<Reason>>,
     /// True when the store never answers.
@@ -39,9 +39,9 @@ impl FakeBackend {
         *self.refusal.lock().unwrap() = Some(refusal);
     }
 
-    fn say<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Pending<T> {
+    fn reply<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Pending<T> {
         self.asked.lock().unwrap().push(asked);
-        kept(match self.refusal.lock().unwrap().take() {
+        ready(match self.refusal.lock().unwrap().take() {
             Some(refusal) => Err(refusal),
             None if known => Ok(answer),
             None => Err(Refusal::Unknown("there is no such thing".to_owned())),
@@ -102,46 +102,46 @@ impl Backend for FakeBackend {
         let checked = JobSpec::from_json(&order.text, &Origin::of_request("job"), Some(&rig));
         let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
         if let Err(faults) = checked {
-            return kept(Err(if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }));
+            return ready(Err(if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }));
         }
         let replayed = order.key.as_deref() == Some("again");
-        self.say(format!("submit {:?}", order.pace), true, JobCreated { job: job(), replayed })
+        self.reply(format!("submit {:?}", order.pace), true, JobCreated { job: job(), replayed })
     }
 
     fn check(&self, order: Submission) -> Pending<Checked> {
         let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
         let fault = || Diagnostic::new("job", Path::root(), "no JSON", "a job");
         match is_json {
-            true => self.say("check".to_owned(), true, Checked::default()),
-            false => kept(Err(Refusal::Malformed(vec![fault()]))),
+            true => self.reply("check".to_owned(), true, Checked::default()),
+            false => ready(Err(Refusal::Malformed(vec![fault()]))),
         }
     }
 
     fn job(&self, id: &str) -> Pending<Job> {
-        self.say(format!("job {id}"), id == JOB, job())
+        self.reply(format!("job {id}"), id == JOB, job())
     }
 
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
-        self.say(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
+        self.reply(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
     }
 
     fn run_next(&self, id: &str, caller: Caller) -> Pending<Job> {
-        self.say(format!("run next {id} by {}", caller.name), id == JOB, job())
+        self.reply(format!("run next {id} by {}", caller.name), id == JOB, job())
     }
 
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
-        self.say(format!("cancel {id} by {}", caller.name), id == JOB, job())
+        self.reply(format!("cancel {id} by {}", caller.name), id == JOB, job())
     }
 
     fn delete(&self, id: &str, caller: Caller) -> Pending<()> {
-        self.say(format!("delete {id} by {}", caller.name), id == JOB, ())
+        self.reply(format!("delete {id} by {}", caller.name), id == JOB, ())
     }
 
     fn plates(&self) -> Pending<Plates> {
         if self.hangs.load(Ordering::Relaxed) {
             return Box::pin(std::future::pending());
         }
-        self.say("plates".to_owned(), true, Plates { plates: vec![plate()] })
+        self.reply("plates".to_owned(), true, Plates { plates: vec![plate()] })
     }
 
     fn plates_as_counted(&self) -> Plates {
@@ -161,15 +161,15 @@ impl Backend for FakeBackend {
             silent_at_s: Some(1.00005),
             wall_s: Some(0.0001),
         };
-        self.say(format!("estop {name} by {}", caller.name), name == PLATE, stopped)
+        self.reply(format!("estop {name} by {}", caller.name), name == PLATE, stopped)
     }
 
     fn reset(&self, name: &str, request: ResetRequest, _: Caller) -> Pending<Plate> {
-        self.say(format!("reset {name} by {}: {}", request.operator, request.reason), name == PLATE, plate())
+        self.reply(format!("reset {name} by {}: {}", request.operator, request.reason), name == PLATE, plate())
     }
 
     fn resume(&self, name: &str, _: Caller) -> Pending<Plate> {
-        self.say(format!("resume {name}"), name == PLATE, plate())
+        self.reply(format!("resume {name}"), name == PLATE, plate())
     }
 
     fn liveness_failures(&self) -> Vec<Reason> {
@@ -188,23 +188,23 @@ impl Backend for FakeBackend {
         self.senders.lock().unwrap().push(sender);
         let over = || StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: true };
         let stream_start = self.stream_start.lock().unwrap().clone().unwrap_or_else(over);
-        self.say(format!("watch {id}"), id == JOB, stream_start)
+        self.reply(format!("watch {id}"), id == JOB, stream_start)
     }
 
     fn replay(&self, _: &str, after: u64, most: usize) -> Pending<ReplayPage> {
-        let mut replayed = self.kept.lock().unwrap().clone();
+        let mut replayed = self.ready.lock().unwrap().clone();
         replayed.events.retain(|event| event.seq.is_some_and(|seq| seq > after));
         replayed.events.truncate(most);
-        self.say(format!("replay {after}"), true, replayed)
+        self.reply(format!("replay {after}"), true, replayed)
     }
 
     fn frame(&self, id: &str) -> Pending<CameraPicture> {
         let picture = CameraPicture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
-        self.say(format!("frame {id}"), id == JOB, picture)
+        self.reply(format!("frame {id}"), id == JOB, picture)
     }
 
     fn layout(&self, id: &str) -> Pending<LayoutView> {
-        self.say(format!("layout {id}"), id == JOB, LayoutView::default())
+        self.reply(format!("layout {id}"), id == JOB, LayoutView::default())
     }
 
     fn recording(&self, id: &str) -> Pending<Recording> {
@@ -214,7 +214,7 @@ impl Backend for FakeBackend {
         file.write_all(&bytes).unwrap();
         file.rewind().unwrap();
         let recording = Recording { file, bytes: bytes.len() as u64, name: "rest.rrd".to_owned() };
-        self.say(format!("recording {id}"), id == JOB, recording)
+        self.reply(format!("recording {id}"), id == JOB, recording)
     }
 
     fn asset(&self, name: &str) -> Option<Asset> {

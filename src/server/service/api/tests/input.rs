@@ -42,7 +42,7 @@ async fn invalid_job_is_a_problem() {
 }
 
 #[tokio::test]
-async fn bytes_that_are_no_text_are_a_problem() {
+async fn non_utf8_bodies_are_a_problem() {
     let asked = TestApi::new();
     let json = [("content-type", "application/json")];
     for path in ["/v1/jobs", "/v1/plates/left/reset"] {
@@ -75,7 +75,7 @@ async fn only_json_is_read() {
 }
 
 #[tokio::test]
-async fn a_body_has_an_end() {
+async fn body_over_the_size_limit_is_refused() {
     let asked = TestApi::new();
     let most = 1 << 20;
     let padded = format!("{HOLD}{}", " ".repeat(most - HOLD.len()));
@@ -84,7 +84,7 @@ async fn a_body_has_an_end() {
 }
 
 #[tokio::test]
-async fn names_of_nothing_are_not_found() {
+async fn unknown_names_are_not_found() {
     let asked = TestApi::new();
     let long = "0".repeat(2000);
     let upper = JOB.to_uppercase();
@@ -118,7 +118,7 @@ async fn names_of_nothing_are_not_found() {
 }
 
 #[tokio::test]
-async fn queries_are_held_to_what_is_known() {
+async fn unknown_and_invalid_queries_are_refused() {
     let asked = TestApi::new();
     for query in ["limit=0", "limit=x", "cursor=../../x", "cursor=%ff", "state=done", "sort=1", "limit=1&limit=1", "&="]
     {
@@ -135,7 +135,7 @@ async fn queries_are_held_to_what_is_known() {
 }
 
 #[tokio::test]
-async fn headers_are_held_to_what_is_known() {
+async fn invalid_headers_are_refused() {
     let asked = TestApi::new();
     let long = "k".repeat(256);
     for key in ["", "two words", "\u{e9}", &long] {
@@ -149,7 +149,7 @@ async fn headers_are_held_to_what_is_known() {
 }
 
 #[tokio::test]
-async fn a_reset_says_who_and_why() {
+async fn reset_requires_operator_and_reason() {
     let asked = TestApi::new();
     let long = format!(r#"{{"operator": "{}", "reason": "y"}}"#, "x".repeat(201));
     for (body, status) in [

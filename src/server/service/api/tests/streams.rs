@@ -38,7 +38,7 @@ fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
 fn stand(asked: &TestApi, oldest: u64, newest: u64, is_over: bool) {
     *asked.backend.stream_start.lock().unwrap() =
         Some(StreamStart { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
-    *asked.backend.kept.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
+    *asked.backend.ready.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
 }
 
 async fn watch(asked: &TestApi, after: &str) -> Body {
@@ -145,7 +145,7 @@ async fn slow_client_gets_the_end_that_it_missed() {
 }
 
 #[tokio::test]
-async fn a_store_that_does_not_answer_is_no_gap() {
+async fn unanswering_store_ends_the_stream_without_a_gap() {
     let asked = asked(1, 3, true);
     let body = watch(&asked, "1").await;
     asked.backend.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });

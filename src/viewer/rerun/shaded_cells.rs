@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_seen_gives_no_picture_and_far_cells_a_coarse_one() {
+    fn invisible_cells_give_no_picture_and_far_cells_a_coarse_one() {
         for cells in [&[][..], &[([f64::NAN, 0.0], 1.0)], &[([0.0, 0.0], f64::NAN)]] {
             assert!(Raster::of(cells, 1.0, [0; 3]).is_none());
         }

@@ -8,7 +8,7 @@ use crate::fixture::{params, scene};
 use crate::rotations::displacement_matrix::{DisplacementMatrix, PulseScale};
 use crate::rotations::least_time::LeastTime;
 use crate::rotations::refine::Refined;
-use crate::rotations::subgoals::Room;
+use crate::rotations::subgoals::Clearance;
 use upm_core::geometry::Vec2;
 
 fn steps_mm(parts: &[PartState]) -> Vec<f64> {
@@ -45,7 +45,7 @@ proptest! {
     fn refinement_never_leaves_more(count in 2usize..6, seed in 0u64..1000) {
         let (motion_set, parts) = (motion_set(), scene(count, 3e-3, seed));
         let goal_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
-        let room = Room::of(&parts, &goal_m, &params());
+        let room = Clearance::of(&parts, &goal_m, &params());
         let columns = DisplacementMatrix::all(&motion_set, &parts, 3e-3, PulseScale::Coarse);
         let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
         let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
@@ -61,7 +61,7 @@ proptest! {
 }
 
 #[test]
-fn what_the_columns_cannot_do_is_left_beyond() {
+fn displacement_out_of_reach_of_the_columns_is_counted_beyond() {
     let (motion_set, parts) = (motion_set(), scene(2, 4e-3, 1));
     // one pulse for four wanted coordinates
     let one = [DisplacementMatrix::all(&motion_set, &parts, 4e-3, PulseScale::Coarse).pulses[0]];

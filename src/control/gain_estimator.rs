@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_of_parts_and_a_slow_side_of_the_plate_are_told_apart() {
+    fn friction_of_parts_and_a_slow_plate_side_are_distinguished() {
         let parts = [0.85, 1.0, 1.15];
         let gains = taught(|i, p| parts[i] - 0.05 * p.x / HALF_M);
         for (i, part) in parts.into_iter().enumerate() {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn small_steps_and_disturbances_teach_nothing() {
+    fn small_steps_and_disturbances_leave_the_gains_unchanged() {
         let mut gains = GainEstimator::new(1, HALF_M);
         let untaught = gains.clone();
         teach(&mut gains, &[Vec2::zeros()], &[Vec2::new(1e-4, 0.0)], &[0.9]);

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use crate::plates::PlateState;
 use crate::service::Requests;
-use crate::store::{Displaced, JobState, StoreHealth};
+use crate::store::{DisplacedFile, JobState, StoreHealth};
 use upm_recording::RecordingState;
 
 /// The daemon at one moment: the source of metrics and readiness. Taken without blocking.
@@ -17,7 +17,7 @@ pub(super) struct Observed {
     pub damage: Option<String>,
     /// The displaced path of the data folder: it names another file than the one held open. `None` while all are in
     /// place.
-    pub displaced: Option<Displaced>,
+    pub displaced: Option<DisplacedFile>,
     /// `Err` names the plate threads that have died or hang.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
@@ -37,7 +37,6 @@ pub(super) struct Observed {
 #[derive(Clone, Debug)]
 pub(super) struct PlateObserved {
     pub name: String,
-    /// State of the plate.
     pub state: PlateState,
     /// Jobs that wait for it.
     pub queued: u64,
@@ -69,7 +68,7 @@ pub(super) struct DiskObserved {
 #[cfg(test)]
 impl Observed {
     /// Two healthy plates: one runs a job, one is idle.
-    pub fn well() -> Self {
+    pub fn healthy() -> Self {
         let plate = |name: &str, state| PlateObserved {
             name: name.to_owned(),
             state,

@@ -13,11 +13,11 @@ use upm_core::signal::CHANNELS;
 pub type Velocity = Vec<Vector3<Complex<f64>>>;
 
 /// Acceleration phasors `c - js` of the four channels for harmonic k at index `k - 1`, m/s².
-pub type Felt = Vec<[Complex<f64>; CHANNELS]>;
+pub type AccelerometerPhasors = Vec<[Complex<f64>; CHANNELS]>;
 
 /// Readings of accelerometers at `position_m` and at the opposite point for the plate's `velocity`, in as many
 /// harmonics.
-pub fn felt(velocity: &Velocity, base_radps: f64, position_m: Vec2) -> Felt {
+pub fn accelerometer_phasors(velocity: &Velocity, base_radps: f64, position_m: Vec2) -> AccelerometerPhasors {
     let rate = |k: usize| Complex::new(0.0, (k + 1) as f64 * base_radps);
     let axis = |axis: usize, factor: &dyn Fn(usize) -> Complex<f64>| -> Vec<Complex<f64>> {
         velocity.iter().enumerate().map(|(k, v)| v[axis] * factor(k)).collect()
@@ -65,7 +65,7 @@ mod tests {
             let mut rng = Streams::new(seed).stream("motion");
             let mut draw = |scale: f64| Complex::new(rng.random_range(-scale..scale), rng.random_range(-scale..scale));
             let velocity: Velocity = (0..harmonics).map(|_| Vector3::new(draw(0.5), draw(0.5), draw(4.0))).collect();
-            let found = felt(&velocity, BASE_RADPS, R1_M);
+            let found = accelerometer_phasors(&velocity, BASE_RADPS, R1_M);
             let steps = 512;
             let mut sums = vec![[Complex::default(); CHANNELS]; harmonics];
             for i in 0..steps {
