@@ -115,8 +115,8 @@ class Run:
         return 1.0 / self.job["rig"]["camera"]["frame_hz"]
 
     def fired(self):
-        """Faults that began within the run."""
-        return [fault for fault in self.faults if fault.from_s < self.end_s]
+        """Faults that began within the run; one may end it in the moment of its onset."""
+        return [fault for fault in self.faults if fault.from_s <= self.end_s]
 
     def truth_at(self, at_s):
         """Where the parts truly were in the last frame up to `at_s`; `None` without truth."""
