@@ -52,7 +52,7 @@ pub enum DiagnosticClass {
 }
 
 impl Diagnostic {
-    /// A fault of class [`FaultClass::Value`].
+    /// A fault of class [`DiagnosticClass::Value`].
     pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) -> Self {
         let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
         Self { file, path, found, expected: expected.into(), class: DiagnosticClass::Value, named_by: None }
