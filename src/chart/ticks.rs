@@ -17,8 +17,8 @@ pub struct AxisTicks {
     pub minor: Vec<f64>,
 }
 
-/// At most `most` ticks of an axis over `range`, which is in decades on a logarithmic axis. A logarithmic axis that is
-/// too short for ticks of its own has those of a linear one, in their places. An empty range has no ticks.
+/// At most `most` ticks of an axis over `range`, which is in decades on a logarithmic axis. A logarithmic axis too
+/// short for two decade ticks gets linear ticks at their logarithmic positions. An empty range has no ticks.
 pub fn axis_ticks(scale: AxisScale, range: [f64; 2], most: usize) -> AxisTicks {
     if scale == AxisScale::Linear {
         return AxisTicks { major: linear_ticks(range, most), minor: Vec::new() };

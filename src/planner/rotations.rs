@@ -1,10 +1,10 @@
 //! Sequences of rotations about centres of the library: look-up, program, order, refinement.
 //!
 //! ```text
-//!  steps ──► subgoals ──► columns ──► least_time ──► order ──► refine ──► pulses, four at a time
-//!                            ▲  ▲         (clarabel)              (clarabel)        │
-//!                            │  └───────────── prices ◄─────┘        ▲              │ look
-//!                          belts ─────────────── rollout ────────────┘◄─────────────┘
+//!  steps ─► subgoals ─► displacement_matrix ─► least_time ─► order ─► refine ─► pulses, four at a time
+//!                            ▲  ▲               (clarabel)           (clarabel)      │
+//!                            │  └─────────────── prices ◄────┘          ▲            │ observation
+//!                        motion_set ─────────── rollout ────────────────┘◄───────────┘
 //! ```
 
 mod belt_table;

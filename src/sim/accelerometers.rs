@@ -41,7 +41,7 @@ impl Accelerometers {
         }
     }
 
-    /// Begins a new pulse that sounds for `sounding_s`; discards the last trace.
+    /// Begins a new pulse that is driven for `driven_s`; discards the last trace.
     pub fn start(&mut self, driven_s: f64) {
         self.pending = (driven_s * self.params.sample_hz).floor() as usize + 1;
         for channel in &mut self.trace.counts {

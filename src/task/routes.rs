@@ -46,7 +46,7 @@ impl<'a> PrioritizedPlanner<'a> {
         Self { problem, starts_m, effort: MAX_EXPANSIONS.1, blocked: Vec::new(), failed: vec![false; problem.len()] }
     }
 
-    /// Routes of all parts; those of boxed-in parts end where they begin.
+    /// Routes of all parts; those of blocked parts end where they begin.
     pub(super) fn routes(&mut self, rng: &mut Rng) -> PathSet {
         loop {
             if let Some(routes) = self.try_orders(self.first_order(), rng) {

@@ -24,7 +24,7 @@ struct PlanColumn {
     name: &'static str,
     unit: &'static str,
     places: usize,
-    /// One value per row, NaN where there is none.
+    /// One value per row; NaN for a row without a value.
     values: Vec<f64>,
     /// Difference of two values above which the column changes.
     tolerance: f64,

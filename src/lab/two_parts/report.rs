@@ -59,7 +59,7 @@ fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, side_results: &
     for (j, d) in side_results.d_m.into_iter().enumerate() {
         figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
-    // Every observation corrects the miss of the previous ones: only the second order of its own step remains.
+    // each observation corrects the error of the previous ones; the second-order error of its own step remains
     let second = "second order of each look's own step is left";
     let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
     let [.., coarse, fine] = OBSERVATIONS;

@@ -69,7 +69,7 @@ pub(super) struct Iterate {
     pub coefficients: Vec<f64>,
     pub rollout: Rollout,
     went_m: DVector<f64>,
-    /// Sum of the squared remaining steps, guards included, m².
+    /// Sum of the squared remaining steps, penalties included, m².
     cost: f64,
 }
 
@@ -91,7 +91,7 @@ impl ShootingProblem<'_> {
             rollout.ends_m.iter().zip(self.discs).flat_map(|(end, disc)| <[f64; 2]>::from(end - disc.position_m));
         let went_m = DVector::from_iterator(self.steps_m.len(), went);
         let missing_m = self.steps_m - &went_m;
-        let penalised: f64 = self.penalties.iter().map(|guard| guard.missing(went_m.as_slice()).powi(2)).sum();
+        let penalised: f64 = self.penalties.iter().map(|penalty| penalty.missing(went_m.as_slice()).powi(2)).sum();
         Iterate { coefficients, rollout, cost: missing_m.norm_squared() + penalised, went_m }
     }
 
@@ -141,15 +141,15 @@ impl ShootingProblem<'_> {
         iterate
     }
 
-    /// Slopes of the remaining error, guards included, by motor counts, one column for each.
+    /// Slopes of the remaining error, penalties included, by motor counts, one column for each.
     fn slopes(&self, iterate: &Iterate) -> DMatrix<f64> {
         let (n, ends) = (self.basis.len(), self.steps_m.len());
         let mut slopes = iterate.rollout.slopes(self.basis).resize_horizontally(ends + self.penalties.len(), 0.0);
         for (mut row, weight) in slopes.row_iter_mut().zip(&self.effort.weights) {
             row /= weight.sqrt();
         }
-        for (k, guard) in self.penalties.iter().enumerate() {
-            let sum = guard.terms().fold(DVector::zeros(n), |sum, (end, factor)| sum + slopes.column(end) * factor);
+        for (k, penalty) in self.penalties.iter().enumerate() {
+            let sum = penalty.terms().fold(DVector::zeros(n), |sum, (end, factor)| sum + slopes.column(end) * factor);
             slopes.set_column(ends + k, &sum);
         }
         slopes
@@ -159,7 +159,7 @@ impl ShootingProblem<'_> {
     /// `raised` is the number of times damping was raised, carried over from the previous change.
     fn change(&self, slopes: &DMatrix<f64>, iterate: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
         let missing_m = self.steps_m - &iterate.went_m;
-        let penalised = self.penalties.iter().map(|guard| guard.missing(iterate.went_m.as_slice()));
+        let penalised = self.penalties.iter().map(|penalty| penalty.missing(iterate.went_m.as_slice()));
         let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(penalised));
         let normal = slopes.tr_mul(slopes);
         let least = DAMPING * normal.trace() / normal.nrows() as f64;

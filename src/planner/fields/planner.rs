@@ -20,7 +20,7 @@ use upm_core::signal::Envelope;
 const STARTS: usize = 1;
 const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 5;
-/// Rounds of improvement after a guard is added or raised; attempts at that; distance added by each, m.
+/// Rounds of improvement after a penalty is added or raised; attempts at that; distance added by each, m.
 const PENALTY_ROUNDS: usize = 2;
 const MOST_GUARDED: usize = 4;
 const PUSH_M: f64 = 2e-3;
@@ -211,7 +211,7 @@ impl FieldPlanner {
         })
     }
 
-    /// `iterate`, changed until it keeps the limits, with guards where necessary.
+    /// `iterate`, changed until it keeps the limits, with penalties where necessary.
     fn cleared(&self, mut iterate: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
         let clearances = Clearances::of(parts, &self.params);
         let mut penalties = free.penalties.to_vec();
@@ -220,8 +220,8 @@ impl FieldPlanner {
             if tried == MOST_GUARDED {
                 return Err(limit);
             }
-            match penalties.iter_mut().find(|guard| guard.limit == limit) {
-                Some(guard) => guard.push(PUSH_M),
+            match penalties.iter_mut().find(|penalty| penalty.limit == limit) {
+                Some(penalty) => penalty.push(PUSH_M),
                 None => penalties.extend(SeparationPenalty::of_limit(limit, parts, free.steps_m.as_slice())),
             }
             let penalised = ShootingProblem { penalties: &penalties, ..*free };

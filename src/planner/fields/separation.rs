@@ -3,7 +3,7 @@
 use crate::{Limit, PartState};
 use upm_core::geometry::Vec2;
 
-/// Weight of a guarded direction, relative to any other.
+/// Weight of a penalised direction, relative to any other.
 const WEIGHT: f64 = 4.0;
 
 /// Distance that a part should gain from another or from the edge.
@@ -42,8 +42,8 @@ impl SeparationPenalty {
         let near = pairs.filter_map(|pair| {
             let [a, b] = pair.map(|part| parts[part]);
             let missing_m = a.radius_m + b.radius_m + separation_m - (a.position_m - b.position_m).norm();
-            let guard = Self::of_limit(Limit::Separation { parts: pair }, parts, steps_m)?;
-            (missing_m > 0.0).then(|| Self { aim_m: guard.aim_m.max(missing_m), ..guard })
+            let penalty = Self::of_limit(Limit::Separation { parts: pair }, parts, steps_m)?;
+            (missing_m > 0.0).then(|| Self { aim_m: penalty.aim_m.max(missing_m), ..penalty })
         });
         near.collect()
     }
@@ -54,7 +54,7 @@ impl SeparationPenalty {
         self.aim_m = self.aim_m.max(0.0) + by_m;
     }
 
-    /// Indices and factors of the flat vector (x, y of every part) in this guard's residual.
+    /// Indices and factors of the flat vector (x, y of every part) in this penalty's residual.
     #[inline]
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
         let of = |part: usize, sign: f64| {

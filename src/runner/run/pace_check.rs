@@ -37,7 +37,7 @@ impl PaceCheck {
 }
 
 /// Runs a plus sign on a simulated `rig` in real time for so long, in memory, and measures the computing time and the
-/// delay. `nap` parks the thread. `Err` in one line if such a job cannot be run on that rig.
+/// delay. `sleep` parks the thread. `Err` in one line if such a job cannot be run on that rig.
 pub fn check_pace(
     rig: &RigSpec,
     library: &Arc<Library>,
@@ -53,14 +53,14 @@ pub fn check_pace(
     let job = JobSpec::from_json(&job.to_string(), &origin, Some(rig)).map_err(|faults| one_line(&faults))?;
     let mut setup = RunSetup::new(&job, library).map_err(|fault| fault.to_string())?;
     let (stats, interlock, napped) = (PacingStats::default(), Interlock::default(), Cell::new(Duration::ZERO));
-    let timed_nap = |time| {
+    let timed_sleep = |time| {
         let from = clock.elapsed();
         sleep(time);
         napped.set(napped.get() + clock.elapsed().saturating_sub(from));
     };
     let frame_hz = setup.model.frame_hz;
     let deadlines = DeadlinePolicy::Relaxed;
-    let pace = PaceClock { clock, sleep: &timed_nap, stats: &stats, interlock: &interlock, frame_hz, deadlines };
+    let pace = PaceClock { clock, sleep: &timed_sleep, stats: &stats, interlock: &interlock, frame_hz, deadlines };
     let stop = AtomicBool::new(false);
     let mut loops =
         LoopTimes { clock, napped: &napped, stats: &stats, lasting, stop: &stop, begin: None, loops: vec![] };

@@ -68,7 +68,7 @@ impl PlateHandle {
     }
 
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
-    /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_awaited` returns
+    /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_listening` returns
     /// false.
     pub fn reset(
         &self,

@@ -46,7 +46,7 @@ pub struct Faulty<'a, R> {
 }
 
 impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
-    /// `rig` with `faults`; `nap` waits for the given wall time.
+    /// `rig` with `faults`; `wait` waits for the given wall time.
     pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, wait: &'a dyn Fn(Duration)) -> Self {
         let lag = |fault: &FaultSpec| {
             let is_late = fault.component == FaultyComponent::Camera && fault.kind == FaultKind::Late;
