@@ -29,6 +29,8 @@ mod setup;
 mod simulate;
 #[cfg(test)]
 mod stop_tests;
+#[cfg(test)]
+mod testing;
 mod time_figure;
 mod tolerance;
 mod verify;

@@ -1,17 +1,15 @@
-use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::testing::{job_in_configs, options};
 use super::*;
-use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 
 fn job(task: &Value, plate_time_s: f64) -> JobSpec {
-    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let text = json!({
         "name": "endless",
         "rig": "rigs/upm-2.json",
@@ -19,18 +17,7 @@ fn job(task: &Value, plate_time_s: f64) -> JobSpec {
         "task": task,
         "limits": {"plate_time_s": plate_time_s},
     });
-    JobSpec::from_json(&text.to_string(), &origin, None).unwrap()
-}
-
-fn options(out: &TempDir) -> RunOptions {
-    RunOptions {
-        live: None,
-        out: out.path().to_owned(),
-        started_utc: "20260101T000000Z".into(),
-        rerun: RerunMode::Off,
-        real_time: false,
-        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
-    }
+    job_in_configs(&text)
 }
 
 fn report_of(task: &Value, plate_time_s: f64) -> Report {

@@ -1,10 +1,8 @@
-use std::path::Path;
-
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::testing::{job_in_configs, options};
 use super::*;
-use crate::config::Origin;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 use upm_recording::Verdict as Truth;
@@ -16,7 +14,6 @@ fn job(faults: &Value) -> JobSpec {
 }
 
 fn job_of(task: &Value, faults: &Value) -> JobSpec {
-    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let mut text = json!({
         "name": "faulty",
         "rig": "rigs/upm-2.json",
@@ -27,7 +24,7 @@ fn job_of(task: &Value, faults: &Value) -> JobSpec {
     if !faults.is_null() {
         text["faults"] = faults.clone();
     }
-    JobSpec::from_json(&text.to_string(), &origin, None).unwrap()
+    job_in_configs(&text)
 }
 
 fn run_of(faults: &Value) -> (TempDir, RunResult) {
@@ -36,15 +33,8 @@ fn run_of(faults: &Value) -> (TempDir, RunResult) {
 
 fn played(job: &JobSpec) -> (TempDir, RunResult) {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
-    let options = RunOptions {
-        live: None,
-        out: out.path().to_owned(),
-        started_utc: "20260101T000000Z".into(),
-        rerun: RerunMode::Off,
-        real_time: false,
-        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
-    };
-    let done = run(job, &options, &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
+    let done =
+        run(job, &options(&out), &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
     (out, done)
 }
 

@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use tempfile::TempDir;
 
+use super::testing::{job_in_configs, options};
 use super::*;
-use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
@@ -26,25 +26,13 @@ fn folders(out: &Path) -> Vec<PathBuf> {
 
 /// A second of a job that reaches its goal.
 fn job() -> JobSpec {
-    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let text = json!({
         "name": "still",
         "rig": "rigs/upm-1.json",
         "parts": [{"kind": "penny"}],
         "task": {"type": "hold", "duration_s": 1},
     });
-    JobSpec::from_json(&text.to_string(), &origin, None).unwrap()
-}
-
-fn options(out: &TempDir) -> RunOptions {
-    RunOptions {
-        live: None,
-        out: out.path().to_owned(),
-        started_utc: "20260101T000000Z".into(),
-        rerun: RerunMode::Off,
-        real_time: false,
-        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
-    }
+    job_in_configs(&text)
 }
 
 #[test]

@@ -1,0 +1,29 @@
+//! Shared parts of the tests of runs.
+
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::RunOptions;
+use crate::config::{JobSpec, Origin};
+use upm_core::time::MonotonicClock;
+use upm_recording::{RecordingOptions, RerunMode};
+
+/// Options of a run below `out` without a recording, at full speed.
+pub(super) fn options(out: &TempDir) -> RunOptions {
+    RunOptions {
+        live: None,
+        out: out.path().to_owned(),
+        started_utc: "20260101T000000Z".into(),
+        rerun: RerunMode::Off,
+        real_time: false,
+        recording_options: RecordingOptions::lossless(MonotonicClock::new()),
+    }
+}
+
+/// The job in `document`, as a file in `configs/`.
+pub(super) fn job_in_configs(document: &Value) -> JobSpec {
+    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
+    JobSpec::from_json(&document.to_string(), &origin, None).unwrap()
+}
