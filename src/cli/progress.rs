@@ -152,14 +152,15 @@ impl<C: Clock> LateProgress<C> {
         }
     }
 
-    /// The line to write now; `None` while the previous one is recent.
+    /// The line to write now, without a share where `done` is NaN; `None` while the previous one is recent.
     fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
         let now = self.clock.elapsed();
         if now < self.line_from {
             return None;
         }
         self.line_from = now + BETWEEN_LINES;
-        Some(format!("{:3.0} %  {}", 100.0 * done, message()))
+        let share = if done.is_nan() { String::new() } else { format!("{:3.0} %  ", 100.0 * done) };
+        Some(share + &message())
     }
 
     /// Calls `write` with the bar removed from stderr.
@@ -188,14 +189,14 @@ pub(super) fn with_progress<T>(
     about: &str,
     work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T,
 ) -> T {
-    let (clock, shown) = (MonotonicClock::new(), Mutex::new((shown, 0.0)));
+    let (clock, shown) = (MonotonicClock::new(), Mutex::new((shown, f64::NAN)));
     let show = |share: Option<f64>| {
         // the mutex is poisoned only if a thread panicked, which ends the work anyway
         if let Ok(mut shown) = shown.lock() {
             let (progress, last) = &mut *shown;
             *last = share.unwrap_or(*last);
             let time = || format!("{about}, {:.0} s", clock.elapsed().as_secs_f64());
-            progress.show(*last, || if *last > 0.0 { about.to_owned() } else { time() });
+            progress.show(*last, || if last.is_nan() { time() } else { about.to_owned() });
         }
     };
     show(None);
@@ -255,6 +256,8 @@ mod tests {
             lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
         }
         assert_eq!(lines, [" 25 %  at 2500 ms", " 75 %  at 7500 ms"]);
+        now_ms.set(60_000);
+        assert_eq!(progress.line(f64::NAN, || "searching, 60 s".to_owned()).unwrap(), "searching, 60 s");
     }
 
     #[test]
