@@ -192,13 +192,10 @@ impl PulseConstants {
         let [before, after] = slips.map(|(u, v, rim)| ((u * u + v * v).sqrt(), rim.abs()));
         let slide = ((before.0 + after.0) * 0.5).to_array();
         let turn = ((before.1 + after.1) * 0.5).to_array();
-        let (mut taken, mut taken_rim) = ([0.0; LANES], [0.0; LANES]);
-        for i in 0..LANES {
-            let [kept, kept_rim] =
-                self.friction.remaining_slip_fractions(slide[i], turn[i], self.friction_mps2[i] * dt);
-            (taken[i], taken_rim[i]) = (1.0 - kept, 1.0 - kept_rim);
-        }
-        let (taken, taken_rim) = (SimdF64::from(taken) * 0.5, SimdF64::from(taken_rim) * 0.5);
+        let reach_mps = self.friction_mps2.map(|friction| friction * dt);
+        let remaining = self.friction.remaining_slip_fractions_of_each(slide, turn, reach_mps);
+        let taken = SimdF64::from(remaining.map(|[slide, _]| 1.0 - slide)) * 0.5;
+        let taken_rim = SimdF64::from(remaining.map(|[_, rim]| 1.0 - rim)) * 0.5;
         let [before, after] = slips;
         SlipState {
             u: state.u + taken * (before.0 + after.0),
