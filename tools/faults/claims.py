@@ -136,7 +136,12 @@ def of_plus_sign(run, task, at, bar_mm):
     """Over the last seconds of an endless job the places it went by are true, and the part gets on."""
     if not run.truth:
         return
-    since_s = run.end_s - ENDLESS_S if task.get("laps") == 0 else 0.0
+    until_s = run.end_s
+    if task.get("laps") == 0:
+        # after its time limit a run only looks: parts rest until two pictures have come, however slow the camera is
+        limit_s = run.job.get("limits", {}).get("plate_time_s", math.inf)
+        until_s = min(until_s, max([limit_s, *(cycle.get("ended_at_s", math.inf) for cycle in run.cycles[-1:])]))
+    since_s = until_s - ENDLESS_S if task.get("laps") == 0 else 0.0
     recent = [cycle for cycle in run.cycles if cycle["observed_at_s"] >= since_s]
     for cycle in recent:
         true = run.truth_at(cycle["observed_at_s"])
@@ -144,10 +149,10 @@ def of_plus_sign(run, task, at, bar_mm):
         if off_mm > bar_mm:
             yield f"completed, with a path error of {off_mm:.3f} mm at {cycle['observed_at_s']:.3f} s, bar {bar_mm:.2f} mm"
             break
-    trail = [parts[0][:2] for at_s, parts in run.truth if at_s >= since_s]
+    trail = [parts[0][:2] for at_s, parts in run.truth if since_s <= at_s <= until_s]
     way_mm = max((math.dist(trail[0], place) for place in trail), default=0.0)
     if way_mm < LEAST_WAY_MM:
-        yield f"completed, and the part stayed within {way_mm:.2f} mm over the last {run.end_s - since_s:.1f} s"
+        yield f"completed, and the part stayed within {way_mm:.2f} mm over the last {until_s - since_s:.1f} s"
 
 
 def unseen_exchanges(run, at):

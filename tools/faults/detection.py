@@ -27,6 +27,8 @@ MOVES_PARTS = ("part", "parts", "plate")
 TRUE_MM = 0.25
 # pictures lost of which too few are left to time the others
 MOST_LOST = 0.5
+# share of its force that a stuttering coil leaves out, from which on the plate swings as no plan has it
+MOST_STUTTER = 0.2
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,7 @@ def late(run, fault):
     blind = [pulse for pulse in blind if not seems_in_time(run, pulse, fault.value[0])]
     blind = [
         pulse for pulse in blind
-        if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse) or changes_half_way(run, pulse))
+        if not (was_bumped(run, pulse) or is_hardly_seen(run, pulse) or stutters(run, pulse))
     ]
     if len(blind) > LATE_PULSES:
         start_s = blind[LATE_PULSES].start_s
@@ -207,10 +209,12 @@ def is_equal(run, pulse, other):
     return len(values) == len(others) and all(abs(a - b) <= most for a, b in zip(values, others))
 
 
-def changes_half_way(run, pulse):
-    """True for a pulse in which a coil begins or ceases to stutter: pictures in time would not show the planned swing either."""
-    onsets_s = [at_s for f in run.fired() if f.kind == "chatter" for at_s in (f.from_s, f.to_s)]
-    return any(pulse.start_s < at_s < pulse.end_s for at_s in onsets_s)
+def stutters(run, pulse):
+    """True for a pulse in which a coil stutters strongly, begins or ceases to: pictures in time would not show the planned swing either."""
+    chatters = [fault for fault in run.fired() if fault.kind == "chatter"]
+    changes = any(pulse.start_s < at_s < pulse.end_s for fault in chatters for at_s in (fault.from_s, fault.to_s))
+    strong = (fault for fault in chatters if fault.value[0] >= MOST_STUTTER)
+    return changes or any(fault.from_s < pulse.end_s and pulse.start_s < fault.to_s for fault in strong)
 
 
 def is_hardly_seen(run, pulse):

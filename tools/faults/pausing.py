@@ -12,7 +12,7 @@ from .oracle import Violation
 
 PAUSE = "pause"
 # ends of a run that is not completed, and in which no guard found anything: another job came, the planner has no way, or
-# somebody stopped it
+# the run was stopped from outside
 GOES_ON = (
     "gave_way", "no_feasible_step", "uncontrollable", "stopped", "interrupted", "cancelled", "estop", "shutdown", "journal_lost",
 )  # fmt: skip

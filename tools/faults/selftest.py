@@ -178,6 +178,15 @@ class Claims(unittest.TestCase):
         folder.seen = lambda part, at_s: (1.0, 5.0 * at_s)
         self.assertEqual(folder.rules(), ["O1"])
 
+    def test_endless_job_may_rest_after_its_time_limit(self):
+        for limit_s, rules in ((10.0, []), (16.0, ["O1"])):
+            folder = Folder("light:gain=0.9@0", cycles=20)
+            folder.job["task"] |= {"type": "plus_sign", "laps": 0}
+            folder.job["limits"] = {"plate_time_s": limit_s}
+            folder.true = lambda part, at_s: (0.0, 5.0 * min(at_s, 10.0), 1)
+            folder.end_s = 16.0
+            self.assertEqual([rule for rule in folder.rules() if rule == "O1"], rules)
+
 
 class Detection(unittest.TestCase):
     def test_pulses_after_a_freeze_break_the_bar_and_a_stop_holds_it(self):

@@ -77,6 +77,10 @@ pub struct MotionGuard {
     knows_fault: bool,
     /// True when an earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
     contradicted: bool,
+    /// True when an earlier trace was unreadable although the parts moved, and when the camera has shown that the plate
+    /// moved, too. Another motion that was read says nothing about a trace in which there is none.
+    unread: bool,
+    unread_contradicted: bool,
 }
 
 impl MotionGuard {
@@ -104,11 +108,13 @@ impl MotionGuard {
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
             // the parts alone are weak evidence for a single pulse: one that fails half way carries them about there
-            self.contradicted |= shows_drive || self.doubts_sensors;
-            self.doubts_sensors = true;
+            self.unread_contradicted |= shows_drive || self.unread || self.knows_fault;
+            self.contradicted |= self.unread_contradicted;
+            (self.unread, self.doubts_sensors) = (true, true);
         }
         // a pulse too small for its parts to show it is judged by the plate's swing, or as the last one with evidence
-        let is_as_known = went.is_none() && (self.contradicted || self.doubts_sensors && shows_motion);
+        let has_evidence = if is_unread { self.unread_contradicted } else { self.contradicted };
+        let is_as_known = went.is_none() && (has_evidence || self.doubts_sensors && shows_motion);
         let is_sensors = (saw_it_all || is_as_known) && swing != SwingVerdict::Otherwise;
         // a channel known to be at fault hides a small motion: there is no evidence of another one
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingVerdict::Otherwise;
@@ -261,6 +267,17 @@ mod tests {
         assert_eq!(unread_small(None, SwingVerdict::Otherwise), Some(true));
         assert_eq!(unread_small(Some(PulseOutcome::Elsewhere), SwingVerdict::Unclear), Some(true));
         assert_eq!(ends(MotionVerdict::Channels, 0.9, None), Some(false));
+    }
+
+    #[test]
+    fn another_motion_that_was_read_does_not_excuse_a_trace_without_any() {
+        let unread = MotionVerdict::Unreadable { strong: true };
+        let mut guard = MotionGuard::default();
+        let weak_coil = guard.finding(MotionVerdict::Other, 0.57, Some(PulseOutcome::There), SwingVerdict::AsDriven);
+        assert_eq!(weak_coil.map(|finding| finding.ends), Some(false));
+        // the coils die in the middle of the first, which carries its parts half way
+        let mut ends = |went| guard.finding(unread, 0.0, went, SwingVerdict::Unclear).map(|finding| finding.ends);
+        assert_eq!([ends(Some(PulseOutcome::About)), ends(None)], [Some(false), Some(true)]);
     }
 
     #[test]
