@@ -14,8 +14,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use upm::chart::Color;
+use upm::cor_library::{Entry, Library};
 use upm::geometry::Vec2;
-use upm::library::{Entry, Library};
 use upm::planner::{FieldPlanner, PartState, PlannedPulse, PlannerParams};
 use upm::units::{m_from_mm, mm_from_m};
 

@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // the rig as described by its file, and the library measured on it by calibration
     let spec = RigSpec::load(Path::new("configs/rigs/upm-2.json")).map_err(RunError::from)?;
     let library = rig_library(&spec).map_err(RunError::from)?;
-    let penny = &spec.kinds[spec.kind("penny").ok_or("the rig knows no penny")?];
+    let penny = &spec.kinds[spec.kind("penny").ok_or("the rig has no kind `penny`")?];
 
     // one plan for all coins
     let metres = |mm: [f64; 2]| Vec2::from(mm) * 1e-3;

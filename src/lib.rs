@@ -9,18 +9,18 @@
 //! | purpose | module and first item |
 //! |---|---|
 //! | read and check jobs, rigs and other files | [`config`]: `JobSpec::load`, `RigSpec::load` |
-//! | run, rehearse and verify jobs, calibrate rigs | [`run`]: `InMemoryRun`, `run`, `rehearse`, `verify`, `calibrate` |
+//! | run, dry-run and verify jobs, calibrate rigs | [`run`]: `InMemoryRun`, `run`, `dry_run`, `verify`, `calibrate` |
 //! | find the table and the coins in a picture, follow them | [`vision`]: `locate_table`, `CoinFinder`, `Tracker` |
 //! | read the plate's motion from its accelerometers | [`estimation`]: `fit_twist`, `fit_wave` |
 //! | plan motions for many parts | [`planner`]: `FieldPlanner`, `RotationPlanner` |
-//! | look up what a plate was measured to do | [`library`]: `Library` |
+//! | look up what a plate was measured to do | [`cor_library`]: `Library` |
 //! | say where parts should go | [`task`]: the trait `Task`, and the tasks of job files |
 //! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
 //! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
 //! | render pictures with ground truth | `scene`: `Scene`, with the feature `lab` |
 //! | repeat the papers' experiments, draw charts | `lab`, with the feature `lab`; [`chart`] |
-//! | serve plates over HTTP | `daemon`, `plates`, `service`, with the feature `daemon` |
+//! | serve plates over HTTP | `daemon`, `supervisor`, `api`, with the feature `daemon` |
 //! | speak of space, time and signals | [`geometry`], [`units`], [`time`], [`signal`], [`random`], [`job`] |
 //!
 //! A job in memory, from its text to its report:
@@ -55,7 +55,7 @@ pub mod cli;
 
 pub use upm_chart as chart;
 pub use upm_control as control;
-pub use upm_cor_library as library;
+pub use upm_cor_library as cor_library;
 pub use upm_core::{geometry, ground_truth, job, random, rig, signal, thread_priority, time, units};
 #[cfg(feature = "lab")]
 pub use upm_lab as lab;
@@ -66,7 +66,7 @@ pub use upm_runner::{config, run};
 #[cfg(feature = "lab")]
 pub use upm_scene as scene;
 #[cfg(feature = "daemon")]
-pub use upm_server::{daemon, plates, service, states, store};
+pub use upm_server::{api, daemon, http, states, store, supervisor};
 pub use upm_sim as sim;
 pub use upm_task as task;
 pub use upm_viewer as viewer;

@@ -72,7 +72,7 @@ fn pictures_of_the_page_are_those_that_the_program_draws() {
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn diagram_of_the_principle_is_the_one_that_its_example_draws() {
-    let library = upm::library::Library::load(&root().join("assets/libraries/upm-2.json")).unwrap();
+    let library = upm::cor_library::Library::load(&root().join("assets/libraries/upm-2.json")).unwrap();
     let drawn = draw_principle::picture(&Arc::new(library)).unwrap();
     holds(&root().join("assets/principle.svg"), &drawn);
 }

@@ -1,7 +1,7 @@
 // Requests to the daemon. The token, where one is asked for, lives in this tab and goes out in a header.
 
 const KEPT = 'upm-token';
-const PATIENCE_MS = 5000;
+const TIMEOUT_MS = 5000;
 let token = recall();
 let asked = () => {};
 
@@ -64,20 +64,20 @@ tabs.addEventListener('message', cutOthers);
 
 /**
  * Sends a request and gives what `take` makes of the response. Throws `Problem`, `NoAnswer` or what `take` throws.
- * `patience` is the time until the answer begins, ms; `signal` ends the request, its body, too.
+ * `timeoutMs` is the time until the answer begins, ms; `signal` ends the request, its body, too.
  */
-export async function send(method, path, { headers = {}, patience = PATIENCE_MS, signal, ...rest }, take) {
+export async function send(method, path, { headers = {}, timeoutMs = TIMEOUT_MS, signal, ...rest }, take) {
   const control = new AbortController();
   const stop = () => control.abort();
   signal?.addEventListener('abort', stop);
   if (signal?.aborted) stop();
   if (!rest.urgent) others.add(control);
-  let timer = setTimeout(stop, patience);
+  let timer = setTimeout(stop, timeoutMs);
   try {
     const response = await answer(method, path, { ...rest, headers: { ...headers }, signal: control.signal });
     clearTimeout(timer);
     // bodies are short where no signal was given; they, too, must not take for ever
-    if (!signal) timer = setTimeout(stop, rest.urgent ? 2000 : PATIENCE_MS);
+    if (!signal) timer = setTimeout(stop, rest.urgent ? 2000 : TIMEOUT_MS);
     return await take(response);
   } finally {
     clearTimeout(timer);
@@ -96,9 +96,9 @@ async function answer(method, path, { body, headers, signal, urgent = false }) {
   try {
     const response = await fetch(path, { ...asks, keepalive: urgent, priority: urgent ? 'high' : 'auto' });
     if (response.ok) return response;
-    const told = await response.json().catch(() => ({}));
+    const problem = await response.json().catch(() => ({}));
     if (response.status === 401) asked(sentWith !== '' && sentWith === token);
-    throw new Problem(response.status, told, Number(response.headers.get('Retry-After')) || null);
+    throw new Problem(response.status, problem, Number(response.headers.get('Retry-After')) || null);
   } catch (error) {
     if (error instanceof Problem) throw error;
     throw new NoAnswer('no answer from the daemon');

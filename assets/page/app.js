@@ -71,7 +71,7 @@ async function watchPlates() {
   for (;;) {
     const asked = moment();
     try {
-      takePlates((await json('GET', '/v1/plates', { patience: 3000 })).plates, asked);
+      takePlates((await json('GET', '/v1/plates', { timeoutMs: 3000 })).plates, asked);
       show(part('token'), false);
     } catch (error) {
       if (!(error instanceof Problem) && !(error instanceof NoAnswer)) throw error;
@@ -87,9 +87,9 @@ async function listed(state) {
   let next = null;
   for (let page = 0; page < MOST_PAGES; page += 1) {
     const from = next ? `&cursor=${next}` : '';
-    const told = await json('GET', `/v1/jobs?state=${state}&limit=${AT_ONCE}${from}`);
-    found.push(...told.jobs);
-    next = told.next;
+    const answer = await json('GET', `/v1/jobs?state=${state}&limit=${AT_ONCE}${from}`);
+    found.push(...answer.jobs);
+    next = answer.next;
     if (next === null) break;
   }
   return { found, all: next === null };

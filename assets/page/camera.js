@@ -50,11 +50,11 @@ export class Camera {
   async poll(job, signal) {
     const asked = moment();
     await send('GET', ofJob(job, '/frame.png'), { signal }, async (response) => {
-      const told = Number(response.headers.get('Upm-Age-Ms')) / 1000;
+      const ageS = Number(response.headers.get('Upm-Age-Ms')) / 1000;
       const picture = await whole(response.blob());
       if (signal.aborted) return;
       this.put(picture);
-      this.seen = { asked, told };
+      this.seen = { asked, ageS };
     });
   }
 
@@ -77,7 +77,7 @@ export class Camera {
   /** The age goes on whether or not there comes a picture. */
   tick() {
     if (this.picture.hidden || !this.seen) return;
-    const age = this.seen.told + since(this.seen.asked);
+    const age = this.seen.ageS + since(this.seen.asked);
     this.picture.classList.toggle('stale', age > STALE_S);
     setText(this.says, `Seen ${span(age)} ago`);
   }

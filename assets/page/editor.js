@@ -75,8 +75,8 @@ export class Editor {
       el('button', { type: 'button', class: 'link line-of', click: () => this.goTo(fault) }),
       ' ',
       el('code', {}, fault.path),
+      el('span', { class: 'expected' }, `expected: ${fault.allowed}`),
       el('span', { class: 'found' }, `found: ${fault.found}`),
-      el('span', { class: 'allowed' }, `allowed: ${fault.allowed}`),
     );
     fault.note.firstChild.textContent = `line ${line}`;
     fault.note.dataset.line = String(line);

@@ -5,7 +5,7 @@ import { moment, since, span } from './age.js';
 import { stopKeysHeld } from './device.js';
 import { el, setChildren, setText } from './dom.js';
 
-const PATIENCE_MS = 2000;
+const TIMEOUT_MS = 2000;
 const PAUSES_MS = [100, 200, 400, 800];
 
 /** One plate that is being stopped. */
@@ -60,7 +60,7 @@ class Stopping {
   }
 }
 
-const ask = (method, path) => json(method, path, { urgent: true, patience: PATIENCE_MS });
+const ask = (method, path) => json(method, path, { urgent: true, timeoutMs: TIMEOUT_MS });
 const nap = (ms) => new Promise((done) => setTimeout(done, ms));
 
 /** The stops that were asked for and what became of them. */
@@ -79,7 +79,7 @@ export class Stops {
   /** The keys of `device.js`, whatever has the focus and whatever the layout has on that key. */
   key(event) {
     const isS = event.code === 'KeyS' || event.key?.toLowerCase() === 's';
-    // Windows takes Ctrl+Alt for AltGr: where that makes a letter of the key, neither Ctrl nor Alt is told
+    // Windows takes Ctrl+Alt for AltGr: where that makes a letter of the key, neither Ctrl nor Alt is reported
     const isAltGr = event.code === 'KeyS' && event.getModifierState?.('AltGraph');
     if (!(stopKeysHeld(event) && isS) && !isAltGr) return;
     event.preventDefault();
@@ -118,9 +118,9 @@ export class Stops {
       setText(this.unknown, `NO PLATE STOPPED – ${why}; asking again (${tries})`);
       this.render();
       try {
-        const told = await ask('GET', '/v1/plates');
+        const answer = await ask('GET', '/v1/plates');
         this.searching = false;
-        told.plates.forEach((plate) => this.begin(plate.name));
+        answer.plates.forEach((plate) => this.begin(plate.name));
         this.render();
         return;
       } catch (error) {

@@ -31,7 +31,7 @@ async function read(response, last, on) {
   }
 }
 
-/** Does `work(signal)`, which is told to end when `signal` ends or when the tab has been out of sight for a while. */
+/** Does `work(signal)`, which is to end when `signal` ends or when the tab has been out of sight for a while. */
 async function whileSeen(signal, work) {
   const control = new AbortController();
   const end = () => control.abort();

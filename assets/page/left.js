@@ -21,8 +21,8 @@ export class TimeLeft {
   }
 
   /**
-   * Takes what a plate told of its job at `now`, in s of any steady clock; seconds that are left, or null where that is not
-   * known. `settles` is true of a job whose parts go to places and end there.
+   * Takes the state of a plate's job at `now`, in s of any steady clock; returns the seconds left, or null if unknown.
+   * `settles` is true of a job whose parts go to places and end there.
    */
   take({ job, at_s: at, progress: share }, now, settles = false) {
     const last = this.samples.at(-1);

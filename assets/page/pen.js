@@ -214,13 +214,13 @@ export class Pen {
     const axes = svg('path', { class: 'axis', d: `M0 ${-half}V${half}M${-half} 0H${half}` });
     this.ground.replaceChildren(svg('rect', { class: 'plate', x: -half, y: -half, width: 2 * half, height: 2 * half, rx: 3 }), axes);
     const marks = this.marks();
-    const colour = colours(plate.kinds.map(({ kind }) => kind));
+    const colour = colours(marks.map(({ kind }) => kind));
     this.shapes.replaceChildren(...marks.map((mark, i) => this.shape(mark, i, colour.get(mark.kind))));
     this.draft.replaceChildren(...(this.from && this.tool === 'bin' ? [rectangle(this.from, this.cursor, 'bin')] : []));
     this.cross.setAttribute('transform', `translate(${this.cursor[0]} ${-this.cursor[1]})`);
     show(this.countOf, this.tool === 'bin');
     const what = this.mode === 'bin' ? 'Bin' : 'Target';
-    const line = ([i, { found, allowed }]) => el('li', {}, el('strong', {}, `${what} ${i + 1}: `), `found ${found}; allowed: ${allowed}`);
+    const line = ([i, { found, allowed }]) => el('li', {}, el('strong', {}, `${what} ${i + 1}: `), `expected ${allowed}, found ${found}`);
     setChildren(this.says, [...this.faults].sort(([a], [b]) => a - b).map(line));
   }
 
@@ -244,7 +244,7 @@ export class Pen {
     group.append(number);
     if (fault) {
       const title = svg('title');
-      title.textContent = `found ${fault.found}; allowed: ${fault.allowed}`;
+      title.textContent = `expected ${fault.allowed}, found ${fault.found}`;
       group.append(title);
     }
     return group;

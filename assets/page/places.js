@@ -88,10 +88,9 @@ export function places(text) {
 
 const lineAt = (text, offset) => text.slice(0, offset).split('\n').length;
 
-/** The line of a fault, from 1: that of its path, of the nearest member above it, or the one it names itself. */
+/** The line of a fault, from 1: where the text stops being JSON, otherwise that of its path or the member above it. */
 export function lineOf(text, fault) {
-  const named = /at line (\d+) column \d+/.exec(fault.found);
-  if (named && fault.path === '$') return Math.max(Number(named[1]), 1);
+  if (fault.position) return Math.max(fault.position.line, 1);
   const found = places(text);
   for (let path = fault.path; path !== ''; path = path.replace(/(^|\.)[^.[\]]*$|\[\d+\]$/, '')) {
     if (found.has(path)) return lineAt(text, found.get(path).start);

@@ -67,7 +67,7 @@ export class PlateCard {
     this.root = el('article', { class: 'card', 'aria-label': `Plate ${this.name}` }, head, sights, ...rest);
   }
 
-  /** Takes what the daemon told of the plate in a request that left at `asked`. */
+  /** Updates the card from a response to the request sent at `asked`. */
   take(plate, asked) {
     const before = this.plate;
     this.plate = plate;
@@ -107,20 +107,19 @@ export class PlateCard {
   takeCauses({ why, state, pause, conditions = [] }) {
     show(this.why, why !== '' && state !== 'running');
     setText(this.why, why);
-    // the end of a job names its remedy itself
-    const remedy = pause && !why.includes(pause.remedy) ? pause.remedy : '';
+    const remedy = pause && !pause.remedy_in_why ? pause.remedy : '';
     show(this.remedy, remedy !== '');
     setText(this.remedy, `What to do: ${remedy}`);
     const text = JSON.stringify(conditions);
-    if (this.conditions.dataset.told === text) return;
-    this.conditions.dataset.told = text;
+    if (this.conditions.dataset.shown === text) return;
+    this.conditions.dataset.shown = text;
     show(this.conditions, conditions.length > 0);
     const line = ({ reason, remedy: todo }) => el('li', {}, el('strong', {}, reason), ' ', el('span', {}, todo));
     this.conditions.replaceChildren(...conditions.map(line));
     if (conditions.length) announce(`${this.name}: ${conditions.at(-1).reason}`);
   }
 
-  /** Nothing is said of a job that goes on until it is told to end. */
+  /** Hidden for jobs without an end. */
   takeTimeLeft(plate) {
     const seconds = this.timeLeft.take(plate, performance.now() / 1000, this.layout?.targets_mm.length > 0);
     const ends = plate.state === 'running' && this.layout?.endless === false;
@@ -155,7 +154,7 @@ export class PlateCard {
     this.cancel = cancel;
   }
 
-  /** Asks for bins, kinds and paths of the job until they are told, or the job is another one. */
+  /** Asks for bins, kinds and paths of the job until they are known, or the job is another one. */
   async learnLayout(job) {
     this.layOut(null);
     while (this.plate.job === job) {
@@ -189,8 +188,8 @@ export class PlateCard {
     this.camera.tick();
     const silence = since(this.asked);
     const unheard = silence > STALE_S;
-    const { state, age_s: told } = this.plate;
-    const age = told === null ? null : told + silence;
+    const { state, age_s: ageS } = this.plate;
+    const age = ageS === null ? null : ageS + silence;
     const old = unheard || (age !== null && age > STALE_S);
     this.root.classList.toggle('unheard', unheard);
     this.root.classList.toggle('stale', old);

@@ -58,7 +58,7 @@ export class ResetForm {
       await json('POST', ofPlate(this.plate, '/reset'), { body: JSON.stringify(said) });
     } catch (error) {
       const faults = error.faults ?? [];
-      this.blame(faults.map((fault) => ({ path: fault.path, text: `${fault.found}; allowed: ${fault.allowed}` })));
+      this.blame(faults.map((fault) => ({ path: fault.path, text: `expected ${fault.allowed}, found ${fault.found}` })));
       setText(this.says, faults.length ? '' : error.message);
     }
     this.done();

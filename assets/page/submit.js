@@ -23,7 +23,7 @@ function filesIn(text) {
 }
 
 export class Order {
-  /** `queued(job)` is told of a job that was taken. */
+  /** `queued(job)` is called with a job that was accepted. */
   constructor(form, queued) {
     this.form = form;
     this.queued = queued;
@@ -175,7 +175,7 @@ export class Order {
     this.button.setAttribute('aria-disabled', 'true');
     if (this.key.of !== what) this.key = { of: what, word: newKey() };
     this.showStatus('', 'Sending');
-    const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, patience: 15000 };
+    const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, timeoutMs: 15000 };
     try {
       const job = await json('POST', `/v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
       this.last = { of: what, at: performance.now() };

@@ -81,7 +81,7 @@ export class View {
     if (this.root.getAttribute('aria-label') !== label) this.root.setAttribute('aria-label', label);
   }
 
-  /** Outline and lines every 50 mm. A plate whose size is not told has no outline. */
+  /** Outline and lines every 50 mm. A plate of unknown size has no outline. */
   frame(side, places) {
     const reach = Math.max(0, ...places.flat().map(Math.abs)) + RADIUS_MM;
     const half = side ? side / 2 : Math.max(this.half, reach > 102 ? 152.4 : 101.6, reach);

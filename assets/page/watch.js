@@ -51,11 +51,11 @@ export class Watched {
       collisions: number('collisions', '', 0),
       'lost parts': number('lost_parts', '', 0),
     };
-    const told = Object.entries(rows).filter(([, value]) => value !== undefined);
-    const text = JSON.stringify(told);
-    if (text === this.told) return;
-    this.told = text;
-    this.facts.replaceChildren(...told.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
+    const shown = Object.entries(rows).filter(([, value]) => value !== undefined);
+    const text = JSON.stringify(shown);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.facts.replaceChildren(...shown.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
   }
 
   accept(kind, body, changed) {
@@ -71,7 +71,7 @@ export class Watched {
 
   hearCycle({ cycle, at_s: at, pulses, result_mm: result, targets_mm: targets }) {
     const apart = result.length === targets.length ? result.map(([x, y], i) => Math.hypot(x - targets[i][0], y - targets[i][1])) : [];
-    const worst = apart.length ? `, the farthest part ${Math.max(...apart).toFixed(2)} mm from where it shall be` : '';
+    const worst = apart.length ? `, largest distance to target ${Math.max(...apart).toFixed(2)} mm` : '';
     setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
   }
 

@@ -1,7 +1,6 @@
 //! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
 //! draws one as a picture.
 
-mod bin;
 mod decades;
 mod labels;
 mod palette;
@@ -9,7 +8,6 @@ mod palette;
 mod svg;
 mod ticks;
 
-pub use bin::{bin_label, bin_outline};
 pub use labels::{LabelPlace, LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
 pub use ticks::{AxisTicks, axis_ticks};
@@ -214,4 +212,15 @@ pub struct PlaybackTrack {
     pub radius_m: f64,
     /// Position at each time, m, table frame.
     pub positions_m: Vec<[f64; 2]>,
+}
+
+/// Outline of a bin, a rectangle that parts are sorted into: its corners from `min` to `max`, the first one again at
+/// the end.
+pub fn bin_outline(min: [f64; 2], max: [f64; 2]) -> [[f64; 2]; 5] {
+    [min, [max[0], min[1]], max, [min[0], max[1]], min]
+}
+
+/// The label of a bin for parts of `kinds`: `bin: dime, penny`.
+pub fn bin_label(kinds: &[String]) -> String {
+    format!("bin: {}", kinds.join(", "))
 }

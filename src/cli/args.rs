@@ -1,6 +1,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::client_args::{ClientCommand, pace};
@@ -8,6 +9,7 @@ use super::features::{HELP, VERSION};
 use super::offered::{experiments, rerun_modes, scenes, schemas};
 use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
 use upm_core::job::Pace;
+use upm_perception::vision::ResponseMethod;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
 #[derive(Parser, Debug)]
@@ -245,8 +247,8 @@ pub struct LocateArgs {
     #[arg(long, conflicts_with = "rig")]
     pub light_parts: bool,
     /// Method of the disks' response: auto takes the cheaper one by the sizes, which for coins is chords
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t = ResponseArg::Auto)]
-    pub response: ResponseArg,
+    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = response_methods())]
+    pub response: ResponseMethod,
     /// Use the reference method in place of the fast one: Canny, Hough and template matching of imageproc; slow, for
     /// comparison
     #[arg(long, conflicts_with_all = ["stages", "response"])]
@@ -263,15 +265,18 @@ pub struct LocateArgs {
     pub out: PathBuf,
 }
 
-/// `--response`: method of the disks' response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ResponseArg {
-    /// The cheaper method, by the sizes of the disks.
-    Auto,
-    /// Differences of running sums.
-    Chords,
-    /// Products of spectra.
-    Fft,
+/// Reads the method of the disks' response by its name.
+fn response_methods() -> impl TypedValueParser<Value = ResponseMethod> {
+    let methods = [
+        (ResponseMethod::Auto, "auto", "The cheaper method, by the sizes of the disks"),
+        (ResponseMethod::Chords, "chords", "Differences of running sums"),
+        (ResponseMethod::Fft, "fft", "Products of spectra"),
+    ];
+    let names = methods.map(|(_, name, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).map(move |given| {
+        let known = methods.into_iter().find(|(_, name, _)| *name == given);
+        known.map_or(ResponseMethod::Auto, |(method, ..)| method)
+    })
 }
 
 /// `upm simulate`.
@@ -325,8 +330,8 @@ pub struct LabArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan a job is rehearsed up to five times on the forecasts of its planner, without a rig or a camera. \
-                  All its figures are predictions. Exit status 1 when most rehearsals fail."
+                  With --plan it makes up to five dry runs of a job on the forecasts of its planner, without a rig or \
+                  a camera. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces

@@ -98,7 +98,7 @@ fn status(findings: &[(&Path, CheckFinding)]) -> u8 {
 struct CheckRequest<'a> {
     /// Rig that replaces that of jobs, and that libraries must have been measured on.
     rig: Option<&'a RigSpec>,
-    /// True to rehearse jobs.
+    /// True to make dry runs of jobs.
     plan: bool,
     progress: ProgressMode,
 }

@@ -126,7 +126,7 @@ pub struct JobsArgs {
 /// Commands on one job.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Id of the job, as `upm submit` and `upm jobs` print it; the beginning of one job's id will do, and last
+    /// Id of the job, as `upm submit` and `upm jobs` print it, a unique prefix of one, or last
     #[arg(value_name = "ID")]
     pub id: String,
     #[command(flatten)]
@@ -195,6 +195,6 @@ mod tests {
 
     #[test]
     fn the_states_are_those_of_the_api() {
-        assert_eq!(JOB_STATES, upm_server::service::JobState::ALL.map(|state| state.code()));
+        assert_eq!(JOB_STATES, upm_server::states::JobState::ALL.map(|state| state.code()));
     }
 }

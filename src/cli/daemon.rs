@@ -4,7 +4,6 @@ mod bundle;
 mod client;
 mod job_id;
 mod jobs;
-mod listing;
 mod local_stop;
 mod serve;
 mod stop;

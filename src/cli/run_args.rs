@@ -7,7 +7,7 @@ use clap::Args;
 /// Arguments of a command on a run folder.
 #[derive(Args, Debug)]
 pub struct RunFolderArgs {
-    /// Run folder, as `upm run` leaves it; the beginning of one run's name will do, and last for the newest
+    /// Run folder, as `upm run` leaves it, a unique prefix of one's name, or last for the newest
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
     /// Folder that runs are looked for in by name
@@ -18,7 +18,7 @@ pub struct RunFolderArgs {
 /// `upm export`.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Tables: positions, targets and pulses out of the journal, timings out of the report. Columns carry \
+    after_help = "Tables: positions, targets and pulses come from the journal, timings from the report. Columns carry \
                         their unit; a value that the run does not have is empty."
 )]
 pub struct ExportArgs {

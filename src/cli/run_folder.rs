@@ -18,7 +18,7 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
         return Ok(run.clone());
     }
     let mut runs = runs_in(out);
-    let (shown_out, allowed) = (out.display(), "a run folder, last, or the beginning of the name of one");
+    let (shown_out, allowed) = (out.display(), "a run folder, a unique prefix of one's name, or last");
     if text == LAST {
         let newest = runs.into_iter().max_by(|a, b| (a.began_at, &a.name).cmp(&(b.began_at, &b.name)));
         return newest.map(|run| run.path).ok_or_else(|| {
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn unique_beginning_is_enough_and_candidates_of_another_are_listed() {
+    fn unique_prefix_is_enough_and_candidates_of_another_are_listed() {
         let out = out_of(&["plus-sign-7-a", "plus-sign-7-b", "hold-4-1", "batch/plus-sign-9"]);
         fs::create_dir(out.path().join("hold-4-1-tables")).unwrap();
         assert_eq!(found(out.path(), "hold"), Ok("hold-4-1".into()));
@@ -117,7 +117,7 @@ mod tests {
         let said =
             "RUN: expected more of the name of one of 3: plus-sign-7-a, plus-sign-7-b, plus-sign-9; found \"plus\"";
         assert_eq!(found(out.path(), "plus"), Err(said.into()));
-        assert!(found(out.path(), "arrange").unwrap_err().contains("expected a run folder, last, or"));
+        assert!(found(out.path(), "arrange").unwrap_err().contains("expected a run folder, a unique prefix of"));
     }
 
     #[test]

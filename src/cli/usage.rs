@@ -72,9 +72,9 @@ fn unknown_command(error: &Error) -> String {
         return format!("expected a command, found the file {found:?}; `upm run {found}` runs a job");
     }
     let cli = Cli::command();
-    let names = cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
-    let suggested = first(error, ContextKind::SuggestedSubcommand);
-    let meant = did_you_mean(nearest(&found, names).unwrap_or(&suggested));
+    let names = || cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
+    let begun = || names().find(|name| found.len() >= 3 && name.starts_with(&found));
+    let meant = did_you_mean(nearest(&found, names()).or_else(begun).unwrap_or_default());
     format!("expected a command{meant}, found {found:?}; `upm --help` lists them")
 }
 

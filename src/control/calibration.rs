@@ -33,7 +33,7 @@ use std::sync::atomic::AtomicBool;
 
 use session::CalibrationSession;
 use steering::SteeringMotion;
-use upm_cor_library::{Entry, FieldResponse, Library};
+use upm_cor_library::{Entry, Library};
 use upm_core::rig::{Rig, RigModel};
 
 pub use axes::Axes;
@@ -73,13 +73,14 @@ pub fn steer(
 
 /// Measures the plate's response to the synthesised motions of `rig` with the accelerometers alone; `None` where the
 /// rig makes none. Motors are at zero when this returns.
+#[cfg(any(test, feature = "testing"))]
 pub fn measure_fields(
     rig: &mut dyn Rig,
     model: &RigModel,
     params: &CalibrationParams,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Option<FieldResponse>, CalibrationFault> {
+) -> Result<Option<upm_cor_library::FieldResponse>, CalibrationFault> {
     CalibrationSession::new(rig, model, stop, progress).work(|session| {
         axes::measure(session, params)?;
         fields::measure(session)

@@ -43,12 +43,12 @@ const LOOK_MS: f64 = 0.02;
 
 /// Plays `task` to its end by `planner` on the displacement model of `library`. `watch` receives the plate time and the
 /// task's progress, 0 to 1, once per observation.
-pub fn rehearse(
+pub fn dry_run(
     library: &Arc<Library>,
     planner: &FreshPlanner,
     task: &mut dyn Task,
     params: &ControlParams,
-    rehearsal: &DryRunParams,
+    dry_run: &DryRunParams,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> DryRun {
     let planner = match planner.plans() {
@@ -58,14 +58,14 @@ pub fn rehearse(
     let mut player = DryRunLoop {
         params,
         planning: Planning::new(params, library, planner, params.planner.half_side_m),
-        stage: KinematicPlate::new(Arc::clone(library), params, rehearsal),
+        stage: KinematicPlate::new(Arc::clone(library), params, dry_run),
         continues: false,
-        trails: rehearsal.starts_m.iter().map(|&start_m| ThinnedPath::from(start_m)).collect(),
+        trails: dry_run.starts_m.iter().map(|&start_m| ThinnedPath::from(start_m)).collect(),
         off: MeanSquare::default(),
         cycles: 0,
         pulses: 0,
         work_ms: 0.0,
-        most_work_ms: rehearsal.most_work_ms,
+        most_work_ms: dry_run.most_work_ms,
         limits_met: Vec::new(),
     };
     let (end, wanted) = player.until_end(task, watch);
@@ -125,7 +125,7 @@ struct DryRunLoop<'a> {
 }
 
 impl DryRunLoop<'_> {
-    /// The ending, `None` when the rehearsal is broken off, and the task's last request.
+    /// The ending, `None` when the dry run is broken off, and the task's last request.
     fn until_end(&mut self, task: &mut dyn Task, watch: &mut dyn FnMut(PlateTime, f64)) -> (Option<RunEnd>, Setpoints) {
         let (mut went_on_at, mut furthest) = (self.stage.now(), 0.0);
         let (mut observed_once, mut played) = (false, false);
@@ -166,9 +166,9 @@ impl DryRunLoop<'_> {
         }
     }
 
-    /// The ending of a rehearsal that is broken off. A job without an end counts as completed.
+    /// The ending of a dry run that is broken off. A job without an end counts as completed.
     fn left_off(&self, wanted: &Setpoints) -> RunEnd {
-        // rounded down: a rehearsal that is broken off is never at 100 %
+        // rounded down: a dry run that is broken off is never at 100 %
         let (plate_s, percent) = (self.stage.now().secs(), (100.0 * wanted.progress).floor());
         if self.params.endless {
             let limit_s = self.params.time_limit_s;
@@ -251,7 +251,7 @@ impl DryRunLoop<'_> {
 }
 
 /// Modelled time of one attempt at a plan for `parts` parts and of playing it, ms: a real clock would give equal jobs
-/// different rehearsals. A plan without pulses counts as one for the longest pulse.
+/// different dry runs. A plan without pulses counts as one for the longest pulse.
 fn attempt_ms(library: &Library, method: PlanningMethod, longest_s: f64, plan: &Plan, parts: usize) -> f64 {
     match method {
         PlanningMethod::SynthesizedField => {

@@ -20,7 +20,7 @@ mod run_end;
 
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, RunIo, run};
-pub use dry_run::{ClosestApproach, DryRun, DryRunParams, LimitMet, rehearse};
+pub use dry_run::{ClosestApproach, DryRun, DryRunParams, LimitMet, dry_run};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
     PulseDisplacements, PulseFacts, Sink,

@@ -1,4 +1,4 @@
-//! Planning of one cycle, the same in a run and in its rehearsal.
+//! Planning of one cycle, the same in a run and in its dry run.
 
 use std::ops::ControlFlow::{Break, Continue};
 

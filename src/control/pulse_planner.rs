@@ -21,7 +21,7 @@ pub(super) trait PulsePlanner {
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
 
-/// An unused planner, or the reason that the library has none. Several rehearsals share one because its tables take a
+/// An unused planner, or the reason that the library has none. Several dry runs share one because its tables take a
 /// few tenths of a second.
 pub struct FreshPlanner(Result<AnyPlanner, RunEnd>);
 

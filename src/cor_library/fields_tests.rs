@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, Matrix3, Vector3};
 use proptest::prelude::*;
 
-use super::{AxisShape, DisplacementModel, Entry, FieldFacts, FieldResponse, Library, RigFacts};
+use super::{DisplacementModel, FieldFacts, FieldResponse, Library, RigFacts, testing};
 use upm_core::geometry::Twist;
 use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
 
@@ -12,15 +12,7 @@ const BASE_RADPS: f64 = TAU * 30.0;
 fn library(twist_from_counts: Vec<Matrix3<Complex<f64>>>) -> Library {
     let pumps = [Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.1, 0.0, 8.0)];
     Library {
-        rig: "bench".into(),
-        fingerprint: "12ab".into(),
         plate_side_m: 0.3,
-        base_radps: TAU * 60.0,
-        attack_s: 0.01,
-        rest_s: 0.03,
-        accelerometer_gain: [1.0; 4],
-        shapes: [AxisShape::FREE_MASS; 3],
-        entries: pumps.map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).to_vec(),
         displacement: DisplacementModel {
             speed_mps: vec![0.1, 0.5],
             sustain_s: vec![0.0, 0.1],
@@ -34,7 +26,7 @@ fn library(twist_from_counts: Vec<Matrix3<Complex<f64>>>) -> Library {
             limit_counts: 2047.0,
             twist_from_counts,
         }),
-        plate: None,
+        ..testing::library(pumps)
     }
 }
 

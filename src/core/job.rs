@@ -1,4 +1,4 @@
-//! Vocabulary of runs that all crates share: outcomes, causes, recordings and pace.
+//! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace and the motion of the plate.
 
 pub mod legacy;
 mod stop_cause;
@@ -44,6 +44,18 @@ coded_enum! {
     }
 }
 
+coded_enum! {
+    /// How the plate moves.
+    #[derive(Default, schemars::JsonSchema)]
+    pub enum PlateMode {
+        /// Driven by its motors: mass, springs, gains and all.
+        #[default]
+        Dynamic = "dynamic",
+        /// Exactly as the pulse says: `env(t)` times its wave.
+        Kinematic = "kinematic",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -58,6 +70,9 @@ mod tests {
         }
         for pace in Pace::ALL {
             assert_eq!(serde_json::to_value(pace).unwrap(), pace.code());
+        }
+        for mode in PlateMode::ALL {
+            assert_eq!(serde_json::to_value(mode).unwrap(), mode.code());
         }
         for cause in StopCause::ALL {
             assert_eq!(serde_json::to_value(cause).unwrap(), cause.code());

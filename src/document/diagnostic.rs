@@ -21,7 +21,7 @@ const LONGEST_SHOWN: usize = 60;
 pub struct Diagnostic {
     /// The file as the user named it; on the network it is the request.
     #[serde(skip)]
-    pub file: String,
+    pub file: Box<str>,
     /// Its place in the file: `parts[1].position_mm[0]`, `$` for the whole.
     pub path: String,
     /// The value found there.
@@ -29,12 +29,24 @@ pub struct Diagnostic {
     /// The values allowed there.
     #[serde(rename = "allowed")]
     pub expected: String,
+    /// Where the text stops being JSON; absent where it is JSON.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<TextPosition>,
     /// Kind of the fault.
     #[serde(skip)]
     pub class: DiagnosticClass,
     /// The key of another file that names this one: `rig upm-1.json: library`.
     #[serde(skip)]
     pub named_by: Option<Box<str>>,
+}
+
+/// A place in a text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct TextPosition {
+    /// Line, from 1.
+    pub line: u32,
+    /// Column of the last byte read, from 1; 0 before the first.
+    pub column: u32,
 }
 
 /// Kind of a fault.
@@ -54,13 +66,21 @@ pub enum DiagnosticClass {
 impl Diagnostic {
     /// A fault of class [`DiagnosticClass::Value`].
     pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) -> Self {
-        let (file, path, found) = (file.to_owned(), path.to_string(), found.to_string());
-        Self { file, path, found, expected: expected.into(), class: DiagnosticClass::Value, named_by: None }
+        let (file, path, found) = (file.into(), path.to_string(), found.to_string());
+        Self {
+            file,
+            path,
+            found,
+            expected: expected.into(),
+            position: None,
+            class: DiagnosticClass::Value,
+            named_by: None,
+        }
     }
 
     /// The same fault in the file `file`.
     pub fn in_file(self, file: &str) -> Self {
-        Self { file: file.to_owned(), ..self }
+        Self { file: file.into(), ..self }
     }
 
     /// The fault of the missing member at `path`.
@@ -76,7 +96,13 @@ impl Diagnostic {
     /// The fault of a text that is not valid JSON.
     pub fn syntax(file: &str, error: &serde_json::Error) -> Self {
         let expected = "JSON, nested at most 127 deep, with numbers within 64 bits";
-        Self { class: DiagnosticClass::Syntax, ..Self::new(file, Path::root(), syntax_error(error), expected) }
+        let counted = |place: usize| u32::try_from(place).unwrap_or(u32::MAX);
+        let position = Some(TextPosition { line: counted(error.line()), column: counted(error.column()) });
+        Self {
+            class: DiagnosticClass::Syntax,
+            position,
+            ..Self::new(file, Path::root(), syntax_error(error), expected)
+        }
     }
 
     /// The same fault with the key that names its file: `rig upm-1.json: library`.
@@ -87,7 +113,7 @@ impl Diagnostic {
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, path, found, expected, class, named_by } = self;
+        let Self { file, path, found, expected, class, named_by, .. } = self;
         let naming = named_by.as_ref().map(|key| format!("{key}: ")).unwrap_or_default();
         let line = match class {
             DiagnosticClass::Unreadable => format!("{naming}cannot read {file}: {found}"),
@@ -294,6 +320,9 @@ mod tests {
         assert_eq!(found("{\n  \"seed\": 3"), format!("x.json: expected JSON, {cut}"));
         let extra = "found a mistake: trailing characters at line 1 column 4";
         assert_eq!(found("{} x"), format!("x.json: expected JSON, {extra}"));
+        let error = serde_json::from_str::<Value>("{\n  \"seed\": 3").unwrap_err();
+        let placed = serde_json::to_value(Diagnostic::syntax("x.json", &error)).unwrap();
+        assert_eq!(placed["position"], serde_json::json!({"line": 2, "column": 11}));
     }
 
     #[test]

@@ -8,7 +8,9 @@ mod read;
 mod schema_check;
 mod schema_key;
 
-pub use diagnostic::{Diagnostic, DiagnosticClass, Diagnostics, Path, counted, listed, nearest, one_of, quoted, shown};
+pub use diagnostic::{
+    Diagnostic, DiagnosticClass, Diagnostics, Path, TextPosition, counted, listed, nearest, one_of, quoted, shown,
+};
 pub use file_kind::Document;
 pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of};
 pub use schema_key::SchemaKey;

@@ -1,6 +1,6 @@
 use nalgebra::Vector2;
 
-use super::shaken::{PlateModel, steady_motion};
+use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_cor_library::{Entry, drive_for};
@@ -21,7 +21,7 @@ struct ReadCenter {
 /// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and
 /// around the plate and reads each through the accelerometers; the simulated plate gives the true ones.
 pub fn cor_map(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
-    let mut plate = PlateModel::new(lab);
+    let mut plate = BarePlate::new(lab);
     let (axes, entries) = plate.steer()?;
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
     let arm_m = lab.model.accelerometer_in_plate_m.norm();

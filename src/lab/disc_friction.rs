@@ -20,7 +20,7 @@ const SERIES_BELOW: f64 = 0.01;
 const FARKAS: &str = "Farkas et al., Phys. Rev. Lett. 90, 248302 (2003)";
 
 /// Slip ratio, `[f, t]` of the table, `[f, t]` of the closed form.
-struct Row {
+struct FrictionRow {
     ratio: f64,
     table: [f64; 2],
     exact: [f64; 2],
@@ -28,8 +28,8 @@ struct Row {
 
 /// Adds the results of the comparison.
 pub(super) fn report(outcome: &mut ExperimentResult) {
-    let rows: Vec<Row> = slip_ratios()
-        .map(|ratio| Row {
+    let rows: Vec<FrictionRow> = slip_ratios()
+        .map(|ratio| FrictionRow {
             ratio,
             table: DiscFriction::shared().force_and_torque(ratio, 1.0),
             exact: closed_form(ratio),
@@ -84,7 +84,7 @@ fn closed_form(e: f64) -> [f64; 2] {
     }
 }
 
-fn chart(rows: &[Row]) -> Chart {
+fn chart(rows: &[FrictionRow]) -> Chart {
     let line = |label: &str, i: usize| {
         let points = rows.iter().map(|row| [row.ratio, row.exact[i]]);
         Layer::new(label, Mark::Line, Color::Gray, points)

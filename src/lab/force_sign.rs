@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use nalgebra::Complex;
 use rand::RngExt;
 
-use super::shaken::{PlateModel, steady_motion};
+use super::shaken::{BarePlate, steady_motion};
 use super::{LabFault, LabRig};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
@@ -23,7 +23,7 @@ pub(super) struct SignStats {
 
 /// Sends `count` random drives along x, both harmonics of any phase, through the whole chain and evaluates Eq. 14 for
 /// the sign of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle.
-pub(super) fn force_signs(lab: &LabRig, plate: &mut PlateModel, count: u32) -> Result<SignStats, LabFault> {
+pub(super) fn force_signs(lab: &LabRig, plate: &mut BarePlate, count: u32) -> Result<SignStats, LabFault> {
     let mut rng = Streams::new(lab.seed).stream("force signs");
     let response = response(lab);
     let mut signs = SignStats { tried: 0, right: 0 };
@@ -96,7 +96,7 @@ mod tests {
     fn force_sign_is_measured_through_the_whole_chain() {
         for (name, count) in [("upm-1", 10_000), ("upm-2", 1000)] {
             let lab = lab_rig(name);
-            let signs = force_signs(&lab, &mut PlateModel::new(&lab), count).unwrap();
+            let signs = force_signs(&lab, &mut BarePlate::new(&lab), count).unwrap();
             assert!(signs.tried == count && signs.tried - signs.right <= count / 1000, "{name}: {signs:?}");
         }
     }

@@ -7,9 +7,10 @@ use super::pulses::{EDGE_M, check_carries, envelope, place, saturation, stronges
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Pose, Vec2};
+use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
-use upm_sim::{OpenPulse, PlateMode, simulate};
+use upm_sim::{OpenPulse, simulate};
 
 /// Most lengths of pulses; each is sustained for whole periods, since others end in mid-oscillation.
 const LENGTHS: usize = 24;
@@ -88,7 +89,7 @@ fn sustains_s(rig: &LabRig) -> Vec<f64> {
 }
 
 /// Displacement by one pulse.
-struct Row {
+struct PulseLawRow {
     envelope: Envelope,
     /// Attack and decay included: friction depends only on the direction of slip, so that they count nearly in full.
     length_s: f64,
@@ -112,13 +113,13 @@ impl PivotSetup<'_> {
     }
 
     /// Displacements by pulses with these sustains.
-    fn rows(&self, sustains_s: &[f64]) -> Result<Vec<Row>, LabFault> {
+    fn rows(&self, sustains_s: &[f64]) -> Result<Vec<PulseLawRow>, LabFault> {
         let row = |sustain_s: &f64| {
             let played = self.play(*sustain_s)?;
             let length_s = played.envelope.driven_s();
             let law_m = self.law_mps2() * length_s * length_s;
             let averaged_m = self.averaged_m(&played.envelope);
-            Ok(Row { envelope: played.envelope, length_s, found_m: played.displacement_m(), law_m, averaged_m })
+            Ok(PulseLawRow { envelope: played.envelope, length_s, found_m: played.displacement_m(), law_m, averaged_m })
         };
         sustains_s.iter().map(row).collect()
     }
@@ -151,7 +152,7 @@ impl PivotSetup<'_> {
     }
 }
 
-impl Row {
+impl PulseLawRow {
     fn over_square_mps2(&self) -> f64 {
         self.found_m / self.length_s.powi(2)
     }
@@ -163,13 +164,13 @@ impl PlayedPulse {
     }
 }
 
-fn figures(bench: &PivotSetup<'_>, rows: &[Row], plate: &str) -> Vec<Figure> {
-    let gained = |row: &Row| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
-    let largest = rows.iter().map(Row::over_square_mps2).fold(0.0, f64::max);
+fn figures(bench: &PivotSetup<'_>, rows: &[PulseLawRow], plate: &str) -> Vec<Figure> {
+    let gained = |row: &PulseLawRow| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
+    let largest = rows.iter().map(PulseLawRow::over_square_mps2).fold(0.0, f64::max);
     let within = || rows.iter().filter(|row| row.over_square_mps2() > (1.0 - OFF) * largest);
     let (from, to, last) = (within().next(), within().next_back(), rows.last());
-    let of = |row: Option<&Row>, value: &dyn Fn(&Row) -> f64| row.map_or(f64::NAN, value);
-    let length_ms = |row: &Row| 1e3 * row.length_s;
+    let of = |row: Option<&PulseLawRow>, value: &dyn Fn(&PulseLawRow) -> f64| row.map_or(f64::NAN, value);
+    let length_ms = |row: &PulseLawRow| 1e3 * row.length_s;
     let named = |name: &str| format!("{plate}: {name}");
     let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(named(name), unit, value, source);
     let against = |name: &str, unit: &str, measured: f64, exact: f64, source: &str| {
@@ -194,8 +195,8 @@ fn figures(bench: &PivotSetup<'_>, rows: &[Row], plate: &str) -> Vec<Figure> {
     ]
 }
 
-fn series(rows: &[Row], plate: &str) -> [Series; 3] {
-    let column = |name: &str, of: fn(&Row) -> f64| Series::new(&format!("{plate}_{name}"), rows.iter().map(of));
+fn series(rows: &[PulseLawRow], plate: &str) -> [Series; 3] {
+    let column = |name: &str, of: fn(&PulseLawRow) -> f64| Series::new(&format!("{plate}_{name}"), rows.iter().map(of));
     [
         column("length_ms", |row| 1e3 * row.length_s),
         column("displacement_mm", |row| mm_from_m(row.found_m)),
@@ -249,8 +250,8 @@ fn speed_chart(short: &PlayedPulse, long: &PlayedPulse) -> Chart {
     )
 }
 
-fn law_chart(rows: &[Row], plate: &str) -> Chart {
-    let points = |of: fn(&Row) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
+fn law_chart(rows: &[PulseLawRow], plate: &str) -> Chart {
+    let points = |of: fn(&PulseLawRow) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
     Chart::plot(
         format!("pulse-law-{}", plate.replace(' ', "-")),
         format!("Displacement by one pulse, {plate}"),

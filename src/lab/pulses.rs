@@ -2,9 +2,10 @@
 
 use super::{LabFault, LabRig, coulomb_pump};
 use upm_core::geometry::{Vec2, cross};
+use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_sim::{OpenLoopError, OpenPulse, PartTrajectory, PlateMode, check_pulses};
+use upm_sim::{OpenLoopError, OpenPulse, PartTrajectory, check_pulses};
 
 /// Samples a second of a playback.
 pub(super) const PLAYBACK_HZ: f64 = 60.0;

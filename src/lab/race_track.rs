@@ -12,7 +12,8 @@ use super::pulses::{
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 use upm_core::geometry::{Pose, Vec2};
-use upm_sim::{OpenLoopTrajectories, OpenPulse, PlateMode, simulate};
+use upm_core::job::PlateMode;
+use upm_sim::{OpenLoopTrajectories, OpenPulse, simulate};
 
 /// Starting positions of the coins, as fractions of the distance from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];

@@ -22,13 +22,13 @@ const WINDOW_S: f64 = 1.0;
 
 /// A rig without parts whose camera is one pixel, so that simulation takes almost no time.
 #[derive(Debug)]
-pub(super) struct PlateModel {
+pub(super) struct BarePlate {
     model: RigModel,
     rig: SimRig,
     frame: Frame,
 }
 
-impl PlateModel {
+impl BarePlate {
     pub fn new(lab: &LabRig) -> Self {
         let mut sim = lab.sim.clone();
         sim.camera.size_px = [1, 1];

@@ -4,18 +4,18 @@
 //! First in the ideal field, which parts follow exactly; then on a plate with sufficiently strong motors, whose motion
 //! is prescribed; then on the rig's own plate, as strongly as its motors can. The paper prints no figures.
 
+mod calibrated_pulses;
 mod plan;
-mod plate_model;
 mod report;
 mod task;
 
+use self::calibrated_pulses::{CalibratedPulses, STRONG_SPIN_RADPS};
 use self::plan::{CENTERS, PartPositions, distances, flow};
-use self::plate_model::{PlateModel, STRONG_SPIN_RADPS};
 use self::task::{StepSeries, TwoPartProblem};
 use super::pulses::strongest_spin;
 use super::{ExperimentResult, LabFault, LabRig};
 use upm_core::geometry::Vec2;
-use upm_sim::PlateMode;
+use upm_core::job::PlateMode;
 
 /// Makes one large step with two parts about four centres, then the same in more observations: in the ideal field, on a
 /// plate with strong motors and on the rig's own.
@@ -33,17 +33,17 @@ pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
 
     let middle_m = Vec2::zeros();
     let strong = [STRONG_SPIN_RADPS; CENTERS];
-    let kinematic = PlateModel::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong, middle_m)?;
+    let kinematic = CalibratedPulses::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong, middle_m)?;
     let strong = StepSeries::of("strong plate", &task, |parts, center, d| kinematic.rotate(parts, center, d));
 
     let mut spin_radps = [0.0; CENTERS];
     for (spin, center) in spin_radps.iter_mut().zip(task.centers_m) {
         *spin = strongest_spin(rig, center)?;
     }
-    let dynamic = PlateModel::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps, middle_m)?;
+    let dynamic = CalibratedPulses::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps, middle_m)?;
     let own = StepSeries::of("rig's plate", &task, |parts, center, d| dynamic.rotate(parts, center, d));
 
-    let shortest_m = [&kinematic, &dynamic].map(PlateModel::shortest_m);
+    let shortest_m = [&kinematic, &dynamic].map(CalibratedPulses::shortest_m);
     let saturation = [&kinematic, &dynamic].map(|model| model.saturation(middle_m));
     let side_results = report::SideResults { d_m, spin_radps, shortest_m, saturation };
     Ok(report::outcome(rig, &task, &[ideal, strong, own], &side_results))

@@ -4,7 +4,7 @@ use nalgebra::Complex;
 
 use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
-use super::shaken::{PlateModel, steady_motion};
+use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
@@ -28,7 +28,7 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 /// pre-compensation on every axis. In addition the spectrum of the same trace by FFT, and the resonances of the axes as
 /// determined by calibration.
 pub fn waveform_fit(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
-    let mut plate = PlateModel::new(lab);
+    let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;
     let mut outcome = one_pulse(lab, &mut plate, &axes)?;
     outcome.figures.extend(precompensation(lab, &axes));
@@ -40,7 +40,7 @@ pub fn waveform_fit(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     Ok(outcome)
 }
 
-fn one_pulse(lab: &LabRig, plate: &mut PlateModel, axes: &Axes) -> Result<ExperimentResult, LabFault> {
+fn one_pulse(lab: &LabRig, plate: &mut BarePlate, axes: &Axes) -> Result<ExperimentResult, LabFault> {
     let drive = drive(lab, &axes.shapes);
     let recorded = RecordedPulse {
         trace: plate.play(&drive)?,
@@ -110,7 +110,7 @@ fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> Complex<f64
 }
 
 /// Adds natural frequency and damping ratio of every axis, and its frequency response, to `outcome`.
-fn add_resonances(lab: &LabRig, plate: &mut PlateModel, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     const SOURCE: &str = "the rig's file; multisine, FFT, Eq. 33";
     let Some(found) = plate.resonances()? else {
         outcome.notes.push("resonances: the rig's longest sustain is too short to tell them".to_owned());
@@ -165,7 +165,7 @@ mod tests {
 
     fn pulse(name: &str) -> ExperimentResult {
         let lab = lab_rig(name);
-        let mut plate = PlateModel::new(&lab);
+        let mut plate = BarePlate::new(&lab);
         let axes = plate.axes().unwrap();
         one_pulse(&lab, &mut plate, &axes).unwrap()
     }
@@ -209,7 +209,7 @@ mod tests {
     fn resonances_are_those_of_the_rigs_file() {
         for name in ["upm-1", "upm-2"] {
             let (lab, mut outcome) = (lab_rig(name), ExperimentResult::default());
-            add_resonances(&lab, &mut PlateModel::new(&lab), &mut outcome).unwrap();
+            add_resonances(&lab, &mut BarePlate::new(&lab), &mut outcome).unwrap();
             assert_sources_are_short(&outcome);
             assert_eq!((outcome.figures.len(), outcome.series.len(), outcome.charts.len()), (9, 4, 1));
             for figure in outcome.figures.iter().filter(|figure| figure.reference.is_some()) {
@@ -229,7 +229,7 @@ mod tests {
     /// Largest errors of the harmonics against Eq. 5 after calibration, over all axes: relative error of the ratio, and
     /// phase, °. Tests require 1 % and 1°.
     fn worst_after_calibration(lab: &LabRig) -> (f64, f64) {
-        let axes = PlateModel::new(lab).axes().unwrap();
+        let axes = BarePlate::new(lab).axes().unwrap();
         let ratios = [0, 1, 2].map(|axis| axis_ratio(lab, axis, &axes.shapes));
         let amplitude = ratios.iter().map(|r| (r.norm() / 0.5 - 1.0).abs()).fold(0.0, f64::max);
         let phase_deg = ratios.iter().map(|r| (-r).arg().to_degrees().abs()).fold(0.0, f64::max);
@@ -254,7 +254,7 @@ mod tests {
     fn a_resonance_above_the_drive_is_refused_with_the_reason() {
         let mut lab = lab_rig("upm-1");
         lab.sim.plate.resonance_hz[1] = 75.0;
-        let fault = PlateModel::new(&lab).axes().unwrap_err().to_string();
+        let fault = BarePlate::new(&lab).axes().unwrap_err().to_string();
         assert!(fault.contains("axis y") && fault.contains("below the drive's frequency"), "{fault}");
     }
 }

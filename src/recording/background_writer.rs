@@ -21,7 +21,7 @@ const MOST_GATHERED_BYTES: usize = 1 << 16;
 const COMMIT: Duration = Duration::from_millis(750);
 
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
-const PATIENCE: Duration = Duration::from_secs(10);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A writer that can commit its bytes to the disk, so that they survive a loss of power.
 pub trait SyncWrite: Write {
@@ -85,7 +85,7 @@ impl BackgroundWriter {
         }
         let ended = match self.overflow {
             OverflowPolicy::Wait => self.thread.wait(),
-            _ => self.thread.wait_within(PATIENCE),
+            _ => self.thread.wait_within(CLOSE_TIMEOUT),
         };
         ended.unwrap_or_else(|unfinished| match unfinished {
             WaitError::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),

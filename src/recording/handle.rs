@@ -85,7 +85,7 @@ impl RecordingHandle {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// The reason of a request to stop.
+    /// Reason given with a request to stop the recording; `None` before one.
     pub fn stop_request(&self) -> Option<&str> {
         self.0.wanted_stop.get().map(String::as_str)
     }

@@ -1,7 +1,6 @@
 mod fixed;
 mod lines;
 mod located;
-mod schema;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -14,7 +13,7 @@ use upm_control::{
 use upm_cor_library::Library;
 use upm_core::time::PlateTime;
 
-pub use schema::journal_schema;
+pub use lines::journal_schema;
 
 /// Writes `journal.jsonl`: one JSON object per line, each with a `type`.
 ///

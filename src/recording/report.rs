@@ -40,7 +40,7 @@ pub struct Report {
     pub frames: u64,
     /// Cycles ended.
     pub cycles: u64,
-    /// Pulses played.
+    /// Pulses played in the run, those of probes included.
     pub pulses: u64,
     /// Laps completed.
     pub laps: u32,

@@ -61,7 +61,7 @@ pub use raw_rig::{
     RawPlate, RawResonance, RawRig, RigSource,
 };
 pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};
-pub use raw_simulate::{PlateMode, RawHarmonic, RawPlaced, RawPulse, RawSimulate};
+pub use raw_simulate::{RawHarmonic, RawPlaced, RawPulse, RawSimulate};
 pub use raw_simulation::{RawKnocks, RawSimulation};
 pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};
@@ -71,5 +71,5 @@ pub use simulate::{PulseSpec, SimulateSpec};
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
 pub use upm_document::{
-    Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, listed, nearest, one_of, reason, text_of,
+    Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, TextPosition, listed, nearest, one_of, reason, text_of,
 };

@@ -59,7 +59,7 @@ use time_figure::FirstObservation;
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
 pub use coverage::{Coverage, CoverageHole, WorstDirection};
-pub use dry_run::{DryRunProgress, Forecast, PartForecast, PlanVerdict, StartForecast, rehearse};
+pub use dry_run::{DryRunProgress, Forecast, PartForecast, PlanVerdict, StartForecast, dry_run};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;

@@ -1,7 +1,9 @@
-//! The daemon: a job [`store`], [`plates`] that run jobs, the HTTP [`service`], and the [`daemon`] that joins them.
+//! The daemon: a job [`store`], a [`supervisor`] of the plates that run jobs, the HTTP [`api`] on the server of
+//! [`http`], and the [`daemon`] that joins them.
 
+pub mod api;
 pub mod daemon;
-pub mod plates;
-pub mod service;
+pub mod http;
 pub mod states;
 pub mod store;
+pub mod supervisor;

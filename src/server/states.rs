@@ -1,4 +1,5 @@
-//! States of jobs, recordings, plates and standing jobs, as stored in the database and as sent over the network.
+//! States of jobs, recordings, plates and standing jobs, as stored in the database and as sent over the network, with
+//! the causes of pauses and the conditions of runs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,6 +92,31 @@ pub enum StandingState {
     Waiting,
     /// Paused until an operator resumes the plate.
     Paused,
+}
+
+/// Cause of a plate's pause.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PauseCause {
+    /// Stable code for programs: that of `stop` in the job's report where the end of a job paused the plate, otherwise
+    /// `reset`, `restarted`, `crashed`, `store_damaged`, `data_displaced` or `stopped`.
+    pub code: String,
+    /// The operator's checks or actions before the plate goes on.
+    pub remedy: String,
+    /// True where `why` of the plate ends with the remedy, so that it need not be shown again.
+    #[serde(default)]
+    pub remedy_in_why: bool,
+}
+
+/// A lasting condition of the run on a plate that an operator should know of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PlateCondition {
+    /// Stable code for programs: that of a condition of the run, or `computer_busy` while plate time falls behind the
+    /// clock.
+    pub code: String,
+    /// The condition in words.
+    pub reason: String,
+    /// The operator's checks or changes.
+    pub remedy: String,
 }
 
 #[cfg(test)]

@@ -19,9 +19,7 @@ mod simulated_rig;
 pub use accelerometers::Accelerometers;
 pub use camera::{Camera, DiscShape, Snapshot};
 pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
-pub use open_loop::{
-    OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, PlateMode, check_pulses, simulate,
-};
+pub use open_loop::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
 pub use parts::{PartMotion, Parts};
 pub use plant::Plant;

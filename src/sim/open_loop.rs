@@ -3,18 +3,9 @@
 use super::motors::forces_of_wrench;
 use super::{PartParams, Parts, Plant, PlateMotion, SimParams, Wrench};
 use upm_core::geometry::{Pose, Twist, Vec2};
+use upm_core::job::PlateMode;
 use upm_core::random::Streams;
 use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, TwistHarmonic, TwistWave};
-
-/// Actuation of the plate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlateMode {
-    /// The plate's velocity is exactly the requested one; parts move in that field at their positions on the table.
-    Kinematic,
-    /// The motors play the forces that would give a free mass the requested velocity; rods, low-pass, whole counts and
-    /// the parts' reaction act on the plate.
-    Dynamic,
-}
 
 /// Largest number of harmonics of a pulse, the limit of [`Drive::peak_counts`].
 const MOST_HARMONICS: usize = 16;
@@ -118,6 +109,10 @@ pub fn check_pulses(
 }
 
 /// Plays `pulses` one after another, each with its rest, on `parts` at rest. Deterministic.
+///
+/// A kinematic plate has exactly the requested velocity; parts move in that field at their positions on the table. The
+/// motors of a dynamic one play the forces that would give a free mass that velocity; rods, low-pass, whole counts and
+/// the parts' reaction act on the plate.
 pub fn simulate(
     params: &SimParams,
     mode: PlateMode,

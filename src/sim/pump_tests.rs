@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::*;
 use upm_core::geometry::{Lens, Pose, Twist, Vec2};
+use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 

@@ -20,7 +20,7 @@ const KEPT_GAP_M: f64 = 2.5e-3;
 const STAGE_REACHED_M: f64 = 1e-3;
 
 /// Cycles after which a new route is searched while a part is blocked.
-const PATIENCE: usize = 16;
+const REPLAN_AFTER: usize = 16;
 
 /// Fraction of a stage's initial distance at which the next stage begins, for rotations: they leave the hardest part of
 /// it.
@@ -230,7 +230,7 @@ impl PathFollower {
 
     /// Advances to the last stage that can be reached straight; false without such a stage.
     fn keep_path(&mut self) -> bool {
-        if !self.blocked.is_empty() && self.observations > PATIENCE {
+        if !self.blocked.is_empty() && self.observations > REPLAN_AFTER {
             return false;
         }
         let problem = self.problem(&self.place_of);
@@ -246,7 +246,7 @@ impl PathFollower {
     /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
     /// further on. False where the path is no longer clear.
     fn keep_turning_path(&mut self, stride_m: f64) -> bool {
-        if !self.blocked.is_empty() && self.observations > PATIENCE {
+        if !self.blocked.is_empty() && self.observations > REPLAN_AFTER {
             return false;
         }
         let Some(present_m) = self.stages_m.first() else { return false };

@@ -110,7 +110,7 @@ fn saved_as(folder: &TempDir, picture: &CoinPicture, gray: bool) -> String {
 fn picture_without_parts_reports_the_discs_found() {
     let folder = TempDir::new().unwrap();
     let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
-    assert!(bare.contains("no parts: the table was found, nothing round stands out"), "{bare}");
+    assert!(bare.contains("no parts: the table was found, no disc was found"), "{bare}");
     assert!(bare.contains("the plate looks bare"), "{bare}");
     // white discs on a dark plate on light ground
     let inverted = |picture: &CoinPicture| {
@@ -120,7 +120,7 @@ fn picture_without_parts_reports_the_discs_found() {
     };
     let light = inverted(&plain(203.2, &[(PENNY, PLACES[0]), (PENNY, PLACES[3])]));
     let text = said(&light, &[]);
-    assert!(text.contains("no parts: the table was found, 2 discs stand out"), "{text}");
+    assert!(text.contains("no parts: the table was found, 2 discs were found"), "{text}");
     assert!(text.lines().any(|line| line.contains("2 discs of 19.") && line.contains("use --light-parts")), "{text}");
     assert_eq!(located(&light, &["--light-parts"])["parts"].as_array().unwrap().len(), 2);
 }

@@ -39,8 +39,8 @@ fn feasible_job_is_reported_with_its_figures() {
     let plan = &row["plan"];
     let time = |key: &str| number(&plan["predicted_plate_time_s"][key]);
     assert!(0.0 < time("least") && time("least") <= time("median") && time("median") <= time("most"));
-    let rehearsals = plan["rehearsals"].as_array().unwrap();
-    assert!(rehearsals.len() == 5 && rehearsals.iter().all(|each| each["completed"] == true));
+    let dry_runs = plan["rehearsals"].as_array().unwrap();
+    assert!(dry_runs.len() == 5 && dry_runs.iter().all(|each| each["completed"] == true));
     assert!(number(&plan["smallest_gap"]["gap_mm"]) > 0.0);
     assert_eq!(plan["smallest_gap"]["parts"], json!(["penny-1", "penny-2"]));
     assert_eq!(plan["independence"]["singular_values"].as_array().unwrap().len(), 4);
@@ -256,9 +256,9 @@ fn failed_run_names_its_planner_and_the_alternatives() {
 }
 
 #[test]
-fn rehearsals_of_twenty_four_coins_end_soon_and_at_the_goal() {
+fn dry_runs_of_twenty_four_coins_end_soon_and_at_the_goal() {
     let plan = &planned(&root().join("configs/arrange-24.json"), 0)["plan"];
     assert_eq!(plan["verdict"], "can_be_done");
-    let rehearsals = plan["rehearsals"].as_array().unwrap();
-    assert!((1..5).contains(&rehearsals.len()), "their number is bounded by the work of each: {}", rehearsals.len());
+    let dry_runs = plan["rehearsals"].as_array().unwrap();
+    assert!((1..5).contains(&dry_runs.len()), "their number is bounded by the work of each: {}", dry_runs.len());
 }

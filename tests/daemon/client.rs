@@ -4,8 +4,6 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::thread::sleep;
-use std::time::Duration;
 
 use serde_json::{Value, json};
 
@@ -123,9 +121,11 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     assert_eq!(stderr.lines().count(), 1, "{stderr}");
 
     let waiting = served.submit(&rest("waiting"), "max");
-    sleep(Duration::from_millis(500));
-    assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
     assert_eq!(served.plate(RIGHT)["state"], "stopped");
+    served.status(&["reset", RIGHT, "--operator", "Ada", "--reason", "nothing is loose"], 0);
+    served.status(&["resume", RIGHT], 0);
+    served.run_on(RIGHT);
+    assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
     served.status(&["resume", LEFT], 0);
     served.until_state(&waiting, "completed");
 }

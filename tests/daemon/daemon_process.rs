@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use super::http::{Answer, ask};
 
 /// Longest wait for any condition.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 pub const LEFT: &str = "left";
 pub const RIGHT: &str = "right";
@@ -137,6 +137,14 @@ impl TestDaemon {
         until(&format!("{id} is {state}"), || Some(self.job(id)).filter(|job| job["state"] == state))
     }
 
+    /// Runs a short job on this plate to its end. Another plate that starts by itself has begun its oldest job by then.
+    pub fn run_on(&self, plate: &str) {
+        let mut job = rest("beside");
+        job["plate"] = plate.into();
+        let id = self.submit(&job, "max");
+        self.until_state(&id, "completed");
+    }
+
     /// Current state of a plate.
     pub fn plate(&self, name: &str) -> Value {
         let plates = self.get("/v1/plates");
@@ -203,7 +211,7 @@ fn spawn(folder: &Path, listen: &str) -> (Child, String) {
         sender.send(stdout.read_line(&mut line).map(|_| line))
     });
     // a start that hangs fails its test
-    let line = first.recv_timeout(PATIENCE).map(Result::unwrap).unwrap_or_default();
+    let line = first.recv_timeout(TIMEOUT).map(Result::unwrap).unwrap_or_default();
     if !line.starts_with("http://") {
         child.kill().ok();
         child.wait().ok();
@@ -237,7 +245,7 @@ pub fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
         if let Some(found) = look() {
             return found;
         }
-        assert!(from.elapsed() < PATIENCE, "waited too long: {what}");
+        assert!(from.elapsed() < TIMEOUT, "waited too long: {what}");
         sleep(Duration::from_millis(10));
     }
 }

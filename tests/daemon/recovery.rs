@@ -1,8 +1,6 @@
 //! State of the daemon after a crash.
 
 use std::fs;
-use std::thread::sleep;
-use std::time::Duration;
 
 use serde_json::Value;
 
@@ -45,7 +43,8 @@ fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
         assert!(recording.body.starts_with(b"RRF"), "{:?}", &recording.body[..8.min(recording.body.len())]);
     }
 
-    sleep(Duration::from_secs(2));
+    served.status(&["resume", RIGHT], 0);
+    served.run_on(RIGHT);
     assert!(waiting.iter().all(|id| state(id) == "queued"), "nothing starts moving by itself");
     assert_eq!(served.plate(LEFT)["queued"], 3);
     served.status(&["resume", LEFT], 0);
@@ -72,11 +71,13 @@ fn an_emergency_stop_holds_over_a_kill() {
 #[test]
 #[cfg(feature = "rerun")]
 fn fifo_in_place_of_a_recording_is_refused_at_once() {
+    use std::time::{Duration, Instant};
+
     let served = TestDaemon::start();
     let id = served.submit(&rest("one"), "max");
     assert_eq!(served.until_state(&id, "completed")["recording"], "whole");
     put_fifo(&served.run_folder("one").join("run.rrd"));
-    let asked = std::time::Instant::now();
+    let asked = Instant::now();
     served.ask("GET", &format!("/v1/jobs/{id}/recording"), &[], "").is_problem(409);
     assert_eq!(served.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
     assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());

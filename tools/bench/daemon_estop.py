@@ -27,7 +27,7 @@ IN_MOTION_S, LONGEST_S = 0.05, 0.45
 LOOK_EVERY_S = 0.015
 STEP_S = 1e-3
 # a run takes so long to end at most, s
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 # jobs that wait for a plate
 AHEAD = 3
 # why a plate is paused after its watchdog ended a run
@@ -126,7 +126,7 @@ class Campaign:
 
     async def until_moving(self, link, name, last):
         """The job on the plate, another than the last, once it moves. What the watchdog stopped first is let go on."""
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         while time.monotonic() < until:
             plate = self.plates.get(name)
             if plate and plate["state"] == "running" and plate["job"] != last and plate["at_s"] >= IN_MOTION_S:
@@ -147,7 +147,7 @@ class Campaign:
             self.stops.blame(f"{plate['state']} after a stop")
         elif silent_at_s is not None and plate["at_s"] > silent_at_s + STEP_S:
             self.stops.blame("plate time went on after a stop")
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         body = json.dumps({"operator": "campaign", "reason": "the next stop"}).encode()
         while (answer := await link.ask("POST", f"/v1/plates/{name}/reset", body)).status != 200:
             if answer.status != 409 or time.monotonic() > until:

@@ -3,7 +3,7 @@
 
 usage: daemon_frozen.py [--upm target/debug/upm]
 
-frozen daemon   SIGSTOP for a second under strict deadlines: nobody drove the plate, so the job fails by its drive lease where
+frozen daemon   SIGSTOP for a second under strict deadlines: the plate was not driven, so the job fails by its drive lease where
                 a pulse was being played, else by late frames. daemon_busy.py has the same under relaxed deadlines
 frozen clients  64 that ask for events and never read, one that asks for pictures and never reads: no deadline is missed by
                 more than a frame
@@ -34,7 +34,7 @@ class Client:
 
     def __init__(self, daemon, text, reads=False):
         self.socket = socket.socket()
-        # a small window, so that what the daemon sends is soon in nobody's hands
+        # a small window, so that the daemon's sends soon block
         if not reads:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         self.socket.settimeout(10.0)
@@ -83,7 +83,7 @@ def frozen_clients(bars, daemon, seconds):
     events, frame = (request(daemon, f"/v1/jobs/{job['id']}/{what}") for what in ("events", "frame.png"))
     clients = [Client(daemon, events) for _ in range(64)] + [Client(daemon, frame * 100)]
     seen = Client(daemon, events, reads=True)
-    # pictures are drawn only while somebody wants them
+    # pictures are drawn only for a client that asked for them
     while daemon.get(f"/v1/jobs/{job['id']}")["state"] == "running":
         daemon.ask("GET", f"/v1/jobs/{job['id']}/frame.png")
         time.sleep(0.5)

@@ -98,7 +98,7 @@ class Tidier(threading.Thread):
             if answer.status == 201:
                 self.keeps, self.began = answer.json()["id"], self.began + 1
                 (self.folder / RUNNING_FILE).write_text(self.keeps)
-        # pictures are drawn while somebody wants them
+        # pictures are drawn only for a client that asked for them
         if self.keeps:
             daemon.ask("GET", f"/v1/jobs/{self.keeps}/frame.png")
 

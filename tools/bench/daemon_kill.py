@@ -254,7 +254,7 @@ class Campaign:
                 self.blame("a key does not tell whether its job is there", job.key)
             strange.discard(job.id)
         if strange:
-            self.blame("a job that nobody sent", sorted(strange))
+            self.blame("a job that no client sent", sorted(strange))
         for job in self.rng.sample(list(self.books.known.values()), min(2, len(self.books.known))):
             headers = {"Idempotency-Key": job.key}
             answer = self.daemon.ask("POST", f"/v1/jobs?pace={job.row['pace']}", job.body, headers)

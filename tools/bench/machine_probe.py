@@ -93,7 +93,7 @@ def watch(core, stopping, there):
 
 
 def stolen_s():
-    """Time that the host of a virtual machine had taken from all cores, s; 0 where nobody counts it."""
+    """Time that the host of a virtual machine had taken from all cores, s; 0 where it is not counted."""
     with open("/proc/stat", encoding="ascii") as stat:
         fields = stat.readline().split()
     return int(fields[8]) / os.sysconf("SC_CLK_TCK") if len(fields) > 8 else 0.0

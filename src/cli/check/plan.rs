@@ -13,24 +13,24 @@ use upm_cor_library::Library;
 use upm_core::job::Outcome;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
-use upm_runner::run::{Forecast, PlanVerdict, rehearse};
+use upm_runner::run::{Forecast, PlanVerdict, dry_run};
 
 pub(super) struct PlanReport {
     pub job: String,
     pub rig: String,
     /// Bins, paths and kinds in the job's file.
     pub layout: JobLayout,
-    /// True if the job's rig is knocked, which rehearsals leave out.
+    /// True if the job's rig is knocked, which dry runs leave out.
     pub is_knocked: bool,
     pub forecast: Forecast,
 }
 
 impl PlanReport {
-    /// Rehearses `job` with `library`; shows progress on stderr if it takes long.
+    /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
     pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Diagnostic> {
         let mut progress = LateProgress::new(progress, MonotonicClock::new());
-        let forecast = rehearse(job, library, &mut |at| {
-            progress.show(at.done, || format!("rehearsal {} of {}, plate {:6.1} s", at.rehearsal, at.of, at.at.secs()));
+        let forecast = dry_run(job, library, &mut |at| {
+            progress.show(at.done, || format!("dry run {} of {}, plate {:6.1} s", at.dry_run, at.of, at.at.secs()));
         });
         progress.finish();
         Ok(Self {
@@ -56,7 +56,7 @@ impl PlanReport {
             100.0 * forecast.friction_spread
         ));
         if self.is_knocked {
-            lines.push("the knocks of the rig (simulation.knocks) are not rehearsed".into());
+            lines.push("dry runs leave out the knocks of the rig (simulation.knocks)".into());
         }
         lines
     }
@@ -65,7 +65,7 @@ impl PlanReport {
     pub fn json(&self) -> Value {
         let forecast = &self.forecast;
         let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
-        let range = forecast.range(|rehearsal| rehearsal.plate_time_s).map(|[least, median, most]| {
+        let range = forecast.range(|dry_run| dry_run.plate_time_s).map(|[least, median, most]| {
             json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
         });
         let nearest = forecast.nearest().map(|ClosestApproach { gap_m, parts, at_s }| {
@@ -73,15 +73,15 @@ impl PlanReport {
         });
         let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
         let met = |LimitMet { limit, times }: &LimitMet| json!({ "limit": limit, "plans": times });
-        let rehearsals = forecast.rehearsals.iter().map(|rehearsal| {
+        let dry_runs = forecast.dry_runs.iter().map(|dry_run| {
             json!({
-                "completed": rehearsal.ending.outcome == Outcome::Completed,
-                "left_off": rehearsal.left_off,
-                "reason": rehearsal.ending.reason,
-                "plate_time_s": rounded(rehearsal.plate_time_s),
-                "cycles": rehearsal.cycles,
-                "pulses": rehearsal.pulses,
-                "prediction_error_mm": rehearsal.prediction_error_m.map(|error_m| rounded(mm(error_m))),
+                "completed": dry_run.ending.outcome == Outcome::Completed,
+                "left_off": dry_run.left_off,
+                "reason": dry_run.ending.reason,
+                "plate_time_s": rounded(dry_run.plate_time_s),
+                "cycles": dry_run.cycles,
+                "pulses": dry_run.pulses,
+                "prediction_error_mm": dry_run.prediction_error_m.map(|error_m| rounded(mm(error_m))),
             })
         });
         let parts = forecast.parts.iter().map(|part| {
@@ -113,7 +113,7 @@ impl PlanReport {
             },
             "friction_spread": forecast.friction_spread,
             "parts": parts.collect::<Vec<_>>(),
-            "rehearsals": rehearsals.collect::<Vec<_>>(),
+            "rehearsals": dry_runs.collect::<Vec<_>>(),
         });
         if let Some(bound_s) = forecast.bound_s {
             object["bound_s"] = json!(rounded(bound_s));
@@ -123,7 +123,7 @@ impl PlanReport {
 }
 
 fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
-    let (completed, all) = (forecast.completed(), forecast.rehearsals.len());
+    let (completed, all) = (forecast.completed(), forecast.dry_runs.len());
     let verdict = match forecast.verdict() {
         PlanVerdict::CanBeDone => "can be done",
         PlanVerdict::Likely => "likely done",
@@ -131,15 +131,15 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         PlanVerdict::CannotBeDone => "cannot be done",
         PlanVerdict::Undecided => "undecided",
     };
-    let mut figures = vec![(verdict, format!("{completed} of {all} rehearsals reach the goal"))];
+    let mut figures = vec![(verdict, format!("{completed} of {all} dry runs reach the goal"))];
     for (reason, times) in forecast.endings() {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
     figures.push(("planner", planner_line(&forecast.planner.report())));
     let median = |figure: fn(&DryRun) -> f64| forecast.range(figure).map_or(0.0, |[_, median, _]| median);
-    if let Some([least, middle, most]) = forecast.range(|rehearsal| rehearsal.plate_time_s) {
-        let cycles = median(|rehearsal| rehearsal.cycles as f64);
-        let pulses = median(|rehearsal| rehearsal.pulses as f64);
+    if let Some([least, middle, most]) = forecast.range(|dry_run| dry_run.plate_time_s) {
+        let cycles = median(|dry_run| dry_run.cycles as f64);
+        let pulses = median(|dry_run| dry_run.pulses as f64);
         let text =
             format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
         figures.push(("predicted", text));
@@ -175,12 +175,12 @@ mod tests {
     use upm_runner::run::job_library;
 
     #[test]
-    fn plan_on_a_knocked_rig_reports_that_knocks_are_not_rehearsed() {
+    fn plan_on_a_knocked_rig_reports_that_dry_runs_leave_out_knocks() {
         let said = |job: &str| {
             let job = JobSpec::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job)).unwrap();
             let library = job_library(&job).unwrap();
             let lines = PlanReport::of(&job, &library, ProgressMode::Hidden).unwrap().lines();
-            lines.iter().filter(|line| line.contains("knocks") && line.contains("not rehearsed")).count()
+            lines.iter().filter(|line| line.contains("dry runs leave out the knocks")).count()
         };
         assert_eq!([said("hold-4.json"), said("arrange-2.json")], [1, 0]);
     }

@@ -16,7 +16,7 @@ const PLAN_REACH: f64 = 1.08;
 /// Half the length of the line in a part's weakest direction, in radii of the part.
 const REACH: f64 = 1.7;
 
-/// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first rehearsal.
+/// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first dry run.
 /// A part has one colour, parts of one kind similar ones.
 pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
     let PlanReport { forecast, layout, .. } = planned;
@@ -26,7 +26,7 @@ pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
     let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(bins(layout, &palette));
-    let trails = forecast.rehearsals.first().map_or(&[][..], |rehearsal| &rehearsal.trails_m);
+    let trails = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.trails_m);
     let predicted = trails.iter().enumerate();
     layers.extend(predicted.map(|(i, path_m)| Layer::new("", Mark::Line, color(i), path_m.iter().copied().map(at_mm))));
     layers.extend(paths(layout, &color));
@@ -43,13 +43,13 @@ pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
 
 fn plan_title(planned: &PlanReport) -> String {
     let PlanReport { job, rig, forecast, .. } = planned;
-    match forecast.range(|rehearsal| rehearsal.plate_time_s) {
+    match forecast.range(|dry_run| dry_run.plate_time_s) {
         Some([_, median_s, _]) if forecast.verdict() == PlanVerdict::CanBeDone => {
             format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
         }
-        Some(_) => format!("{job} on {rig}: not every rehearsal reaches the goal"),
+        Some(_) => format!("{job} on {rig}: not every dry run reaches the goal"),
         None if forecast.verdict() == PlanVerdict::Undecided => {
-            format!("{job} on {rig}: too long to be rehearsed to its end")
+            format!("{job} on {rig}: too long for a dry run to its end")
         }
         None => format!("{job} on {rig}: predicted that it cannot be done"),
     }

@@ -16,6 +16,7 @@ use ureq::{Agent, Body};
 use crate::cli::client_args::DaemonArgs;
 use crate::cli::output::Failure;
 use upm_runner::config::is_plain_name;
+use upm_server::api::JobsPage;
 
 pub(super) use refusal::{ClientRefusal, on_one_line};
 
@@ -24,6 +25,9 @@ const JSON: &str = "application/json";
 
 /// Largest response that is read, bytes; a page of the longest jobs with their reports is far smaller.
 const MOST_ANSWER_BYTES: u64 = 64 << 20;
+
+/// Largest page of jobs that the daemon returns.
+const PAGE_OF_JOBS: u32 = 200;
 
 /// Largest token file that is read, bytes.
 const MOST_TOKEN_BYTES: u64 = 4096;
@@ -123,6 +127,23 @@ impl Client {
         self.read(self.send(Method::POST, path, headers, json, Timeouts::Usual)?)
     }
 
+    /// The `most` newest jobs, fetched page by page.
+    pub fn jobs(&self, state: Option<&str>, most: u32) -> Result<JobsPage, ClientRefusal> {
+        let mut all = JobsPage::default();
+        loop {
+            let left = most - u32::try_from(all.jobs.len()).unwrap_or(most);
+            let state = state.map(|state| format!("&state={state}")).unwrap_or_default();
+            let cursor = all.next.iter().map(|cursor| format!("&cursor={cursor}")).collect::<String>();
+            let page: JobsPage = self.get(&format!("/v1/jobs?limit={}{state}{cursor}", left.min(PAGE_OF_JOBS)))?;
+            let is_last = page.next.is_none() || page.jobs.is_empty() || page.next == all.next;
+            all.jobs.extend(page.jobs);
+            all.next = page.next;
+            if is_last || all.jobs.len() as u64 >= u64::from(most) {
+                return Ok(all);
+            }
+        }
+    }
+
     /// GET of the value at `path` with the short timeouts of a stop.
     pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
         self.read(self.send(Method::GET, path, &[], "", Timeouts::Stop)?)
@@ -148,7 +169,7 @@ impl Client {
         path: &str,
         headers: &[(&str, &str)],
         body: &str,
-        patience: Timeouts,
+        timeouts: Timeouts,
     ) -> Result<Response<Body>, ClientRefusal> {
         let mut request = Request::builder().method(method.clone()).uri(format!("{}{path}", self.base));
         for (name, value) in headers {
@@ -160,7 +181,7 @@ impl Client {
         if !body.is_empty() {
             request = request.header(header::CONTENT_TYPE, JSON);
         }
-        let agent = patience.agent();
+        let agent = timeouts.agent();
         let lost = |error| ClientRefusal::lost(&self.base, error);
         let response = if method == Method::GET {
             let request = request.body(()).map_err(|error| lost(error.into()))?;

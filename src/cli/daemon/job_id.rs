@@ -1,8 +1,7 @@
 use super::client::Client;
-use super::listing::list;
 use crate::cli::output::Failure;
 use crate::cli::prefix::{LAST, Match, in_one_line, match_prefix};
-use upm_server::service::Job;
+use upm_server::api::Job;
 
 /// Number of hex digits in an id.
 const DIGITS: usize = 32;
@@ -10,11 +9,11 @@ const DIGITS: usize = 32;
 /// Id of the job that `text` names: an id, a unique prefix of one, or `last` for the job submitted last.
 pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     let wrong = |found: &str| {
-        let allowed = "32 hex digits, as `upm jobs` lists them, the beginning of one job's, or last";
+        let allowed = "32 hex digits, as `upm jobs` lists them, a unique prefix, or last";
         Failure::bad_input(format!("ID: expected {allowed}, found {found}"))
     };
     if text == LAST {
-        let newest = list(client, None, 1)?.jobs.into_iter().next();
+        let newest = client.jobs(None, 1)?.jobs.into_iter().next();
         return newest.map(|job| job.id).ok_or_else(|| wrong("no jobs"));
     }
     let is_hex = text.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
@@ -24,7 +23,7 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     if text.len() == DIGITS {
         return Ok(text.to_owned());
     }
-    let jobs = list(client, None, u32::MAX)?.jobs;
+    let jobs = client.jobs(None, u32::MAX)?.jobs;
     match match_prefix(text, jobs.iter().map(|job| job.id.as_str())) {
         Match::One(index) => jobs.get(index).map(|job| job.id.clone()).ok_or_else(|| wrong(&format!("{text:?}"))),
         Match::None => Err(wrong(&format!("{text:?}, which no job's id begins with"))),

@@ -1,20 +1,19 @@
 use super::client::{Client, job_path, on_one_line};
 use super::job_id::job_id;
-use super::listing::list;
 use crate::cli::args::Common;
 use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
 use crate::cli::output::{Failure, print};
 use crate::cli::progress::behind;
 use crate::cli::summary;
+use upm_core::job::Pace;
 use upm_recording::Report;
-use upm_server::service::{
-    Job, JobState, Pace, Plate, PlateState, Plates, RecordingStatus, StandingJob, StandingState,
-};
+use upm_server::api::{Job, Plate, Plates, StandingJob};
+use upm_server::states::{JobState, PlateState, RecordingStatus, StandingState};
 
 pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
     let most = if args.all { u32::MAX } else { args.limit };
-    let page = list(&client, args.state.as_deref(), most)?;
+    let page = client.jobs(args.state.as_deref(), most)?;
     print(common.json, &page, || {
         page.jobs.iter().try_for_each(print_line)?;
         if page.next.is_some() && !common.quiet {

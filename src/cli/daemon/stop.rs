@@ -9,8 +9,8 @@ use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
 use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
+use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
 use upm_server::daemon::LocalStop;
-use upm_server::service::{EStopped, Plate, Plates, ResetRequest};
 
 /// Attempts before a stop counts as failed.
 const ATTEMPTS: u32 = 3;

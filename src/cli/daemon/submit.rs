@@ -10,7 +10,7 @@ use crate::cli::output::{Failure, print_json};
 use upm_cor_library::Library;
 use upm_core::job::Pace;
 use upm_runner::config::{DiagnosticClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
-use upm_server::service::Job;
+use upm_server::api::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     let mut job = sendable(&args.job)?;

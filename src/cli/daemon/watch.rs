@@ -16,7 +16,8 @@ use crate::cli::client_args::JobArgs;
 use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, stop_on_interrupt};
 use follow::{StreamFollower, StreamItem};
 use job_display::JobDisplay;
-use upm_server::service::{Job, JobState};
+use upm_server::api::Job;
+use upm_server::states::JobState;
 
 /// Capacity of the queue of events to be shown.
 const WAITING: usize = 64;

@@ -86,9 +86,9 @@ pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<Stri
 /// Message if no part was found, with the discs that were.
 pub(super) fn no_parts_message(others: &[OtherDisc], survey: &Survey, setting: &LocateSetup) -> String {
     let seen = match others {
-        [] => "nothing round stands out".to_owned(),
-        [_] => "1 disc stands out".to_owned(),
-        several => format!("{} discs stand out", several.len()),
+        [] => "no disc was found".to_owned(),
+        [_] => "1 disc was found".to_owned(),
+        several => format!("{} discs were found", several.len()),
     };
     let [darker, lighter] = [1.0 - survey.darkest, survey.lightest - 1.0].map(|share| 100.0 * share.max(0.0));
     let remedy = match () {

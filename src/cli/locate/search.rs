@@ -8,7 +8,7 @@ use super::report::{LocateMethod, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use super::{panels, picture};
-use crate::cli::args::{LocateArgs, ResponseArg};
+use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
@@ -105,12 +105,7 @@ fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSi
 }
 
 fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &LocateSetup) -> Result<CoinFinder, Failure> {
-    let wanted = match args.response {
-        ResponseArg::Auto => ResponseMethod::Auto,
-        ResponseArg::Chords => ResponseMethod::Chords,
-        ResponseArg::Fft => ResponseMethod::Fft,
-    };
-    let size = [frame.width, frame.height];
+    let (wanted, size) = (args.response, [frame.width, frame.height]);
     let finder = CoinFinder::with_response(table, size, &setting.kinds, setting.dark_parts, wanted);
     if wanted != ResponseMethod::Auto && finder.response_method() != wanted {
         let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";

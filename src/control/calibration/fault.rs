@@ -134,8 +134,8 @@ pub enum CalibrationFault {
     },
     /// The readings of the four channels do not fit one rigid plate.
     #[error(
-        "accelerometers: expected readings of a rigid plate (a residual of 0.05 or less), found {misfit:.2} (check their \
-         mounting, their channels' order and `position_mm` in the rig file)"
+        "accelerometers: expected readings of a rigid plate (a residual of 0.05 or less), found {misfit:.2} (check \
+         their mounting, their channels' order and `position_mm` in the rig file)"
     )]
     NotRigid {
         /// Share of the readings, root mean square, that no gains explain.
@@ -143,8 +143,8 @@ pub enum CalibrationFault {
     },
     /// The strongest drive of an axis does not move the plate.
     #[error(
-        "{axis}: expected {needed_mps2:.2} m/s² or more in its strongest pulse, found {found_mps2:.2} m/s² (check power, \
-         emergency stop and the cables of its coils)"
+        "{axis}: expected {needed_mps2:.2} m/s² or more in its strongest pulse, found {found_mps2:.2} m/s² (check \
+         power, emergency stop and the cables of its coils)"
     )]
     Still {
         /// `axis x`, `axis y` or `axis spin`.
@@ -165,8 +165,8 @@ pub enum CalibrationFault {
     },
     /// The closing pulse differs from the opening one: a coil or a channel changed during calibration.
     #[error(
-        "{component}: expected the closing pulse within {:.1} % of the opening one, found {:.1} % (it changed while the \
-         rig was calibrated: check it, and calibrate again)",
+        "{component}: expected the closing pulse within {:.1} % of the opening one, found {:.1} % (it changed while \
+         the rig was calibrated: check it, and calibrate again)",
         100.0 * allowed,
         100.0 * change
     )]
@@ -197,8 +197,8 @@ pub enum CalibrationFault {
     /// The drive is too weak to slide a coin.
     #[error(
         "expected a displacement of {needed_mm} mm or more in the strongest pulse, found {moved_mm:.3} mm, at \
-         {peak_mps2:.2} m/s² of the plate (parts are carried from a peak of about 2.2 times their friction coefficient times \
-         {GRAVITY_MPS2} m/s² on; below it they stick or creep backwards)"
+         {peak_mps2:.2} m/s² of the plate (parts are carried from a peak of about 2.2 times their friction \
+         coefficient times {GRAVITY_MPS2} m/s² on; below it they stick or creep backwards)"
     )]
     TooWeak {
         /// Largest displacement seen, mm.
@@ -210,8 +210,8 @@ pub enum CalibrationFault {
     },
     /// An axis leads the phase of a free mass: its resonance is not below the drive's frequency.
     #[error(
-        "{axis}: expected a velocity {LEAST_LAG_DEG}° or more behind the force at {base_hz:.1} Hz, found {lag_deg:.0}° (the \
-         resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
+        "{axis}: expected a velocity {LEAST_LAG_DEG}° or more behind the force at {base_hz:.1} Hz, found {lag_deg:.0}° \
+         (the resonance must lie below the drive's frequency, where velocity is the force's integral, 90° behind it)"
     )]
     Resonance {
         /// `axis x`, `axis y` or `axis spin`.

@@ -239,7 +239,7 @@ mod tests {
     use nalgebra::{Complex, Matrix3};
 
     use super::*;
-    use upm_cor_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+    use upm_cor_library::{FieldResponse, testing};
     use upm_core::geometry::Twist;
     use upm_core::signal::{TwistHarmonic, TwistWave};
     use upm_planner::{FieldPulse, Rotation};
@@ -254,20 +254,8 @@ mod tests {
             limit_counts: 1000.0,
             twist_from_counts: vec![Matrix3::from_diagonal_element(Complex::new(0.0, -1e-3)); 2],
         };
-        Library {
-            rig: "made".into(),
-            fingerprint: "12ab".into(),
-            plate_side_m: 0.2,
-            base_radps: 377.0,
-            attack_s: 0.02,
-            rest_s: 0.04,
-            accelerometer_gain: [1.0; 4],
-            shapes: [AxisShape::FREE_MASS; 3],
-            entries: vec![Entry { amplitudes: [100, -100, 0, 0], pump: Twist::new(0.5, 0.0, 0.0) }],
-            displacement: DisplacementModel::default(),
-            fields: Some(fields),
-            plate: None,
-        }
+        let belt = testing::library([Twist::new(0.5, 0.0, 0.0)]);
+        Library { base_radps: 377.0, attack_s: 0.02, rest_s: 0.04, fields: Some(fields), ..belt }
     }
 
     fn field(harmonics: usize) -> PlannedPulse {

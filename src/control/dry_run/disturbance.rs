@@ -34,9 +34,10 @@ pub(super) struct ModelDisturbance {
 }
 
 impl ModelDisturbance {
-    /// Draws the disturbance of one rehearsal.
-    pub fn new(library: &Library, rehearsal: &DryRunParams) -> Self {
-        let DryRunParams { streams, number, .. } = rehearsal;
+    /// Draws the disturbance of one dry run.
+    pub fn new(library: &Library, dry_run: &DryRunParams) -> Self {
+        let DryRunParams { streams, number, .. } = dry_run;
+        // the names of the streams seed their numbers: with other names, all forecasts change
         let mut rng = streams.numbered("rehearsal plate", *number);
         let harmonics = library.fields.as_ref().map_or(0, |fields| fields.twist_from_counts.len());
         let plate = (0..harmonics).map(|_| [(); 3].map(|()| factor(PLATE_OFF, &mut rng))).collect();

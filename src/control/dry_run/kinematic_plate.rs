@@ -40,15 +40,15 @@ pub(super) struct KinematicPlate {
 
 impl KinematicPlate {
     /// Parts at their starting positions, each with a drawn friction.
-    pub fn new(library: Arc<Library>, params: &ControlParams, rehearsal: &DryRunParams) -> Self {
-        let DryRunParams { starts_m, frame_hz, .. } = rehearsal;
-        let disturbance = ModelDisturbance::new(&library, rehearsal);
+    pub fn new(library: Arc<Library>, params: &ControlParams, dry_run: &DryRunParams) -> Self {
+        let DryRunParams { starts_m, frame_hz, .. } = dry_run;
+        let disturbance = ModelDisturbance::new(&library, dry_run);
         let mut stage = Self {
             positions_m: starts_m.clone(),
             radii_m: (0..starts_m.len()).map(|part| params.radius_m(part)).collect(),
             nearest: None,
             library,
-            friction: friction(rehearsal),
+            friction: friction(dry_run),
             disturbance,
             frame_hz: *frame_hz,
             frames: OPENING_FRAMES,
@@ -142,10 +142,11 @@ impl KinematicPlate {
     }
 }
 
-/// Displacement of each part relative to the measured one. Pairs of opposite draws keep the mean of a few rehearsals
+/// Displacement of each part relative to the measured one. Pairs of opposite draws keep the mean of a few dry runs
 /// near the mean of all.
-pub(super) fn friction(rehearsal: &DryRunParams) -> Vec<f64> {
-    let DryRunParams { starts_m, friction_spread, streams, number, .. } = rehearsal;
+pub(super) fn friction(dry_run: &DryRunParams) -> Vec<f64> {
+    let DryRunParams { starts_m, friction_spread, streams, number, .. } = dry_run;
+    // the name of the stream seeds its numbers: with another name, all forecasts change
     let mut draws = streams.numbered("rehearsal friction", number.div_ceil(2));
     let sign = match number {
         0 => 0.0,

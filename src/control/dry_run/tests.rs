@@ -1,11 +1,11 @@
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use proptest::prelude::*;
 
 use super::kinematic_plate::{OPENING_FRAMES, friction};
 use super::*;
 use crate::{ExpectedPart, pulse_planner::PulsePlanner};
-use upm_cor_library::{AxisShape, DisplacementModel, Entry, FieldResponse};
+use upm_cor_library::{DisplacementModel, FieldResponse, testing};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::{job::Outcome, random::Streams, rig::PartKind};
@@ -25,24 +25,18 @@ const LONGEST_S: f64 = 0.2;
 /// A library of these motions with displacements proportional to sustain and to the belt's speed up to 0.5 m/s.
 fn library(pumps: impl IntoIterator<Item = Twist>, relative_sd: f64) -> Arc<Library> {
     let distance_m = vec![vec![0.0, 0.2 * PACE_MPS * LONGEST_S], vec![0.0, PACE_MPS * LONGEST_S]];
+    let displacement = DisplacementModel {
+        speed_mps: vec![0.1, 0.5],
+        sustain_s: vec![0.0, LONGEST_S],
+        sd_m: distance_m.iter().map(|row| row.iter().map(|d| relative_sd * d).collect()).collect(),
+        distance_m,
+    };
     Arc::new(Library {
-        rig: "made".into(),
-        fingerprint: "12ab".into(),
         plate_side_m: 2.0 * HALF_M,
-        base_radps: TAU * 60.0,
         attack_s: ATTACK_S,
         rest_s: REST_S,
-        accelerometer_gain: [1.0; 4],
-        shapes: [AxisShape::FREE_MASS; 3],
-        entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),
-        displacement: DisplacementModel {
-            speed_mps: vec![0.1, 0.5],
-            sustain_s: vec![0.0, LONGEST_S],
-            sd_m: distance_m.iter().map(|row| row.iter().map(|d| relative_sd * d).collect()).collect(),
-            distance_m,
-        },
-        fields: None,
-        plate: None,
+        displacement,
+        ..testing::library(pumps)
     })
 }
 
@@ -78,7 +72,7 @@ fn params(parts: usize) -> ControlParams {
     }
 }
 
-fn rehearsal(starts_m: &[Vec2], number: u64) -> DryRunParams {
+fn dry_run_params(starts_m: &[Vec2], number: u64) -> DryRunParams {
     DryRunParams {
         starts_m: starts_m.to_vec(),
         frame_hz: FRAME_HZ,
@@ -96,7 +90,7 @@ fn to(targets_m: &[Vec2]) -> Trajectories {
 }
 
 fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how: &DryRunParams) -> DryRun {
-    rehearse(library, &FreshPlanner::new(params.method, library, params.planner), task, params, how, &mut |_, _| ())
+    dry_run(library, &FreshPlanner::new(params.method, library, params.planner), task, params, how, &mut |_, _| ())
 }
 
 /// A task that wants parts to stay where they are; done after a time, or never.
@@ -140,7 +134,7 @@ impl Task for There {
 fn one_pulse_takes_its_time_in_whole_frames() {
     let (start_m, there_m) = (Vec2::new(-0.01, 0.02), Vec2::new(-0.002, 0.02));
     let made = library(translations(), 0.0);
-    let done = play(&made, &mut There(there_m), &params(1), &rehearsal(&[start_m], 0));
+    let done = play(&made, &mut There(there_m), &params(1), &dry_run_params(&[start_m], 0));
     assert_eq!((done.ending.outcome, done.cycles, done.pulses), (Outcome::Completed, 1, 1), "{done:?}");
     let frames = done.plate_time_s * FRAME_HZ;
     assert!((frames - frames.round()).abs() < 1e-6, "{done:?}");
@@ -153,11 +147,11 @@ fn one_pulse_takes_its_time_in_whole_frames() {
 }
 
 #[test]
-fn equal_seeds_rehearse_alike_and_numbers_differ() {
+fn equal_seeds_give_equal_dry_runs_and_numbers_differ() {
     let made = library(translations().chain(rotations()), 0.03);
     let starts_m = [Vec2::new(-0.06, 0.01), Vec2::new(0.05, -0.03)];
     let ends_m = [Vec2::new(-0.01, 0.04), Vec2::new(0.07, 0.05)];
-    let once = |number| play(&made, &mut to(&ends_m), &params(2), &rehearsal(&starts_m, number));
+    let once = |number| play(&made, &mut to(&ends_m), &params(2), &dry_run_params(&starts_m, number));
     for number in 0..3 {
         let done = once(number);
         assert_eq!(done.ending.outcome, Outcome::Completed, "{done:?}");
@@ -173,14 +167,14 @@ fn equal_seeds_rehearse_alike_and_numbers_differ() {
 #[test]
 fn direction_that_the_library_lacks_is_refused_at_the_first_observation() {
     let along_x = library([Twist::new(0.5, 0.0, 0.0), Twist::new(-0.3, 0.0, 0.0)], 0.03);
-    let done = play(&along_x, &mut There(Vec2::new(0.0, 0.05)), &params(1), &rehearsal(&[Vec2::zeros()], 0));
+    let done = play(&along_x, &mut There(Vec2::new(0.0, 0.05)), &params(1), &dry_run_params(&[Vec2::zeros()], 0));
     assert_eq!((done.ending.outcome, done.ending.cause), (Outcome::Failed, Some(StopCause::Uncontrollable)));
     assert!(done.ending.reason.contains("slug-1 towards 90 deg with"), "{done:?}");
     assert_eq!((done.cycles, done.pulses), (0, 0));
-    let done = play(&along_x, &mut Stay { until_s: Some(1.0) }, &params(1), &rehearsal(&[Vec2::zeros()], 0));
+    let done = play(&along_x, &mut Stay { until_s: Some(1.0) }, &params(1), &dry_run_params(&[Vec2::zeros()], 0));
     assert_eq!(done.ending.outcome, Outcome::Completed, "nothing is to be moved: {done:?}");
     let two_m = [Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.0)];
-    let done = play(&library(translations(), 0.0), &mut There(Vec2::zeros()), &params(2), &rehearsal(&two_m, 0));
+    let done = play(&library(translations(), 0.0), &mut There(Vec2::zeros()), &params(2), &dry_run_params(&two_m, 0));
     assert_eq!(done.ending.cause, Some(StopCause::Uncontrollable), "translations carry both alike: {done:?}");
 }
 
@@ -189,25 +183,25 @@ fn it_ends_at_the_time_limit_and_when_nothing_goes_on() {
     let made = library(translations(), 0.0);
     let (start_m, far_m) = ([Vec2::new(-0.08, 0.0)], Vec2::new(0.08, 0.0));
     let short = ControlParams { time_limit_s: 0.5, ..params(1) };
-    let done = play(&made, &mut There(far_m), &short, &rehearsal(&start_m, 0));
+    let done = play(&made, &mut There(far_m), &short, &dry_run_params(&start_m, 0));
     assert_eq!(done.ending, RunEnd::failed("plate time limit of 0.5 s reached"));
     assert!((0.5..0.5 + 2.0 * LONGEST_S).contains(&done.plate_time_s), "{done:?}");
     let endless = ControlParams { endless: true, ..short };
-    let done = play(&made, &mut There(far_m), &endless, &rehearsal(&start_m, 0));
+    let done = play(&made, &mut There(far_m), &endless, &dry_run_params(&start_m, 0));
     assert_eq!(done.ending.outcome, Outcome::Completed);
 
-    let done = play(&made, &mut Stay { until_s: None }, &params(1), &rehearsal(&start_m, 0));
+    let done = play(&made, &mut Stay { until_s: None }, &params(1), &dry_run_params(&start_m, 0));
     assert!(done.ending.outcome == Outcome::Failed && done.ending.reason.starts_with("stalled"), "{done:?}");
     assert!((done.plate_time_s - STALLED_S).abs() < 0.2, "{done:?}");
-    let done = play(&made, &mut Stay { until_s: Some(25.0) }, &params(1), &rehearsal(&start_m, 0));
+    let done = play(&made, &mut Stay { until_s: Some(25.0) }, &params(1), &dry_run_params(&start_m, 0));
     assert_eq!((done.ending.outcome, done.pulses), (Outcome::Completed, 0), "time alone is progress, too: {done:?}");
 }
 
 #[test]
-fn rehearsal_that_takes_too_much_work_is_left_off_and_has_not_failed() {
+fn dry_run_that_takes_too_much_work_is_left_off_and_has_not_failed() {
     let made = library(translations(), 0.0);
     let forever = ControlParams { time_limit_s: 1e6, ..params(1) };
-    let how = DryRunParams { most_work_ms: 5.0, ..rehearsal(&[Vec2::new(-0.08, 0.0)], 0) };
+    let how = DryRunParams { most_work_ms: 5.0, ..dry_run_params(&[Vec2::new(-0.08, 0.0)], 0) };
     let done = play(&made, &mut Stay { until_s: Some(1e6) }, &forever, &how);
     assert!(done.left_off && done.ending.reason.starts_with("left off after"), "{done:?}");
     assert!(done.work_ms > 5.0 && done.work_ms < 5.1 && done.progress < 0.01, "{done:?}");
@@ -225,7 +219,7 @@ fn a_part_whose_center_is_beyond_the_edge_after_a_pulse_falls_off() {
     let made = library(translations(), 0.0);
     let once = |start_x_m: f64| {
         let start_m = [Vec2::new(start_x_m, 0.0)];
-        play(&made, &mut There(Vec2::zeros()), &params(1), &rehearsal(&start_m, 0)).ending
+        play(&made, &mut There(Vec2::zeros()), &params(1), &dry_run_params(&start_m, 0)).ending
     };
     let beyond = once(HALF_M + 0.05);
     assert_eq!(beyond.outcome, Outcome::Failed);
@@ -237,7 +231,7 @@ fn a_part_whose_center_is_beyond_the_edge_after_a_pulse_falls_off() {
 fn smallest_gap_is_reported_with_its_parts() {
     let made = library(translations().chain(rotations()), 0.0);
     let starts_m = [Vec2::new(-0.05, 0.05), Vec2::new(-0.02, 0.0), Vec2::new(0.005, 0.0)];
-    let done = play(&made, &mut There(Vec2::new(-0.03, 0.05)), &params(3), &rehearsal(&starts_m, 0));
+    let done = play(&made, &mut There(Vec2::new(-0.03, 0.05)), &params(3), &dry_run_params(&starts_m, 0));
     let nearest = done.nearest.unwrap();
     assert!((0.003..0.0052).contains(&nearest.gap_m), "{nearest:?}");
     assert_eq!(nearest.parts, [1, 2]);
@@ -251,7 +245,7 @@ fn parts_that_meet_push_each_other_aside() {
     let starts_m = [Vec2::new(0.05, 0.0), Vec2::new(0.05, 0.021)];
     let mut met = 0;
     for number in 1..20 {
-        let how = DryRunParams { friction_spread: 0.4, ..rehearsal(&starts_m, number) };
+        let how = DryRunParams { friction_spread: 0.4, ..dry_run_params(&starts_m, number) };
         let mut stage = KinematicPlate::new(Arc::clone(&made), &params(2), &how);
         let plans = FreshPlanner::new(PlanningMethod::CorSequence, &made, params(2).planner).plans().ok().unwrap();
         let pulse = PlannedPulse::Rotation(Rotation {
@@ -295,7 +289,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
     let made = Arc::new(made);
     let mut scattered = Vec::new();
     for number in 0..400 {
-        let how = rehearsal(&starts_m, number);
+        let how = dry_run_params(&starts_m, number);
         let mut stage = KinematicPlate::new(Arc::clone(&made), &params(2), &how);
         let before = stage.now();
         stage.play(&pulse, &Along(way_m));
@@ -341,7 +335,7 @@ fn plate_is_off_its_command_by_the_same_share_in_every_pulse() {
     };
     let mut squares = 0.0;
     for number in 0..200 {
-        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &dry_run_params(&[Vec2::zeros()], number));
         let mut share = |x: f64| {
             let before = stage.positions_m[0].x;
             stage.play(&pulse(x), &ByWave);
@@ -363,8 +357,8 @@ fn rotation_is_off_its_forecast_by_the_same_share_in_every_pulse_of_an_entry() {
     let plans = FreshPlanner::new(PlanningMethod::CorSequence, &made, params(1).planner).plans().ok().unwrap();
     let mut squares = 0.0;
     for number in 0..200 {
-        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &rehearsal(&[Vec2::zeros()], number));
-        let friction = friction(&rehearsal(&[Vec2::zeros()], number))[0];
+        let mut stage = KinematicPlate::new(Arc::clone(&made), &params(1), &dry_run_params(&[Vec2::zeros()], number));
+        let friction = friction(&dry_run_params(&[Vec2::zeros()], number))[0];
         let mut off_m = |entry: usize, reverse: bool| {
             let before_m = stage.positions_m[0];
             let distance_m = if reverse { -0.02 } else { 0.02 };
@@ -388,7 +382,8 @@ proptest! {
     #[test]
     fn opposite_frictions_come_in_pairs(seed in 0u64..1000, pair in 1u64..50, spread in 0.0..0.3f64) {
         let of = |number: u64| {
-            let how = DryRunParams { streams: Streams::new(seed), friction_spread: spread, ..rehearsal(&[Vec2::zeros(); 4], number) };
+            let own = dry_run_params(&[Vec2::zeros(); 4], number);
+            let how = DryRunParams { streams: Streams::new(seed), friction_spread: spread, ..own };
             friction(&how)
         };
         prop_assert_eq!(of(0), vec![1.0; 4]);

@@ -3,7 +3,7 @@ use crate::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
-/// Parameters of a rehearsal in addition to those of a run.
+/// Parameters of a dry run in addition to those of a run.
 #[derive(Clone, Debug)]
 pub struct DryRunParams {
     /// Starting position of each part, m.
@@ -14,14 +14,14 @@ pub struct DryRunParams {
     pub friction_spread: f64,
     /// Random streams of friction and scatter.
     pub streams: Streams,
-    /// Number of this rehearsal among several of one job. In number 0 parts move as far as was measured; 1 and 2, 3 and
+    /// Number of this dry run among several of one job. In number 0 parts move as far as was measured; 1 and 2, 3 and
     /// 4 and so on are pairs of opposite friction.
     pub number: u64,
-    /// Modelled computing time after which the rehearsal is broken off, ms.
+    /// Modelled computing time after which the dry run is broken off, ms.
     pub most_work_ms: f64,
 }
 
-/// Result of a rehearsal. All of it is predicted.
+/// Result of a dry run. All of it is predicted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DryRun {
     /// Outcome, cause and reason of its end.
@@ -41,7 +41,7 @@ pub struct DryRun {
     pub pulses: u64,
     /// Path of each part, m, from its start to its end, thinned out to at most [`DryRun::MOST_POINTS`].
     pub trails_m: Vec<Vec<Vec2>>,
-    /// Target of each part when the rehearsal ended, m.
+    /// Target of each part when the dry run ended, m.
     pub targets_m: Vec<Vec2>,
     /// The least gap between two parts at any time; `None` with fewer than two.
     pub nearest: Option<ClosestApproach>,

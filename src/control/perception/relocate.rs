@@ -140,7 +140,8 @@ impl Perception {
         let too_far_m = ways.map(off_m).fold(0.0, f64::max);
         if too_far_m > 0.0 && self.guards.has(Condition::PartsJumped) {
             let reason = format!(
-                "the plate has moved in the picture, and a part is {:.1} mm farther from its last position than it can have moved",
+                "the plate has moved in the picture, and a part is {:.1} mm farther from its last position than it can \
+                 have moved",
                 too_far_m * 1e3
             );
             return Break(RunEnd::guarded(Condition::PartsJumped, reason));

@@ -94,7 +94,7 @@ impl StopCause {
             Self::CameraLate => "check how many frames the camera's driver buffers",
             Self::ViewHidden => "keep hands and tools out of the camera's view",
             Self::ForeignPart => "take it off the plate, or add it to the job",
-            Self::PartsJumped => "check that the picture is not mirrored or turned, and that nobody moves the parts",
+            Self::PartsJumped => "check that the picture is not mirrored or turned, and that no hand moves the parts",
             Self::CoilFault => "check the coil, its amplifier and its wires; calibrate again if it was exchanged",
             Self::AccelerometerFault => "check the accelerometer, its cable and its mounting",
             Self::MotionOff => {

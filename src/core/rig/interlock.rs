@@ -32,7 +32,7 @@ impl fmt::Display for Trip {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::EStop => "emergency stop",
-            Self::Lease => "the drive lease ran out, nobody drove the motors for 0.1 s",
+            Self::Lease => "the drive lease expired: the control loop did not drive the motors for 0.1 s",
             Self::Watchdog => "the watchdog stopped it",
             Self::Shutdown => "the program ends",
         })

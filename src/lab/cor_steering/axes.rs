@@ -1,7 +1,7 @@
 //! Steps of the centre of rotation along the two axes: the paper's differ by an eighth, while Eq. 15 gives the same for
 //! both. A pair of coils stronger than the other explains the difference.
 
-use super::rows::{ROWS, Row, compares_with_paper, kappa_m, read_rows};
+use super::rows::{ROWS, TableRow, compares_with_paper, kappa_m, read_rows};
 use crate::numerics::line_through;
 use crate::{Figure, LabFault, LabRig};
 use upm_core::geometry::Vec2;
@@ -14,11 +14,11 @@ const SUM: f64 = 4.0;
 
 /// Steps of centres at one row each along y and x over a step of `X1 - X2` and of `Y2 - Y1`, by least squares.
 fn steps(centers: &[Vec2]) -> [f64; 2] {
-    let slope = |of: &dyn Fn(&Row) -> f64, at: &dyn Fn(&Vec2) -> f64| {
+    let slope = |of: &dyn Fn(&TableRow) -> f64, at: &dyn Fn(&Vec2) -> f64| {
         let points: Vec<[f64; 2]> = ROWS.iter().zip(centers).map(|(row, center)| [of(row), at(center)]).collect();
         STEP * line_through(&points)[1]
     };
-    let [along_y, along_x]: [&dyn Fn(&Row) -> f64; 2] =
+    let [along_y, along_x]: [&dyn Fn(&TableRow) -> f64; 2] =
         [&|row| f64::from(row.amplitudes[0] - row.amplitudes[1]), &|row| {
             f64::from(row.amplitudes[3] - row.amplitudes[2])
         }];

@@ -1,7 +1,7 @@
 //! The rows of the UPM paper's Table 1, and their readings by the accelerometers of a rig.
 
 use super::vectors::Vectors;
-use crate::shaken::PlateModel;
+use crate::shaken::BarePlate;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
 use upm_cor_library::{AxisShape, drive_for};
@@ -11,7 +11,7 @@ use upm_core::units::INCH_M;
 use upm_perception::estimation::{AccelerometerPair, fit_twist};
 
 /// One row of the paper's Table 1.
-pub struct Row {
+pub struct TableRow {
     pub name: &'static str,
     /// Amplitudes X1, X2, Y1, Y2 in units of 128 as sent.
     pub amplitudes: [i32; 4],
@@ -21,13 +21,13 @@ pub struct Row {
 }
 
 /// The rows of Table 1.
-pub const ROWS: [Row; 6] = [
-    Row { name: "a", amplitudes: [-1, -1, 1, 1], read_in: [0.22, 0.02] },
-    Row { name: "b", amplitudes: [-2, 0, 1, 1], read_in: [-2.92, 0.04] },
-    Row { name: "c", amplitudes: [-2, 0, 0, 2], read_in: [-2.72, 2.52] },
-    Row { name: "d", amplitudes: [-1, -1, 0, 2], read_in: [0.18, 2.66] },
-    Row { name: "e", amplitudes: [-1, -1, -1, 3], read_in: [0.14, 5.34] },
-    Row { name: "f", amplitudes: [0, -2, -1, 3], read_in: [3.25, 5.54] },
+pub const ROWS: [TableRow; 6] = [
+    TableRow { name: "a", amplitudes: [-1, -1, 1, 1], read_in: [0.22, 0.02] },
+    TableRow { name: "b", amplitudes: [-2, 0, 1, 1], read_in: [-2.92, 0.04] },
+    TableRow { name: "c", amplitudes: [-2, 0, 0, 2], read_in: [-2.72, 2.52] },
+    TableRow { name: "d", amplitudes: [-1, -1, 0, 2], read_in: [0.18, 2.66] },
+    TableRow { name: "e", amplitudes: [-1, -1, -1, 3], read_in: [0.14, 5.34] },
+    TableRow { name: "f", amplitudes: [0, -2, -1, 3], read_in: [3.25, 5.54] },
 ];
 /// Amplitude of one unit in the paper, counts.
 const UNIT: i32 = 128;
@@ -58,7 +58,7 @@ pub struct Reads {
 
 /// Plays every row with both waveforms.
 pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
-    let mut plate = PlateModel::new(lab);
+    let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;
     let sensors = AccelerometerPair { position_m: lab.model.accelerometer_in_plate_m, gain: axes.accelerometer_gain };
     let unit = unit_within_limits(lab, &axes);
@@ -91,7 +91,7 @@ fn envelope(lab: &LabRig) -> Envelope {
 
 /// The paper's unit, or the largest with which every row stays within the motors' limit, with both waveforms.
 fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
-    let peak = |row: &Row, shapes: &[AxisShape; 3]| {
+    let peak = |row: &TableRow, shapes: &[AxisShape; 3]| {
         drive_for(row.amplitudes.map(|a| a * UNIT), shapes, &lab.plate_response(), lab.model.base_radps, envelope(lab))
             .peak_counts()
     };
@@ -111,7 +111,7 @@ pub fn compares_with_paper(lab: &LabRig) -> bool {
 }
 
 /// `C = κ (Y2 - Y1, X1 - X2)/S` (Eq. 15), m.
-pub fn eq_15(lab: &LabRig, row: &Row) -> Vec2 {
+pub fn eq_15(lab: &LabRig, row: &TableRow) -> Vec2 {
     let [x1, x2, y1, y2] = row.amplitudes.map(f64::from);
     Vec2::new(y2 - y1, x1 - x2) * (kappa_m(lab) / ((y1 + y2) - (x1 + x2)))
 }

@@ -72,7 +72,7 @@ impl Vectors {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows::{ROWS, Row, read_rows};
+    use super::super::rows::{ROWS, TableRow, read_rows};
     use crate::testing::lab_rig;
     use upm_core::geometry::cross;
 
@@ -80,7 +80,7 @@ mod tests {
     fn vectors_are_perpendicular_to_the_way_from_the_centre_and_turn_the_same_way() {
         let lab = lab_rig("upm-1");
         let reads = read_rows(&lab).unwrap();
-        for (Row { name, .. }, read) in ROWS.iter().zip(&reads.compensated) {
+        for (TableRow { name, .. }, read) in ROWS.iter().zip(&reads.compensated) {
             let off_m = read.vectors.off_m(read.center_m);
             assert!(off_m < 2e-3, "row {name}: {off_m}");
             let turn = |i: usize| cross(read.vectors.places_m[i] - read.center_m, read.vectors.accel_mps2[i]);

@@ -2,8 +2,8 @@
 
 use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
 use super::super::{ExperimentResult, Figure, LabRig, Series};
+use super::calibrated_pulses::STRONG_SPIN_RADPS;
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
-use super::plate_model::STRONG_SPIN_RADPS;
 use super::task::{OBSERVATIONS, StepSeries, TwoPartPath, TwoPartProblem};
 use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
 

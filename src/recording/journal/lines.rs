@@ -1,7 +1,9 @@
 //! The lines of the journal as serialised by serde.
 
 use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
 use super::located::{ConfirmedLine, LocalisedLine};
@@ -30,6 +32,13 @@ pub(super) enum JournalLine<'a> {
     UnfinishedCycle(UnfinishedLine<'a>),
     /// Something worth a line, a condition that began or ended, or the end of the run.
     Event(EventLine<'a>),
+}
+
+/// The JSON Schema (draft 2020-12) of one line of `journal.jsonl`.
+pub fn journal_schema() -> Value {
+    // a schema for serialisation: nothing reads a line back into these types
+    let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+    generator.into_root_schema_for::<JournalLine<'static>>().to_value()
 }
 
 #[derive(Serialize, JsonSchema)]

@@ -2,6 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::raw_rig::RigSource;
+use upm_core::job::PlateMode;
 use upm_document::SchemaKey;
 
 /// An open-loop experiment: given pulses on given parts.
@@ -35,17 +36,6 @@ pub struct RawSimulate {
 
 fn sample_hz() -> f64 {
     1000.0
-}
-
-/// How the plate moves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PlateMode {
-    /// Driven by its motors: mass, springs, gains and all.
-    #[default]
-    Dynamic,
-    /// Exactly as the pulse says: `env(t)` times its wave.
-    Kinematic,
 }
 
 /// A part and where it starts.

@@ -1,9 +1,10 @@
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
-use super::raw_simulate::{PlateMode, RawHarmonic, RawPulse, RawSimulate};
+use super::raw_simulate::{RawHarmonic, RawPulse, RawSimulate};
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
 use upm_core::geometry::Twist;
+use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
 use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};

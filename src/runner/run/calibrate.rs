@@ -31,7 +31,7 @@ pub fn calibrate(
 /// The simulated rig with pennies on it.
 fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
     let Some(penny) = rig.kinds.first() else {
-        return Err(CalibrationFault::Look("the rig knows no kind of part".into()));
+        return Err(CalibrationFault::Look("the rig file has no kinds of parts".into()));
     };
     let half_side_m = 0.5 * rig.model.plate_side_m;
     let coins = COINS

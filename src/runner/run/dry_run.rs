@@ -1,5 +1,5 @@
 //! Forecast of a job before anything moves: the reach of the library at the starts and targets of the parts, and a few
-//! rehearsals on the displacement model.
+//! dry runs on the displacement model.
 
 use std::sync::Arc;
 
@@ -16,11 +16,11 @@ use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_planner::{FieldPlanner, Independence, PlanningMethod, Reach};
 
-/// Most rehearsals of a job.
-const REHEARSALS: u64 = 5;
-/// Limit on the modelled computing time of all rehearsals, ms; at least one is run.
+/// Most dry runs of a job.
+const DRY_RUNS: u64 = 5;
+/// Limit on the modelled computing time of all dry runs, ms; at least one is made.
 const WORK_MS: f64 = 1900.0;
-/// Allowance for the computing time of another rehearsal, relative to the mean of the previous ones.
+/// Allowance for the computing time of another dry run, relative to the mean of the previous ones.
 const MARGIN: f64 = 1.3;
 
 /// Forecast of a job.
@@ -40,8 +40,8 @@ pub struct Forecast {
     /// bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the
     /// steps.
     pub bound_s: Option<f64>,
-    /// The rehearsals, each with different random numbers.
-    pub rehearsals: Vec<DryRun>,
+    /// The dry runs, each with different random numbers.
+    pub dry_runs: Vec<DryRun>,
     /// Relative standard deviation of the parts' displacements in them: the spread of friction in the rig's file.
     pub friction_spread: f64,
 }
@@ -55,7 +55,7 @@ pub struct PartForecast {
     pub radius_m: f64,
     /// Place before the first pulse.
     pub start: StartForecast,
-    /// Target at the end of the first rehearsal.
+    /// Target at the end of the first dry run.
     pub target: Option<StartForecast>,
 }
 
@@ -75,10 +75,10 @@ impl StartForecast {
     }
 }
 
-/// Prediction from the rehearsals of a job.
+/// Prediction from the dry runs of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanVerdict {
-    /// All rehearsals that were not broken off reach the goal.
+    /// All dry runs that were not broken off reach the goal.
     CanBeDone,
     /// At least half of them reach the goal, but not all.
     Likely,
@@ -86,7 +86,7 @@ pub enum PlanVerdict {
     Unlikely,
     /// None of them reaches the goal.
     CannotBeDone,
-    /// The job is too long for a rehearsal: all were broken off.
+    /// The job is too long for a dry run: all were broken off.
     Undecided,
 }
 
@@ -108,21 +108,21 @@ impl PlanVerdict {
     }
 }
 
-/// Progress of the rehearsals of a job.
+/// Progress of the dry runs of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DryRunProgress {
-    /// Number of the current rehearsal, from 1.
-    pub rehearsal: u64,
-    /// Expected number of rehearsals.
+    /// Number of the current dry run, from 1.
+    pub dry_run: u64,
+    /// Expected number of dry runs.
     pub of: u64,
-    /// Plate time in the current rehearsal.
+    /// Plate time in the current dry run.
     pub at: PlateTime,
-    /// Share of all rehearsals that is done, 0 to 1.
+    /// Share of all dry runs that is done, 0 to 1.
     pub done: f64,
 }
 
-/// Rehearses `job` with `library`; `watch` receives the progress. `Err` if the parts find no places.
-pub fn rehearse(
+/// Makes dry runs of `job` with `library`; `watch` receives the progress. `Err` if the parts find no places.
+pub fn dry_run(
     job: &JobSpec,
     library: &Arc<Library>,
     watch: &mut dyn FnMut(DryRunProgress),
@@ -131,9 +131,9 @@ pub fn rehearse(
     let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
     let starts_m = named(&placed, &params);
     let planner = FreshPlanner::new(params.method, library, params.planner);
-    let (mut rehearsals, mut work_ms, mut of) = (Vec::new(), 0.0, REHEARSALS);
-    for number in 0..REHEARSALS {
-        let rehearsal = DryRunParams {
+    let (mut dry_runs, mut work_ms, mut of) = (Vec::new(), 0.0, DRY_RUNS);
+    for number in 0..DRY_RUNS {
+        let dry_run = DryRunParams {
             starts_m: starts_m.clone(),
             frame_hz: model.frame_hz,
             friction_spread: job.rig.raw.friction.spread,
@@ -142,12 +142,12 @@ pub fn rehearse(
             most_work_ms: WORK_MS - work_ms,
         };
         let mut task = setup::task(job, library, &placed);
-        let done = control::rehearse(library, &planner, task.as_mut(), &params, &rehearsal, &mut |at, progress| {
+        let done = control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, &mut |at, progress| {
             let done = (number as f64 + progress) / of as f64;
-            watch(DryRunProgress { rehearsal: number + 1, of, at, done });
+            watch(DryRunProgress { dry_run: number + 1, of, at, done });
         });
         work_ms += done.work_ms;
-        rehearsals.push(done);
+        dry_runs.push(done);
         of = affordable(work_ms, number + 1);
         if of == number + 1 {
             break;
@@ -156,7 +156,7 @@ pub fn rehearse(
     let first_targets_m = setup::task(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
     let by_fields = params.method == PlanningMethod::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
-    let targets_m = rehearsals.first().map_or(&[][..], |first| &first.targets_m);
+    let targets_m = dry_runs.first().map_or(&[][..], |first| &first.targets_m);
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
         id: part.id.clone(),
         radius_m: params.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m),
@@ -173,17 +173,17 @@ pub fn rehearse(
         },
         fields: fields.is_some(),
         bound_s: time_figure_s(job, library, &params, &starts_m, &first_targets_m),
-        rehearsals,
+        dry_runs,
         friction_spread: job.rig.raw.friction.spread,
     })
 }
 
-/// Number of rehearsals that fit if the first `done` of them took `work_ms`. Another one must have time to take
+/// Number of dry runs that fit if the first `done` of them took `work_ms`. Another one must have time to take
 /// somewhat longer than the previous ones, since one that is broken off has no result.
 fn affordable(work_ms: f64, done: u64) -> u64 {
     let each_ms = MARGIN * work_ms / done as f64;
-    let more = if each_ms > 0.0 { ((WORK_MS - work_ms).max(0.0) / each_ms) as u64 } else { REHEARSALS };
-    (done + more).min(REHEARSALS)
+    let more = if each_ms > 0.0 { ((WORK_MS - work_ms).max(0.0) / each_ms) as u64 } else { DRY_RUNS };
+    (done + more).min(DRY_RUNS)
 }
 
 /// Start of each part in the order of the names that control will give: of one kind, parts without a given place are
@@ -201,7 +201,7 @@ fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
 }
 
 impl Forecast {
-    /// Verdict of the rehearsals.
+    /// Verdict of the dry runs.
     pub fn verdict(&self) -> PlanVerdict {
         match (self.completed(), self.decided()) {
             (_, 0) => PlanVerdict::Undecided,
@@ -212,21 +212,21 @@ impl Forecast {
         }
     }
 
-    /// Number of rehearsals that completed.
+    /// Number of dry runs that completed.
     pub fn completed(&self) -> usize {
-        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal)).count()
+        self.dry_runs.iter().filter(|dry_run| is_completed(dry_run)).count()
     }
 
-    /// Number of rehearsals that completed or failed, that is, were not broken off.
+    /// Number of dry runs that completed or failed, that is, were not broken off.
     pub fn decided(&self) -> usize {
-        self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal) || !rehearsal.left_off).count()
+        self.dry_runs.iter().filter(|dry_run| is_completed(dry_run) || !dry_run.left_off).count()
     }
 
-    /// Reasons of the rehearsals' endings, failures first, with the number of each.
+    /// Reasons of the dry runs' endings, failures first, with the number of each.
     pub fn endings(&self) -> Vec<(&str, usize)> {
         let mut endings: Vec<(&str, usize)> = Vec::new();
         let (completed, failed): (Vec<&DryRun>, Vec<&DryRun>) =
-            self.rehearsals.iter().partition(|rehearsal| is_completed(rehearsal));
+            self.dry_runs.iter().partition(|dry_run| is_completed(dry_run));
         for DryRun { ending, .. } in failed.into_iter().chain(completed) {
             match endings.iter_mut().find(|(reason, _)| *reason == ending.reason) {
                 Some((_, times)) => *times += 1,
@@ -236,9 +236,9 @@ impl Forecast {
         endings
     }
 
-    /// Least, median and largest value of a figure over the completed rehearsals; `None` if none completed.
+    /// Least, median and largest value of a figure over the completed dry runs; `None` if none completed.
     pub fn range(&self, figure: impl Fn(&DryRun) -> f64) -> Option<[f64; 3]> {
-        let completed = self.rehearsals.iter().filter(|rehearsal| is_completed(rehearsal));
+        let completed = self.dry_runs.iter().filter(|dry_run| is_completed(dry_run));
         let mut figures: Vec<f64> = completed.map(figure).collect();
         figures.sort_by(f64::total_cmp);
         let middle = figures.len() / 2;
@@ -250,15 +250,15 @@ impl Forecast {
         Some([*figures.first()?, median, *figures.last()?])
     }
 
-    /// Least gap between two parts in any rehearsal.
+    /// Least gap between two parts in any dry run.
     pub fn nearest(&self) -> Option<ClosestApproach> {
-        self.rehearsals.iter().filter_map(|rehearsal| rehearsal.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
+        self.dry_runs.iter().filter_map(|dry_run| dry_run.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
     }
 
-    /// Limits that prevented plans, over all rehearsals, the most frequent first.
+    /// Limits that prevented plans, over all dry runs, the most frequent first.
     pub fn limits_met(&self) -> Vec<LimitMet> {
         let mut all: Vec<LimitMet> = Vec::new();
-        for met in self.rehearsals.iter().flat_map(|rehearsal| &rehearsal.limits_met) {
+        for met in self.dry_runs.iter().flat_map(|dry_run| &dry_run.limits_met) {
             match all.iter_mut().find(|other| other.limit == met.limit) {
                 Some(other) => other.times += met.times,
                 None => all.push(met.clone()),
@@ -269,8 +269,8 @@ impl Forecast {
     }
 }
 
-fn is_completed(rehearsal: &DryRun) -> bool {
-    rehearsal.ending.outcome == Outcome::Completed
+fn is_completed(dry_run: &DryRun) -> bool {
+    dry_run.ending.outcome == Outcome::Completed
 }
 
 #[cfg(test)]

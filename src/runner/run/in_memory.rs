@@ -8,7 +8,7 @@ use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
 use super::time_figure::FirstObservation;
 use crate::config::{Diagnostic, JobSpec};
-use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
+use upm_control::{self as control, ControlParams, FinalState, RunIo};
 use upm_cor_library::Library;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
@@ -24,7 +24,6 @@ pub struct InMemoryRun<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
     setup: RunSetup,
-    watcher: Option<&'a mut dyn Sink>,
     has_own_task: bool,
 }
 
@@ -36,13 +35,7 @@ impl<'a> InMemoryRun<'a> {
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
         let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
-        Ok(Self { job, library, setup, watcher: None, has_own_task: false })
-    }
-
-    /// Adds `sink`, which receives all events besides the report.
-    pub fn with_sink(mut self, sink: &'a mut dyn Sink) -> Self {
-        self.watcher = Some(sink);
-        self
+        Ok(Self { job, library, setup, has_own_task: false })
     }
 
     /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
@@ -66,10 +59,10 @@ impl<'a> InMemoryRun<'a> {
 
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
-        let Self { job, library, mut setup, watcher, has_own_task } = self;
+        let Self { job, library, mut setup, has_own_task } = self;
         let mut notes = ReportSinks::of(&setup);
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let finish = play(&mut setup, &library, None, &mut notes.sinks(watcher), &StoppedClock, &stop, &give_way);
+        let finish = play(&mut setup, &library, None, &mut notes.sinks(), &StoppedClock, &stop, &give_way);
         notes.report(job, &library, &setup, finish, has_own_task)
     }
 
@@ -79,7 +72,7 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
-        let Self { job, library, setup, watcher, has_own_task } = self;
+        let Self { job, library, setup, has_own_task } = self;
         if !setup.faults.is_empty() {
             let found = counted(setup.faults.len(), "fault");
             return Err(RunError::Job(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's")));
@@ -87,7 +80,7 @@ impl<'a> InMemoryRun<'a> {
         let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
         let RunSetup { rig, model, task, params, .. } = &mut setup;
-        let mut sinks = notes.sinks(watcher);
+        let mut sinks = notes.sinks();
         let clock = &StoppedClock;
         let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
         let finish = control::run(devices, &library, task.as_mut(), params);
@@ -109,12 +102,8 @@ impl ReportSinks {
         Self { named, first_observation: FirstObservation::default(), stats }
     }
 
-    fn sinks<'s, 'w>(&'s mut self, watcher: Option<&'s mut (dyn Sink + 'w)>) -> Fanout<'s> {
-        let sinks = Fanout::new().with(&mut self.named).with(&mut self.first_observation).with(&mut self.stats);
-        match watcher {
-            Some(watcher) => sinks.with(watcher),
-            None => sinks,
-        }
+    fn sinks(&mut self) -> Fanout<'_> {
+        Fanout::new().with(&mut self.named).with(&mut self.first_observation).with(&mut self.stats)
     }
 
     fn report<R: Rig>(
@@ -192,11 +181,9 @@ mod tests {
     #[test]
     fn run_on_the_simulated_rig_itself_is_the_same_run() {
         let job = job(json!([]));
-        let mut sink = MemorySink::default();
-        let (report, rig) = InMemoryRun::new(&job).unwrap().with_sink(&mut sink).run_on(|rig| rig).unwrap();
+        let (report, rig) = InMemoryRun::new(&job).unwrap().run_on(|rig| rig).unwrap();
         assert_eq!(report, InMemoryRun::new(&job).unwrap().run());
         assert!((rig.now().secs() - report.plate_time_s).abs() < 1e-4, "{} s", rig.now().secs());
-        assert_eq!(sink.pulses.len() as u64, report.pulses);
     }
 
     #[test]

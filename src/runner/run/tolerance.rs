@@ -15,7 +15,7 @@ const SENSING_PX: f64 = 0.01;
 /// Longest residual displacement that every planner leaves, since shorter steps get no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
 /// Scatter of a part along one axis after a synthesised field, m; the library has no such figure. In runs on `upm-2`
-/// parts end 0.05 mm off at random in both axes together, as rehearsals draw it.
+/// parts end 0.05 mm off at random in both axes together, as dry runs draw it.
 const FIELD_SCATTER_M: f64 = 0.035e-3;
 /// Number of standard deviations of sensing and scatter that are allowed for.
 const DEVIATIONS: f64 = 3.0;
@@ -75,7 +75,7 @@ pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Diagnostic>
     let finest_mm = (100.0 * mm_from_m(finest_tolerance_m(job, library)?)).ceil() / 100.0;
     let found_mm = mm_from_m(job.tolerance_m);
     (found_mm < finest_mm - 1e-9).then(|| {
-        let found = format!("{found_mm} mm, finer than scatter and sensing let parts be brought");
+        let found = format!("{found_mm} mm, which is below the positioning accuracy");
         let allowed = format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).name());
         Diagnostic::new(&job.file, "tolerance_mm", found, allowed)
     })

@@ -4,11 +4,11 @@ use std::sync::atomic::Ordering;
 
 use super::state::{DaemonState, no_job};
 use super::{convert, data_watch, estop, files, health, metrics, page, submit};
-use crate::service::{
-    Asset, Backend, Caller, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery,
-    LayoutView, Pending, Plate, Reason, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission,
-    pending, ready,
+use crate::api::{
+    Asset, Backend, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery, LayoutView,
+    Pending, Plate, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, pending, ready,
 };
+use crate::http::{Caller, Reason};
 use crate::store::{JobId, JobRow, JobSelection};
 use upm_core::background::WorkerPool;
 
@@ -117,13 +117,13 @@ impl Backend for DaemonBackend {
         pending(|reply| estop::delete(&self.state, id, &caller, reply))
     }
 
-    fn plates(&self) -> Pending<crate::service::Plates> {
+    fn plates(&self) -> Pending<crate::api::Plates> {
         pending(|reply| {
             self.state.count_queued(move |state| reply.send(Ok(state.plate_statuses())));
         })
     }
 
-    fn plates_as_counted(&self) -> crate::service::Plates {
+    fn plates_as_counted(&self) -> crate::api::Plates {
         self.state.plate_statuses()
     }
 

@@ -39,11 +39,11 @@ data.json      sizes of the files in the data folder, the latches of the plates
 runs.json      the newest run folders and their sizes
 journals/      the last lines of the journals of the newest runs
 
-Tokens are never read. In texts that people or programs wrote, paths, what follows words like password, and what looks
-drawn at random stand as [removed]. A passphrase of ordinary words in the name of a job cannot be told from a name: look
-through the files before you send them.
+Tokens are never read. In texts that people or programs wrote, paths, values after words such as password, and
+random-looking strings are replaced by [removed]. A passphrase of ordinary words in the name of a job cannot be
+distinguished from a name: look through the files before you send them.
 
-Logs are not in here. Under systemd they are had by
+Logs are not in here. Under systemd, read them with
     journalctl -u upm --since -1d > upm.log
 and otherwise they went to stderr of `upm serve`.
 ";

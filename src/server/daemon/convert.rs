@@ -1,10 +1,9 @@
 use serde_json::{Map, Value};
 
-use crate::plates::{self, JobLayout, Pause, PlateSnapshot};
-use crate::service::{
-    Job, LayoutPart, LayoutPath, LayoutView, PauseCause, Plate, PlateCondition, Refusal, StandingJob, StreamEvent,
-};
+use crate::api::{Job, LayoutPartView, LayoutPathView, LayoutView, Plate, Refusal, StandingJob, StreamEvent};
+use crate::states::PlateCondition;
 use crate::store::{JobRow, StoreFault, StoredEvent};
+use crate::supervisor::{self, JobLayout, PlateSnapshot};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::units::{mm_from_m, places_mm};
@@ -46,10 +45,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         name: snapshot.name.clone(),
         state: snapshot.state,
         why: snapshot.why.clone(),
-        pause: snapshot
-            .pause
-            .as_ref()
-            .map(|Pause { code, why: _, remedy }| PauseCause { code: (*code).to_owned(), remedy: remedy.clone() }),
+        pause: snapshot.pause.as_ref().map(|pause| pause.cause.clone()),
         conditions: conditions(snapshot),
         job: snapshot.job.map(|id| id.to_string()),
         standing_job: snapshot.standing.as_ref().map(standing_job),
@@ -78,11 +74,7 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     if snapshot.job.is_none() {
         return Vec::new();
     }
-    let lasting = snapshot.observation.conditions.iter().map(|held| PlateCondition {
-        code: held.code.to_owned(),
-        reason: held.reason.clone(),
-        remedy: held.remedy.clone(),
-    });
+    let lasting = snapshot.observation.conditions.iter().cloned();
     let busy = snapshot.observation.is_late.then(|| PlateCondition {
         code: "computer_busy".to_owned(),
         reason: format!(
@@ -94,23 +86,25 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     lasting.chain(busy).collect()
 }
 
-fn standing_job(snapshot: &plates::StandingSnapshot) -> StandingJob {
+fn standing_job(snapshot: &supervisor::StandingSnapshot) -> StandingJob {
     StandingJob { name: snapshot.name.clone(), state: snapshot.state, why: snapshot.why.clone() }
 }
 
-fn part(part: &plates::LayoutPart) -> LayoutPart {
-    LayoutPart { kind: part.kind.clone(), radius_mm: mm_from_m(part.radius_m) }
+fn part(part: &supervisor::LayoutPart) -> LayoutPartView {
+    LayoutPartView { kind: part.kind.clone(), radius_mm: mm_from_m(part.radius_m) }
 }
 
 /// A layout in the API's form, mm.
 pub(super) fn layout(layout: &JobLayout) -> LayoutView {
     let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
-    let bin = |bin: &plates::LayoutBin| RawBin {
+    let bin = |bin: &supervisor::LayoutBin| RawBin {
         kinds: bin.kinds.clone(),
         region_mm: RawRegion { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) },
     };
-    let path =
-        |path: &plates::LayoutPath| LayoutPath { waypoints_mm: places_mm(&path.waypoints_m), closed: path.closed };
+    let path = |path: &supervisor::LayoutPath| LayoutPathView {
+        waypoints_mm: places_mm(&path.waypoints_m),
+        closed: path.closed,
+    };
     LayoutView {
         parts: layout.parts.iter().map(part).collect(),
         targets_mm: places_mm(&layout.targets_m),

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use crate::service::{Reason, ReasonCode};
+use crate::http::{Reason, ReasonCode};
 use crate::store::DisplacedFile;
 use upm_core::thread_priority::lower_thread_priority;
 

@@ -2,9 +2,10 @@ use std::sync::Arc;
 
 use super::convert;
 use super::state::{DaemonState, no_job};
-use crate::plates::{self, PlateHandle, ResetFault, StopToken};
-use crate::service::{Caller, EStopped, Job, Refusal, ResetRequest, Responder};
+use crate::api::{EStopped, Job, Refusal, ResetRequest, Responder};
+use crate::http::Caller;
 use crate::store::{CancelOutcome, DeleteOutcome, JobId, JobState};
+use crate::supervisor::{self, PlateHandle, ResetFault, StopToken};
 
 /// Stores an emergency stop already made in the audit log and reports its result.
 pub(super) fn confirm_stop(state: &DaemonState, name: &str, caller: &Caller) -> Result<EStopped, Refusal> {
@@ -36,7 +37,9 @@ pub(super) fn reset(
     is_listening: impl Fn() -> bool,
 ) -> Result<(), Refusal> {
     let ResetRequest { operator, reason } = request;
-    plate.reset(held, plates::ResetRequester { operator, reason, ..requester(caller) }, is_listening).map_err(refusal)
+    plate
+        .reset(held, supervisor::ResetRequester { operator, reason, ..requester(caller) }, is_listening)
+        .map_err(refusal)
 }
 
 fn refusal(fault: ResetFault) -> Refusal {
@@ -101,7 +104,7 @@ pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply:
 }
 
 /// The requester, as far as the network identifies it.
-fn requester(caller: &Caller) -> plates::ResetRequester {
+fn requester(caller: &Caller) -> supervisor::ResetRequester {
     let remote = caller.remote.map(|address| address.to_string()).unwrap_or_default();
-    plates::ResetRequester { remote, token_name: caller.name.clone(), ..plates::ResetRequester::default() }
+    supervisor::ResetRequester { remote, token_name: caller.name.clone(), ..supervisor::ResetRequester::default() }
 }

@@ -17,7 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use super::estop;
 use super::state::DaemonState;
-use crate::service::{Caller, EStopped};
+use crate::api::EStopped;
+use crate::http::Caller;
 use upm_core::time::{Clock, MonotonicClock};
 
 /// Name of the socket in the data folder.

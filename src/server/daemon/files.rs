@@ -3,9 +3,9 @@ use std::path::Path;
 use bytes::Bytes;
 
 use super::convert;
-use crate::plates::PlateSupervisor;
-use crate::service::{CameraPicture, LayoutView, Recording, Refusal};
+use crate::api::{CameraPicture, LayoutView, Recording, Refusal};
 use crate::store::{JobRow, JobState, RecordingStatus, RunFileFault, open_run_file};
+use crate::supervisor::PlateSupervisor;
 
 /// The newest picture of a job that is on a plate.
 pub(super) fn picture(plates: &PlateSupervisor, row: &JobRow) -> Result<CameraPicture, Refusal> {

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use super::data_watch;
 use super::status::Observed;
-use crate::plates::PlateState;
-use crate::service::{Reason, ReasonCode};
+use crate::http::{Reason, ReasonCode};
+use crate::supervisor::PlateState;
 
 /// Longest silence of a healthy store: its writer completes a loop four times a second, and reads are short.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);

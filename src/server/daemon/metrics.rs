@@ -10,8 +10,8 @@ use prometheus_client::registry::Unit;
 use self::family::{MetricFamily, MetricSample, written};
 use super::health::{liveness_failures, readiness_failures};
 use super::status::{Observed, PlateObserved};
-use crate::plates::PlateState;
-use crate::service::Reason;
+use crate::http::Reason;
+use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
 const PLATE_STATES: [PlateState; 4] = [PlateState::Idle, PlateState::Running, PlateState::Paused, PlateState::Stopped];
@@ -120,7 +120,7 @@ fn of_store(observed: &Observed) -> Vec<MetricFamily> {
 }
 
 fn of_http(observed: &Observed) -> Vec<MetricFamily> {
-    let sample = |requests: &crate::service::Requests| {
+    let sample = |requests: &crate::api::Requests| {
         let labels = vec![("operation", requests.operation.into()), ("status", requests.status.to_string())];
         MetricSample::new(labels, requests.count as f64)
     };

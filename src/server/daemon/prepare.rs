@@ -8,8 +8,8 @@ use std::time::Duration;
 use rustix::fs::{Access, Mode, access};
 use rustix::process::umask;
 
-use crate::plates::fitting_library;
-use crate::service::{Scope, Tokens};
+use crate::http::{Scope, Tokens};
+use crate::supervisor::fitting_library;
 use upm_cor_library::Library;
 use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::Clock;
@@ -78,16 +78,14 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if !faults.is_empty() {
         return Err(faults);
     }
-    if nobody_operates(spec) {
-        tracing::warn!(
-            "with a `read_token_file` alone nobody can submit, cancel, reset or resume: name a `token_file`"
-        );
+    if has_no_operator(spec) {
+        tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
     Ok(Prepared { shutdown_requested: Arc::default(), tokens, libraries })
 }
 
 /// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
-fn nobody_operates(spec: &DaemonSpec) -> bool {
+fn has_no_operator(spec: &DaemonSpec) -> bool {
     spec.token_file.is_none() && spec.read_token_file.is_some()
 }
 
@@ -189,9 +187,9 @@ mod tests {
             (spec.token_file, spec.read_token_file) = (file(operate), file(read));
             spec
         };
-        assert!(nobody_operates(&with(false, true)));
+        assert!(has_no_operator(&with(false, true)));
         for spec in [with(false, false), with(true, false), with(true, true)] {
-            assert!(!nobody_operates(&spec));
+            assert!(!has_no_operator(&spec));
         }
     }
 }

@@ -1,14 +1,14 @@
 //! Report on the state that a start found left by the previous daemon: log entries and causes of pauses.
 
-use crate::plates::Pause;
 use crate::store::{JobRow, RecoveryReport, Store};
+use crate::supervisor::Pause;
 use upm_recording::Report;
 
 /// Logs the state that the previous daemon left.
 pub(super) fn log(recovery: &RecoveryReport) {
     let RecoveryReport { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired, .. } = recovery;
     if let Some(damage) = damage {
-        let aside = moved_aside.as_deref().map(|path| format!("; it is in {} now", path.display()));
+        let aside = moved_aside.as_deref().map(|path| format!("; it was moved to {}", path.display()));
         tracing::error!("the job store was damaged: {damage}{}", aside.unwrap_or_default());
     }
     if !clean {

@@ -15,11 +15,12 @@ use super::prepare::{Prepared, tokens_of};
 use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
-use crate::plates::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
-use crate::service::{
-    AllowedHosts, AppParts, HttpLimits, SharedTokens, ShutdownReport, StopFlag, StopSender, app, joined, serve,
+use crate::api::{AppParts, app};
+use crate::http::{
+    AllowedHosts, HttpLimits, SharedTokens, ShutdownReport, ShutdownSender, ShutdownSignal, joined, serve,
 };
 use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
+use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
@@ -164,7 +165,7 @@ impl Daemon {
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
         let alive = start_watchdog_ping(&state, manager);
-        let (stopper, flag) = StopFlag::new();
+        let (stopper, flag) = ShutdownSignal::new();
         let tokens = self.tokens.clone();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
@@ -175,7 +176,7 @@ impl Daemon {
     }
 
     /// Serves HTTP on another thread until `flag` is set.
-    fn answer(self, flag: StopFlag) -> JoinHandle<io::Result<ShutdownReport>> {
+    fn answer(self, flag: ShutdownSignal) -> JoinHandle<io::Result<ShutdownReport>> {
         let Self { backend, listener, tokens, .. } = self;
         let (spec, http_metrics, version) =
             (&backend.state.spec, backend.state.http_metrics.clone(), backend.state.version);
@@ -254,7 +255,7 @@ fn count_until(
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
 fn end(
     state: &DaemonState,
-    stopper: &StopSender,
+    stopper: &ShutdownSender,
     answering: JoinHandle<io::Result<ShutdownReport>>,
     estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,

@@ -9,9 +9,9 @@ use serde_json::json;
 use super::convert;
 use super::data_watch::{DataWatch, reason};
 use super::status::{DiskObserved, Observed, PlateObserved};
-use crate::plates::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, PlateSupervisor};
-use crate::service::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
+use crate::api::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
+use crate::supervisor::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, PlateSupervisor};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
 use upm_runner::config::DaemonSpec;
@@ -77,17 +77,17 @@ impl DaemonState {
         }
     }
 
-    pub fn plate(&self, name: &str) -> Result<&plates::PlateHandle, Refusal> {
+    pub fn plate(&self, name: &str) -> Result<&supervisor::PlateHandle, Refusal> {
         self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
     }
 
     /// All plates now, with their queues as last counted.
-    pub fn plate_statuses(&self) -> crate::service::Plates {
-        crate::service::Plates { plates: self.plates.iter().map(|plate| self.plate_status(plate)).collect() }
+    pub fn plate_statuses(&self) -> crate::api::Plates {
+        crate::api::Plates { plates: self.plates.iter().map(|plate| self.plate_status(plate)).collect() }
     }
 
     /// A plate now, with its queue as last counted.
-    fn plate_status(&self, plate: &plates::PlateHandle) -> Plate {
+    fn plate_status(&self, plate: &supervisor::PlateHandle) -> Plate {
         convert::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
     }
 

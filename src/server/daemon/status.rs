@@ -1,8 +1,8 @@
 use std::time::Duration;
 
-use crate::plates::PlateState;
-use crate::service::Requests;
+use crate::api::Requests;
 use crate::store::{DisplacedFile, JobState, StoreHealth};
+use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
 /// The daemon at one moment: the source of metrics and readiness. Taken without blocking.

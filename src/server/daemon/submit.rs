@@ -11,9 +11,10 @@ use sha2::{Digest, Sha256};
 
 use super::convert;
 use super::state::{DaemonState, no_job};
-use crate::plates::PlateHandle;
-use crate::service::{Caller, Checked, Job, JobCreated, Refusal, Responder, Submission};
+use crate::api::{Checked, Job, JobCreated, Refusal, Responder, Submission};
+use crate::http::Caller;
 use crate::store::{CancelOutcome, JobId, JobRow, JobState, NewJob, Pace, StoreFault, SubmitOutcome};
+use crate::supervisor::PlateHandle;
 use upm_core::background::WorkerPool;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{Diagnostic, PlateSpec};
@@ -284,7 +285,8 @@ mod tests {
     use std::task::{Context, Poll, Waker};
 
     use super::*;
-    use crate::service::{Caller, pending};
+    use crate::api::pending;
+    use crate::http::Caller;
 
     #[test]
     fn dropped_submission_is_answered_with_retry() {

@@ -28,7 +28,7 @@ pub struct NotifyEnv<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct ServiceManager {
     address: Option<SocketAddr>,
-    patience: Option<Duration>,
+    watchdog_interval: Option<Duration>,
 }
 
 impl ServiceManager {
@@ -36,8 +36,9 @@ impl ServiceManager {
     pub fn new(notice: NotifyEnv<'_>, pid: u32) -> Result<Self, String> {
         let address = notice.socket.map(address_of).transpose()?;
         let is_meant = notice.watchdog_pid.is_none_or(|meant| meant == pid.to_string());
-        let patience = notice.watchdog_usec.filter(|_| is_meant && address.is_some()).map(patience_of).transpose()?;
-        Ok(Self { address, patience })
+        let watchdog_interval =
+            notice.watchdog_usec.filter(|_| is_meant && address.is_some()).map(interval_from_usec).transpose()?;
+        Ok(Self { address, watchdog_interval })
     }
 
     /// Reports that the daemon answers requests. `status` is shown as the service's status.
@@ -61,10 +62,10 @@ impl ServiceManager {
         &self,
         healthy: impl Fn() -> Result<(), String> + Send + 'static,
     ) -> io::Result<Option<WatchdogPing>> {
-        let Some(patience) = self.patience else { return Ok(None) };
+        let Some(watchdog_interval) = self.watchdog_interval else { return Ok(None) };
         let (ending, manager) = (Arc::new(AtomicBool::new(false)), self.clone());
         let has_ended = Arc::clone(&ending);
-        let show = move || manager.start_watchdog_ping(patience / 2, &has_ended, &healthy);
+        let show = move || manager.start_watchdog_ping(watchdog_interval / 2, &has_ended, &healthy);
         let thread = thread::Builder::new().name("alive".into()).spawn(show)?;
         Ok(Some(WatchdogPing { ending, thread: Some(thread) }))
     }
@@ -144,7 +145,7 @@ fn abstract_address(_: &[u8]) -> io::Result<SocketAddr> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-fn patience_of(usec: &str) -> Result<Duration, String> {
+fn interval_from_usec(usec: &str) -> Result<Duration, String> {
     let usec_of = |text: &str| text.parse().ok().filter(|usec| *usec > 0).map(Duration::from_micros);
     usec_of(usec).ok_or_else(|| format!("WATCHDOG_USEC: expected a number of microseconds above 0, found {usec}"))
 }
@@ -250,8 +251,8 @@ mod tests {
         let socket = Some(OsStr::new("/run/notify"));
         let made =
             |watchdog_usec, watchdog_pid| ServiceManager::new(NotifyEnv { socket, watchdog_usec, watchdog_pid }, 7);
-        assert_eq!(made(Some("3000000"), Some("7")).unwrap().patience, Some(Duration::from_secs(3)));
-        assert_eq!(made(Some("3000000"), Some("8")).unwrap().patience, None);
+        assert_eq!(made(Some("3000000"), Some("7")).unwrap().watchdog_interval, Some(Duration::from_secs(3)));
+        assert_eq!(made(Some("3000000"), Some("8")).unwrap().watchdog_interval, None);
         for bad in ["", "0", "-1", "x"] {
             assert!(made(Some(bad), None).unwrap_err().starts_with("WATCHDOG_USEC: expected "), "{bad}");
         }

@@ -13,10 +13,10 @@ use jiff::Timestamp;
 use super::backend::DaemonBackend;
 use super::start::Daemon;
 use super::{StartFault, prepare};
-use crate::service::{
-    Backend, Caller, EStopped, Job, JobCreated, JobState, JobsQuery, Pace, Pending, Plate, PlateState, Reason,
-    ReasonCode, Refusal, ResetRequest, Submission,
-};
+use crate::api::{Backend, EStopped, Job, JobCreated, JobsQuery, Pending, Plate, Refusal, ResetRequest, Submission};
+use crate::http::{Caller, Reason, ReasonCode};
+use crate::states::{JobState, PlateState};
+use upm_core::job::Pace;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{DaemonSpec, WatchdogSpec};
 
@@ -33,7 +33,7 @@ const PATIENT: WatchdogSpec = WatchdogSpec {
     misses_per_s: 1000,
 };
 /// Longest wait of a test.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 struct Unpark(Thread);
 
@@ -125,15 +125,15 @@ impl RunningDaemon {
 
 impl Drop for RunningDaemon {
     fn drop(&mut self) {
-        assert_eq!(self.backend.state.plates.shutdown(PATIENCE), [""; 0]);
+        assert_eq!(self.backend.state.plates.shutdown(TIMEOUT), [""; 0]);
         self.backend.state.store.close(Duration::from_secs(5));
     }
 }
 
-/// Calls `ask` repeatedly until it returns a value; panics with `otherwise` after [`PATIENCE`].
+/// Calls `ask` repeatedly until it returns a value; panics with `otherwise` after [`TIMEOUT`].
 fn soon<T>(otherwise: &str, ask: impl Fn() -> Option<T>) -> T {
     let clock = MonotonicClock::new();
-    while clock.elapsed() < PATIENCE {
+    while clock.elapsed() < TIMEOUT {
         if let Some(seen) = ask() {
             return seen;
         }
@@ -326,7 +326,7 @@ fn one_daemon_has_the_data() {
     let data = tempfile::tempdir().unwrap();
     let first = start(spec(data.path())).unwrap();
     assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
-    assert!(first.backend.state.plates.shutdown(PATIENCE).is_empty());
+    assert!(first.backend.state.plates.shutdown(TIMEOUT).is_empty());
 }
 
 #[test]

@@ -133,7 +133,7 @@ impl OpenOptions<'_> {
         }
         // after a crash there is a log; without it the database is sound but may be outdated
         let lost = !log && !is_clean(&reading(&dir.db)?)?;
-        let damage = lost.then(|| "upm.db-wal is missing: what was accepted last may be lost".to_owned());
+        let damage = lost.then(|| "upm.db-wal is missing: the jobs accepted last may be lost".to_owned());
         damage.iter().for_each(|damage| tracing::error!("{damage}"));
         Ok(RecoveryReport { clean: true, damage, ..RecoveryReport::default() })
     }

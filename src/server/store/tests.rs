@@ -30,7 +30,7 @@ use super::{
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 
 /// Longest wait for an answer of a store that works.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 impl Store {
     /// Queues a job. A job in the answer is on the disk.
@@ -46,7 +46,7 @@ impl Store {
             stop.send(()).unwrap();
             assert!(gate.recv().is_err());
         }));
-        stopped.recv_timeout(PATIENCE).unwrap();
+        stopped.recv_timeout(TIMEOUT).unwrap();
         let_go
     }
 
@@ -84,7 +84,7 @@ fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn W
 fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
     let (sender, done) = sync_channel(1);
     std::thread::spawn(move || sender.send(act()).unwrap());
-    done.recv_timeout(PATIENCE).unwrap()
+    done.recv_timeout(TIMEOUT).unwrap()
 }
 
 /// Stores whether a plate is paused, and waits until that is on the disk.
@@ -167,7 +167,7 @@ fn new_job(name: &str, plate: &str) -> NewJob {
 fn ask<T: Send + 'static>(question: impl FnOnce(Box<dyn FnOnce(T) + Send>)) -> T {
     let (sender, answer) = sync_channel(1);
     question(Box::new(move |made| sender.send(made).unwrap()));
-    answer.recv_timeout(PATIENCE).unwrap()
+    answer.recv_timeout(TIMEOUT).unwrap()
 }
 
 fn accept(store: &Store, job: NewJob) -> Result<SubmitOutcome, StoreFault> {

@@ -10,7 +10,7 @@ use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
 pub(super) const VIEWER_QUEUE: usize = 512;
 
 /// Time for which the end of a run waits for the viewer to take the remaining messages.
-const PATIENCE: Duration = Duration::from_secs(3);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// A function that passes messages of a recording on to viewers. Never blocks.
 pub(super) type MessageSink = Box<dyn FnMut(LogMsg) + Send>;
@@ -29,7 +29,7 @@ impl Live {
         let thread = BackgroundThread::start("viewer", false, move || {
             let viewer = GrpcSink::new(uri);
             messages.iter().for_each(|message| viewer.send(message));
-            viewer.flush_blocking(PATIENCE).is_ok()
+            viewer.flush_blocking(CLOSE_TIMEOUT).is_ok()
         })?;
         let fed = queue.clone();
         let feed = Box::new(move |message| drop(fed.send(message)));
@@ -42,6 +42,6 @@ impl Live {
         let Self { thread, queue } = self;
         let lost = queue.lost();
         drop(queue);
-        (lost, thread.wait_within(PATIENCE) == Ok(true))
+        (lost, thread.wait_within(CLOSE_TIMEOUT) == Ok(true))
     }
 }

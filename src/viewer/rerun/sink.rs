@@ -32,7 +32,7 @@ const STOP_CHECKED_AT: Duration = Duration::from_millis(10);
 const STOPPED_WITHIN: Duration = Duration::from_millis(100);
 
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
-const PATIENCE: Duration = Duration::from_secs(10);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Number of samples kept for trails per second of plate time.
 const SAMPLES_HZ: f64 = 15.0;
@@ -147,7 +147,7 @@ impl Running {
         self.queue = None;
         let closed = match self.overflow {
             OverflowPolicy::Wait => self.recorder.wait(),
-            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(PATIENCE),
+            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
         };
         if !self.is_kept {
             return Ok(RecordingStats::default());

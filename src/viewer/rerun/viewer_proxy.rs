@@ -134,7 +134,7 @@ fn refused(fault: &io::Error) {
 
 /// Serves the client on a new thread, once it has proved to be a viewer.
 fn accept(client: TcpStream, state: &Arc<Mutex<ProxyState>>) -> io::Result<()> {
-    let pending = state.lock().pending.take("wait that have said nothing")?;
+    let pending = state.lock().pending.take("clients have sent no preface yet")?;
     let state = Arc::clone(state);
     let serve = move || {
         let shown = read_preface(&client, PREFACE_WITHIN);
@@ -168,7 +168,7 @@ fn relay(viewer: &TcpStream, state: &Mutex<ProxyState>) -> io::Result<()> {
     let (permit, address) = {
         let state = state.lock();
         // one permit for both directions
-        (Arc::new(state.viewers.take("are there already")?), state.server)
+        (Arc::new(state.viewers.take("viewers are connected already")?), state.server)
     };
     let mut server = TcpStream::connect_timeout(&address, CONNECT_WITHIN)?;
     viewer.set_write_timeout(Some(WRITE_TIMEOUT))?;

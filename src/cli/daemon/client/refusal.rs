@@ -6,7 +6,7 @@ use ureq::{Error, Timeout};
 
 use crate::cli::output::{BAD_INPUT, Failure};
 use upm_runner::config::{Diagnostic, reason};
-use upm_server::service::ProblemDocument;
+use upm_server::http::ProblemDocument;
 
 /// Reason why a request to a daemon did not succeed.
 #[derive(Debug)]
@@ -67,7 +67,7 @@ impl ClientRefusal {
                 Self::Problem { status, detail: on_one_line(&detail), faults, retry_after_s }
             }
             Err(_) => {
-                let detail = format!("{base} answers with status {status} and not why: is that a daemon of upm?");
+                let detail = format!("{base} answered status {status} without a problem document; is it a upm daemon?");
                 Self::Problem { status, detail, faults: Vec::new(), retry_after_s }
             }
         }

@@ -5,7 +5,9 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use upm_server::service::{EStopped, Job, JobState, Pace, RecordingStatus};
+use upm_core::job::Pace;
+use upm_server::api::{EStopped, Job};
+use upm_server::states::{JobState, RecordingStatus};
 
 /// Response to one connection.
 #[derive(Clone, Debug)]

@@ -4,10 +4,10 @@ use serde_json::{Value, json};
 
 use super::testing::{Canned, FakeServer, JOB, answer, job, json as said, problem, stopped};
 use super::{Client, ClientRefusal, bearer_of, job_path, plate_path};
-use crate::cli::daemon::listing::list;
 use crate::cli::daemon::stop::stop_all;
 use crate::cli::daemon::submit::queue;
-use upm_server::service::{Job, JobState, JobsPage};
+use upm_server::api::{Job, JobsPage};
+use upm_server::states::JobState;
 
 fn refused(server: &FakeServer) -> ClientRefusal {
     Client::at(&server.url).unwrap().get::<Job>(&job_path(JOB).unwrap()).unwrap_err()
@@ -150,7 +150,7 @@ fn jobs_are_listed_page_by_page() {
     for (most, expected, more) in
         [(1, 1, true), (200, 200, true), (201, 201, true), (450, 450, false), (u32::MAX, 450, false)]
     {
-        let page = list(&client, Some("failed"), most).unwrap();
+        let page = client.jobs(Some("failed"), most).unwrap();
         assert_eq!(
             page.jobs.iter().map(|job| &job.id).collect::<Vec<_>>(),
             ids.iter().take(expected).collect::<Vec<_>>()

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::events::{EventCounts, ReceivedEvent};
 use crate::cli::daemon::client::{Client, ClientRefusal};
-use upm_server::service::JOB_OVER;
+use upm_server::api::JOB_OVER;
 
 /// Rest before the first attempt to reconnect, and the longest rest between two.
 const FIRST_REST: Duration = Duration::from_millis(250);

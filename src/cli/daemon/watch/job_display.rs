@@ -9,7 +9,8 @@ use crate::cli::daemon::client::on_one_line;
 use crate::cli::daemon::jobs::{headline, plate_line, print_job};
 use crate::cli::output::Failure;
 use crate::cli::progress::{FULL, bar, behind};
-use upm_server::service::{Job, JobState, Plate, PlateState};
+use upm_server::api::{Job, Plate};
+use upm_server::states::{JobState, PlateState};
 
 /// Output format of a watched job.
 enum OutputFormat {

@@ -5,7 +5,7 @@ use super::follow::{StreamFollower, StreamItem};
 use super::job_display::{line_of, note_of};
 use crate::cli::daemon::client::testing::{Canned, FakeServer, JOB, events, job, problem};
 use crate::cli::daemon::client::{Client, ClientRefusal};
-use upm_server::service::JobState;
+use upm_server::states::JobState;
 
 fn read(text: &str) -> Vec<ReceivedEvent> {
     let mut stream = EventCounts::new(text.as_bytes());

@@ -1,8 +1,9 @@
 use serde_json::{Value, json};
 
 use super::{job, lines, origin, set, value_of};
-use crate::config::{Diagnostic, PlateMode, SimulateSpec};
+use crate::config::{Diagnostic, SimulateSpec};
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 
 fn experiment() -> Value {

@@ -91,7 +91,7 @@ fn parts_are_named_as_control_will_name_them() {
 }
 
 #[test]
-fn a_forecast_sums_up_its_rehearsals() {
+fn a_forecast_sums_up_its_dry_runs() {
     let nearest = |gap_m| Some(ClosestApproach { gap_m, parts: [0, 1], at_s: 1.0 });
     let met = |limit: &str, times| LimitMet { limit: limit.into(), times };
     let one = |ending: RunEnd, plate_time_s, gap_m, limits_met| DryRun {
@@ -121,41 +121,41 @@ fn a_forecast_sums_up_its_rehearsals() {
         independence: Independence { singular_values: Vec::new(), weakest: None },
         fields: false,
         bound_s: None,
-        rehearsals: vec![
+        dry_runs: vec![
             one(done(), 9.0, 0.003, vec![met("a", 2), met("b", 1)]),
             one(done(), 4.0, 0.001, vec![]),
             one(done(), 5.0, 0.002, vec![met("b", 3)]),
         ],
         friction_spread: 0.0,
     };
-    let time = |rehearsal: &DryRun| rehearsal.plate_time_s;
+    let time = |dry_run: &DryRun| dry_run.plate_time_s;
     assert_eq!(forecast.verdict(), PlanVerdict::CanBeDone);
     assert_eq!(forecast.range(time), Some([4.0, 5.0, 9.0]));
     assert_eq!(forecast.nearest(), nearest(0.001));
     assert_eq!(forecast.limits_met(), [met("b", 4), met("a", 2)]);
-    forecast.rehearsals[2].ending = RunEnd::failed("stalled");
+    forecast.dry_runs[2].ending = RunEnd::failed("stalled");
     assert_eq!(forecast.verdict(), PlanVerdict::Likely);
     assert_eq!(forecast.endings(), [("stalled", 1), ("there", 2)]);
     assert_eq!(forecast.range(time), Some([4.0, 6.5, 9.0]));
-    forecast.rehearsals[1].ending = RunEnd::failed("stalled");
+    forecast.dry_runs[1].ending = RunEnd::failed("stalled");
     assert_eq!(forecast.verdict(), PlanVerdict::Unlikely);
-    forecast.rehearsals[0].left_off = true;
+    forecast.dry_runs[0].left_off = true;
     assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::Unlikely, 3), "left off at its end");
-    for rehearsal in &mut forecast.rehearsals {
-        rehearsal.ending = RunEnd::failed("left off");
+    for dry_run in &mut forecast.dry_runs {
+        dry_run.ending = RunEnd::failed("left off");
     }
     assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::CannotBeDone, 2));
     assert!(forecast.verdict().is_failure());
-    forecast.rehearsals.iter_mut().for_each(|rehearsal| rehearsal.left_off = true);
+    forecast.dry_runs.iter_mut().for_each(|dry_run| dry_run.left_off = true);
     assert_eq!((forecast.verdict(), forecast.verdict().is_failure()), (PlanVerdict::Undecided, false));
-    forecast.rehearsals.clear();
+    forecast.dry_runs.clear();
     assert_eq!(forecast.range(time), None);
 }
 
 #[test]
-fn number_of_rehearsals_follows_from_the_work_of_those_done() {
-    assert_eq!(affordable(0.0, 1), REHEARSALS, "no work at all");
-    assert_eq!(affordable(100.0, 1), REHEARSALS);
+fn number_of_dry_runs_follows_from_the_work_of_those_done() {
+    assert_eq!(affordable(0.0, 1), DRY_RUNS, "no work at all");
+    assert_eq!(affordable(100.0, 1), DRY_RUNS);
     assert_eq!(affordable(WORK_MS / 2.5, 1), 2, "another may take 1.3 times as long, two may not");
     assert_eq!(affordable(WORK_MS / 2.0, 1), 1);
     assert_eq!(affordable(2.0 * WORK_MS, 1), 1);

@@ -52,7 +52,7 @@ fn removed_lock_file_lets_no_second_daemon_in() {
     std::fs::remove_file(folder.path().join("lock")).unwrap();
     let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
     assert!(fault.to_string().contains("belongs to another daemon"), "{fault}");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     assert!(try_open(folder.path(), limits()).is_ok());
 }
 
@@ -60,13 +60,13 @@ fn removed_lock_file_lets_no_second_daemon_in() {
 fn after_an_orderly_end_only_plates_with_work_are_paused() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
     set_paused(&store, "b", false);
     let id = store.claim("b", &super::folder(&store)).unwrap().unwrap().row.id;
     store.finish(&id, end(JobState::Completed)).unwrap();
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
 }
@@ -75,7 +75,7 @@ fn after_an_orderly_end_only_plates_with_work_are_paused() {
 fn a_job_left_on_its_plate_at_an_orderly_end_pauses_all() {
     let (folder, store) = new_store(limits());
     let id = begin(&store, "one", "a").row.id;
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (false, plates()));
     assert_eq!(recovery.interrupted, [id]);
@@ -159,7 +159,7 @@ fn recordings_that_were_not_closed_are_repaired_once() {
         RecordingStatus::Partial,
     ];
     assert_eq!(ids.map(|id| job(&again, id).recording), kept);
-    assert!(again.close(PATIENCE));
+    assert!(again.close(TIMEOUT));
     let OpenOutcome { store: again, recovery } = open();
     assert_eq!((recovery.repaired.len(), recovery.interrupted.len()), (2, 0));
     assert_eq!(ids.map(|id| job(&again, id).recording), kept);
@@ -201,7 +201,7 @@ fn a_data_folder_belongs_to_one_daemon() {
     let refused = try_open(folder.path(), limits()).unwrap_err();
     assert!(refused.to_string().contains("belongs to another daemon that is running"), "{refused}");
     queue(&store, "one", "a");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     assert_eq!(all_jobs(&try_open(folder.path(), limits()).unwrap().store).len(), 1);
 }
 
@@ -218,7 +218,7 @@ fn a_data_folder_that_cannot_be_made_is_named() {
 fn ids_rise_across_a_clock_set_back() {
     let (folder, store) = new_store(limits());
     let first = queue(&store, "one", "a").id;
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let store =
         Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH), &repair).unwrap().store;
     assert!(queue(&store, "two", "a").id > first);

@@ -175,7 +175,7 @@ fn moving_aside_cut_short_is_taken_up_again() {
     version(left.path());
     let done = snapshot(left.path());
     let (store, ..) = damaged(done.path());
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let next = fs::read(done.path().join("upm.db")).unwrap();
     for stage in ["drafted", "next", "moved"] {
         let data = snapshot(left.path());
@@ -191,7 +191,7 @@ fn moving_aside_cut_short_is_taken_up_again() {
         assert_eq!(ids.map(|id| job(&store, id).id), ids, "{stage}");
         assert_eq!(job(&store, ids[2]).state, JobState::Queued);
         assert!(!data.path().join("upm.db.next").exists() && !data.path().join("upm.db.draft").exists());
-        assert!(store.close(PATIENCE));
+        assert!(store.close(TIMEOUT));
     }
 }
 
@@ -200,11 +200,11 @@ fn plates_are_known_from_the_second_start_on_and_after_damage() {
     let folder = tempfile::tempdir().unwrap();
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!(recovery.known, [""; 0]);
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!(recovery.known, plates());
     begin(&store, "run", "a");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     fs::remove_file(folder.path().join("upm.db")).unwrap();
     assert_eq!(open(folder.path(), limits()).recovery.known, plates());
 }

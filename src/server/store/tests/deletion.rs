@@ -51,7 +51,7 @@ fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
     let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
     assert!(matches!(delete(&store, row.id), DeleteOutcome::Now(..)));
     assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     drop(store);
     let store = open(folder.path(), limits()).store;
     assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused), "after a restart, too");

@@ -48,7 +48,7 @@ fn a_job_keeps_its_last_events() {
     }
     let found = replay(&store, id, 0, 100).unwrap();
     assert_eq!((found.oldest, found.last, numbers(&found)), (8, 12, vec![8, 9, 10, 11, 12]));
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let store = open(folder.path(), limits()).store;
     assert_eq!(append(&store, id, "{}"), Ok(13));
     assert_eq!(replay(&store, id, 0, 100).unwrap().oldest, 8);
@@ -82,7 +82,7 @@ fn the_audit_log_only_grows() {
         assert!(store.audit(act(operator)));
     }
     store.audit(act("cy"));
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let store = open(folder.path(), limits()).store;
     let tail = |most| ask(|done| store.audit_tail(most, done)).unwrap();
     let operators: Vec<String> = tail(10).into_iter().map(|line| line.entry.operator).collect();
@@ -111,7 +111,7 @@ fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
     let both = move |tx: &WriteTx<'_>| Ok((count(tx.connection)?, count(&others)?));
     store.queue.write(task(false, both, move |seen| sender.send(seen).unwrap()));
     drop(held);
-    assert_eq!(answer.recv_timeout(PATIENCE).unwrap(), Ok((1, 0)), "seen by the task, and by who is not in on it");
+    assert_eq!(answer.recv_timeout(TIMEOUT).unwrap(), Ok((1, 0)), "seen by the task, and by who is not in on it");
     assert_eq!(ask(|done| store.audit_tail(10, done)).unwrap().len(), 1);
 }
 
@@ -130,7 +130,7 @@ fn one_failed_task_does_not_fail_the_others() {
     hand_in("DELETE FROM nothing_that_is_there");
     hand_in("UPDATE meta SET clean_shutdown = 0");
     drop(held);
-    let answers: Vec<bool> = (0..3).map(|_| answers.recv_timeout(PATIENCE).unwrap().is_ok()).collect();
+    let answers: Vec<bool> = (0..3).map(|_| answers.recv_timeout(TIMEOUT).unwrap().is_ok()).collect();
     assert_eq!(answers, [true, false, true]);
     let audit = ask(|done| store.audit_tail(10, done)).unwrap();
     assert_eq!(audit.into_iter().map(|line| line.entry.operator).collect::<Vec<_>>(), ["ann"]);
@@ -143,7 +143,7 @@ fn progress_is_kept_without_waiting() {
     for share in [0.1, f64::NAN, 7.0, 0.5] {
         store.progress(&id, share);
     }
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     assert_eq!(job(&open(folder.path(), limits()).store, id).progress, 0.5);
 }
 
@@ -151,7 +151,7 @@ fn progress_is_kept_without_waiting() {
 fn pauses_are_kept_without_waiting() {
     let (folder, store) = new_store(limits());
     store.note_paused("b", true);
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let recovery = open(folder.path(), limits()).recovery;
     assert_eq!((recovery.clean, recovery.paused.as_slice()), (true, ["b".to_owned()].as_slice()));
 }

@@ -106,7 +106,7 @@ fn the_text_of_a_job_stays_until_its_folder_has_it() {
     assert_eq!(texts(&store), kept);
     let (copy, OpenOutcome { store, .. }) = killed(folder.path());
     assert_eq!(texts(&store), kept, "a start keeps it, too");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let version = crate::store::connection::writing(&copy.path().join("upm.db")).unwrap();
     version.execute_batch("PRAGMA user_version = 0").unwrap();
     drop(version);

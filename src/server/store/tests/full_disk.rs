@@ -76,7 +76,7 @@ fn full_disk_refuses_jobs_and_still_stores_essential_writes() {
     assert_eq!(job(&store, running).state, JobState::Completed);
     assert_eq!(ask(|done| store.audit_tail(5, done)).unwrap().len(), 1);
     assert_eq!(all_jobs(&store).len(), accepted + 2);
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     // a start on a full disk, too
     disk.fill();
     let OpenOutcome { store, recovery } = open(disk.0.path(), limits());

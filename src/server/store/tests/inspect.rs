@@ -60,7 +60,7 @@ fn peek_after_a_crash_sees_the_log_and_leaves_it() {
 #[test]
 fn no_log_is_made() {
     let (folder, store) = new_store(limits());
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     drop(store);
     let left = tempfile::tempdir().unwrap();
     let odd = left.path().join("100 % öd?");

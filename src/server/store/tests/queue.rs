@@ -25,7 +25,7 @@ fn a_thousand_at_once_are_accepted_or_refused_and_none_is_lost() {
         })
         .collect();
     threads.into_iter().for_each(|thread| thread.join().unwrap());
-    let answers: Vec<_> = (0..1000).map(|_| answers.recv_timeout(PATIENCE).unwrap().unwrap()).collect();
+    let answers: Vec<_> = (0..1000).map(|_| answers.recv_timeout(TIMEOUT).unwrap().unwrap()).collect();
     let mut accepted: Vec<JobId> = answers
         .iter()
         .filter_map(|answer| match answer {
@@ -86,7 +86,7 @@ fn answered_job_is_the_stored_one() {
         ..claimed.row
     };
     assert_eq!(job(&store, row.id), ended);
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     assert_eq!(job(&open(folder.path(), limits()).store, row.id), ended);
 }
 
@@ -166,14 +166,14 @@ fn a_repeated_key_gives_the_first_job_again() {
         let sender = sender.clone();
         store.accept(keyed("many", 1), move |answer| sender.send(answer.unwrap()).unwrap());
     }
-    let answers: Vec<_> = (0..20).map(|_| answers.recv_timeout(PATIENCE).unwrap()).collect();
+    let answers: Vec<_> = (0..20).map(|_| answers.recv_timeout(TIMEOUT).unwrap()).collect();
     let new = answers.iter().filter(|answer| matches!(answer, SubmitOutcome::New(_))).count();
     let replayed = answers.iter().filter(|answer| matches!(answer, SubmitOutcome::Replayed(_))).count();
     assert_eq!((new, replayed, all_jobs(&store).len()), (1, 19, 2));
     // a full queue refuses new jobs, and answers repeated keys
     assert_eq!(accept(&store, keyed("new", 1)), Ok(SubmitOutcome::QueueFull { queued: 2 }));
     ask(|done| store.cancel_queued(&first.id, done)).unwrap();
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let store = open(folder.path(), limits()).store;
     let again = accept(&store, keyed("k", 1));
     assert!(
@@ -200,7 +200,7 @@ fn keys_are_forgotten_with_age_not_counting_time_between_starts() {
     };
     HOURS.store(20, Ordering::SeqCst);
     assert!(replayed(&store));
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     HOURS.store(1000, Ordering::SeqCst);
     let store = open();
     assert!(replayed(&store));
@@ -248,10 +248,10 @@ fn pages_joined_are_the_whole_list() {
 fn closed_store_reports_that_it_is_closed() {
     let (_folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
-    assert!(store.health().heartbeat < PATIENCE);
+    assert!(store.health().heartbeat < TIMEOUT);
     assert_eq!(store.health().fault, None);
-    assert!(store.close(PATIENCE));
-    assert!(!store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
+    assert!(!store.close(TIMEOUT));
     assert_eq!(accept(&store, new_job("two", "a")), Err(StoreFault::Closed));
     assert_eq!(store.claim("a", &folder(&store)), Err(StoreFault::Closed));
     assert_eq!(append(&store, id, "{}"), Err(StoreFault::Closed));
@@ -274,7 +274,7 @@ fn a_queue_too_long_is_refused_at_once() {
     assert!((5000 - 1024 - 257..5000).contains(&refused), "{refused}");
     drop(held);
     for _ in refused..5000 {
-        assert_eq!(answers.recv_timeout(PATIENCE).unwrap(), Ok(()));
+        assert_eq!(answers.recv_timeout(TIMEOUT).unwrap(), Ok(()));
     }
 }
 
@@ -290,7 +290,7 @@ fn stuck_reader_shows_in_health() {
         gate.recv().ok();
     };
     store.readers.ask(|_| Ok(()), hang);
-    begun.recv_timeout(PATIENCE).unwrap();
+    begun.recv_timeout(TIMEOUT).unwrap();
     HOURS.store(1, Ordering::SeqCst);
     let busy = store.health().reader_busy;
     assert!(Duration::from_secs(3599) < busy && busy <= Duration::from_secs(3600), "{busy:?}");

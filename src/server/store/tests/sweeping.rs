@@ -112,7 +112,7 @@ fn a_folder_whose_job_is_just_beginning_stays() {
         Ok(name)
     };
     let claimed = store.claim("a", &sweeping).unwrap().unwrap();
-    assert_eq!(swept.recv_timeout(PATIENCE).unwrap().unwrap().deleted, [""; 0]);
+    assert_eq!(swept.recv_timeout(TIMEOUT).unwrap().unwrap().deleted, [""; 0]);
     assert_eq!((claimed.row.folder.as_deref(), names(&store)), (Some("one"), vec!["one".to_owned()]));
 }
 
@@ -171,7 +171,7 @@ fn run_folders_on_another_disk_go_too() {
     fs::create_dir_all(&half).unwrap();
     fs::write(half.join("run.rrd"), "x").unwrap();
     assert_eq!(store.sweep().unwrap(), SweepReport::default());
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(data.path(), limits());
     assert_eq!((recovery.orphans.len(), half.exists()), (0, false));
 }

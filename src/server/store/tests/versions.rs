@@ -45,7 +45,7 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn newer_store_is_refused_and_left_untouched() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "a");
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     drop(store);
     writing(&folder.path().join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 99").unwrap();
     fs::write(folder.path().join(".trash/left"), "by an earlier sweep").unwrap();
@@ -69,7 +69,7 @@ fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
         }
         let keyed = NewJob { key: Some("k".into()), ..new_job("waiting", "a") };
         let Ok(SubmitOutcome::New(waiting)) = accept(&store, keyed.clone()) else { panic!("not accepted") };
-        assert!(store.close(PATIENCE));
+        assert!(store.close(TIMEOUT));
         make_older(folder.path(), version);
         let OpenOutcome { store, recovery } = open(folder.path(), limits());
         assert_eq!((recovery.damage, recovery.moved_aside, recovery.clean), (None, None, true), "version {version}");
@@ -92,7 +92,7 @@ fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
 #[test]
 fn readable_data_of_an_older_release_become_private_when_the_store_is_opened() {
     let (folder, store) = new_store(limits());
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     let paths = ["", "upm.db", "lock", "reserve", "runs"].map(|name| folder.path().join(name));
     for path in &paths {
         let mode = if path.is_dir() { 0o755 } else { 0o644 };
@@ -106,7 +106,7 @@ fn readable_data_of_an_older_release_become_private_when_the_store_is_opened() {
 #[test]
 fn migration_that_fails_changes_nothing() {
     let (folder, store) = new_store(limits());
-    assert!(store.close(PATIENCE));
+    assert!(store.close(TIMEOUT));
     drop(store);
     let dir = DataDir::in_folder(folder.path()).unwrap();
     let mut connection = writing(&dir.db).unwrap();

@@ -1,0 +1,227 @@
+use crate::states::{JobState, PlateState, RecordingStatus};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use upm_core::job::Pace;
+
+use bytes::Bytes;
+use serde_json::Value;
+
+use crate::api::*;
+use crate::http::{Caller, Reason};
+use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec};
+
+/// Id of the only job, id of a missing job, and name of the only plate.
+pub(super) const JOB: &str = "019a0000000070008000000000000001";
+pub(super) const NO_JOB: &str = "019a0000000070008000000000000002";
+pub(super) const PLATE: &str = "left";
+
+/// A job that is valid on the fake backend's plate.
+pub(super) const HOLD: &str =
+    r#"{"name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 1}}"#;
+
+/// A backend with one plate and one job. The next request is answered with `refusal`, once.
+#[derive(Default)]
+pub(super) struct FakeBackend {
+    pub refusal: Mutex<Option<Refusal>>,
+    pub asked: Mutex<Vec<String>>,
+    pub senders: Mutex<Vec<EventSender>>,
+    pub stream_start: Mutex<Option<StreamStart>>,
+    pub ready: Mutex<ReplayPage>,
+    pub recording: Mutex<Vec<u8>>,
+    pub failures: Mutex<Vec<Reason>>,
+    /// True when the store never answers.
+    pub hangs: AtomicBool,
+}
+
+impl FakeBackend {
+    pub fn refuse(&self, refusal: Refusal) {
+        *self.refusal.lock().unwrap() = Some(refusal);
+    }
+
+    fn reply<T: Send + 'static>(&self, asked: String, known: bool, answer: T) -> Pending<T> {
+        self.asked.lock().unwrap().push(asked);
+        ready(match self.refusal.lock().unwrap().take() {
+            Some(refusal) => Err(refusal),
+            None if known => Ok(answer),
+            None => Err(Refusal::Unknown("there is no such thing".to_owned())),
+        })
+    }
+}
+
+pub(super) fn job() -> Job {
+    Job {
+        id: JOB.to_owned(),
+        name: "rest".to_owned(),
+        state: JobState::Queued,
+        plate: PLATE.to_owned(),
+        submitted_at: "2026-11-22T05:14:00Z".to_owned(),
+        started_at: None,
+        finished_at: None,
+        progress: 0.0,
+        report: None,
+        reason: String::new(),
+        seed: 1,
+        pace: Pace::RealTime,
+        recording: RecordingStatus::None,
+        standing: false,
+        turn: 0,
+    }
+}
+
+fn plate() -> Plate {
+    Plate {
+        name: PLATE.to_owned(),
+        state: PlateState::Idle,
+        pause: None,
+        conditions: Vec::new(),
+        why: String::new(),
+        job: None,
+        standing_job: None,
+        queued: 0,
+        at_s: 0.0,
+        age_s: None,
+        side_mm: 203.2,
+        kinds: Vec::new(),
+        positions_mm: vec![[1.0, 2.0]],
+        radii_mm: vec![9.525],
+        targets_mm: Vec::new(),
+        progress: 0.0,
+        phase: String::new(),
+        deadline_misses: 0,
+        behind_s: 0.0,
+        recording_mb: None,
+        live: None,
+    }
+}
+
+impl Backend for FakeBackend {
+    fn submit(&self, order: Submission) -> Pending<JobCreated> {
+        let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json");
+        let rig = RigSpec::load(&path).unwrap();
+        let checked = JobSpec::from_json(&order.text, &Origin::of_request("job"), Some(&rig));
+        let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
+        if let Err(faults) = checked {
+            return ready(Err(if is_json { Refusal::Invalid(faults) } else { Refusal::Malformed(faults) }));
+        }
+        let replayed = order.key.as_deref() == Some("again");
+        self.reply(format!("submit {:?}", order.pace), true, JobCreated { job: job(), replayed })
+    }
+
+    fn check(&self, order: Submission) -> Pending<Checked> {
+        let is_json = serde_json::from_str::<Value>(&order.text).is_ok();
+        let fault = || Diagnostic::new("job", Path::root(), "no JSON", "a job");
+        match is_json {
+            true => self.reply("check".to_owned(), true, Checked::default()),
+            false => ready(Err(Refusal::Malformed(vec![fault()]))),
+        }
+    }
+
+    fn job(&self, id: &str) -> Pending<Job> {
+        self.reply(format!("job {id}"), id == JOB, job())
+    }
+
+    fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
+        self.reply(format!("jobs {}", query.limit), true, JobsPage { jobs: vec![job()], next: Some(JOB.to_owned()) })
+    }
+
+    fn run_next(&self, id: &str, caller: Caller) -> Pending<Job> {
+        self.reply(format!("run next {id} by {}", caller.name), id == JOB, job())
+    }
+
+    fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
+        self.reply(format!("cancel {id} by {}", caller.name), id == JOB, job())
+    }
+
+    fn delete(&self, id: &str, caller: Caller) -> Pending<()> {
+        self.reply(format!("delete {id} by {}", caller.name), id == JOB, ())
+    }
+
+    fn plates(&self) -> Pending<Plates> {
+        if self.hangs.load(Ordering::Relaxed) {
+            return Box::pin(std::future::pending());
+        }
+        self.reply("plates".to_owned(), true, Plates { plates: vec![plate()] })
+    }
+
+    fn plates_as_counted(&self) -> Plates {
+        Plates { plates: vec![Plate { queued: 7, ..plate() }] }
+    }
+
+    fn estop(&self, name: &str, caller: Caller) -> Pending<EStopped> {
+        if name == "endless" {
+            self.asked.lock().unwrap().push("estop endless".to_owned());
+            return Box::pin(std::future::pending());
+        }
+        let stopped = EStopped {
+            plate: name.to_owned(),
+            silent: true,
+            persisted: true,
+            requested_at_s: Some(1.0),
+            silent_at_s: Some(1.00005),
+            wall_s: Some(0.0001),
+        };
+        self.reply(format!("estop {name} by {}", caller.name), name == PLATE, stopped)
+    }
+
+    fn reset(&self, name: &str, request: ResetRequest, _: Caller) -> Pending<Plate> {
+        self.reply(format!("reset {name} by {}: {}", request.operator, request.reason), name == PLATE, plate())
+    }
+
+    fn resume(&self, name: &str, _: Caller) -> Pending<Plate> {
+        self.reply(format!("resume {name}"), name == PLATE, plate())
+    }
+
+    fn liveness_failures(&self) -> Vec<Reason> {
+        self.failures.lock().unwrap().clone()
+    }
+
+    fn readiness_failures(&self) -> Vec<Reason> {
+        self.liveness_failures()
+    }
+
+    fn metrics(&self) -> String {
+        "# EOF\n".to_owned()
+    }
+
+    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart> {
+        self.senders.lock().unwrap().push(sender);
+        let over = || StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: true };
+        let stream_start = self.stream_start.lock().unwrap().clone().unwrap_or_else(over);
+        self.reply(format!("watch {id}"), id == JOB, stream_start)
+    }
+
+    fn replay(&self, _: &str, after: u64, most: usize) -> Pending<ReplayPage> {
+        let mut replayed = self.ready.lock().unwrap().clone();
+        replayed.events.retain(|event| event.seq.is_some_and(|seq| seq > after));
+        replayed.events.truncate(most);
+        self.reply(format!("replay {after}"), true, replayed)
+    }
+
+    fn frame(&self, id: &str) -> Pending<CameraPicture> {
+        let picture = CameraPicture { png: Bytes::from_static(b"\x89PNG"), age: Duration::from_micros(12_900) };
+        self.reply(format!("frame {id}"), id == JOB, picture)
+    }
+
+    fn layout(&self, id: &str) -> Pending<LayoutView> {
+        self.reply(format!("layout {id}"), id == JOB, LayoutView::default())
+    }
+
+    fn recording(&self, id: &str) -> Pending<Recording> {
+        use std::io::{Seek, Write};
+        let bytes = self.recording.lock().unwrap().clone();
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&bytes).unwrap();
+        file.rewind().unwrap();
+        let recording = Recording { file, bytes: bytes.len() as u64, name: "rest.rrd".to_owned() };
+        self.reply(format!("recording {id}"), id == JOB, recording)
+    }
+
+    fn asset(&self, name: &str) -> Option<Asset> {
+        (name == "index.html").then(|| Asset {
+            media: "text/html; charset=utf-8",
+            bytes: Bytes::from_static(b"<!doctype html>"),
+            etag: "\"1\"".to_owned(),
+        })
+    }
+}

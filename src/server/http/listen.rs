@@ -1,0 +1,299 @@
+use std::io;
+use std::net::SocketAddr;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Body;
+use axum::http::Request;
+use bytes::Bytes;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use socket2::SockRef;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime::{Handle, Runtime};
+use tokio::sync::watch;
+use tokio::task::{JoinSet, yield_now};
+use tokio::time::{sleep, timeout};
+use tower::ServiceExt;
+
+use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections};
+use super::head::read_head;
+use super::limits::{HttpLimits, ReservedConnection};
+use super::socket::Socket;
+use upm_core::thread_priority::lower_thread_priority;
+
+/// Threads that serve requests on common connections.
+const WORKERS: usize = 2;
+
+/// Most threads that read files.
+const FILE_READERS: usize = 8;
+
+/// Largest header that hyper reads, bytes.
+const READ_BYTES: usize = 32 << 10;
+
+/// Open files besides connections and what they read: store, run folders, live streams.
+const OTHER_FILES: u64 = 256;
+
+/// Connections that the kernel may queue before they are accepted.
+const BACKLOG: i32 = 1024;
+
+/// Most dropped connections whose tasks have not ended. Beyond this none is accepted, since each still holds its files.
+const ENDING: usize = 512;
+
+/// Turns of the accept loop before the tasks of spare connections run: none of them is dropped for newer ones before it
+/// was polled.
+const IN_A_ROW: u32 = 32;
+
+/// Pause after the system could not accept one more connection.
+const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
+
+/// Address of the client that sent a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Peer(pub SocketAddr);
+
+/// Result of a server's shutdown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShutdownReport {
+    /// Connections dropped because they had not ended in time.
+    pub dropped: usize,
+}
+
+/// Shuts the server down, from any thread, without waiting.
+#[derive(Clone, Debug)]
+pub struct ShutdownSender(Arc<watch::Sender<bool>>);
+
+impl ShutdownSender {
+    /// Refuses new connections, answers requests under way and ends event streams, within a time limit.
+    pub fn stop(&self) {
+        self.0.send_replace(true);
+    }
+}
+
+/// True once the server is to shut down, or no [`ShutdownSender`] is left.
+#[derive(Clone, Debug)]
+pub struct ShutdownSignal(watch::Receiver<bool>);
+
+impl ShutdownSignal {
+    /// A flag with its sender.
+    pub fn new() -> (ShutdownSender, Self) {
+        let (sender, receiver) = watch::channel(false);
+        (ShutdownSender(Arc::new(sender)), Self(receiver))
+    }
+
+    /// Waits until the server is to shut down.
+    pub(crate) async fn stopped(&self) {
+        let _ = self.0.clone().wait_for(|stop| *stop).await;
+    }
+}
+
+/// Serves `app` on `listener` until `stop` is set, in its own runtimes. Blocks. Returns within `limits.ending_time`
+/// after the flag was set, whatever clients do.
+pub fn serve(
+    listener: std::net::TcpListener,
+    app: Router,
+    limits: &HttpLimits,
+    stop: &ShutdownSignal,
+) -> io::Result<ShutdownReport> {
+    let connections = limits.connections + limits.spare_connections;
+    let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
+    let room = raise_fd_limit(wanted);
+    if room < wanted {
+        tracing::warn!("only {room} files may be open at once, {wanted} may be needed: raise `ulimit -n`");
+    }
+    lengthen_backlog(&listener);
+    let answering = runtime(WORKERS, lower_thread_priority)?;
+    // threads that accept, read heads from spare connections and answer stops keep their priority
+    let urgent = runtime(1, || ())?;
+    let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let handles = Handles { common: answering.handle().clone(), spare: urgent.handle().clone() };
+    let served = accepting.block_on(accept(listener, Connections::new(app, limits, stop, handles)));
+    answering.shutdown_background();
+    urgent.shutdown_background();
+    served
+}
+
+fn runtime(workers: usize, on_start: fn()) -> io::Result<Runtime> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(workers)
+        .max_blocking_threads(FILE_READERS)
+        .thread_name("http")
+        .on_thread_start(on_start)
+        .enable_all()
+        .build()
+}
+
+/// Raises the soft limit of open files and sockets to `wanted`, as far as the hard limit allows; returns the limit now.
+pub(super) fn raise_fd_limit(wanted: u64) -> u64 {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+    let limit = getrlimit(Resource::Nofile);
+    let present = limit.current.unwrap_or(u64::MAX);
+    let most = limit.maximum.unwrap_or(u64::MAX).min(wanted);
+    if most <= present {
+        return present;
+    }
+    let raised = Rlimit { current: Some(most), maximum: limit.maximum };
+    setrlimit(Resource::Nofile, raised).map_or(present, |()| most)
+}
+
+/// Runtimes that serve requests: those of spare connections are separate from all others.
+struct Handles {
+    common: Handle,
+    spare: Handle,
+}
+
+/// Lengthens the accept queue. The standard library requests 128 places; when they are taken, a client retries only
+/// after a second.
+fn lengthen_backlog(listener: &std::net::TcpListener) {
+    if let Err(error) = SockRef::from(listener).listen(BACKLOG) {
+        tracing::warn!("the backlog of connections stays short: {error}");
+    }
+}
+
+async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_>) -> io::Result<ShutdownReport> {
+    listener.set_nonblocking(true)?;
+    let listener = TcpListener::from_std(listener)?;
+    let mut stopped = pin!(connections.stop.stopped());
+    let mut in_a_row = 0u32;
+    loop {
+        in_a_row = in_a_row.wrapping_add(1);
+        if in_a_row.is_multiple_of(IN_A_ROW) {
+            yield_now().await;
+        }
+        tokio::select! {
+            biased;
+            () = &mut stopped => break,
+            Some(_) = connections.tasks.join_next() => {}
+            accepted = listener.accept(), if connections.may_open() => match accepted {
+                Ok((stream, peer)) => connections.open(stream, peer),
+                Err(error) => {
+                    tracing::warn!(%error, "cannot accept a connection");
+                    sleep(NO_ROOM_PAUSE).await;
+                }
+            },
+        }
+    }
+    drop(listener);
+    let within = connections.limits.ending_time;
+    Ok(connections.end(within).await)
+}
+
+/// The open connections. One that finds no common place is spare: it serves only the emergency stop, the list of plates
+/// and health checks.
+struct Connections<'a> {
+    app: Router,
+    limits: &'a HttpLimits,
+    stop: &'a ShutdownSignal,
+    handles: Handles,
+    tasks: JoinSet<()>,
+    common: CommonConnections,
+    spare: SpareConnections,
+}
+
+impl<'a> Connections<'a> {
+    fn new(app: Router, limits: &'a HttpLimits, stop: &'a ShutdownSignal, handles: Handles) -> Self {
+        let (common, spare) = (CommonConnections::default(), SpareConnections::default());
+        Self { app, limits, stop, handles, tasks: JoinSet::new(), common, spare }
+    }
+
+    /// False while too many dropped connections have not ended.
+    fn may_open(&self) -> bool {
+        self.tasks.len() < self.limits.connections + self.limits.spare_connections + ENDING
+    }
+
+    fn open(&mut self, stream: TcpStream, peer: SocketAddr) {
+        let host = PeerHost::from(peer.ip());
+        let place = self.common.admit(host, self.limits);
+        let task = ConnectionTask { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
+        if let Some(place) = place {
+            let Ok(stream) = stream.into_std() else { return };
+            self.tasks.spawn_on(task.serve_common(stream, place), &self.handles.common);
+        } else if self.spare.make_room(self.limits.spare_connections) {
+            let busy = Busy::default();
+            let task = self.tasks.spawn(task.serve_spare(stream, busy.clone(), self.handles.spare.clone()));
+            self.spare.add(host, task, busy);
+        }
+    }
+
+    /// Lets all open connections end by themselves for `within`, then drops the rest.
+    async fn end(mut self, within: Duration) -> ShutdownReport {
+        tokio::select! {
+            biased;
+            () = async { while self.tasks.join_next().await.is_some() {} } => {}
+            () = sleep(within) => {}
+        }
+        let dropped = self.tasks.len();
+        self.tasks.abort_all();
+        ShutdownReport { dropped }
+    }
+}
+
+/// Everything needed to serve one connection.
+struct ConnectionTask {
+    app: Router,
+    limits: HttpLimits,
+    stop: ShutdownSignal,
+    peer: SocketAddr,
+}
+
+impl ConnectionTask {
+    /// Serves a common connection until it ends.
+    async fn serve_common(self, stream: std::net::TcpStream, place: CommonPlace) {
+        let mut builder = http1::Builder::new();
+        builder.header_read_timeout(self.limits.header_time);
+        self.answer(stream, Bytes::new(), Busy::default(), builder).await;
+        drop(place);
+    }
+
+    /// Reads the head of the only request of a spare connection on this runtime, and has the request answered on
+    /// `answering`.
+    async fn serve_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
+        let (within, most) = (self.limits.spare_header_time, self.limits.header_bytes);
+        let head = tokio::select! {
+            head = timeout(within, read_head(&stream, most)) => head,
+            () = self.stop.stopped() => return,
+        };
+        let Ok(Ok(head)) = head else { return };
+        busy.set(true);
+        let Ok(stream) = stream.into_std() else { return };
+        let mut builder = http1::Builder::new();
+        builder.keep_alive(false);
+        let mut answer = JoinSet::new();
+        answer.spawn_on(async move { self.answer(stream, head, busy, builder).await }, &answering);
+        // aborted when this task is dropped
+        answer.join_next().await;
+    }
+
+    /// Serves `stream`; `early` holds the bytes read from it before.
+    async fn answer(self, stream: std::net::TcpStream, early: Bytes, busy: Busy, mut builder: http1::Builder) {
+        let Self { app, limits, stop, peer } = self;
+        let Ok(stream) = TcpStream::from_std(stream) else { return };
+        let _ = stream.set_nodelay(true);
+        let is_spare = !early.is_empty();
+        let service = service_fn(move |request: Request<Incoming>| {
+            let mut request = request.map(Body::new);
+            request.extensions_mut().insert(Peer(peer));
+            if is_spare {
+                request.extensions_mut().insert(ReservedConnection);
+            }
+            app.clone().oneshot(request)
+        });
+        let socket = TokioIo::new(Socket::new(stream, limits.stalled_time, early, busy));
+        builder.timer(TokioTimer::new()).max_buf_size(READ_BYTES);
+        let mut connection = pin!(builder.serve_connection(socket, service));
+        let ended = tokio::select! {
+            ended = connection.as_mut() => ended,
+            () = stop.stopped() => {
+                connection.as_mut().graceful_shutdown();
+                connection.await
+            }
+        };
+        if let Err(error) = ended {
+            tracing::debug!(%peer, %error, "connection");
+        }
+    }
+}

@@ -1,0 +1,367 @@
+mod guards;
+mod libraries;
+mod standing;
+mod stops;
+mod views;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::*;
+use crate::store::{InMemoryJobStore, JobId, JobRow, JobState, Pace, RecordingStatus};
+use upm_cor_library::Library;
+use upm_core::rig::Trip;
+use upm_core::time::MonotonicClock;
+use upm_recording::RecordingState;
+use upm_runner::config::{RigSpec, WatchdogSpec};
+
+const LONG: Duration = Duration::from_secs(60);
+const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "planner": "synthesized_field",
+    "task": { "type": "arrange", "targets_mm": [[-40, 0], [40, 0]] } }"#;
+const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
+    "task": { "type": "hold", "duration_s": 600 }, "limits": { "plate_time_s": 900 } }"#;
+
+/// Watchdog limits for a slow machine.
+const WATCHDOG: WatchdogSpec = WatchdogSpec {
+    hung: Duration::from_secs(30),
+    no_frame: Duration::from_secs(5),
+    planning: Duration::from_secs(20),
+    no_part_s: 0.5,
+    blocked: Duration::from_secs(5),
+    late_frames: 100,
+    misses_per_s: 1000,
+};
+
+/// A subscriber that passes events on to a channel.
+struct EventListener(SyncSender<JobEvent>);
+
+impl EventSubscriber for EventListener {
+    fn offer(&self, event: &JobEvent) {
+        self.0.try_send(event.clone()).ok();
+    }
+}
+
+struct TestPlates {
+    folder: tempfile::TempDir,
+    job_store: Arc<InMemoryJobStore>,
+    standing: Option<StandingSetup>,
+    allow_faults: bool,
+}
+
+impl TestPlates {
+    fn new() -> Self {
+        let job_store = Arc::new(InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH));
+        Self { folder: tempfile::tempdir().unwrap(), job_store, standing: None, allow_faults: false }
+    }
+
+    fn open(&self, paused: Option<&str>) -> PlateSupervisor {
+        self.open_with(paused, |_| {})
+    }
+
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> PlateSupervisor {
+        self.open_by(library(), paused, change)
+    }
+
+    fn open_by(
+        &self,
+        library: Library,
+        paused: Option<&str>,
+        change: impl FnOnce(&mut SharedServices),
+    ) -> PlateSupervisor {
+        let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
+        let library = Arc::new(library);
+        let (paused, live_port, standing) =
+            (paused.map(|why| Pause::new("test", why, "none")), None, self.standing.clone());
+        let setup = PlateSetup {
+            name: "one".into(),
+            known: false,
+            rig,
+            library,
+            paused,
+            live_port,
+            standing,
+            allow_faults: self.allow_faults,
+        };
+        let mut around = SharedServices {
+            job_store: Arc::clone(&self.job_store) as _,
+            runs: self.folder.path().join("runs"),
+            latches: self.folder.path().join("latch"),
+            clock: MonotonicClock::new(),
+            record: false,
+            watchdog: WATCHDOG,
+            min_free_bytes: 0,
+            live_history_bytes: None,
+            allow_inline_libraries: false,
+        };
+        change(&mut around);
+        PlateSupervisor::start(vec![setup], &around).unwrap()
+    }
+
+    fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
+        let row = self.job_store.accept(plate.validate(text, pace, None).unwrap());
+        plate.job_queued();
+        row.id
+    }
+
+    /// Runs a job that holds its parts in real time and queues another behind it; returns the events and both jobs.
+    fn keep_busy(&self, plate: &PlateHandle) -> (Receiver<JobEvent>, [JobId; 2]) {
+        let events = listen(plate);
+        let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
+        next(&events, "look");
+        (events, jobs)
+    }
+
+    fn row(&self, id: &JobId) -> JobRow {
+        self.job_store.job(id).unwrap()
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+}
+
+fn library() -> Library {
+    Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
+}
+
+fn listen(plate: &PlateHandle) -> Receiver<JobEvent> {
+    let (sender, events) = sync_channel(100_000);
+    plate.subscribe(Arc::new(EventListener(sender)));
+    events
+}
+
+/// Waits for the next event of that kind; returns its body.
+fn next(events: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
+    loop {
+        let each = events.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was reported"));
+        if each.kind == kind {
+            return serde_json::from_str(&each.body).unwrap();
+        }
+    }
+}
+
+/// Returns once the plate's worker has checked for work and found none.
+fn idles(plate: &PlateHandle) {
+    let idled = || plate.shared.idled.load(std::sync::atomic::Ordering::SeqCst);
+    // the first of the two may have begun before this
+    let enough = idled() + 2;
+    while idled() < enough {
+        plate.wake();
+        std::thread::yield_now();
+    }
+}
+
+fn caller(operator: &str) -> ResetRequester {
+    ResetRequester { operator: operator.into(), reason: "a test".into(), ..ResetRequester::default() }
+}
+
+/// Takes back the stop that holds now.
+fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
+    plate.reset(plate.held()?, caller(operator), || true)
+}
+
+#[test]
+fn a_job_runs_to_its_end_and_all_of_it_is_reported() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "state")["state"], "running");
+    assert_eq!(next(&events, "look")["positions_mm"].as_array().unwrap().len(), 2);
+    assert_eq!(next(&events, "cycle")["cycle"], 0);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    let row = test_plates.row(&id);
+    assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
+    assert_eq!(row.recording, RecordingStatus::None);
+    assert!(row.report_json.unwrap().contains("max_error_mm"));
+    let folder = test_plates.folder.path().join("runs").join(row.folder.unwrap());
+    for file in ["effective.json", "journal.jsonl", "report.json"] {
+        assert!(folder.join(file).exists(), "{file}");
+    }
+    let kinds: Vec<String> = test_plates.job_store.events(&id).into_iter().map(|event| event.kind).collect();
+    assert_eq!(kinds.first().map(String::as_str), Some("state"));
+    assert_eq!(kinds[kinds.len() - 2..], ["recording", "finished"]);
+    assert_eq!(row.last_event, kinds.len() as u64, "who sees the end of a job can read its last event");
+    assert!(!kinds.iter().any(|kind| kind == "look"), "looks are not kept");
+    assert_eq!(plates.alive(), Ok(()));
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let (events, [first, second]) = test_plates.keep_busy(plate);
+    let PlateSnapshot { state, recording, .. } = plate.snapshot();
+    assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
+    assert_eq!(plate.stop_times(), None);
+    assert!(plate.estop() && !plate.estop());
+    assert!(plate.record_estop(caller("ann")));
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert!(test_plates.row(&first).reason.starts_with("emergency stop"), "{}", test_plates.row(&first).reason);
+    let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
+    assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
+    let times = plate.stop_times().unwrap();
+    assert!(times.motors_off_at.secs_since(times.requested_at) < 0.02, "{times:?}");
+    assert!(!plate.resume(caller("bob")), "a stop holds");
+
+    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
+        std::thread::yield_now();
+    }
+    assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
+    assert_eq!(plate.snapshot().state, PlateState::Paused);
+    idles(plate);
+    assert_eq!(test_plates.row(&second).state, JobState::Queued, "a reset starts nothing");
+    assert!(plate.resume(caller("bob")));
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    let audit_entries: Vec<(String, String)> =
+        test_plates.job_store.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
+    let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
+    assert_eq!(audit_entries, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+}
+
+#[test]
+fn run_ended_by_the_interlock_before_the_latch_counts_as_stopped() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let (events, [first, second]) = test_plates.keep_busy(plate);
+    // the first step of an emergency stop
+    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
+    plate.wake();
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&first).reason, "emergency stop");
+    idles(plate);
+    assert_eq!((plate.snapshot().state, test_plates.row(&second).state), (PlateState::Stopped, JobState::Queued));
+    assert!(!plate.resume(caller("bob")));
+}
+
+#[test]
+fn a_stop_outlives_the_daemon() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    plates.get("one").unwrap().estop();
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    assert_eq!(plate.snapshot().state, PlateState::Stopped);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    idles(plate);
+    assert_eq!(test_plates.row(&id).state, JobState::Queued);
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    let pause = plate.paused().unwrap();
+    assert_eq!((pause.cause.code.as_str(), pause.why.as_str()), ("reset", "reset after an emergency stop"));
+    assert_eq!(plate.snapshot().why, "reset after an emergency stop");
+}
+
+#[test]
+fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("just started"));
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    idles(plate);
+    assert_eq!((test_plates.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
+    assert!(plate.resume(caller("ann")));
+    next(&events, "look");
+    let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert!(!plate.cancel(&other), "it is not on the plate");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).reason, "cancelled by request");
+    assert_eq!(next(&events, "finished")["state"], "completed");
+}
+
+#[test]
+fn the_end_of_the_daemon_interrupts_the_job() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    next(&events, "look");
+    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+    assert_eq!(test_plates.row(&id).state, JobState::Interrupted);
+}
+
+#[test]
+fn invalid_job_is_rejected_before_it_is_queued() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let refusal = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
+    assert!(refusal(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
+    assert!(refusal(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
+    assert!(refusal("{").starts_with("job: "));
+    let key = Some("k".to_owned());
+    let job = plate.validate(TWO_COINS, Pace::RealTime, key.clone()).unwrap();
+    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));
+    assert!(!job.spec_json.contains("\"rig\""), "the plate's own rig applies");
+}
+
+#[test]
+fn a_job_that_might_fill_the_disk_runs_without_a_recording() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| (around.record, around.min_free_bytes) = (true, u64::MAX / 2));
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("there is no recording of this job: it may take "), "{text}");
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    assert_eq!(test_plates.row(&id).recording, RecordingStatus::None);
+    assert!(plates.free_bytes().is_some_and(|free| free > 0));
+}
+
+#[test]
+fn a_disk_that_runs_low_ends_the_recording_and_not_the_job() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| around.record = true);
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    next(&events, "look");
+    let (shared, clock) = (Arc::clone(&plate.shared), plate.clock);
+    let disk = Arc::new(disk::DiskSpace::new(test_plates.folder.path(), 500_000_000, &clock));
+    let guard = disk::DiskGuard { disk, folder: test_plates.folder.path().into(), plates: vec![shared], clock };
+    guard.saw(Some(500_000_000));
+    assert!(matches!(plate.snapshot().recording, Some(RecordingState::Writing { .. })));
+    guard.saw(Some(499_400_000));
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
+    assert_eq!(text, "the recording ends early: stopped, the disk has only 499 MB left");
+    next(&events, "look");
+    assert_eq!(plate.snapshot().state, PlateState::Running);
+    let folder = test_plates.folder.path().join("runs").join(test_plates.row(&id).folder.unwrap());
+    assert!(folder.join("run.rrd").exists(), "closed, and so named");
+    assert!(plate.cancel(&id));
+    assert_eq!(next(&events, "recording")["recording"], "stopped");
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).recording, RecordingStatus::Stopped);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn job_with_an_unwritable_journal_is_stopped_and_reports_it() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    let folder = test_plates.folder.path().join("runs").join(format!("hold-{id}"));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
+    plate.resume(caller("ann"));
+    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
+    assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let reason = test_plates.row(&id).reason;
+    assert!(reason.contains("journal.jsonl: the disk is full"), "{reason}");
+}

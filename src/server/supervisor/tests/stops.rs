@@ -1,0 +1,324 @@
+//! Stops, resets and cancels at unusual moments.
+
+use std::fmt;
+use std::io;
+use std::sync::{Barrier, Mutex};
+use std::thread;
+
+use super::*;
+use crate::store::{AuditEntry, ClaimedJob, JobEnd, JobStore, NewEvent, NewJob, Publish, StoreFault, StoredEvent};
+use crate::supervisor::emergency_stop::StopState;
+use upm_core::job::StopCause;
+use upm_core::time::{Clock, PlateTime};
+use upm_recording::{RecordingHandle, WriterStatus};
+use upm_runner::run::ExternalStop;
+
+type Act = Box<dyn FnOnce() + Send>;
+
+/// A job store that calls a closure, once, when a plate is noted as paused.
+struct FaultInjector {
+    job_store: Arc<InMemoryJobStore>,
+    then: Mutex<Option<Act>>,
+}
+
+impl fmt::Debug for FaultInjector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Meddler")
+    }
+}
+
+impl JobStore for FaultInjector {
+    fn claim(
+        &self,
+        plate: &str,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<ClaimedJob>, StoreFault> {
+        self.job_store.claim(plate, folder)
+    }
+
+    fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: &dyn Fn(&JobRow) -> io::Result<String>,
+    ) -> Result<Option<ClaimedJob>, StoreFault> {
+        self.job_store.begin_standing(job, folder)
+    }
+
+    fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
+        self.job_store.finish(id, end)
+    }
+
+    fn append_event(&self, id: &JobId, event: NewEvent, published: Publish) -> bool {
+        self.job_store.append_event(id, event, published)
+    }
+
+    fn progress(&self, id: &JobId, progress: f64) {
+        self.job_store.progress(id, progress);
+    }
+
+    fn note_paused(&self, plate: &str, paused: bool) {
+        self.job_store.note_paused(plate, paused);
+        let act = self.then.lock().unwrap().take();
+        act.into_iter().for_each(|act| act());
+    }
+
+    fn audit(&self, entry: AuditEntry) -> bool {
+        self.job_store.audit(entry)
+    }
+
+    fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
+        self.job_store.audit_durably(entry)
+    }
+}
+
+/// True when a stop holds completely, false when none holds.
+fn stopped(plate: &PlateHandle) -> bool {
+    let state = plate.shared.emergency_stop.state();
+    assert!(matches!(state, StopState::Released | StopState::Held), "half a stop: {state:?}");
+    state == StopState::Held
+}
+
+#[test]
+fn a_stop_in_the_middle_of_a_reset_holds() {
+    let test_plates = TestPlates::new();
+    let injector = Arc::new(FaultInjector { job_store: Arc::clone(&test_plates.job_store), then: Mutex::default() });
+    let plates = Arc::new(test_plates.open_with(None, |around| around.job_store = injector.clone()));
+    let plate = plates.get("one").unwrap();
+    assert!(plate.estop());
+    let again = Arc::clone(&plates);
+    *injector.then.lock().unwrap() = Some(Box::new(move || {
+        let plate = again.get("one").unwrap();
+        assert!(!plate.estop(), "the first one is not released yet");
+    }));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate));
+    let audit_entries: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
+    assert_eq!(audit_entries, ["reset", "reset refused"]);
+    assert!(plate.record_estop(caller("bob")));
+    assert!(plate.stop_times().is_some());
+    plates.shutdown(LONG);
+    drop((injector, plates));
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    assert_eq!(plate.snapshot().state, PlateState::Stopped, "over a restart, too");
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+    assert!(!plate.record_estop(caller("bob")), "what was released is not kept");
+}
+
+#[test]
+fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    let seen = plate.held().unwrap();
+    plate.estop();
+    assert_eq!(plate.reset(seen, caller("ann"), || true), Err(ResetFault::StoppedAgain));
+    assert!(stopped(plate) && test_plates.job_store.audit_log().is_empty());
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+}
+
+#[test]
+fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stopped() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    assert_eq!(plate.reset(plate.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
+    assert!(stopped(plate));
+    let audit_entries: Vec<String> = test_plates.job_store.audit_log().into_iter().map(|line| line.act).collect();
+    assert_eq!(audit_entries, ["reset", "reset refused"]);
+}
+
+#[test]
+fn unrecorded_reset_is_refused() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    test_plates.job_store.fail_with(Some(StoreFault::Full));
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::NotPersisted(StoreFault::Full)));
+    assert!(stopped(plate));
+    test_plates.job_store.fail_with(None);
+    assert_eq!(reset(plate, "ann"), Ok(()));
+    assert!(!stopped(plate));
+}
+
+#[test]
+fn stops_and_resets_at_once_never_leave_half_a_stop() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("a test"));
+    let plate = plates.get("one").unwrap();
+    for _ in 0..300 {
+        plate.estop();
+        let start = Barrier::new(4);
+        let reset = thread::scope(|scope| {
+            let resets = [(); 2].map(|()| {
+                scope.spawn(|| {
+                    start.wait();
+                    reset(plate, "ann")
+                })
+            });
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    start.wait();
+                    plate.estop();
+                });
+            }
+            resets.map(|reset| reset.join().unwrap())
+        });
+        let holds = stopped(plate);
+        assert!(holds || reset.contains(&Ok(())), "{reset:?}");
+    }
+}
+
+#[test]
+fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
+    assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
+    assert!(plate.is_stopped());
+    assert!(plate.estop());
+    assert_eq!(reset(plate, "ann"), Ok(()));
+}
+
+#[test]
+fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
+    // as after the plate has claimed it and before it reports the start
+    assert!(plate.cancel(&id));
+    assert!(plate.resume(caller("ann")));
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert_eq!(test_plates.row(&id).reason, "cancelled by request");
+    assert!(!plate.cancel(&id), "its run is over");
+    let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    next(&events, "finished");
+    assert_eq!(test_plates.row(&other).state, JobState::Completed);
+}
+
+#[test]
+fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("a test"));
+    let plate = plates.get("one").unwrap();
+    let shared = &plate.shared;
+    let [first, second] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
+    let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
+    let frame = || shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true, false);
+    let trip_watchdog = |job: &JobId| {
+        shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
+        shared.emergency_stop.interlock().tripped()
+    };
+    begin(first);
+    frame();
+    shared.job.heartbeat.end();
+    assert!(shared.job.driven().is_none());
+    assert_eq!(trip_watchdog(&first), None, "control has returned");
+    assert_eq!(shared.job.end(), None);
+    assert_eq!(trip_watchdog(&first), None);
+    begin(second);
+    frame();
+    assert_eq!(shared.job.driven().map(|(job, _)| job), Some(second));
+    assert_eq!(trip_watchdog(&first), None, "it is the next one's turn");
+    assert_eq!(trip_watchdog(&second), Some(Trip::Watchdog));
+    assert_eq!(shared.job.end(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
+}
+
+#[test]
+fn watch_is_over_once_the_run_has_finished() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let (events, [first, _]) = test_plates.keep_busy(plate);
+    next(&events, "look");
+    assert!(plate.shared.job.driven().is_some_and(|(job, _)| job == first));
+    plate.shared.pause(Some(Pause::new("test", "after this one", "none")));
+    assert!(plate.cancel(&first));
+    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    assert!(plate.shared.job.heartbeat.is_over());
+}
+
+#[test]
+fn job_with_a_used_run_folder_is_not_run_again() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(Some("not yet"));
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let [id, empty] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
+    let folder = |id: &JobId| test_plates.folder.path().join("runs").join(test_plates.row(id).run_folder());
+    let journal = folder(&id).join("journal.jsonl");
+    [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
+    std::fs::write(&journal, "what there was\n").unwrap();
+    assert!(plate.resume(caller("ann")));
+    next(&events, "finished");
+    let reason = test_plates.row(&id).reason;
+    assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
+    assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
+    next(&events, "finished");
+    assert_eq!(test_plates.row(&empty).state, JobState::Completed, "an empty folder is no run");
+}
+
+#[test]
+fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    plate.estop();
+    assert!(plate.record_estop(ResetRequester::default()));
+    std::fs::remove_dir_all(test_plates.folder.path().join("latch")).unwrap();
+    plate.estop();
+    assert!(!plate.record_estop(ResetRequester::default()), "it was persisted, and is no longer");
+    assert!(stopped(plate));
+}
+
+#[test]
+fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
+    let plate = plates.get("one").unwrap();
+    let shared = &plate.shared;
+    let job = test_plates.submit(plate, TWO_COINS, Pace::RealTime);
+    shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
+    shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true, true);
+    while shared.emergency_stop.interlock().tripped().is_none() {
+        thread::yield_now();
+    }
+    let cause = shared.cause().unwrap();
+    assert_eq!(
+        (shared.emergency_stop.interlock().tripped(), cause.cause),
+        (Some(Trip::Watchdog), StopCause::Hung),
+        "{cause:?}"
+    );
+}
+
+#[test]
+fn watchdog_limits_of_wall_time_end_a_job_under_strict_deadlines_only() {
+    let test_plates = TestPlates::new();
+    let plates = test_plates.open_with(None, |around| {
+        let never = Duration::ZERO;
+        (around.watchdog.no_frame, around.watchdog.planning) = (never, never);
+        (around.watchdog.late_frames, around.watchdog.misses_per_s) = (0, 0);
+    });
+    let plate = plates.get("one").unwrap();
+    let events = listen(plate);
+    let relaxed = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "completed");
+    let strict = TWO_COINS.replace("\"seed\"", "\"deadlines\": \"strict\", \"seed\"");
+    let strict = test_plates.submit(plate, &strict, Pace::Max);
+    assert_eq!(next(&events, "finished")["state"], "failed");
+    let report =
+        |job| -> serde_json::Value { serde_json::from_str(&test_plates.row(job).report_json.unwrap()).unwrap() };
+    assert_eq!(report(&relaxed)["stop"], serde_json::Value::Null);
+    let stop = &report(&strict)["stop"];
+    assert_eq!(stop["code"], "deadline_missed");
+    assert!(stop["text"].as_str().unwrap().contains("this computer was too busy"), "{stop}");
+    assert!(plate.paused().is_some(), "a person looks before the next job");
+}
