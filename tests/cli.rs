@@ -19,6 +19,13 @@ mod coverage;
 #[cfg(feature = "lab")]
 #[path = "cli/documents.rs"]
 mod documents;
+#[cfg(feature = "lab")]
+#[path = "cli/documents_lab.rs"]
+mod documents_lab;
+#[path = "cli/documents_runs.rs"]
+mod documents_runs;
+#[path = "cli/documents_series.rs"]
+mod documents_series;
 #[path = "cli/export.rs"]
 mod export;
 #[path = "cli/init.rs"]
@@ -34,6 +41,10 @@ mod locate_doubts;
 mod mistakes;
 #[path = "cli/mixed_coins.rs"]
 mod mixed_coins;
+#[path = "figures/page.rs"]
+mod page;
+#[path = "figures/page_tests.rs"]
+mod page_tests;
 #[path = "cli/plan.rs"]
 mod plan;
 #[path = "cli/refusals.rs"]

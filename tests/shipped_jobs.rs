@@ -1,12 +1,26 @@
-//! Every shipped job completes on its rig without a guard firing.
+//! Every shipped job completes on its rig without a guard firing, in the time that the pages show beside its dry run.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 use std::thread;
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
+use tempfile::TempDir;
+
+#[path = "figures/page.rs"]
+#[allow(dead_code)] // lists of numbers
+mod page;
+
+use page::FigurePage;
+
+/// Job on the page that is not shipped: places that leave little room between pennies.
+const DENSE: &str = "20 pennies, 22 mm apart";
+
+/// Ratios of predicted and measured time that the page of results calls usual.
+const USUAL: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// All jobs among the shipped configurations.
 fn jobs() -> Vec<PathBuf> {
@@ -19,30 +33,100 @@ fn jobs() -> Vec<PathBuf> {
     files.filter(is_job).collect()
 }
 
+/// Writes the dense job, row by row, with the seed of the shipped ones.
+fn dense_job(folder: &TempDir) -> PathBuf {
+    let place_mm = |i: u32| [22.0 * (f64::from(i % 5) - 2.0), 22.0 * (f64::from(i / 5) - 1.5)];
+    let job = json!({
+        "name": "grid-20",
+        "seed": 7,
+        "rig": Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/rigs/upm-2.json"),
+        "parts": [{"kind": "penny", "count": 20}],
+        "task": {"type": "arrange", "targets_mm": (0..20).map(place_mm).collect::<Vec<_>>()},
+    });
+    let file = folder.path().join("grid-20.json");
+    std::fs::write(&file, job.to_string()).unwrap();
+    file
+}
+
+/// JSON that `upm` prints.
+fn printed(args: &[&str]) -> Value {
+    let output = Command::cargo_bin("upm").unwrap().args(args).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{args:?}: {error}: {stderr}"))
+}
+
+/// A job with its own seed.
+struct JobResult {
+    /// Predicted plate time, s; `None` where most dry runs do not reach the goal.
+    predicted_s: Option<f64>,
+    report: Value,
+}
+
+/// Result of each job by its row on the page of results. All tests of this file share them.
+fn results() -> &'static BTreeMap<String, JobResult> {
+    static RESULTS: OnceLock<BTreeMap<String, JobResult>> = OnceLock::new();
+    RESULTS.get_or_init(|| {
+        let folder = TempDir::new().unwrap();
+        let named = jobs().into_iter().map(|file| (format!("`{}`", file.file_stem().unwrap().display()), file));
+        let waiting = Mutex::new(named.chain([(DENSE.to_owned(), dense_job(&folder))]).collect::<Vec<_>>());
+        let done = Mutex::new(BTreeMap::new());
+        let work = || {
+            while let Some((name, file)) = { waiting.lock().unwrap().pop() } {
+                let (file, out) = (file.to_str().unwrap(), TempDir::new().unwrap());
+                let forecast = printed(&["check", file, "--plan", "--json"]);
+                let predicted_s = forecast[0]["plan"]["predicted_plate_time_s"]["median"].as_f64();
+                let out = out.path().to_str().unwrap();
+                let report = printed(&["run", file, "--rerun", "off", "--json", "--quiet", "--out", out]);
+                done.lock().unwrap().insert(name, JobResult { predicted_s, report });
+            }
+        };
+        thread::scope(|scope| {
+            let threads = [(); 2].map(|()| scope.spawn(work));
+            threads.into_iter().for_each(|thread| thread.join().unwrap());
+        });
+        done.into_inner().unwrap()
+    })
+}
+
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn shipped_jobs_complete_and_no_guard_fires() {
-    let waiting = Mutex::new(jobs());
-    assert!(waiting.lock().unwrap().len() >= 18, "jobs are where they are looked for");
-    let run = || {
-        while let Some(file) = { waiting.lock().unwrap().pop() } {
-            let out = tempfile::tempdir().unwrap();
-            let args = ["run", file.to_str().unwrap(), "--rerun", "off", "--json", "--quiet", "--out"];
-            let output = Command::cargo_bin("upm").unwrap().args(args).arg(out.path()).output().unwrap();
-            let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-            assert_eq!(report["outcome"], "completed", "{}: {}", file.display(), report["reason"]);
-            // a hold whose plate is not knocked would complete without any pulse
-            assert!(!file.ends_with("hold-4.json") || report["pulses"].as_u64() > Some(20), "{}", report["pulses"]);
-            assert!(
-                [&Value::Null, &json!([])].contains(&&report["guards"]),
-                "{}: {}",
-                file.display(),
-                report["guards"]
-            );
+    assert!(results().len() >= 19, "jobs are where they are looked for");
+    for (name, JobResult { report, .. }) in results() {
+        assert_eq!(report["outcome"], "completed", "{name}: {}", report["reason"]);
+        // a hold whose plate is not knocked would complete without any pulse
+        assert!(name != "`hold-4`" || report["pulses"].as_u64() > Some(20), "{}", report["pulses"]);
+        assert!([&Value::Null, &json!([])].contains(&&report["guards"]), "{name}: {}", report["guards"]);
+    }
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn dry_runs_and_runs_have_the_figures_of_the_results_pages() {
+    const TABLE: &str = "| job | predicted |";
+    let mut page = FigurePage::open("docs/results.md");
+    let rows: BTreeSet<String> = page.rows(TABLE).into_iter().map(|row| row.cells[0].clone()).collect();
+    // a task without end has no time of its own
+    let ending = results().iter().filter(|(name, _)| *name != "`plus-sign-endless`");
+    let expected: BTreeSet<String> = ending.clone().map(|(name, _)| name.clone()).collect();
+    assert_eq!(rows, expected, "docs/results.md has a row for each job");
+    let mut unusual = BTreeSet::new();
+    for (name, JobResult { predicted_s, report }) in ending {
+        let predicted_s = predicted_s.unwrap_or_else(|| panic!("{name} is not predicted"));
+        let measured_s = report["plate_time_s"].as_f64().unwrap();
+        page.cell(TABLE, name, "predicted", &[predicted_s]);
+        page.cell(TABLE, name, "measured", &[measured_s]);
+        let ratio = predicted_s / measured_s;
+        page.cell(TABLE, name, "ratio", &[ratio]);
+        if !USUAL.contains(&ratio) {
+            unusual.insert(name.trim_matches('`'));
         }
-    };
-    thread::scope(|scope| {
-        let threads = [(); 2].map(|()| scope.spawn(run));
-        threads.into_iter().for_each(|thread| thread.join().unwrap());
-    });
+    }
+    let excepted = page.text_between("Every ratio", "is within 0.7 to 1.4");
+    let excepted: BTreeSet<String> = excepted.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+    let mut rotations = FigurePage::open("docs/results-rotations.md");
+    let dense_s = results()[DENSE].report["plate_time_s"].as_f64().unwrap();
+    rotations.passage("(20 pennies 22 mm apart in", "s): the default", &[dense_s]);
+    FigurePage::assert_all([page, rotations]);
+    assert!(excepted.iter().eq(unusual.iter().copied()), "docs/results.md excepts {excepted:?}, found {unusual:?}");
 }

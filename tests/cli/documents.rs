@@ -1,5 +1,5 @@
 //! Checks sample output and figures in README.md and docs against the output of the program. Commands whose figures
-//! depend on the computer (times, speeds) are left out, and so are series of runs that take minutes.
+//! depend on the computer (times, speeds) are left out.
 
 use std::fs;
 
@@ -9,18 +9,18 @@ use tempfile::TempDir;
 use super::{root, status};
 
 /// Figures of an experiment of the lab by name.
-struct Figures(Value);
+pub(super) struct Figures(Value);
 
 impl Figures {
     /// Runs `upm lab` with these arguments.
-    fn of(args: &[&str]) -> Self {
+    pub(super) fn of(args: &[&str]) -> Self {
         let out = TempDir::new().unwrap();
         let args = [&["lab", "--json", "--out", out.path().to_str().unwrap()], args].concat();
         Self(serde_json::from_str(&status(&args, 0).0).unwrap())
     }
 
     /// Measured value of the figure called `name`, in `unit`.
-    fn get(&self, name: &str, unit: f64) -> f64 {
+    pub(super) fn get(&self, name: &str, unit: f64) -> f64 {
         let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
         let value = figure["measured"].as_f64().unwrap() / unit;
         // avoids -0.0
@@ -33,12 +33,27 @@ impl Figures {
         figure["relative_error"].as_f64().unwrap().abs()
     }
 
+    /// Reference value of the figure called `name`.
+    pub(super) fn reference(&self, name: &str) -> f64 {
+        let figure = self.all().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("no figure {name:?}"));
+        figure["reference"].as_f64().unwrap()
+    }
+
+    /// Value in the experiment's table, row and column counted from 0.
+    pub(super) fn in_table(&self, row: usize, column: usize) -> f64 {
+        self.0["table"]["rows"][row][column].as_f64().unwrap()
+    }
+
+    pub(super) fn series(&self, name: &str) -> Vec<f64> {
+        self.0["series"][name].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+    }
+
     fn all(&self) -> impl Iterator<Item = &Value> {
         self.0["figures"].as_array().unwrap().iter()
     }
 
     /// Least and largest measured value of the figures whose names begin with `begin`.
-    fn range(&self, begin: &str) -> [f64; 2] {
+    pub(super) fn range(&self, begin: &str) -> [f64; 2] {
         let named = self.all().filter(|figure| figure["name"].as_str().unwrap().starts_with(begin));
         let values = named.map(|figure| figure["measured"].as_f64().unwrap());
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
@@ -221,11 +236,7 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
 fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
     let (track, two, vision) = (Figures::of(&["race-track"]), Figures::of(&["two-parts"]), Figures::of(&["vision"]));
     let arc = |coin: &str| track.get(&format!("{coin} coin: arc"), 1.0);
-    let reference = |name: &str| {
-        let figure = two.all().find(|figure| figure["name"] == name).unwrap();
-        figure["reference"].as_f64().unwrap()
-    };
-    let [two_looks, four, eight] = [2, 4, 8].map(|looks| reference(&format!("E of {looks} looks, strong plate")));
+    let [two_looks, four, eight] = [2, 4, 8].map(|looks| two.reference(&format!("E of {looks} looks, strong plate")));
     assert_says(
         "docs/lab.md",
         &[

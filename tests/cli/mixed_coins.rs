@@ -8,6 +8,7 @@ use tempfile::TempDir;
 
 use super::coin_pictures::Coin;
 use super::coin_scenes::{CoinScene, scenes};
+use super::page::FigurePage;
 use super::status;
 
 /// Seed of pictures that the program was not tuned on.
@@ -45,15 +46,43 @@ impl Tally {
     }
 }
 
-fn located(folder: &Path, scene: &CoinScene) -> Value {
+/// Draws the scene and has it searched with these options as well; returns the output.
+fn searched(folder: &Path, scene: &CoinScene, options: &[&str]) -> String {
     let path = folder.join("coins.png");
     let drawn = scene.picture.drawn();
     let picture =
         if scene.picture.gray { DynamicImage::from(drawn).into_luma8().into() } else { DynamicImage::from(drawn) };
     picture.save(&path).unwrap();
-    let options: Vec<&str> = scene.options.iter().map(String::as_str).collect();
-    let (stdout, _) = status(&[&["locate", "--json", path.to_str().unwrap()], options.as_slice()].concat(), 0);
-    serde_json::from_str(&stdout).unwrap()
+    let of_scene: Vec<&str> = scene.options.iter().map(String::as_str).collect();
+    status(&[&["locate", path.to_str().unwrap()], options, of_scene.as_slice()].concat(), 0).0
+}
+
+/// Compares a row of the page's table.
+fn compare_row(page: &mut FigurePage, name: &str, tally: Tally) {
+    let Tally { coins, named, misnamed, misnamed_and_trusted, reported, silent, .. } = tally;
+    let columns: [(&str, &[usize]); 5] = [
+        ("coins", &[coins]),
+        ("named", &[named]),
+        // the heading has the score
+        ("misnamed (score", &[misnamed, misnamed_and_trusted]),
+        ("reported", &[reported]),
+        ("silent", &[silent]),
+    ];
+    for (column, counts) in columns {
+        let measured: Vec<f64> = counts.iter().map(|&count| count as f64).collect();
+        page.cell("| picture | coins |", name, column, &measured);
+    }
+}
+
+/// Asserts that the output has the lines of the page's sample, in their order.
+fn assert_has_sample(page: &FigurePage, output: &str) {
+    let mut lines = output.lines();
+    for sample in page.text_between("```text", "```").trim().lines() {
+        assert!(
+            lines.any(|line| line == sample),
+            "docs/locate.md shows {sample:?} in this order, and this is:\n{output}"
+        );
+    }
 }
 
 /// Those of `discs` whose centre is on the coin.
@@ -94,11 +123,16 @@ fn tallied(scene: &CoinScene, found: &Value) -> Tally {
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn mixed_coins_are_named_doubted_or_reported() {
     let folder = TempDir::new().unwrap();
+    let mut page = FigurePage::open("docs/locate.md");
     let (mut all, mut scaled) = (Tally::default(), Tally::default());
     for scene in scenes(SEED) {
-        let found = located(folder.path(), &scene);
+        let found: Value = serde_json::from_str(&searched(folder.path(), &scene, &["--json"])).unwrap();
         let tally = tallied(&scene, &found);
         eprintln!("{:26} {tally:?}", scene.name);
+        compare_row(&mut page, scene.name, tally);
+        if scene.name == "foreign coins" {
+            assert_has_sample(&page, &searched(folder.path(), &scene, &[]));
+        }
         all = all.plus(tally);
         if scene.scale_is_known {
             scaled = scaled.plus(tally);
@@ -116,4 +150,13 @@ fn mixed_coins_are_named_doubted_or_reported() {
     assert_eq!(all.silent, 0, "{all:?}");
     assert!(all.invented <= all.coins / 50, "{all:?}");
     assert!(scaled.named * 4 >= scaled.known * 3, "{scaled:?}");
+
+    compare_row(&mut page, "all", all);
+    let mut results = FigurePage::open("docs/results.md");
+    let (table, label) = ("| what | measured | command |", "mixed coins in 12 traced pictures");
+    assert!(results.row(table, label).cells[0].contains(&format!(", {} coins,", all.coins)), "{all:?}");
+    // the score, and the figures of version 0.1.0, are as they stand
+    let [trusted, named] = [all.misnamed_and_trusted, all.named].map(|count| count as f64);
+    results.cell(table, label, "measured", &[trusted, TRUSTED, named, 12.0, TRUSTED, 81.0]);
+    FigurePage::assert_all([page, results]);
 }

@@ -1,0 +1,194 @@
+//! Figures of the lab on the pages, beside those in `documents.rs`: the array of resonators, the vision over many
+//! scenes, and the rest of the feeder, of topple, of rock and of two parts.
+
+use super::documents::Figures;
+use super::page::{FigurePage, numbers};
+
+/// Header of the tables of feeder, topple, rock and array on the lab's page.
+const MACHINES: &str = "| what | measured | paper";
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn feeder_and_toppling_have_the_other_figures_of_the_lab_page() {
+    let (feeder, topple) = (Figures::of(&["feeder"]), Figures::of(&["topple"]));
+    let viscosity = |duty: &str| feeder.reference(&format!("slope of force over rate, K, at d = {duty}, ±15 dyn"));
+    let mut page = FigurePage::open("docs/lab.md");
+    let rows: [(&str, &str, &[f64]); 5] = [
+        ("feed rate off Eqs. 3 and 7", "measured", &[feeder.range("rate off the closed form")[1]]),
+        // the numbers of the paper and of its equations are as they stand
+        ("viscosity K", "paper", &[1.95, -4.72, 4.0, viscosity("0.548")]),
+        ("the same at d = 0.586", "paper", &[4.0, viscosity("0.586")]),
+        ("our two harmonics", "measured", &[feeder.in_table(2, 3), feeder.in_table(2, 2)]),
+        ("our two harmonics", "paper", &[feeder.in_table(0, 3), 2.0, feeder.in_table(1, 3), feeder.in_table(1, 0)]),
+    ];
+    for (label, column, measured) in rows {
+        page.cell(MACHINES, label, column, measured);
+    }
+    page.cell(MACHINES, "a peg twice as thick", "measured", &[topple.in_table(1, 1)]);
+    page.assert_as_measured();
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn rocking_has_the_other_figures_of_the_lab_page() {
+    let rock = Figures::of(&["rock"]);
+    let get = |name: &str| rock.get(name, 1.0);
+    let mut page = FigurePage::open("docs/lab.md");
+    let orbits = get("steady orbits found, of random blocks");
+    let errors = ["largest error of the elliptic period", "largest error of the peak after it"].map(get);
+    page.cell(MACHINES, "steady orbits of 20 random blocks", "measured", &[orbits, errors[0], errors[1]]);
+    assert_eq!(orbits - get("of these, corner never lifts"), 1.0, "docs/lab.md says that one would lift its corner");
+    let impacts = get("impacts from 0.10 rad to toppling, 15 % a period");
+    assert_eq!(impacts, 9.0, "docs/lab.md says that the block topples at the ninth impact");
+
+    let row = page.row(MACHINES, "the same with a window of");
+    let (windows, ratios) = (rock.series("window_over_difference_of_impacts"), rock.series("lying_over_standing"));
+    let at_window = |named: f64| {
+        let found = windows.iter().position(|window| window.round() == named);
+        ratios[found.unwrap_or_else(|| panic!("no window is {named} times as long: {windows:?}"))]
+    };
+    let lying: Vec<f64> = numbers(row.cell("what")).into_iter().map(at_window).collect();
+    assert!(lying.len() >= 3, "the row names windows: {row:?}");
+    page.cell(MACHINES, "the same with a window of", "measured", &lying);
+
+    let kept = [[0, 5], [0, 6], [1, 5], [1, 6]].map(|[row, column]| rock.in_table(row, column));
+    page.passage("the block of Fig. 8 back from", "; the drive of Fig. 6", &kept);
+    page.assert_as_measured();
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn two_parts_have_the_figures_of_the_student_page() {
+    let two = Figures::of(&["two-parts"]);
+    let mut page = FigurePage::open("docs/student.md");
+    let one_look = two.get("E of 1 look, ideal field", 1.0);
+    page.passage("takes one large step of", ": while a coin goes", &[two.get("mean step of the parts", 1.0), one_look]);
+    let more_looks = [2, 4, 8].map(|looks| two.reference(&format!("E of {looks} looks, strong plate")));
+    page.passage("the miss falls to", "Half the step", &more_looks);
+    page.assert_as_measured();
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn array_of_resonators_has_the_figures_of_the_lab_page() {
+    let mchip = Figures::of(&["mchip"]);
+    let get = |name: &str| mchip.get(name, 1.0);
+    let percent = |name: &str| 100.0 * get(name);
+    let strobed = |name: &str| get(&format!("50 % duty, strobed: {name}"));
+    let (ten, twelve) = (10.0, 12.0);
+    let rows: [(&str, &[f64]); 17] = [
+        (
+            "times between contacts of a resonator",
+            &["gap before a double bounce", "gap after one", "gap of bounces once a cycle"].map(strobed),
+        ),
+        (
+            "the first kind, double bounces",
+            &["angle at a double bounce over that of others", "angular speed at one over that of others"].map(strobed),
+        ),
+        (
+            "those that push backward",
+            &["50 % duty, strobed: double bounces that push backward", "50 % duty: double bounces that push backward"]
+                .map(percent),
+        ),
+        ("36 % duty: double bounces", &[percent("36 % duty: contacts once a cycle that push backward")]),
+        ("every row alike", &[get("50 % duty: rate while it moves"), get("starts that jam within 1 s, of ten"), ten]),
+        ("offsets between rows", &[get("starts that jam with offsets between rows, of 12"), twelve]),
+        (
+            "strobed, λ = 4, γ = 50",
+            &[
+                get("strobed, λ = 4, γ = 50: rate"),
+                get("strobed: starts that jam, of ten"),
+                ten,
+                get("strobed: longest stop"),
+            ],
+        ),
+        (
+            "36 % duty: gain of rate",
+            &["gain of rate by 36 % duty, first 0.2 s", "36 % duty: rate while it moves"].map(get),
+        ),
+        ("mass with the highest rate", &[get("mass with the highest rate")]),
+        ("ridge distance", &[get("ridge distance with the highest angular speed")]),
+        (
+            "lines of the part's height",
+            &[
+                get("strobed: line of the bouncing"),
+                get("strobed: line of the drive") / 1e3,
+                get("strobed: the first over the second"),
+            ],
+        ),
+        ("potential energy, of all", &[percent("PotZ, of all energy, strobed")]),
+        ("spring by the height", &["spring by the height against the mass", "the same with light slabs"].map(get)),
+        (
+            "force that stops the part",
+            &["opposing force that stops it", "slope of the rate over force, 36 % duty"].map(get),
+        ),
+        // the table has LinX and LinY before these
+        ("energies LinZ", &[2, 3, 4, 5].map(|row| mchip.in_table(row, 1))),
+        ("nominal device", &["nominal device, 50 % duty: rate", "nominal device, 36 % duty: rate"].map(get)),
+        ("belt of Fig. 11", &["belt of Fig. 11: bouncing", "belt of Fig. 11: slope of the rate over force"].map(get)),
+    ];
+    let mut page = FigurePage::open("docs/lab.md");
+    for (label, measured) in rows {
+        page.cell(MACHINES, label, "measured", measured);
+    }
+    page.passage("the part runs away at", "mm/s", &[get("rate with algebraic impacts")]);
+    let solid = ["solid slabs, 50 % duty: rate", "solid slabs, 36 % duty: rate"].map(get);
+    page.passage("solid ones give both its rates", ", and nothing", &solid);
+    page.passage("m = μ z/a:", "dyn. The paper's", &[mchip.reference("the same beside single bounces")]);
+    page.passage("here the part rides at", "µm.", &[get("strobed: height above rest")]);
+    page.passage("AngX over AngY is", "here and", &[get("AngX over AngY, strobed")]);
+    page.passage("*36 % duty with strobing* gains", "%, as parked", &[get("the same, strobed")]);
+    page.assert_as_measured();
+    for (said, is_so) in [
+        ("36 % duty has no double bounces", percent("36 % duty: double bounces, of all contacts") < 0.5),
+        ("with a ridge of 16 µm the rate goes on rising", get("rate at a ridge of 16 µm over that at 12 µm") > 1.0),
+        ("no start jams with solid slabs", get("solid slabs: starts that jam, of three") == 0.0),
+        ("γ = 50 is no better than 75", get("strobed: γ with the highest rate, of 20 to 100") != 50.0),
+    ] {
+        assert!(is_so, "docs/lab.md says: {said}");
+    }
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn lighter_parts_roll_as_much_as_the_lab_page_says() {
+    let mut page = FigurePage::open("docs/lab.md");
+    let said = numbers(page.text_between("a lighter part hops more:", "(`upm lab mchip"));
+    let masses: Vec<f64> = said.iter().copied().skip(1).step_by(2).collect();
+    assert_eq!(masses.len(), 4, "pairs of a ratio and a mass, µg: {said:?}");
+    let measured = masses.into_iter().flat_map(|mass_ug| {
+        let mass = format!("mass_ug={mass_ug}");
+        let figures = Figures::of(&["mchip", "--set", "strobe=1", "--set", &mass]);
+        [figures.get("energy of roll over that of pitch (AngX over AngY)", 1.0), mass_ug]
+    });
+    page.passage("a lighter part hops more:", "(`upm lab mchip", &measured.collect::<Vec<_>>());
+    page.assert_as_measured();
+}
+
+/// Searches as many scenes as the command in the table says.
+#[test]
+#[ignore = "campaign: `cargo test --test cli -- --ignored campaign_of` runs it"]
+fn campaign_of_many_scenes_has_the_figures_of_the_results_page() {
+    const VISION: &str = "| what | clean | rough | hard | command |";
+    let mut page = FigurePage::open("docs/results.md");
+    let row = page.row(VISION, "centre of a part");
+    let (_, scenes) = row.cell("command").trim_matches('`').split_once("--scenes ").unwrap();
+    let vision = Figures::of(&["vision", "--scenes", scenes]);
+    let mut parts = Vec::new();
+    for family in ["clean", "rough", "hard"] {
+        let get = |name: &str| vision.get(&format!("{family}: {name}"), 1.0);
+        for (label, name) in [
+            ("centre of a part", "centre rms"),
+            ("corner of the table", "corner rms"),
+            ("position on the plate", "position rms"),
+        ] {
+            page.cell(VISION, label, family, &[get(name)]);
+        }
+        let faults = ["tables not found", "tables misplaced", "parts missed", "parts invented", "parts misnamed"];
+        page.cell(VISION, "parts missed, invented, misnamed", family, &[faults.map(get).into_iter().sum::<f64>()]);
+        parts.push(get("parts in all") / scenes.parse::<f64>().unwrap());
+    }
+    parts.sort_by(f64::total_cmp);
+    page.passage("scenes of each family with", "parts on average", &[parts[0], parts[2]]);
+    page.assert_as_measured();
+}
