@@ -77,9 +77,10 @@ pub struct MotionGuard {
     knows_fault: bool,
     /// True when an earlier pulse carried parts as forecast while the accelerometers read another motion of the plate.
     contradicted: bool,
-    /// True when an earlier trace was unreadable although the parts moved, and when the camera has shown that the plate
-    /// moved, too. Another motion that was read says nothing about a trace in which there is none.
+    /// True when an earlier trace was unreadable although parts or plate were seen to move.
     unread: bool,
+    /// True when an unreadable trace is known to be the accelerometers' fault. A different motion read before
+    /// does not show that: a weak coil causes one, too.
     unread_contradicted: bool,
 }
 
