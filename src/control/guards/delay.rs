@@ -15,7 +15,7 @@ const WINDOW: usize = 48;
 /// includes frames before it.
 const LEAST_SWING_PX: f64 = 0.6;
 /// Residual without a delay, as a share of the squares, below which frames are in time.
-const IN_TIME: f64 = 0.06;
+const IN_TIME: f64 = 0.1;
 /// The same after fitting the swing at its best height: a plate that swings less or more than planned, in time.
 const IN_TIME_AT_ANY_HEIGHT: f64 = 0.02;
 /// Largest residual with a delay, relative to the residual without one, for the delay to count.
