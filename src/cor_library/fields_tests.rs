@@ -3,8 +3,9 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, Matrix3, Vector3};
 use proptest::prelude::*;
 
-use super::{DisplacementModel, FieldFacts, FieldResponse, Library, RigFacts, testing};
+use super::{DisplacementModel, FieldResponse, Library, RigFacts, testing};
 use upm_core::geometry::Twist;
+use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
 
 const BASE_RADPS: f64 = TAU * 30.0;
@@ -160,7 +161,7 @@ fn values_no_rig_has_are_reported() {
 #[test]
 fn fields_of_another_rig_are_refused() {
     let library = library(responses(0.1, [0.0; 6]));
-    let fields = FieldFacts { base_radps: BASE_RADPS, harmonics: 4, attack_s: 0.033_333, rest_s: 0.04 };
+    let fields = FieldDriveModel { base_radps: BASE_RADPS, harmonics: 4, attack_s: 0.033_333, rest_s: 0.04 };
     let rig = RigFacts {
         name: "bench",
         fingerprint: "12ab",
@@ -175,11 +176,11 @@ fn fields_of_another_rig_are_refused() {
         library.check_fits(&rig).iter().map(|fault| format!("{}: {}", fault.path, fault.expected)).collect()
     };
     assert_eq!(fault_lines(&library, rig), [""; 0]);
-    let with = |fields: FieldFacts| fault_lines(&library, RigFacts { fields: Some(fields), ..rig });
-    assert_eq!(with(FieldFacts { base_radps: TAU * 40.0, ..fields }), ["fields.base_hz: 40, as the rig has it"]);
-    assert_eq!(with(FieldFacts { attack_s: 0.05, ..fields }), ["fields.attack_s: 0.05, as the rig has it"]);
-    assert_eq!(with(FieldFacts { rest_s: 0.05, ..fields }), ["fields.rest_s: 0.05, as the rig has it"]);
-    assert_eq!(with(FieldFacts { harmonics: 8, ..fields }), ["fields.twist_from_counts: 8, as the rig has it"]);
+    let with = |fields: FieldDriveModel| fault_lines(&library, RigFacts { fields: Some(fields), ..rig });
+    assert_eq!(with(FieldDriveModel { base_radps: TAU * 40.0, ..fields }), ["fields.base_hz: 40, as the rig has it"]);
+    assert_eq!(with(FieldDriveModel { attack_s: 0.05, ..fields }), ["fields.attack_s: 0.05, as the rig has it"]);
+    assert_eq!(with(FieldDriveModel { rest_s: 0.05, ..fields }), ["fields.rest_s: 0.05, as the rig has it"]);
+    assert_eq!(with(FieldDriveModel { harmonics: 8, ..fields }), ["fields.twist_from_counts: 8, as the rig has it"]);
     let strong = RigFacts { count_limit: 4095.0, ..rig };
     assert_eq!(fault_lines(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
     let none = RigFacts { fields: None, ..rig };

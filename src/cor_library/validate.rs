@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrary, matrix};
 use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::geometry::Vec2;
+use upm_core::rig::FieldDriveModel;
 use upm_core::units::mm_from_m;
 use upm_document::{Diagnostic, Diagnostics};
 
@@ -55,20 +56,7 @@ pub struct RigFacts<'a> {
     /// Largest sample that a motor may play, counts.
     pub count_limit: f64,
     /// Synthesised motions of the rig, if any.
-    pub fields: Option<FieldFacts>,
-}
-
-/// Properties of a rig's synthesised motions that a library's response must agree with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FieldFacts {
-    /// Base frequency of the motions, rad/s.
-    pub base_radps: f64,
-    /// Number of harmonics.
-    pub harmonics: usize,
-    /// Attack of every pulse, s.
-    pub attack_s: f64,
-    /// Rest after every pulse, s.
-    pub rest_s: f64,
+    pub fields: Option<FieldDriveModel>,
 }
 
 impl Library {

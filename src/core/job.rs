@@ -1,9 +1,10 @@
-//! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace and the motion of the plate.
+//! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, bins and the motion of the plate.
 
 pub mod legacy;
 mod stop_cause;
 
 use crate::coded_enum;
+use crate::geometry::Vec2;
 
 pub use stop_cause::StopCause;
 
@@ -54,6 +55,28 @@ coded_enum! {
         /// Exactly as the pulse says: `env(t)` times its wave.
         Kinematic = "kinematic",
     }
+}
+
+/// Result of the repair of an unclosed recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordingRepair {
+    /// Messages in the repaired recording.
+    pub messages: u64,
+    /// Bytes at its end that could not be kept.
+    pub cut_bytes: u64,
+    /// True when the recording was complete and only had to be renamed.
+    pub was_whole: bool,
+}
+
+/// A rectangle on the table into which parts of some kinds are sorted, rims included.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bin {
+    /// Names of the kinds.
+    pub kinds: Vec<String>,
+    /// Lower left corner, m.
+    pub min_m: Vec2,
+    /// Upper right corner, m.
+    pub max_m: Vec2,
 }
 
 #[cfg(test)]

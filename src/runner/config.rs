@@ -49,7 +49,7 @@ pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
 pub use faults::{DrawnFaults, RawFault, RawFaults, RawValue};
 pub use job::{JobSpec, LibraryRef};
 pub use kinds::{KindSpec, PartGroup};
-pub use layout::{JobLayout, LayoutBin, LayoutPart, LayoutPath};
+pub use layout::{JobLayout, LayoutPart, LayoutPath};
 pub use placement::{PlacedPart, place_parts};
 pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 pub use raw_job::{
@@ -67,7 +67,7 @@ pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};
 pub use rig::{RigSpec, fingerprint};
 pub use schema::{schema, schema_names};
-pub use simulate::{PulseSpec, SimulateSpec};
+pub use simulate::SimulateSpec;
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
 pub use upm_document::{

@@ -39,7 +39,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::{JobLayout, JobSpec, LayoutBin, reason};
+use crate::config::{JobLayout, JobSpec, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_cor_library::Library;
 use upm_core::rig::{Interlock, Rig};
@@ -49,7 +49,7 @@ use upm_recording::{
     report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{BinAppearance, LiveServer, PathAppearance, RerunSink, RunContext};
+use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
 
 use end_facts::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
@@ -314,11 +314,7 @@ fn start_recording(
         model: setup.model.clone(),
         method: setup.params.method,
         parts: setup.part_appearances(),
-        bins: layout
-            .bins
-            .into_iter()
-            .map(|LayoutBin { kinds, min_m, max_m }| BinAppearance { kinds, min_m, max_m })
-            .collect(),
+        bins: layout.bins,
         paths: layout.paths.iter().map(|path| PathAppearance { part: path.part, line_m: path.line_m() }).collect(),
         truth: Some(setup.truth()),
     };

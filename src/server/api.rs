@@ -37,7 +37,7 @@ pub use events::JOB_OVER;
 pub use http_metrics::{HttpMetrics, Requests};
 pub use layout::{Checked, LayoutPartView, LayoutPathView, LayoutView};
 pub use query::JobsQuery;
-pub use types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest, StandingJob};
+pub use types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
 
 /// Inputs of the API.
 pub struct AppParts {

@@ -94,6 +94,17 @@ pub enum StandingState {
     Paused,
 }
 
+/// The standing job of a plate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct StandingJob {
+    /// Name of the job.
+    pub name: String,
+    /// Whether it runs, waits for its turn or is paused.
+    pub state: StandingState,
+    /// Why it does not run; empty when it does, or only waits for its turn.
+    pub why: String,
+}
+
 /// Cause of a plate's pause.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PauseCause {

@@ -49,8 +49,8 @@ pub use options::{RepairRecording, StoreLimits};
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
     AuditEntry, AuditRow, CancelOutcome, ClaimedJob, DeleteOutcome, FINISHED, JobEnd, JobPage, JobRow, JobSelection,
-    NewEvent, NewJob, RecordingRepair, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
+    NewEvent, NewJob, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
 };
 
 pub use crate::states::{JobState, RecordingStatus};
-pub use upm_core::job::Pace;
+pub use upm_core::job::{Pace, RecordingRepair};

@@ -38,8 +38,8 @@ pub use plate::{PlateHandle, ResetRequester};
 pub use preview::PreviewPicture;
 pub use setup::{PlateSetup, SharedServices, StandingSetup};
 pub use start::PlateSupervisor;
-pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault, StandingSnapshot};
+pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault};
 pub use validate::fitting_library;
 
 pub use crate::states::{PlateState, StandingState};
-pub use upm_runner::config::{JobLayout, LayoutBin, LayoutPart, LayoutPath};
+pub use upm_runner::config::{JobLayout, LayoutPart, LayoutPath};

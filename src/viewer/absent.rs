@@ -4,10 +4,11 @@ use std::io;
 use std::path::Path;
 
 use upm_control::Sink;
+use upm_core::job::RecordingRepair;
 use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
 
 use crate::types::ExperimentView;
-use crate::types::{RecordingError, RecordingStats, Repaired, RunContext};
+use crate::types::{RecordingError, RecordingStats, RunContext};
 
 /// Stand-in for a recording: accepts every fact and keeps none.
 pub struct RerunSink(());
@@ -79,7 +80,7 @@ pub fn record_located(
 }
 
 /// Always fails; `part` stays as it is.
-pub fn repair_recording(part: &Path, _out: &Path) -> Result<Repaired, RecordingError> {
+pub fn repair_recording(part: &Path, _out: &Path) -> Result<RecordingRepair, RecordingError> {
     let reason = "this build was made without the feature `rerun`".to_owned();
     Err(RecordingError::Repair { path: part.to_owned(), reason })
 }

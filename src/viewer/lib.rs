@@ -9,9 +9,7 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{
-    BinAppearance, ExperimentView, PartAppearance, PathAppearance, RecordingError, RecordingStats, Repaired, RunContext,
-};
+pub use types::{ExperimentView, PartAppearance, PathAppearance, RecordingError, RecordingStats, RunContext};
 
 #[cfg(not(feature = "rerun"))]
 pub use absent::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};

@@ -5,6 +5,7 @@ use upm_chart::{Chart, Playback};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::job::Bin;
 use upm_core::rig::RigModel;
 use upm_planner::PlanningMethod;
 use upm_recording::RerunMode;
@@ -25,7 +26,7 @@ pub struct RunContext {
     /// Every part, in the order of the job.
     pub parts: Vec<PartAppearance>,
     /// The bins that parts are sorted into.
-    pub bins: Vec<BinAppearance>,
+    pub bins: Vec<Bin>,
     /// Paths that parts shall follow.
     pub paths: Vec<PathAppearance>,
     /// Ground truth; `None` on a rig without it.
@@ -50,17 +51,6 @@ pub struct PathAppearance {
     pub part: Option<usize>,
     /// The path as a line, m.
     pub line_m: Vec<Vec2>,
-}
-
-/// A rectangle for the parts of some kinds.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BinAppearance {
-    /// Names of the kinds.
-    pub kinds: Vec<String>,
-    /// Lower left corner, m.
-    pub min_m: Vec2,
-    /// Upper right corner, m.
-    pub max_m: Vec2,
 }
 
 /// Reason that a recording could not be made or is incomplete.
@@ -123,17 +113,6 @@ pub struct RecordingStats {
     pub viewer_missed: u64,
     /// True when a viewer was fed and received all remaining messages at the end.
     pub viewer_caught_up: bool,
-}
-
-/// Result of a repair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Repaired {
-    /// Number of messages in the repaired recording.
-    pub messages: u64,
-    /// Bytes after the last complete message, which were omitted.
-    pub cut_bytes: u64,
-    /// True when the recording was complete and only renamed.
-    pub was_whole: bool,
 }
 
 /// An experiment as shown on a page of the viewer.

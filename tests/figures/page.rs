@@ -105,6 +105,13 @@ impl FigurePage {
         self.change(printed, measured);
     }
 
+    /// Compares all of the text between these words, the first of which the page has once.
+    #[track_caller]
+    pub fn sample(&mut self, begin: &str, end: &str, output: &str) {
+        let printed = self.text_between(begin, end).to_owned();
+        self.change(printed, output.to_owned());
+    }
+
     /// The text between these words, the first of which the page has once.
     #[track_caller]
     pub fn text_between(&self, begin: &str, end: &str) -> &str {

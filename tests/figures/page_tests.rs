@@ -77,3 +77,12 @@ fn rows_are_those_below_the_header() {
     assert_eq!(labels("| other |"), [""; 0]);
     assert_eq!(page().text_between("are off by ", " mm"), "1.7");
 }
+
+#[test]
+fn sample_of_an_output_is_compared_as_it_is() {
+    let mut page = page();
+    page.sample("# Coins  ", "  They", "| what | measured");
+    assert_eq!(page.changes(), [[""; 2]; 0]);
+    page.sample("They are ", ", in", "right\n");
+    assert_eq!(page.changes(), [["off by 1.7 mm\ninstead of 0.65 mm", "right\n"]]);
+}

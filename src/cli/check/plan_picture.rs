@@ -6,8 +6,9 @@ use super::picture::{at_mm, weakest_directions};
 use super::plan::PlanReport;
 use super::plan_table::SAME;
 use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
+use upm_core::job::Bin;
 use upm_core::units::mm_from_m;
-use upm_runner::config::{JobLayout, LayoutBin};
+use upm_runner::config::JobLayout;
 use upm_runner::run::{PartForecast, PlanVerdict};
 
 /// Extent of the picture, in half sides of the plate from its middle.
@@ -66,7 +67,7 @@ fn weakness_changes(parts: &[PartForecast]) -> bool {
 /// Rims of the bins, each in the colour of its kind.
 fn bins(layout: &JobLayout, palette: &Palette) -> impl Iterator<Item = Layer> {
     layout.bins.iter().map(|bin| {
-        let LayoutBin { kinds, min_m, max_m } = bin;
+        let Bin { kinds, min_m, max_m } = bin;
         let color = palette.of_bin(kinds).map_or(Color::Gray, Color::Rgb);
         Layer::new(&bin_label(kinds), Mark::Line, color, bin_outline(at_mm(*min_m), at_mm(*max_m)))
     })

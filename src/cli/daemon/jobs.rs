@@ -7,8 +7,8 @@ use crate::cli::progress::behind;
 use crate::cli::summary;
 use upm_core::job::Pace;
 use upm_recording::Report;
-use upm_server::api::{Job, Plate, Plates, StandingJob};
-use upm_server::states::{JobState, PlateState, RecordingStatus, StandingState};
+use upm_server::api::{Job, Plate, Plates};
+use upm_server::states::{JobState, PlateState, RecordingStatus, StandingJob, StandingState};
 
 pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;

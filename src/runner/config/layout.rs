@@ -1,5 +1,6 @@
 use super::{JobSpec, KindSpec, TaskSpec};
 use upm_core::geometry::Vec2;
+use upm_core::job::Bin;
 use upm_task::PathParams;
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
@@ -10,7 +11,7 @@ pub struct JobLayout {
     /// Target position of each part, m; empty for a task without target positions.
     pub targets_m: Vec<Vec2>,
     /// Bins to sort into; empty for every other task.
-    pub bins: Vec<LayoutBin>,
+    pub bins: Vec<Bin>,
     /// Paths that parts shall follow.
     pub paths: Vec<LayoutPath>,
     /// True for a job that ends only at its plate time limit.
@@ -24,17 +25,6 @@ pub struct LayoutPart {
     pub kind: String,
     /// Radius of the kind's outline, m.
     pub radius_m: f64,
-}
-
-/// A rectangle in which the rims of some kinds must lie.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LayoutBin {
-    /// Names of the kinds that belong here.
-    pub kinds: Vec<String>,
-    /// Lower left corner, m.
-    pub min_m: Vec2,
-    /// Upper right corner, m.
-    pub max_m: Vec2,
 }
 
 /// A path that a part shall follow.
@@ -90,7 +80,7 @@ impl JobLayout {
                 let name = |kind: &usize| job.kind(*kind).map(|spec| spec.kind.name.clone());
                 let names = |kinds: &[usize]| kinds.iter().filter_map(name).collect();
                 let bins = bins.iter();
-                let bins = bins.map(|bin| LayoutBin { kinds: names(&bin.kinds), min_m: bin.min_m, max_m: bin.max_m });
+                let bins = bins.map(|bin| Bin { kinds: names(&bin.kinds), min_m: bin.min_m, max_m: bin.max_m });
                 layout.bins = bins.collect();
             }
             TaskSpec::Hold { .. } => {}

@@ -8,6 +8,7 @@ use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
 use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
+use upm_sim::OpenPulse;
 
 /// Most samples in the output, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
@@ -29,18 +30,9 @@ pub struct SimulateSpec {
     /// Parts at their start, with the friction of their kind.
     pub parts: Vec<PlacedPart>,
     /// Pulses, one after another.
-    pub pulses: Vec<PulseSpec>,
+    pub pulses: Vec<OpenPulse>,
     /// Output sampling rate, Hz.
     pub sample_hz: f64,
-}
-
-/// A pulse in SI.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PulseSpec {
-    /// Velocity of the plate at full height, with the pulse's sign: harmonic `k` at index `k - 1`.
-    pub harmonics: Vec<TwistHarmonic>,
-    /// Envelope of the pulse.
-    pub envelope: Envelope,
 }
 
 impl SimulateSpec {
@@ -64,7 +56,7 @@ impl SimulateSpec {
         let base_hz = raw.base_hz.unwrap_or(rig.raw.drive.base_hz);
         check_frequencies(&raw, &rig, base_hz, faults);
         let parts = placed(&raw, &rig, faults);
-        let pulses: Vec<PulseSpec> = raw.pulses.iter().filter_map(|pulse| PulseSpec::of(pulse, &rig)).collect();
+        let pulses: Vec<OpenPulse> = raw.pulses.iter().filter_map(|pulse| pulse_of(pulse, &rig)).collect();
         let total_s: f64 = pulses.iter().map(|pulse| pulse.envelope.total_s()).sum();
         let samples = total_s * raw.sample_hz * raw.parts.len() as f64;
         let found = format!("{samples:.0} samples of all parts over {total_s:.3} s");
@@ -74,21 +66,19 @@ impl SimulateSpec {
     }
 }
 
-impl PulseSpec {
-    /// The pulse in SI; `None` if it has no motion.
-    fn of(raw: &RawPulse, rig: &RigSpec) -> Option<Self> {
-        let sign = f64::from(raw.rotation);
-        let harmonics = match &raw.harmonics {
-            Some(harmonics) => harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect(),
-            None => TwistHarmonic::pump(pump_of(raw)? * sign).to_vec(),
-        };
-        let envelope = Envelope {
-            attack_s: raw.attack_s.unwrap_or(rig.model.attack_s),
-            sustain_s: raw.sustain_s,
-            rest_s: raw.rest_s.unwrap_or(rig.model.rest_s),
-        };
-        Some(Self { harmonics, envelope })
-    }
+/// The pulse in SI, with its sign; `None` if it has no motion.
+fn pulse_of(raw: &RawPulse, rig: &RigSpec) -> Option<OpenPulse> {
+    let sign = f64::from(raw.rotation);
+    let harmonics = match &raw.harmonics {
+        Some(harmonics) => harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect(),
+        None => TwistHarmonic::pump(pump_of(raw)? * sign).to_vec(),
+    };
+    let envelope = Envelope {
+        attack_s: raw.attack_s.unwrap_or(rig.model.attack_s),
+        sustain_s: raw.sustain_s,
+        rest_s: raw.rest_s.unwrap_or(rig.model.rest_s),
+    };
+    Some(OpenPulse { harmonics, envelope })
 }
 
 impl RawHarmonic {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
-use upm_cor_library::{FieldFacts, Library, RigFacts};
+use upm_cor_library::{Library, RigFacts};
 use upm_core::random::Streams;
 
 /// Reads the COR library of a job and checks it against the job's rig.
@@ -85,12 +85,7 @@ pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Diagn
         attack_s: model.attack_s,
         rest_s: model.rest_s,
         count_limit: model.count_limit,
-        fields: model.fields.map(|fields| FieldFacts {
-            base_radps: fields.base_radps,
-            harmonics: fields.harmonics,
-            attack_s: fields.attack_s,
-            rest_s: fields.rest_s,
-        }),
+        fields: model.fields,
     };
     let faults = library.check_fits(&facts).into_iter();
     faults.map(|fault| fault.in_file(file)).collect()

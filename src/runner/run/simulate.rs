@@ -1,26 +1,21 @@
 //! The simulated rig without control: pulses played open loop, and the first frame of a job.
 
 use super::setup::simulated_rig;
-use crate::config::{Diagnostic, JobSpec, PulseSpec, SimulateSpec};
+use crate::config::{Diagnostic, JobSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::Frame;
-use upm_sim::{self as sim, OpenLoopError, OpenLoopTrajectories, OpenPulse};
+use upm_sim::{self as sim, OpenLoopError, OpenLoopTrajectories};
 
 /// Plays the pulses of an experiment on its parts, open loop.
 pub fn simulate(spec: &SimulateSpec) -> Result<OpenLoopTrajectories, OpenLoopError> {
     let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, Pose::at(part.position_m))).collect();
-    sim::simulate(&spec.rig.sim, spec.plate, &parts, &pulses(spec), spec.base_radps, spec.sample_hz)
+    sim::simulate(&spec.rig.sim, spec.plate, &parts, &spec.pulses, spec.base_radps, spec.sample_hz)
 }
 
 /// Returns the error that [`simulate`] would return, without playing anything.
 pub fn check_simulate(spec: &SimulateSpec) -> Result<(), OpenLoopError> {
-    sim::check_pulses(&spec.rig.sim, spec.plate, &pulses(spec), spec.base_radps)
-}
-
-fn pulses(spec: &SimulateSpec) -> Vec<OpenPulse> {
-    let open = |pulse: &PulseSpec| OpenPulse { harmonics: pulse.harmonics.clone(), envelope: pulse.envelope };
-    spec.pulses.iter().map(open).collect()
+    sim::check_pulses(&spec.rig.sim, spec.plate, &spec.pulses, spec.base_radps)
 }
 
 /// First camera frame of a job with the ground truth.

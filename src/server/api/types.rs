@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::layout::LayoutPartView;
-use crate::states::{JobState, PauseCause, PlateCondition, PlateState, RecordingStatus, StandingState};
+use crate::states::{JobState, PauseCause, PlateCondition, PlateState, RecordingStatus, StandingJob};
 use upm_core::job::Pace;
 
 /// A job with its state and result.
@@ -56,17 +56,6 @@ pub struct JobsPage {
     pub jobs: Vec<Job>,
     /// Cursor of the next page; null on the last.
     pub next: Option<String>,
-}
-
-/// The standing job of a plate.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct StandingJob {
-    /// Name of the job.
-    pub name: String,
-    /// Whether it runs, waits for its turn or is paused.
-    pub state: StandingState,
-    /// Why it does not run; empty when it does, or only waits for its turn.
-    pub why: String,
 }
 
 /// A plate at one moment.

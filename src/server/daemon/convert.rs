@@ -1,11 +1,11 @@
 use serde_json::{Map, Value};
 
-use crate::api::{Job, LayoutPartView, LayoutPathView, LayoutView, Plate, Refusal, StandingJob, StreamEvent};
+use crate::api::{Job, LayoutPartView, LayoutPathView, LayoutView, Plate, Refusal, StreamEvent};
 use crate::states::PlateCondition;
 use crate::store::{JobRow, StoreFault, StoredEvent};
 use crate::supervisor::{self, JobLayout, PlateSnapshot};
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::{Bin, StopCause};
 use upm_core::units::{mm_from_m, places_mm};
 use upm_recording::RecordingState;
 use upm_runner::config::{RawBin, RawRegion};
@@ -48,7 +48,7 @@ pub(super) fn plate(snapshot: &PlateSnapshot, queued: u64) -> Plate {
         pause: snapshot.pause.as_ref().map(|pause| pause.cause.clone()),
         conditions: conditions(snapshot),
         job: snapshot.job.map(|id| id.to_string()),
-        standing_job: snapshot.standing.as_ref().map(standing_job),
+        standing_job: snapshot.standing.clone(),
         queued,
         at_s: observation.at.secs(),
         age_s: snapshot.age.map(|age| age.as_secs_f64()),
@@ -86,10 +86,6 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     lasting.chain(busy).collect()
 }
 
-fn standing_job(snapshot: &supervisor::StandingSnapshot) -> StandingJob {
-    StandingJob { name: snapshot.name.clone(), state: snapshot.state, why: snapshot.why.clone() }
-}
-
 fn part(part: &supervisor::LayoutPart) -> LayoutPartView {
     LayoutPartView { kind: part.kind.clone(), radius_mm: mm_from_m(part.radius_m) }
 }
@@ -97,7 +93,7 @@ fn part(part: &supervisor::LayoutPart) -> LayoutPartView {
 /// A layout in the API's form, mm.
 pub(super) fn layout(layout: &JobLayout) -> LayoutView {
     let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
-    let bin = |bin: &supervisor::LayoutBin| RawBin {
+    let bin = |bin: &Bin| RawBin {
         kinds: bin.kinds.clone(),
         region_mm: RawRegion { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) },
     };

@@ -318,12 +318,7 @@ fn repair_unless(shutdown_requested: &AtomicBool, part: &Path, whole: &Path) -> 
     if shutdown_requested.load(Ordering::SeqCst) {
         return Err("the daemon is ending; the next one tries again".to_owned());
     }
-    repair(part, whole)
-}
-
-fn repair(part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
-    let repaired = upm_viewer::repair_recording(part, whole).map_err(|error| error.to_string())?;
-    Ok(RecordingRepair { messages: repaired.messages, cut_bytes: repaired.cut_bytes, was_whole: repaired.was_whole })
+    upm_viewer::repair_recording(part, whole).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

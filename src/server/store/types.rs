@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::JobId;
 use crate::states::{JobState, RecordingStatus};
-use upm_core::job::{Pace, StopCause};
+use upm_core::job::{Pace, RecordingRepair, StopCause};
 use upm_core::time::PlateTime;
 
 /// Kind of a job's last event. It is stored in one transaction with the end, so every ended job has it.
@@ -337,17 +337,6 @@ pub enum StoreFault {
     /// The store was closed; it no longer reads or writes.
     #[error("the job store is closed")]
     Closed,
-}
-
-/// Result of the repair of an unclosed recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RecordingRepair {
-    /// Messages in the repaired recording.
-    pub messages: u64,
-    /// Bytes at its end that could not be kept.
-    pub cut_bytes: u64,
-    /// True when the recording was complete and only had to be renamed.
-    pub was_whole: bool,
 }
 
 /// Report of a store's recovery at start.

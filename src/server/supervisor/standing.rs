@@ -3,9 +3,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
+use super::StandingSetup;
 use super::validate::{JobRules, validated};
-use super::{StandingSetup, StandingSnapshot};
-use crate::states::StandingState;
+use crate::states::{StandingJob, StandingState};
 use crate::store::NewJob;
 
 /// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
@@ -57,12 +57,12 @@ impl Standing {
     }
 
     /// The state of the standing job now, on the plate or not.
-    pub fn snapshot(&self, is_running: bool) -> StandingSnapshot {
+    pub fn snapshot(&self, is_running: bool) -> StandingJob {
         let (state, why) = match (is_running, self.paused()) {
             (true, _) => (StandingState::Running, None),
             (false, Some(why)) => (StandingState::Paused, Some(why)),
             (false, None) => (StandingState::Waiting, self.held.lock().clone()),
         };
-        StandingSnapshot { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
+        StandingJob { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
     }
 }

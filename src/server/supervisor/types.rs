@@ -1,7 +1,7 @@
 use std::time::Duration;
 
 use super::LayoutPart;
-use crate::states::{PauseCause, PlateCondition, PlateState, StandingState};
+use crate::states::{PauseCause, PlateCondition, PlateState, StandingJob};
 use crate::store::{JobId, StoreFault};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -56,17 +56,6 @@ pub struct LastObservation {
     pub is_late: bool,
 }
 
-/// A standing job at one moment.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StandingSnapshot {
-    /// Name of the job.
-    pub name: String,
-    /// Whether it runs, waits for its turn or is paused.
-    pub state: StandingState,
-    /// Why it does not run; empty when it does, or only waits for its turn.
-    pub why: String,
-}
-
 /// A plate at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlateSnapshot {
@@ -85,7 +74,7 @@ pub struct PlateSnapshot {
     /// The job on it.
     pub job: Option<JobId>,
     /// Its standing job, if it has one.
-    pub standing: Option<StandingSnapshot>,
+    pub standing: Option<StandingJob>,
     /// State of that job's recording.
     pub recording: Option<RecordingState>,
     /// The parts as last seen.

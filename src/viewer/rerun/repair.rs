@@ -13,7 +13,8 @@ use rerun::external::re_log_encoding::{
 use rerun::log::LogMsg;
 
 use super::partial_file::{PartialFile, keep, lock, open_regular};
-use crate::types::{RecordingError, Repaired};
+use crate::types::RecordingError;
+use upm_core::job::RecordingRepair;
 
 /// Largest length of a message in a recording, packed or unpacked, bytes. A message with a larger length is broken.
 const LONGEST_BYTES: u64 = 64 << 20;
@@ -21,17 +22,17 @@ const LONGEST_BYTES: u64 = 64 << 20;
 /// Makes a complete recording `out` from `part`, which may end anywhere: every message up to the first broken one, and
 /// the footer. A complete `part` is only renamed; in any case it is gone afterwards. Safe to repeat after an
 /// interruption. Refuses a `part` that is still being written, that is not a regular file, or that is not a recording.
-pub fn repair_recording(part: &Path, out: &Path) -> Result<Repaired, RecordingError> {
+pub fn repair_recording(part: &Path, out: &Path) -> Result<RecordingRepair, RecordingError> {
     repair(part, out).map_err(|reason| RecordingError::Repair { path: part.to_owned(), reason })
 }
 
-fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
+fn repair(part: &Path, out: &Path) -> Result<RecordingRepair, String> {
     let file = open_regular(part, OpenOptions::new().read(true)).map_err(message_of)?;
     lock(&file).map_err(message_of)?;
     let mut frames = Frames::new(file)?;
     if let Some(messages) = frames.whole().map_err(message_of)? {
         keep(part, out).map_err(message_of)?;
-        return Ok(Repaired { messages, cut_bytes: 0, was_whole: true });
+        return Ok(RecordingRepair { messages, cut_bytes: 0, was_whole: true });
     }
     frames.rewind().map_err(message_of)?;
     let (partial_file, copy) = PartialFile::create_as("repair", out).map_err(message_of)?;
@@ -40,7 +41,7 @@ fn repair(part: &Path, out: &Path) -> Result<Repaired, String> {
     })?;
     // moved to the place of the broken one first, so that two of them never exist side by side
     keep(partial_file.part(), part).and_then(|()| keep(part, out)).map_err(message_of)?;
-    Ok(Repaired { messages, cut_bytes: frames.size - frames.at, was_whole: false })
+    Ok(RecordingRepair { messages, cut_bytes: frames.size - frames.at, was_whole: false })
 }
 
 fn message_of(fault: impl std::fmt::Display) -> String {

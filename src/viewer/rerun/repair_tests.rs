@@ -9,7 +9,8 @@ use rerun::log::LogMsg;
 
 use super::tests::{context, recording_options, stores};
 use super::{RerunSink, repair_recording};
-use crate::{RecordingError, Repaired};
+use crate::RecordingError;
+use upm_core::job::RecordingRepair;
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::RerunMode;
 
@@ -43,7 +44,7 @@ fn messages(path: &Path) -> Vec<LogMsg> {
 }
 
 /// Repairs `bytes`: the folder, the path and the result.
-fn repaired(bytes: &[u8]) -> (tempfile::TempDir, PathBuf, Result<Repaired, RecordingError>) {
+fn repaired(bytes: &[u8]) -> (tempfile::TempDir, PathBuf, Result<RecordingRepair, RecordingError>) {
     let folder = tempfile::tempdir().unwrap();
     let (part, path) = (folder.path().join("run.rrd.part"), folder.path().join("run.rrd"));
     fs::write(&part, bytes).unwrap();
@@ -73,13 +74,13 @@ fn cut_anywhere_a_recording_opens_again_with_every_whole_message() {
     for cut in cuts.chain(ends.iter().flat_map(|&end| [end - 1, end, end + 1])) {
         let (_folder, path, done) = repaired(&bytes[..cut]);
         let (messages, end) = whole_up_to(cut);
-        let expected = Repaired { messages, cut_bytes: (cut - end) as u64, was_whole: false };
+        let expected = RecordingRepair { messages, cut_bytes: (cut - end) as u64, was_whole: false };
         assert_eq!(done.unwrap(), expected, "cut at {cut}");
         let left: Vec<_> = fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path()).collect();
         assert_eq!(left, std::slice::from_ref(&path), "nothing else is left");
         // complete now: its footer is in the right place
         let again = repair_recording(&path, &path).unwrap();
-        assert_eq!(again, Repaired { messages, cut_bytes: 0, was_whole: true }, "cut at {cut}");
+        assert_eq!(again, RecordingRepair { messages, cut_bytes: 0, was_whole: true }, "cut at {cut}");
     }
 }
 
@@ -99,7 +100,7 @@ fn whole_messages_survive_a_repair_unchanged() {
 fn a_whole_recording_is_only_renamed() {
     let (bytes, ends) = recording();
     let (_folder, path, done) = repaired(bytes);
-    assert_eq!(done.unwrap(), Repaired { messages: ends.len() as u64, cut_bytes: 0, was_whole: true });
+    assert_eq!(done.unwrap(), RecordingRepair { messages: ends.len() as u64, cut_bytes: 0, was_whole: true });
     assert_eq!(&fs::read(path).unwrap(), bytes);
 }
 

@@ -4,9 +4,10 @@ use rerun::{AsComponents, LineStrips2D, Points2D};
 
 use super::paint::{self, thin};
 use super::run_stream::{LogResult, RunStream};
-use crate::types::{BinAppearance, PathAppearance, RunContext};
+use crate::types::{PathAppearance, RunContext};
 use upm_chart::{Palette, bin_label, bin_outline};
 use upm_core::geometry::Vec2;
+use upm_core::job::Bin;
 
 /// Colour of bins and paths that belong to several kinds or parts.
 const FAINT: [u8; 3] = [paint::FAINT.0, paint::FAINT.1, paint::FAINT.2];
@@ -48,11 +49,11 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
     }
 
     /// Rims of the bins, and their names above them.
-    fn bins(&self, bins: &[BinAppearance], palette: &Palette) -> (LineStrips2D, Points2D) {
-        let rgb = |bin: &BinAppearance| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
+    fn bins(&self, bins: &[Bin], palette: &Palette) -> (LineStrips2D, Points2D) {
+        let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
         let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
-        let above = |bin: &BinAppearance| {
+        let above = |bin: &Bin| {
             let [x, y] = (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.max_m.y));
             [x, y - (1.2 * self.label) as f32]
         };
@@ -74,7 +75,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
 }
 
 /// The corners of a bin, the first one again at the end.
-fn outline_m(bin: &BinAppearance) -> [Vec2; 5] {
+fn outline_m(bin: &Bin) -> [Vec2; 5] {
     bin_outline(bin.min_m.into(), bin.max_m.into()).map(Vec2::from)
 }
 

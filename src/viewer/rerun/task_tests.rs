@@ -4,9 +4,10 @@ use rerun::external::re_chunk_store::ChunkStore;
 
 use super::RerunSink;
 use super::tests::{context, recording_options, stores};
-use crate::{BinAppearance, PartAppearance, PathAppearance, RunContext};
+use crate::{PartAppearance, PathAppearance, RunContext};
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
+use upm_core::job::Bin;
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::RerunMode;
 
@@ -37,7 +38,7 @@ pub(super) fn text_of([r, g, b]: [u8; 3]) -> String {
 
 #[test]
 fn bins_are_drawn_in_the_colour_of_their_kind_in_both_views() {
-    let bin = |kind: &str, x: f64| BinAppearance {
+    let bin = |kind: &str, x: f64| Bin {
         kinds: vec![kind.to_owned()],
         min_m: Vec2::new(x, -0.05),
         max_m: Vec2::new(x + 0.06, 0.05),

@@ -1,6 +1,7 @@
 //! Standing jobs: they run on an idle plate and give way to every queued job.
 
 use super::*;
+use crate::states::StandingJob;
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
@@ -40,7 +41,7 @@ fn test_plates(standing: StandingSetup) -> TestPlates {
 
 /// State of the plate's standing job, and the reason for it.
 fn standing(plate: &PlateHandle) -> (StandingState, String) {
-    let StandingSnapshot { name, state, why } = plate.snapshot().standing.unwrap();
+    let StandingJob { name, state, why } = plate.snapshot().standing.unwrap();
     assert_eq!(name, "standing");
     (state, why)
 }
