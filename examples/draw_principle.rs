@@ -78,8 +78,8 @@ pub fn picture(library: &Arc<Library>) -> Result<String, Box<dyn Error>> {
     ))
 }
 
-/// Panel of the entry whose centre is nearest to the requested one, with coins moved by it.
-fn rotation(library: &Library) -> Result<Panel, Box<dyn Error>> {
+/// PlateDrawing of the entry whose centre is nearest to the requested one, with coins moved by it.
+fn rotation(library: &Library) -> Result<PlateDrawing, Box<dyn Error>> {
     let wanted_m = Vec2::from(CENTER_MM.map(m_from_mm));
     let fastest = library.entries.iter().map(|entry| entry.pump.spin_radps.abs()).fold(0.0, f64::max);
     let off_m = |entry: &Entry| entry.center_m().map_or(f64::INFINITY, |center_m| (center_m - wanted_m).norm());
@@ -87,7 +87,7 @@ fn rotation(library: &Library) -> Result<Panel, Box<dyn Error>> {
     let (number, entry) = strong.min_by(|a, b| off_m(a.1).total_cmp(&off_m(b.1))).ok_or("no entry")?;
     let counter_clockwise = entry.pump.spin_radps.signum();
     let carried = |p: Vec2| p + library.displacement_at(number, p, SUSTAIN_S) * counter_clockwise;
-    let mut panel = Panel::new(library);
+    let mut panel = PlateDrawing::new(library);
     panel.arrows(panel.grid().map(|p| [p, carried(p)]), Color::Gray, THIN_PX);
     panel.cross(entry.center_m().ok_or("no centre")?);
     for (i, start_mm) in CARRIED_MM.into_iter().enumerate() {
@@ -97,8 +97,8 @@ fn rotation(library: &Library) -> Result<Panel, Box<dyn Error>> {
     Ok(panel)
 }
 
-/// Panel of one motion for all coins on the right: its forecast for them, and for probe discs on a grid.
-fn field(library: &Arc<Library>) -> Result<Panel, Box<dyn Error>> {
+/// PlateDrawing of one motion for all coins on the right: its forecast for them, and for probe discs on a grid.
+fn field(library: &Arc<Library>) -> Result<PlateDrawing, Box<dyn Error>> {
     let params = PlannerParams {
         half_side_m: 0.5 * library.plate_side_m,
         edge_margin_m: 1e-3,
@@ -119,7 +119,7 @@ fn field(library: &Arc<Library>) -> Result<Panel, Box<dyn Error>> {
         found.push((missed_m(&coins, ends_m), pulse.clone(), ends_m.clone()));
     }
     let (_, pulse, ends_m) = found.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).ok_or("no motion found")?;
-    let mut panel = Panel::new(library);
+    let mut panel = PlateDrawing::new(library);
     let probes: Vec<PartState> = panel.grid().map(|p| part([p.x, p.y].map(mm_from_m), [0.0; 2])).collect();
     let carried = planner.forecast(&probes, &pulse);
     panel.arrows(probes.iter().zip(carried).map(|(probe, end_m)| [probe.position_m, end_m]), Color::Gray, THIN_PX);
@@ -141,12 +141,12 @@ fn part(position_mm: [f64; 2], step_mm: [f64; 2]) -> PartState {
 }
 
 /// A plate from above as elements of an SVG document; positions are px from its upper left corner.
-struct Panel {
+struct PlateDrawing {
     half_side_m: f64,
     drawn: String,
 }
 
-impl Panel {
+impl PlateDrawing {
     fn new(library: &Library) -> Self {
         Self { half_side_m: 0.5 * library.plate_side_m, drawn: String::new() }
     }

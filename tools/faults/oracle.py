@@ -1,15 +1,15 @@
 """The judge of a run: the rules O1 to O9 over `effective.json`, `journal.jsonl`, `report.json` and `truth.jsonl`.
 
-Shares no code with the program that it judges. O1 is in claims.py, O2 in detection.py, O4 in progress.py. O7, the plate
-pauses after a guard's stop, needs a daemon and is judged in pausing.py; O9's next job and O10's repetition are runs of their
-own, see campaign.py.
+Shares no code with the program that it judges. O1 is in claims.py, O2 in detection.py and actuators.py, O4 in progress.py.
+O7, the plate pauses after a guard's stop, needs a daemon and is judged in pausing.py; O9's next job and O10's repetition are
+runs of their own, see campaign.py.
 """
 import bisect
 import json
 import pathlib
 from dataclasses import dataclass, field
 
-from . import claims, detection, progress
+from . import actuators, claims, detection, progress
 from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 
 # a plate that stuck coils held off its place swings for so long once they let it go
@@ -19,7 +19,7 @@ MOST_RSS_MB = 200.0
 # a run may wait so long for a hand to go
 OVER_LIMIT_S = 12.0
 # conditions that are told once when they begin, and may end the run much later
-TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *detection.BLIND_CODES)
+TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *actuators.BLIND_CODES)
 STATUS_OF = {"completed": 0, "failed": 1, "cancelled": 130}
 
 
