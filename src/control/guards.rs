@@ -21,12 +21,13 @@ pub struct Guards {
 
 impl Guards {
     /// The codes of all guards that can be disabled.
-    pub const CODES: [&str; 26] = [
+    pub const CODES: [&str; 27] = [
         "camera_frozen",
         "camera_stale",
         "camera_dark",
         "camera_moved",
         "camera_late",
+        "table_missing",
         "view_hidden",
         "foreign_part",
         "parts_jumped",

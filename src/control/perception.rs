@@ -111,7 +111,7 @@ impl Perception {
     ) -> OrEnd<Self> {
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
-        let (table, mut stages, started) = find_table(rig, model, &mut frame, sink, clock, stop)?;
+        let (table, mut stages, started) = find_table(rig, model, &mut frame, &guards, sink, clock, stop)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
         stages.disk_response = finder.response();

@@ -177,7 +177,7 @@ fn campaign_of_many_coins_has_the_figures_of_the_results_pages() {
         assert_eq!(values(runs, "/collisions").sum::<f64>(), 0.0, "docs/results.md says that none touched: {name}");
         lost += values(runs, "/lost_parts").sum::<f64>();
     }
-    results.passage("Coins that fell off the plate in these runs:", "(", &[lost]);
+    results.passage("Coins that fell off the plate in these runs:", "in all", &[lost]);
     compare_forecasts(&mut results, &fields);
     compare_rotations(&mut rotations, ROTATIONS, &ROTATION_JOBS, &turned);
     for (column, name) in COMPARED {

@@ -8,6 +8,7 @@ use super::scene::HAND_S;
 use crate::Sink;
 use crate::condition::Condition;
 use crate::conditions::Conditions;
+use crate::guards::Guards;
 use crate::run_end::{OrEnd, RunEnd, check_stop, flow};
 use upm_core::geometry::Vec2;
 use upm_core::rig::{Rig, RigModel};
@@ -26,6 +27,7 @@ pub(super) fn find_table(
     rig: &mut dyn Rig,
     model: &RigModel,
     frame: &mut Frame,
+    guards: &Guards,
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
@@ -34,7 +36,8 @@ pub(super) fn find_table(
     let mut stages = DebugImages::default();
     let mut conditions = Conditions::default();
     let since = rig.now();
-    while why.is_empty() || rig.now().secs_since(since) < HAND_S {
+    let gives_up = guards.has(Condition::TableMissing);
+    while why.is_empty() || !gives_up || rig.now().secs_since(since) < HAND_S {
         check_stop(stop)?;
         flow(rig.capture(frame))?;
         let started = clock.elapsed();

@@ -32,13 +32,15 @@ pub(super) struct HarmonicBasis {
     table: Vec<[f64; 2]>,
 }
 
-/// Velocity and offset of the plate at one instant.
+/// Velocity, offset and turn of the plate at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PlateInstant {
     pub velocity_mps: Vec2,
     pub spin_radps: f64,
     /// Offset of its centre from the rest position, m.
     pub offset_m: Vec2,
+    /// Turn from the rest position, rad.
+    pub turn_rad: f64,
 }
 
 impl Mul<f64> for PlateInstant {
@@ -50,6 +52,7 @@ impl Mul<f64> for PlateInstant {
             velocity_mps: self.velocity_mps * height,
             spin_radps: self.spin_radps * height,
             offset_m: self.offset_m * height,
+            turn_rad: self.turn_rad * height,
         }
     }
 }
@@ -101,21 +104,22 @@ impl HarmonicBasis {
         coefficient % self.per_axis() / 2 + 1
     }
 
-    /// The plate's velocity and offset in every phase of a period.
+    /// The plate's velocity, offset and turn in every phase of a period.
     pub fn motion(&self, coefficients: &[f64]) -> Vec<PlateInstant> {
         let [x, y, spin] = self.axes(coefficients);
         let factors = |k: usize| {
             let [x, y, spin] = [x, y, spin].map(|axis| [axis[2 * k - 2], axis[2 * k - 1]]);
-            let [along_x, along_y] = [x, y].map(|axis| self.integral(axis, k));
-            [0, 1].map(|i| SimdF64::from([x[i], y[i], spin[i], along_x[i], along_y[i], 0.0, 0.0, 0.0]))
+            let [along_x, along_y, turn] = [x, y, spin].map(|velocity| self.integral(velocity, k));
+            [0, 1].map(|i| SimdF64::from([x[i], y[i], spin[i], along_x[i], along_y[i], turn[i], 0.0, 0.0]))
         };
         let factors: Vec<[SimdF64; 2]> = (1..=self.harmonics).map(factors).collect();
         let instant = |lanes: SimdF64| {
-            let [x, y, spin, along_x, along_y, ..] = lanes.to_array();
+            let [x, y, spin, along_x, along_y, turn, ..] = lanes.to_array();
             PlateInstant {
                 velocity_mps: Vec2::new(x, y),
                 spin_radps: spin / self.half_side_m,
                 offset_m: Vec2::new(along_x, along_y),
+                turn_rad: turn / self.half_side_m,
             }
         };
         self.sums(&factors).into_iter().map(instant).collect()

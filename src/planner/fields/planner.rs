@@ -41,6 +41,8 @@ const LONGEST: f64 = 1.8;
 const FLANK: f64 = 1.2;
 /// Amplitude of a shaken part's sway about its path, m.
 const SWAY_M: f64 = 0.25e-3;
+/// Share of its distance from the edge that a part keeps from the edge of the shaken plate.
+const LEAST_SHARE: f64 = 0.3;
 /// Instants per period at which the limits are checked.
 const OBSERVATIONS: usize = 4;
 
@@ -270,7 +272,11 @@ impl FieldPlanner {
             }
             before_m = places_m;
         }
-        clearances.broken_after(&start_m, &rollout.ends_m, &rollout.ends_m, 0.0)
+        let at_end = clearances.broken_after(&start_m, &rollout.ends_m, &rollout.ends_m, 0.0);
+        at_end.or_else(|| {
+            let part = rollout.edge_shares(self.params.half_side_m).iter().position(|share| *share < LEAST_SHARE)?;
+            Some(Limit::Edge { part })
+        })
     }
 
     /// Sustain for steps of `wanted_m`, s: distance grows with the square of the time.

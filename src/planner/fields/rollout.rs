@@ -25,6 +25,8 @@ use upm_core::units::GRAVITY_MPS2;
 const KAPPA: f64 = 0.388;
 /// ε, slip below which friction is smoothed to zero, m/s.
 const EPSILON_MPS: f64 = 1e-3;
+/// Least distance of a centre from the edge of the plate at rest that shares are taken of, m.
+const EDGE_M: f64 = 1e-3;
 /// SIMD lanes: parts integrated side by side.
 const LANES: usize = 8;
 
@@ -112,6 +114,14 @@ impl Rollout {
         (0..self.steps.len()).step_by(every.max(1)).map(at).chain(std::iter::once_with(|| self.ends_m.clone()))
     }
 
+    /// For each part the smallest distance of its centre from the edge of the shaken plate, as a share of its distance
+    /// from the edge of the plate at rest; negative for a part from under which the plate moves away. `half_side_m` is
+    /// half of the plate's side.
+    pub fn edge_shares(&self, half_side_m: f64) -> Vec<f64> {
+        let shares = self.groups.iter().flat_map(|group| group.edge_shares(&self.steps, half_side_m).to_array());
+        shares.take(self.ends_m.len()).collect()
+    }
+
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
     pub fn slopes(&self, basis: &HarmonicBasis) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
@@ -160,6 +170,19 @@ impl Group {
         self.last_mps = [vx, vy];
         let coasts_s = (vx * vx + vy * vy).sqrt() * coasting;
         [x + vx * coasts_s, y + vy * coasts_s]
+    }
+
+    /// See [`Rollout::edge_shares`].
+    fn edge_shares(&self, steps: &[PlateStep], half_side_m: f64) -> SimdF64 {
+        let farther = |[x, y]: [SimdF64; 2]| x.abs().max(y.abs());
+        let share = |(state, PlateStep { plate, .. }): (&RolloutState, &PlateStep)| {
+            let [x, y] = state.arm_m;
+            let at_rest_m = half_side_m - farther([x + plate.offset_m.x, y + plate.offset_m.y]);
+            // the plate turns by a few degrees at most
+            let shaken_m = half_side_m - farther([x + y * plate.turn_rad, y - x * plate.turn_rad]);
+            shaken_m / at_rest_m.max(SimdF64::splat(EDGE_M))
+        };
+        self.states.iter().zip(steps).map(share).fold(SimdF64::ONE, SimdF64::min)
     }
 
     /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).

@@ -32,8 +32,8 @@ fn pulse(plan: &Plan) -> Option<&FieldPulse> {
     }
 }
 
-/// Positions of all parts at every `every`-th step of the forecast rollout.
-fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
+/// The forecast rollout of a pulse.
+fn course(parts: &[PartState], pulse: &FieldPulse) -> Rollout {
     let friction = friction_of(&upm_2()).unwrap();
     let disc = |part: &PartState| RolloutDisc {
         position_m: part.position_m,
@@ -44,7 +44,12 @@ fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec
     let basis = upm_2_basis();
     let mut rollout = Rollout::default();
     rollout.run(&basis, &basis.coefficients(&pulse.wave), &upm_2_envelope(pulse.sustain_s), &discs);
-    rollout.places_m(every).collect()
+    rollout
+}
+
+/// Positions of all parts at every `every`-th step of the forecast rollout.
+fn rollout(parts: &[PartState], pulse: &FieldPulse, every: usize) -> Vec<Vec<Vec2>> {
+    course(parts, pulse).places_m(every).collect()
 }
 
 fn left_m(parts: &[PartState], ends_m: &[Vec2]) -> f64 {
@@ -121,6 +126,8 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
     let (rims_m, edge_m) = (0.5 * limits.separation_m, 0.5 * limits.edge_margin_m);
     assert!(gaps_m.0 > at_first_m.0.min(rims_m) - sway(rims_m, at_first_m.0), "{gaps_m:?} {at_first_m:?}");
     assert!(gaps_m.1 > at_first_m.1.min(edge_m) - sway(edge_m, at_first_m.1), "{gaps_m:?} {at_first_m:?}");
+    let shares = course(parts, pulse).edge_shares(limits.half_side_m);
+    assert!(shares.iter().all(|share| *share >= 0.3), "the plate swings away from under a part: {shares:?}");
     plan
 }
 

@@ -127,6 +127,7 @@ proptest! {
         for (i, disc) in discs.iter().enumerate() {
             let alone = course_of(&[*disc]);
             prop_assert_eq!(together.ends_m[i], alone.ends_m[0]);
+            prop_assert_eq!(together.edge_shares(HALF_SIDE_M)[i], alone.edge_shares(HALF_SIDE_M)[0]);
             prop_assert!(alone.places_m(7).zip(&places_m).all(|(alone, together)| alone[0] == together[i]));
             let alone_slopes = alone.slopes(&basis);
             prop_assert_eq!(slopes.columns(2 * i, 2), alone_slopes.columns(0, 2));
@@ -254,4 +255,37 @@ fn nothing_moves_without_parts_or_motion() {
     assert!(ends(&basis, &still, &upm_2_envelope(0.1), &[]).is_empty());
     let discs = [coin(Vec2::new(0.05, 0.01), FRICTION), point(Vec2::zeros())];
     assert_eq!(ends(&basis, &still, &upm_2_envelope(0.1), &discs), discs.map(|disc| disc.position_m));
+}
+
+/// A part without friction stays while the plate swings by `A/w` under it, or turns by `A/(w h)`.
+#[test]
+fn part_at_the_edge_keeps_the_share_that_the_swinging_plate_leaves() {
+    const RADPS: f64 = TAU * 30.0;
+    let basis = HarmonicBasis::new(RADPS, 8, HALF_SIDE_M);
+    let places_m = [Vec2::new(0.14, 0.03), Vec2::new(-0.09, -0.14), Vec2::new(0.0, 0.05)];
+    let discs = places_m.map(|position_m| RolloutDisc { friction: 1e-9, ..point(position_m) });
+    let shares = |axis: usize, amplitude_mps: f64| {
+        let mut coefficients = vec![0.0; basis.len()];
+        coefficients[axis * basis.per_axis()] = amplitude_mps;
+        let mut rollout = Rollout::default();
+        rollout.run(&basis, &coefficients, &abrupt(0.2), &discs);
+        rollout.edge_shares(HALF_SIDE_M)
+    };
+    let swing_m = 1.5 / RADPS;
+    let moved = |room_m: f64, by_m: f64| 1.0 - by_m / room_m;
+    let rooms_m = places_m.map(|place| HALF_SIDE_M - place.amax());
+    let expected = [
+        // along x the part at the lower side stays as far from it
+        (0, [moved(rooms_m[0], swing_m), 1.0, 1.0]),
+        (1, [1.0, moved(rooms_m[1], swing_m), moved(rooms_m[2], swing_m)]),
+        (2, [moved(rooms_m[0], 0.03 * swing_m / HALF_SIDE_M), moved(rooms_m[1], 0.09 * swing_m / HALF_SIDE_M), 1.0]),
+    ];
+    for (axis, expected) in expected {
+        let found = shares(axis, 1.5);
+        assert!(
+            found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 5e-3),
+            "{axis}: {found:?}"
+        );
+    }
+    assert!(shares(0, 3.0)[0] < 0.0, "the plate leaves from under it");
 }
