@@ -38,8 +38,9 @@ const READ_BYTES: usize = 32 << 10;
 /// Open files besides connections and what they read: store, run folders, live streams.
 const OTHER_FILES: u64 = 256;
 
-/// Connections that the kernel may queue before they are accepted.
-const BACKLOG: i32 = 1024;
+/// Connections that the kernel may queue before they are accepted; its own limit is usually 4096. A client whose
+/// connection finds no place repeats it after a second, an emergency stop among a flood as well.
+const BACKLOG: i32 = 4096;
 
 /// Most dropped connections whose tasks have not ended. Beyond this none is accepted, since each still holds its files.
 const ENDING: usize = 512;
