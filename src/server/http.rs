@@ -9,6 +9,7 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 
+mod accept;
 mod admission;
 #[cfg(test)]
 mod guard_tests;
@@ -21,6 +22,7 @@ mod origin_check;
 mod problem;
 mod request_id;
 mod shared_tokens;
+mod silent;
 mod socket;
 mod tokens;
 

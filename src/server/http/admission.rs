@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv6Addr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -89,49 +89,84 @@ impl Busy {
 /// The newest connections that found no common place, by host. They serve only the emergency stop, the list of plates
 /// and the health checks.
 #[derive(Debug, Default)]
-pub(super) struct SpareConnections {
+pub(super) struct SpareConnections(Arc<Mutex<Spares>>);
+
+#[derive(Debug, Default)]
+struct Spares {
     count: usize,
-    of_peer: BTreeMap<PeerHost, VecDeque<SparePermit>>,
+    opened: u64,
+    /// Oldest first.
+    of_peer: BTreeMap<PeerHost, BTreeMap<u64, SparePermit>>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct SparePermit {
-    task: AbortHandle,
+    task: Option<AbortHandle>,
     busy: Busy,
 }
 
-impl SparePermit {
-    fn may_go(&self) -> bool {
-        self.task.is_finished() || !self.busy.is_set()
+impl SpareConnections {
+    /// A place for a new connection among at most `most`. When all are taken, the oldest connection that is not busy is
+    /// dropped, of the host with the most connections. So a host that opens many displaces its own, and each of them
+    /// has had time to send its request. `None` when all are busy.
+    pub(super) fn admit(&self, peer: PeerHost, most: usize) -> Option<SparePlace> {
+        let mut spares = self.0.lock();
+        let dropped = if spares.count < most { None } else { Some(spares.take_idle()?) };
+        let (number, busy) = (spares.opened, Busy::default());
+        spares.opened += 1;
+        spares.count += 1;
+        let permit = SparePermit { task: None, busy: busy.clone() };
+        spares.of_peer.entry(peer).or_default().insert(number, permit);
+        drop(spares);
+        if let Some(task) = dropped.and_then(|permit| permit.task) {
+            task.abort();
+        }
+        Some(SparePlace { spares: Arc::clone(&self.0), peer, number, busy })
+    }
+
+    /// Names the task that serves the connection `number` of `peer`: it is aborted when the connection is dropped.
+    pub(super) fn set_task(&self, peer: PeerHost, number: u64, task: AbortHandle) {
+        if let Some(permit) = self.0.lock().of_peer.get_mut(&peer).and_then(|held| held.get_mut(&number)) {
+            permit.task = Some(task);
+        }
     }
 }
 
-impl SpareConnections {
-    /// Makes room for one more among at most `most`: drops the oldest connection that is not busy, of the host with the
-    /// most connections. So a host that opens many displaces its own, and each of them has had time to send its
-    /// request. False when all are busy.
-    pub(super) fn make_room(&mut self, most: usize) -> bool {
-        if self.count < most {
-            return true;
-        }
-        let idle = |(peer, held): (&PeerHost, &VecDeque<SparePermit>)| {
-            Some((held.len(), *peer, held.iter().position(SparePermit::may_go)?))
+impl Spares {
+    /// The oldest connection that is not busy, of the host with the most connections; `None` when all are busy.
+    fn take_idle(&mut self) -> Option<SparePermit> {
+        let idle = |(peer, held): (&PeerHost, &BTreeMap<u64, SparePermit>)| {
+            let (number, _) = held.iter().find(|(_, permit)| !permit.busy.is_set())?;
+            Some((held.len(), *peer, *number))
         };
-        let Some((_, peer, index)) = self.of_peer.iter().filter_map(idle).max() else { return false };
-        if let Some(gone) = self.of_peer.get_mut(&peer).and_then(|held| held.remove(index)) {
-            gone.task.abort();
-            self.count -= 1;
-        }
-        if self.of_peer.get(&peer).is_some_and(VecDeque::is_empty) {
-            self.of_peer.remove(&peer);
-        }
-        true
+        let (_, peer, number) = self.of_peer.iter().filter_map(idle).max()?;
+        self.remove(peer, number)
     }
 
-    /// Adds a connection that was opened.
-    pub(super) fn add(&mut self, peer: PeerHost, task: AbortHandle, busy: Busy) {
-        self.of_peer.entry(peer).or_default().push_back(SparePermit { task, busy });
-        self.count += 1;
+    /// `None` when the connection was dropped before.
+    fn remove(&mut self, peer: PeerHost, number: u64) -> Option<SparePermit> {
+        let held = self.of_peer.get_mut(&peer)?;
+        let permit = held.remove(&number)?;
+        if held.is_empty() {
+            self.of_peer.remove(&peer);
+        }
+        self.count -= 1;
+        Some(permit)
+    }
+}
+
+/// A place among the spare connections, freed on drop.
+#[derive(Debug)]
+pub(super) struct SparePlace {
+    spares: Arc<Mutex<Spares>>,
+    peer: PeerHost,
+    pub(super) number: u64,
+    pub(super) busy: Busy,
+}
+
+impl Drop for SparePlace {
+    fn drop(&mut self) {
+        self.spares.lock().remove(self.peer, self.number);
     }
 }
 
@@ -164,12 +199,14 @@ mod tests {
         assert!(admit("192.0.2.1").is_some());
     }
 
-    fn open(spares: &mut SpareConnections, address: &str, most: usize) -> Option<(JoinHandle<()>, Busy)> {
-        if !spares.make_room(most) {
-            return None;
-        }
-        let (task, busy) = (tokio::spawn(pending()), Busy::default());
-        spares.add(host(address), task.abort_handle(), busy.clone());
+    fn open(spares: &SpareConnections, address: &str, most: usize) -> Option<(JoinHandle<()>, Busy)> {
+        let place = spares.admit(host(address), most)?;
+        let (number, busy) = (place.number, place.busy.clone());
+        let task = tokio::spawn(async move {
+            pending::<()>().await;
+            drop(place);
+        });
+        spares.set_task(host(address), number, task.abort_handle());
         Some((task, busy))
     }
 
@@ -180,10 +217,10 @@ mod tests {
 
     #[tokio::test]
     async fn busy_spare_connection_is_never_dropped_and_the_oldest_idle_one_is() {
-        let mut spares = SpareConnections::default();
-        let opened: Vec<_> = (0..3).map(|_| open(&mut spares, "127.0.0.1", 3).unwrap()).collect();
+        let spares = SpareConnections::default();
+        let opened: Vec<_> = (0..3).map(|_| open(&spares, "127.0.0.1", 3).unwrap()).collect();
         opened[0].1.set(true);
-        let newest = open(&mut spares, "127.0.0.1", 3).unwrap();
+        let newest = open(&spares, "127.0.0.1", 3).unwrap();
         newest.1.set(true);
         let mut dropped = Vec::new();
         for (task, busy) in opened {
@@ -191,17 +228,30 @@ mod tests {
             busy.set(true);
         }
         assert_eq!(dropped, [false, true, false]);
-        assert!(open(&mut spares, "127.0.0.1", 3).is_none(), "all are busy");
+        assert!(open(&spares, "127.0.0.1", 3).is_none(), "all are busy");
     }
 
     #[tokio::test]
     async fn host_with_many_spare_connections_pushes_out_its_own() {
-        let mut spares = SpareConnections::default();
-        let (operator, _) = open(&mut spares, "192.0.2.1", 4).unwrap();
+        let spares = SpareConnections::default();
+        let (operator, _) = open(&spares, "192.0.2.1", 4).unwrap();
         for _ in 0..100 {
-            open(&mut spares, "192.0.2.66", 4).unwrap();
+            open(&spares, "192.0.2.66", 4).unwrap();
         }
         assert!(!is_dropped(operator).await);
-        assert_eq!((spares.count, spares.of_peer.len()), (4, 2));
+        let held = spares.0.lock();
+        assert_eq!((held.count, held.of_peer.len()), (4, 2));
+    }
+
+    #[tokio::test]
+    async fn place_of_an_ended_connection_is_free_at_once() {
+        let spares = SpareConnections::default();
+        let (first, second) = (spares.admit(host("192.0.2.1"), 2), spares.admit(host("192.0.2.1"), 2));
+        first.as_ref().unwrap().busy.set(true);
+        second.unwrap().busy.set(true);
+        assert!(spares.admit(host("192.0.2.2"), 2).is_some(), "the second one has ended");
+        drop(first);
+        let held = spares.0.lock();
+        assert_eq!((held.count, held.of_peer.len()), (0, 0));
     }
 }

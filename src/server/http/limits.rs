@@ -35,7 +35,8 @@ pub struct HttpLimits {
     pub body_bytes: usize,
     /// Memory for all bodies together.
     pub bodies: BodyMemoryLimit,
-    /// Longest time for a complete header to arrive, and longest idle time of a connection between requests.
+    /// Longest time until the first byte of a connection arrives, from then until its header is complete, and between
+    /// its requests.
     pub header_time: Duration,
     /// Longest time for a complete body to arrive.
     pub body_time: Duration,
@@ -51,8 +52,8 @@ pub struct HttpLimits {
     /// The same for each loopback address: a proxy there serves many clients.
     pub loopback_connections: usize,
     /// Most spare connections at once, besides the common ones: reserved for the emergency stop, the list of plates it
-    /// begins with, and health checks. Under a flood each one has until this many further ones arrive to send its
-    /// request.
+    /// begins with, and health checks. Also the most connections that wait for their client to send something: under a
+    /// flood each one has until this many further ones arrive to begin its request, and again to end it.
     pub spare_connections: usize,
     /// Longest time for a complete header to arrive on a spare connection.
     pub spare_header_time: Duration,

@@ -2,7 +2,6 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
@@ -13,14 +12,15 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use socket2::SockRef;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpStream;
 use tokio::runtime::{Handle, Runtime};
 use tokio::sync::watch;
-use tokio::task::{JoinSet, yield_now};
+use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 use tower::ServiceExt;
 
-use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections};
+use super::accept::{Acceptor, Serve};
+use super::admission::{Busy, CommonConnections, CommonPlace, PeerHost, SpareConnections, SparePlace};
 use super::head::read_head;
 use super::limits::{HttpLimits, ReservedConnection};
 use super::socket::Socket;
@@ -44,13 +44,6 @@ const BACKLOG: i32 = 4096;
 
 /// Most dropped connections whose tasks have not ended. Beyond this none is accepted, since each still holds its files.
 const ENDING: usize = 512;
-
-/// Turns of the accept loop before the tasks of spare connections run: none of them is dropped for newer ones before it
-/// was polled.
-const IN_A_ROW: u32 = 32;
-
-/// Pause after the system could not accept one more connection.
-const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
 
 /// Address of the client that sent a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +92,8 @@ pub fn serve(
     limits: &HttpLimits,
     stop: &ShutdownSignal,
 ) -> io::Result<ShutdownReport> {
-    let connections = limits.connections + limits.spare_connections;
+    // silent connections are as many as spare ones at most
+    let connections = limits.connections + 2 * limits.spare_connections;
     let wanted = (connections + ENDING + limits.downloads) as u64 + OTHER_FILES;
     let room = raise_fd_limit(wanted);
     if room < wanted {
@@ -107,11 +101,17 @@ pub fn serve(
     }
     lengthen_backlog(&listener);
     let answering = runtime(WORKERS, lower_thread_priority)?;
-    // threads that accept, read heads from spare connections and answer stops keep their priority
+    // this thread, which accepts, and the one that serves spare connections keep their priority
     let urgent = runtime(1, || ())?;
-    let accepting = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let acceptor = Acceptor::new(listener, limits.spare_connections, limits.header_time)?;
+    let (waker, stopped) = (acceptor.shutdown_waker(), stop.clone());
+    urgent.spawn(async move {
+        stopped.stopped().await;
+        waker.wake()
+    });
     let handles = Handles { common: answering.handle().clone(), spare: urgent.handle().clone() };
-    let served = accepting.block_on(accept(listener, Connections::new(app, limits, stop, handles)));
+    let mut connections = Connections::new(app, limits, stop, handles);
+    let served = acceptor.run(&mut connections).map(|()| urgent.block_on(connections.end()));
     answering.shutdown_background();
     urgent.shutdown_background();
     served
@@ -155,39 +155,11 @@ fn lengthen_backlog(listener: &std::net::TcpListener) {
     }
 }
 
-async fn accept(listener: std::net::TcpListener, mut connections: Connections<'_>) -> io::Result<ShutdownReport> {
-    listener.set_nonblocking(true)?;
-    let listener = TcpListener::from_std(listener)?;
-    let mut stopped = pin!(connections.stop.stopped());
-    let mut in_a_row = 0u32;
-    loop {
-        in_a_row = in_a_row.wrapping_add(1);
-        if in_a_row.is_multiple_of(IN_A_ROW) {
-            yield_now().await;
-        }
-        tokio::select! {
-            biased;
-            () = &mut stopped => break,
-            Some(_) = connections.tasks.join_next() => {}
-            accepted = listener.accept(), if connections.may_open() => match accepted {
-                Ok((stream, peer)) => connections.open(stream, peer),
-                Err(error) => {
-                    tracing::warn!(%error, "cannot accept a connection");
-                    sleep(NO_ROOM_PAUSE).await;
-                }
-            },
-        }
-    }
-    drop(listener);
-    let within = connections.limits.ending_time;
-    Ok(connections.end(within).await)
-}
-
-/// The open connections. One that finds no common place is spare: it serves only the emergency stop, the list of plates
-/// and health checks.
+/// The connections whose client has sent something. One that finds no common place is spare: it serves only the
+/// emergency stop, the list of plates and health checks.
 struct Connections<'a> {
     app: Router,
-    limits: &'a HttpLimits,
+    limits: Arc<HttpLimits>,
     stop: &'a ShutdownSignal,
     handles: Handles,
     tasks: JoinSet<()>,
@@ -196,36 +168,17 @@ struct Connections<'a> {
 }
 
 impl<'a> Connections<'a> {
-    fn new(app: Router, limits: &'a HttpLimits, stop: &'a ShutdownSignal, handles: Handles) -> Self {
+    fn new(app: Router, limits: &HttpLimits, stop: &'a ShutdownSignal, handles: Handles) -> Self {
         let (common, spare) = (CommonConnections::default(), SpareConnections::default());
-        Self { app, limits, stop, handles, tasks: JoinSet::new(), common, spare }
+        Self { app, limits: Arc::new(limits.clone()), stop, handles, tasks: JoinSet::new(), common, spare }
     }
 
-    /// False while too many dropped connections have not ended.
-    fn may_open(&self) -> bool {
-        self.tasks.len() < self.limits.connections + self.limits.spare_connections + ENDING
-    }
-
-    fn open(&mut self, stream: TcpStream, peer: SocketAddr) {
-        let host = PeerHost::from(peer.ip());
-        let place = self.common.admit(host, self.limits);
-        let task = ConnectionTask { app: self.app.clone(), limits: self.limits.clone(), stop: self.stop.clone(), peer };
-        if let Some(place) = place {
-            let Ok(stream) = stream.into_std() else { return };
-            self.tasks.spawn_on(task.serve_common(stream, place), &self.handles.common);
-        } else if self.spare.make_room(self.limits.spare_connections) {
-            let busy = Busy::default();
-            let task = self.tasks.spawn(task.serve_spare(stream, busy.clone(), self.handles.spare.clone()));
-            self.spare.add(host, task, busy);
-        }
-    }
-
-    /// Lets all open connections end by themselves for `within`, then drops the rest.
-    async fn end(mut self, within: Duration) -> ShutdownReport {
+    /// Lets all open connections end by themselves for `limits.ending_time`, then drops the rest.
+    async fn end(mut self) -> ShutdownReport {
         tokio::select! {
             biased;
             () = async { while self.tasks.join_next().await.is_some() {} } => {}
-            () = sleep(within) => {}
+            () = sleep(self.limits.ending_time) => {}
         }
         let dropped = self.tasks.len();
         self.tasks.abort_all();
@@ -233,10 +186,31 @@ impl<'a> Connections<'a> {
     }
 }
 
+impl Serve for Connections<'_> {
+    /// False while too many dropped connections have not ended.
+    fn may_open(&mut self) -> bool {
+        while self.tasks.try_join_next().is_some() {}
+        self.tasks.len() < self.limits.connections + self.limits.spare_connections + ENDING
+    }
+
+    fn serve(&mut self, stream: std::net::TcpStream, peer: SocketAddr) {
+        let host = PeerHost::from(peer.ip());
+        let (limits, stop) = (Arc::clone(&self.limits), self.stop.clone());
+        let task = ConnectionTask { app: self.app.clone(), limits, stop, peer };
+        if let Some(place) = self.common.admit(host, &self.limits) {
+            self.tasks.spawn_on(task.serve_common(stream, place), &self.handles.common);
+        } else if let Some(place) = self.spare.admit(host, self.limits.spare_connections) {
+            let number = place.number;
+            let task = self.tasks.spawn_on(task.serve_spare(stream, place), &self.handles.spare);
+            self.spare.set_task(host, number, task);
+        }
+    }
+}
+
 /// Everything needed to serve one connection.
 struct ConnectionTask {
     app: Router,
-    limits: HttpLimits,
+    limits: Arc<HttpLimits>,
     stop: ShutdownSignal,
     peer: SocketAddr,
 }
@@ -250,23 +224,21 @@ impl ConnectionTask {
         drop(place);
     }
 
-    /// Reads the head of the only request of a spare connection on this runtime, and has the request answered on
-    /// `answering`.
-    async fn serve_spare(self, stream: TcpStream, busy: Busy, answering: Handle) {
+    /// Reads the head of the only request of a spare connection, and answers it.
+    async fn serve_spare(self, stream: std::net::TcpStream, place: SparePlace) {
+        let Ok(stream) = TcpStream::from_std(stream) else { return };
         let (within, most) = (self.limits.spare_header_time, self.limits.header_bytes);
         let head = tokio::select! {
             head = timeout(within, read_head(&stream, most)) => head,
             () = self.stop.stopped() => return,
         };
         let Ok(Ok(head)) = head else { return };
-        busy.set(true);
+        place.busy.set(true);
         let Ok(stream) = stream.into_std() else { return };
         let mut builder = http1::Builder::new();
         builder.keep_alive(false);
-        let mut answer = JoinSet::new();
-        answer.spawn_on(async move { self.answer(stream, head, busy, builder).await }, &answering);
-        // aborted when this task is dropped
-        answer.join_next().await;
+        self.answer(stream, head, place.busy.clone(), builder).await;
+        drop(place);
     }
 
     /// Serves `stream`; `early` holds the bytes read from it before.

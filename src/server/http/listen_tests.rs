@@ -48,6 +48,13 @@ impl TestServer {
         stream
     }
 
+    /// A connection on which half a header was sent.
+    fn connect_half(&self) -> TcpStream {
+        let mut stream = self.connect();
+        stream.write_all(b"GET /ok HTTP/1.1\r\nhost: local").unwrap();
+        stream
+    }
+
     /// Sends `bytes` and reads until the server closes; a reset counts as the end.
     fn exchange(&self, bytes: &[u8]) -> String {
         let mut stream = self.connect();
@@ -202,7 +209,7 @@ fn six_hundred_connections_leave_room_for_estop_and_health() {
         limits.header_time = Duration::from_secs(30);
         limits.connections = 480;
     });
-    let idle: Vec<TcpStream> = (0..600).map(|_| server.connect()).collect();
+    let idle: Vec<TcpStream> = (0..600).map(|_| server.connect_half()).collect();
     assert!(server.get("/healthz").ends_with("ok"));
     assert!(server.get("/v1/plates").ends_with("plates"));
     let estop = b"POST /v1/plates/left/estop HTTP/1.1\r\nhost: localhost\r\n\r\n";
@@ -237,10 +244,25 @@ fn peer_with_many_connections_keeps_only_the_spare_ones() {
         limits.header_time = Duration::from_secs(30);
         limits.loopback_connections = 4;
     });
-    let idle: Vec<TcpStream> = (0..4).map(|_| server.connect()).collect();
+    let idle: Vec<TcpStream> = (0..4).map(|_| server.connect_half()).collect();
     assert_problem(&server.get("/ok"), 503);
     assert!(server.get("/healthz").ends_with("ok"));
     drop(idle);
+}
+
+#[test]
+fn connections_on_which_nothing_was_sent_take_no_place() {
+    let server = TestServer::start(|limits| {
+        limits.header_time = Duration::from_secs(30);
+        limits.connections = 4;
+        limits.spare_connections = 16;
+    });
+    let mut silent: Vec<TcpStream> = (0..40).map(|_| server.connect()).collect();
+    assert!(server.get("/ok").ends_with("ok"));
+    let newest = silent.last_mut().unwrap();
+    newest.write_all(b"GET /ok HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").unwrap();
+    assert!(all_of(newest).ends_with("ok"));
+    assert_eq!(all_of(&mut silent[0]), "", "closed for newer ones");
 }
 
 #[test]
