@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Loop speed of one build of upm against another, and whether both write the same journals.
 
-usage: rival_build.py RIVAL [--upm target/debug/upm] [--jobs plus-sign arrange-8] [--pairs 7]
+usage: rival_build.py RIVAL [--rival-configs configs] [--upm target/debug/upm] [--jobs plus-sign arrange-8] [--pairs 7]
 
 Runs each job with recording on, the two programs in turn and the first of each pair changing, and prints the ratio
 of the pair's loop speeds: above 1, `--upm` is faster than RIVAL. Single times wander with the machine; quote the
@@ -17,10 +17,10 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
-def run(upm, job, out):
+def run(upm, configs, job, out):
     """Plate time by wall time of one run, and its journal."""
     out.mkdir(parents=True)
-    command = [upm, "run", str(ROOT / f"configs/{job}.json"), "--out", str(out), "--rerun", "save", "--json", "--quiet"]
+    command = [upm, "run", str(configs / f"{job}.json"), "--out", str(out), "--rerun", "save", "--json", "--quiet"]
     report = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     (journal,) = out.glob("*/journal.jsonl")
     return report["plate_time_s"] / report["wall_time_s"], journal.read_bytes()
@@ -29,6 +29,7 @@ def run(upm, job, out):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rival")
+    parser.add_argument("--rival-configs", type=pathlib.Path, default=ROOT / "configs", help="where RIVAL reads fewer keys")
     parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--jobs", nargs="+", default=["plus-sign", "arrange-8"])
     parser.add_argument("--pairs", type=int, default=7)
@@ -39,9 +40,9 @@ def main():
         ratios = []
         for pair in range(args.pairs):
             with tempfile.TemporaryDirectory() as folder:
-                programs = {"rival": args.rival, "upm": args.upm}
+                programs = {"rival": (args.rival, args.rival_configs), "upm": (args.upm, ROOT / "configs")}
                 order = ["rival", "upm"] if pair % 2 == 0 else ["upm", "rival"]
-                done = {name: run(programs[name], job, pathlib.Path(folder) / name) for name in order}
+                done = {name: run(*programs[name], job, pathlib.Path(folder) / name) for name in order}
             (rival, rivals_journal), (ours, our_journal) = done["rival"], done["upm"]
             ratios.append(ours / rival)
             same = "equal" if our_journal == rivals_journal else "differ"
