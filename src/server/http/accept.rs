@@ -13,11 +13,11 @@ use upm_core::time::{Clock, MonotonicClock};
 const LISTENER: Token = Token(usize::MAX);
 const SHUTDOWN: Token = Token(usize::MAX - 1);
 
-/// Connections accepted before those that have sent something are served. Far fewer than silent ones are kept, so that
-/// none is closed for newer ones before it was looked at.
+/// Connections accepted before the events of earlier ones are handled. Far fewer than silent ones are kept, so that
+/// none is closed for newer ones before its request was noticed.
 const IN_A_ROW: usize = 32;
 
-/// Most connections looked at in a row.
+/// Most events handled in a row.
 const EVENTS: usize = 1024;
 
 /// Pause after the system could not accept one more connection.
@@ -35,8 +35,8 @@ pub(super) trait Serve {
     fn serve(&mut self, stream: std::net::TcpStream, peer: SocketAddr);
 }
 
-/// Accepts connections and keeps each until its client has sent something. It runs an event loop of its own: a flood of
-/// connections costs little more than the kernel's part, so that an emergency stop is not long in the accept queue.
+/// The event loop that accepts connections and keeps each until its client has sent something. A silent connection
+/// costs little more than the kernel's part, so that a flood of them keeps no emergency stop in the accept queue.
 pub(super) struct Acceptor {
     poll: Poll,
     /// Kept here, since the event of a waker that was dropped never arrives.
@@ -78,7 +78,7 @@ impl Acceptor {
                 return Ok(());
             }
             queued |= events.iter().any(|event| event.token() == LISTENER);
-            events.iter().for_each(|event| self.look_at(event, server));
+            events.iter().for_each(|event| self.handle(event, server));
             if let Some(time) = self.clock.elapsed().checked_sub(self.silent_time) {
                 self.silent.close_accepted_until(time);
             }
@@ -96,7 +96,7 @@ impl Acceptor {
         [until_closing, pause].into_iter().flatten().min()
     }
 
-    fn look_at(&mut self, event: &Event, server: &mut impl Serve) {
+    fn handle(&mut self, event: &Event, server: &mut impl Serve) {
         let Token(number) = event.token();
         let received = self.silent.received(number);
         if !matches!(received, Some(Received::Bytes | Received::End)) {
