@@ -53,6 +53,8 @@ mod refusals;
 mod rigs;
 #[path = "cli/shapes.rs"]
 mod shapes;
+#[path = "cli/streams.rs"]
+mod streams;
 #[path = "cli/token.rs"]
 mod token;
 

@@ -156,6 +156,10 @@ def check_faults(checks, page, daemon):
     page.click("#order-send")
     kind = page.locator('.note[data-line="6"] code')
     checks.soon("so does one within a list", lambda: page.locator(".note").count() == 1 and kind.all_inner_texts() == ["parts[1].kind"])
+    fill_job(page, BAD_JOB.replace('  "colour": 3,\n', '  "//": "a note", "größe": 3,\n').replace('"seven"', "7"))
+    page.click("#order-send")
+    odd = lambda: page.locator(".note").evaluate_all("notes => notes.map((note) => note.dataset.line)")
+    checks.soon("unknown keys of any letters are faults beside their line", lambda: odd() == ["8", "8"])
 
 
 def check_queue(checks, page, daemon):

@@ -1,7 +1,7 @@
 // The job's text with numbered lines, and faults beside the lines they are about.
 
 import { el, setChildren } from './dom.js';
-import { lineOf } from './places.js';
+import { lineOf, places } from './places.js';
 
 const GAP_PX = 6;
 
@@ -33,8 +33,9 @@ export class Editor {
 
   /** Shows faults, each beside its line, and the first of them in sight. */
   blame(faults) {
-    const line = (fault) => lineOf(this.text, fault);
-    this.faults = [...faults].sort((a, b) => line(a) - line(b));
+    const found = places(this.text);
+    const placed = faults.map((fault) => [lineOf(this.text, fault, found), fault]);
+    this.faults = placed.sort(([a], [b]) => a - b).map(([, fault]) => fault);
     this.render();
     const first = Math.min(...this.lines());
     if (Number.isFinite(first)) this.area.scrollTop = Math.max(0, (first - 4) * this.lineHeight());
@@ -42,7 +43,9 @@ export class Editor {
   }
 
   lines() {
-    return this.faults.map((fault) => lineOf(this.text, fault));
+    if (!this.faults.length) return [];
+    const found = places(this.text);
+    return this.faults.map((fault) => lineOf(this.text, fault, found));
   }
 
   lineHeight() {

@@ -117,8 +117,9 @@ export class Jobs {
     this.opened = null;
     this.turning = false;
     this.only.addEventListener('change', () => this.turn([null]));
-    this.newer.addEventListener('click', () => this.turn(this.cursors.slice(0, -1)));
-    this.older.addEventListener('click', () => this.turn([...this.cursors, this.next]));
+    // until a page has come, its neighbours are not known
+    this.newer.addEventListener('click', () => this.turning || this.turn(this.cursors.slice(0, -1)));
+    this.older.addEventListener('click', () => this.turning || this.turn([...this.cursors, this.next]));
   }
 
   showStatus(text) {
@@ -143,6 +144,7 @@ export class Jobs {
       this.render(page);
       await this.askOpen(page);
     } catch (error) {
+      this.turning = false;
       this.showStatus(`This list may be old: ${error.message}`);
       this.list.classList.add('stale');
     }
@@ -175,7 +177,14 @@ export class Jobs {
   async askOpen({ jobs }) {
     const open = this.rows.get(this.opened);
     if (!open || jobs.some((job) => job.id === open.job.id)) return;
-    open.take(await json('GET', ofJob(open.job.id)));
+    try {
+      open.take(await json('GET', ofJob(open.job.id)));
+    } catch (error) {
+      if (error.status !== 404) throw error;
+      // it was deleted meanwhile
+      if (this.opened === open.job.id) this.toggle(open.job.id);
+      this.put([...this.rows.values()].filter((row) => row !== open));
+    }
   }
 
   put(rows) {

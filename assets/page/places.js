@@ -46,8 +46,7 @@ class Reader {
       const key = this.skip(STRING);
       if (key === undefined || this.next() !== ':') return false;
       this.at += 1;
-      const name = plainKey(key);
-      if (!this.value(path === '$' ? name : `${path}.${name}`, depth + 1, start)) return false;
+      if (!this.value(member(path, plainKey(key)), depth + 1, start)) return false;
       if (this.next() !== ',') break;
       this.at += 1;
     }
@@ -71,6 +70,13 @@ class Reader {
   }
 }
 
+/** The path of a member, written as the daemon writes it. */
+function member(path, name) {
+  const above = path === '$' ? '' : path;
+  if (!/^[\w-]+$/.test(name)) return `${above}[${JSON.stringify(name)}]`;
+  return above ? `${above}.${name}` : name;
+}
+
 function plainKey(quoted) {
   try {
     return JSON.parse(quoted);
@@ -88,13 +94,18 @@ export function places(text) {
 
 const lineAt = (text, offset) => text.slice(0, offset).split('\n').length;
 
+/** The last step of a path: a member, an index, or a quoted key that is no plain word. */
+const LAST_STEP = /(^|\.)[^.[\]]*$|\[\d+\]$|\["(?:[^"\\]|\\.)*"\]$/;
+
 /** The line of a fault, from 1: where the text stops being JSON, otherwise that of its path or the member above it. */
-export function lineOf(text, fault) {
+export function lineOf(text, fault, found = places(text)) {
   if (fault.position) return Math.max(fault.position.line, 1);
-  const found = places(text);
-  for (let path = fault.path; path !== ''; path = path.replace(/(^|\.)[^.[\]]*$|\[\d+\]$/, '')) {
+  for (let path = fault.path; path !== '' && path !== '$';) {
     if (found.has(path)) return lineAt(text, found.get(path).start);
-    if (path === '$') break;
+    const above = path.replace(LAST_STEP, '');
+    // a path that was cut short has no end that could be taken off
+    if (above === path) break;
+    path = above;
   }
   return lineAt(text, found.get('$')?.start ?? 0);
 }

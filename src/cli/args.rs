@@ -11,7 +11,7 @@ use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
 
-/// One flat plate, shaken sideways, moves many coins on it independently, closed over a camera.
+/// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
 #[derive(Parser, Debug)]
 #[command(name = "upm", version = VERSION.as_str(), after_help = HELP.as_str())]
 #[command(max_term_width = 100, arg_required_else_help = true)]

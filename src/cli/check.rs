@@ -145,7 +145,7 @@ fn draw(path: &Path, findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> 
 
 fn row(path: &Path, finding: &CheckFinding) -> Value {
     let mut row = json!({
-        "file": path,
+        "file": path.display().to_string(),
         "valid": finding.is_ok(),
         "says": finding.as_ref().ok().map(|found| &found.says),
         "faults": finding.as_ref().err(),

@@ -31,7 +31,7 @@ pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
         list.push(name);
     }
     let InitReport { written, unchanged, kept } = &laid;
-    let value = json!({ "folder": args.folder, "written": written, "unchanged": unchanged, "kept": kept });
+    let value = json!({ "folder": args.folder.display().to_string(), "written": written, "unchanged": unchanged, "kept": kept });
     print(common.json, &value, || say_laid(&args.folder, &laid))
 }
 

@@ -87,7 +87,7 @@ impl JobEntry {
     fn json(&self) -> Value {
         match &self.job {
             Ok(job) => json!({
-                "file": self.file,
+                "file": self.file.display().to_string(),
                 "name": job.name,
                 "rig": job.rig.model.name,
                 "parts": parts(job),
@@ -95,7 +95,7 @@ impl JobEntry {
                 "plate_time_limit_s": job.plate_time_limit_s,
                 "endless": job.is_endless(),
             }),
-            Err(faults) => json!({ "file": self.file, "faults": faults }),
+            Err(faults) => json!({ "file": self.file.display().to_string(), "faults": faults }),
         }
     }
 }

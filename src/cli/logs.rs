@@ -23,7 +23,7 @@ struct LogSettings {
     level: LevelFilter,
     /// True if stderr goes to the systemd journal, which adds the time and expects levels as numbers.
     is_journal: bool,
-    is_terminal: bool,
+    is_colored: bool,
 }
 
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
@@ -34,7 +34,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
     let setting = LogSettings {
         level: level(common, daemon.is_some()),
         is_journal: is_journal(stream.as_deref(), file_of_stderr()),
-        is_terminal: std::io::stderr().is_terminal(),
+        is_colored: std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
     };
     let (subscriber, flush_guard) = match daemon.and_then(|format| patient(format, setting)) {
         Some((writer, flush_guard)) => (subscriber(daemon, setting, writer), Some(flush_guard)),
@@ -86,8 +86,10 @@ fn subscriber<W>(daemon: Option<LogFormat>, setting: LogSettings, writer: W) -> 
 where
     W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
 {
-    let LogSettings { level, is_journal, is_terminal } = setting;
-    let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_terminal);
+    let LogSettings { level, is_journal, is_colored } = setting;
+    let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_colored);
+    // of a write that fails it would write to stderr, and panic where that fails, too
+    let log = log.log_internal_errors(false);
     let wanted = wanted(level);
     match daemon {
         None => Box::new(log.without_time().finish().with(wanted)),
@@ -136,7 +138,7 @@ mod tests {
     fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
         let page = TestBuffer::default();
         let writer = page.clone();
-        let setting = LogSettings { level, is_journal, is_terminal: false };
+        let setting = LogSettings { level, is_journal, is_colored: false };
         let subscriber = subscriber(daemon, setting, move || writer.clone());
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);

@@ -77,15 +77,24 @@ impl Failure {
     }
 }
 
-/// Writes a line to stdout.
+/// True once the reader of stdout has gone.
+static READER_LEFT: AtomicBool = AtomicBool::new(false);
+
+/// Writes a line to stdout. A reader that has gone is no failure: a command with an end goes on to it.
 pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::failed(format!("stdout: {}", reason(&error))))
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => {
+            READER_LEFT.store(true, Ordering::Relaxed);
+            Ok(())
         }
-        _ => Ok(()),
+        written => written.map_err(|error| Failure::failed(format!("stdout: {}", reason(&error)))),
     }
+}
+
+/// True once the reader of stdout has gone, for commands that print until then.
+pub(super) fn reader_left() -> bool {
+    READER_LEFT.load(Ordering::Relaxed)
 }
 
 /// Prints a result as one JSON document.

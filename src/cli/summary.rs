@@ -34,7 +34,7 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         } else {
             String::new()
         };
-        rows.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed, no strict bound){ratio}")));
+        rows.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed, no bound){ratio}")));
     }
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));

@@ -3,14 +3,14 @@
 //! 1. Axes: pulses along x, y and spin. The plate's rigidity gives the accelerometers' gains relative to each other;
 //!    the response of both harmonics gives the pre-compensation of every axis and the gain matrix from motor amplitudes
 //!    to the plate's twist.
-//! 2. Displacement: a few motions, played as pulses of rising length; the camera measures how far the coins move. This
+//! 2. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by
+//!    FFT. Every later pulse is computed with them.
+//! 3. Displacement: a few motions, played as pulses of rising length; the camera measures how far the coins move. This
 //!    step precedes the next one, whose many pulses carry the coins off the plate.
-//! 3. Steering: centres of rotation on and around the plate and translations, each played in both directions as
+//! 4. Steering: centres of rotation on and around the plate and translations, each played in both directions as
 //!    strongly as the motors allow and read back through the accelerometers.
-//! 4. Fields, where the rig makes synthesised motions: each of their harmonics on each axis, read back likewise, gives
+//! 5. Fields, where the rig makes synthesised motions: each of their harmonics on each axis, read back likewise, gives
 //!    the plate's response in amplitude and phase.
-//! 5. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by
-//!    FFT.
 //! 6. Closing: the last pulses of the axes again, with the same drives, to detect a coil or channel that has changed.
 //!
 //! No measurement is accepted unchecked: channels must agree with the plate's rigidity, coils with the rig's data sheet
@@ -45,6 +45,12 @@ pub use resonance::AxisResonance;
 const STRONG: f64 = 2.0;
 
 /// Measures the response of the axes of `rig` with the accelerometers alone. Motors are at zero when this returns.
+///
+/// # Errors
+/// [`CalibrationFault::Rig`] when the rig refuses or fails, [`CalibrationFault::Stopped`] once `stop` is set, and
+/// [`CalibrationFault::Trace`] when a trace cannot be read. A channel, coil or axis that fails its check is
+/// [`CalibrationFault::Channel`], [`CalibrationFault::NotRigid`], [`CalibrationFault::Coil`],
+/// [`CalibrationFault::Coupled`], [`CalibrationFault::Still`] or [`CalibrationFault::Resonance`].
 pub fn measure_axes(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -57,6 +63,9 @@ pub fn measure_axes(
 
 /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
 /// Motors are at zero when this returns.
+///
+/// # Errors
+/// As [`measure_axes`]; [`CalibrationFault::Singular`] when the axes do not move the plate independently.
 pub fn steer(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -89,6 +98,9 @@ pub fn measure_fields(
 
 /// Measures the resonances of `rig`'s axes x, y and spin with the accelerometers alone; `None` where its longest
 /// sustain is too short to resolve them. Motors are at zero when this returns.
+///
+/// # Errors
+/// As [`measure_axes`].
 pub fn measure_resonances(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -103,6 +115,11 @@ pub fn measure_resonances(
 }
 
 /// Runs the full calibration of `rig` and returns its library. Motors are at zero when this returns.
+///
+/// # Errors
+/// As [`steer`], and when table or coins are not found or are lost. [`CalibrationFault::TooWeak`] when the strongest
+/// pulse moves no coin; [`CalibrationFault::StepChanged`] or [`CalibrationFault::Changed`] when the closing pulses
+/// differ from the opening ones.
 pub fn calibrate(
     rig: &mut dyn Rig,
     model: &RigModel,

@@ -209,8 +209,8 @@ impl ControlCycle<'_> {
         let seen = !plan.pulses.is_empty() && self.perception.frames_missing() == 0;
         let result = if seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         if plan.pulses.is_empty() {
-            // a task that advances by time alone asks for no pulse
-            if wanted.progress > self.furthest {
+            // a task that advances by time alone asks for no pulse, nor does one without end whose parts have arrived
+            if wanted.progress > self.furthest || self.planning.rests_without_end(&wanted, &result) {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
             }
             if self.rig.now() - *last_pulse_at > STALLED_S {

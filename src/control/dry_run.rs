@@ -1,8 +1,8 @@
 //! Dry run of a job on the library's displacement model, before anything moves: without rig, camera or ground truth.
 //!
-//! The loop is that of a run: ask the task, plan, play, observe again, learn the parts' gains. Parts move exactly as
-//! the run's planner forecasts, with a friction unknown to it, on a plate whose motions deviate slightly from the
-//! commanded ones, as in runs. Observations are exact, and parts that meet only push each other aside.
+//! The loop is that of a run: ask the task, plan, play, observe again, learn the parts' gains. Parts move as
+//! the run's planner forecasts, with a friction unknown to it; entries, plate motion and end positions are off by as
+//! much as in runs (`disturbance.rs`). Observations are exact, and parts that meet only push each other aside.
 
 mod disturbance;
 mod kinematic_plate;
@@ -144,7 +144,7 @@ impl DryRunLoop<'_> {
             if self.work_ms > self.most_work_ms {
                 return (None, wanted);
             }
-            if wanted.progress > furthest {
+            if wanted.progress > furthest || self.planning.rests_without_end(&wanted, &self.stage.positions_m) {
                 (furthest, went_on_at) = (wanted.progress, now);
             }
             if self.planning.watch.observe(&wanted, &self.stage.positions_m, played) {

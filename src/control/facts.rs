@@ -72,13 +72,13 @@ pub struct PulseFacts<'a> {
     pub trace: &'a AccelTrace,
     /// The plate's motion fitted to the trace.
     pub fit: &'a Result<PlateFit, FitFault>,
-    /// The measured displacements of the parts; `None` when one of them was out of sight.
-    pub carried: Option<PulseDisplacements<'a>>,
+    /// The positions of the parts; `None` when one of them was out of sight.
+    pub positions: Option<PulsePositions<'a>>,
 }
 
 /// Positions of the parts before and after a pulse, by the camera and by forecast. Each m, in the order of the job.
 #[derive(Clone, Copy, Debug)]
-pub struct PulseDisplacements<'a> {
+pub struct PulsePositions<'a> {
     /// Positions before the pulse.
     pub before_m: &'a [Vec2],
     /// Measured positions after it.

@@ -1,5 +1,4 @@
-//! The control cycle (observe, ask the task, plan, play, observe again) and the supervisor that ends a run in good
-//! order.
+//! The control cycle (observe, ask the task, plan, play, observe again) and the reasons for which a run ends.
 //!
 //! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 
@@ -23,7 +22,7 @@ pub use cycle::{FinalState, RunIo, run};
 pub use dry_run::{ClosestApproach, DryRun, DryRunParams, LimitMet, dry_run};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
-    PulseDisplacements, PulseFacts, Sink,
+    PulseFacts, PulsePositions, Sink,
 };
 pub use guards::Guards;
 pub use params::ControlParams;

@@ -245,7 +245,9 @@ impl Perception {
             }
             return Continue(());
         };
-        let (since, _) = *self.blind.get_or_insert((self.frame.exposed_at.min(now), why));
+        // the stamp of a bad frame may lie long before the frames that were good
+        let blind_from = self.frame.exposed_at.max(self.observed_at).min(now);
+        let (since, _) = *self.blind.get_or_insert((blind_from, why));
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
             self.stop_motors(rig);

@@ -142,6 +142,12 @@ impl<'a> Planning<'a> {
         self.watch.blocking_part_description(wanted, seen_m, |part| self.params.id(part))
     }
 
+    /// True if a run that only its time limit ends has nothing to do: every part is at its place.
+    pub fn rests_without_end(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> bool {
+        let is_there = |(seen, subgoal): (&Vec2, &Vec2)| (subgoal - seen).norm() <= self.params.tolerance_m;
+        self.params.endless && seen_m.iter().zip(&wanted.subgoals_m).all(is_there)
+    }
+
     /// The reason, for people, that a plan has no pulses.
     pub fn no_plan_reason(&self, status: &PlanStatus) -> String {
         no_plan_reason(status, self.params.method, |part| self.params.id(part))

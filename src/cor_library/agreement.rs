@@ -28,11 +28,11 @@ const SINGULAR: f64 = 1e-6;
 impl Library {
     /// The first prediction of this library that `own`, measured on the same rig, contradicts: accelerometer gains,
     /// waveforms, resonances, the plate's velocity for the counts of each entry, the steps of parts, the response to
-    /// synthesised motions. `None` when each is close enough to the prediction of `own`: gains within 2 %, resonances
-    /// within 10 %, the others within 5 % plus, where the scatter is known, 3 standard deviations of both measurements.
-    /// Steps may also be those that `own` predicts for coins of up to 42 % more or less friction, which is as far apart
-    /// as two single coins are, or for a plate speed changed as much. Standard deviations are those of `own` alone, so
-    /// that another library cannot widen them.
+    /// synthesised motions. `None` when each is close enough to the prediction of `own`: gains within 2 %, natural
+    /// frequencies within 10 %, damping ratios within 0.1, the others within 5 % plus, where the scatter is known, 3
+    /// standard deviations of both measurements. Steps may also be those that `own` predicts for coins of up to 42 %
+    /// more or less friction, which is as far apart as two single coins are, or for a plate speed changed as much.
+    /// Standard deviations are those of `own` alone, so that another library cannot widen them.
     pub fn disagreement(&self, own: &Self) -> Option<Diagnostic> {
         self.other_gain(own)
             .or_else(|| self.other_shape(own))

@@ -44,19 +44,29 @@ impl Library {
         out + "\n}\n"
     }
 
-    /// Reads [`Self::to_json`]; the faults name `file`. All wrong keys, types and ranges are reported together; once
-    /// those are right, all values that are inconsistent with others.
+    /// Reads [`Self::to_json`].
+    ///
+    /// # Errors
+    /// The faults, which name `file`. Text that is not JSON and a document of another kind are a single fault. All
+    /// wrong keys, types and ranges are reported together; once those are right, all values that are inconsistent with
+    /// others.
     pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Diagnostic>> {
         let raw: RawLibrary = parse(text, file)?;
         Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
     }
 
     /// Writes the library to `path`.
+    ///
+    /// # Errors
+    /// The system's error when the file cannot be written.
     pub fn save(&self, path: &Path) -> std::io::Result<()> {
         std::fs::write(path, self.to_json())
     }
 
-    /// Reads and validates the library at `path`; reports all faults.
+    /// Reads and validates the library at `path`.
+    ///
+    /// # Errors
+    /// The fault of [`text_of`], otherwise all faults of [`Self::from_json`].
     pub fn load(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let text = text_of(path).map_err(|fault| vec![fault])?;
         Self::from_json(&text, &path.display().to_string())

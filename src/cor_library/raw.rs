@@ -53,7 +53,7 @@ pub struct RawLibrary {
     /// Attack of every pulse.
     #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub attack_s: f64,
-    /// Rest after every pulse.
+    /// Rest after the longest pulse; shorter ones rest down to half as long.
     #[schemars(range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
     /// Reading of each accelerometer channel (x and y of number 1, x and y of number 2) per true 1.

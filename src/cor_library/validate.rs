@@ -51,7 +51,7 @@ pub struct RigFacts<'a> {
     pub plate_side_m: f64,
     /// Attack of every pulse, s.
     pub attack_s: f64,
-    /// Rest after every pulse, s.
+    /// Rest after the longest pulse, s; shorter ones rest down to half as long.
     pub rest_s: f64,
     /// Largest sample that a motor may play, counts.
     pub count_limit: f64,

@@ -67,6 +67,10 @@ impl<T> Queue<T> {
     }
 
     /// Sends `item`; when the queue is full, its overflow policy applies.
+    ///
+    /// # Errors
+    /// [`QueueError::Full`] when the queue is full for as long as the policy waits, [`QueueError::Closed`] when the
+    /// receiving end was dropped. Both return the item, which counts as lost.
     pub fn send(&self, item: T) -> Result<(), QueueError<T>> {
         match self.overflow {
             OverflowPolicy::Wait => {
@@ -80,7 +84,11 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Sends `item`, waiting for room for at most `longest`; a returned item is not counted as lost.
+    /// Sends `item`, waiting for room for at most `longest`.
+    ///
+    /// # Errors
+    /// [`QueueError::Full`] when there is no room within that time, [`QueueError::Closed`] when the receiving end was
+    /// dropped. Both return the item, which is not counted as lost.
     pub fn send_within(&self, item: T, longest: Duration) -> Result<(), QueueError<T>> {
         self.items.send_timeout(item, longest).map_err(|unsent| match unsent {
             SendTimeoutError::Timeout(item) => QueueError::Full(item),
@@ -107,14 +115,17 @@ pub struct BackgroundThread<T>(Receiver<T>);
 /// Reason for which a thread has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitError {
-    /// The thread did not end in time and is abandoned.
+    /// The thread has not ended in time; it can be waited for again.
     Hangs,
-    /// The thread panicked.
+    /// The thread panicked, or its result was taken before.
     Died,
 }
 
 impl<T: Send + 'static> BackgroundThread<T> {
     /// Starts the thread `name`, at lower priority if `steps_back`.
+    ///
+    /// # Errors
+    /// The system's error where it cannot start a thread.
     pub fn start(name: &str, steps_back: bool, work: impl FnOnce() -> T + Send + 'static) -> io::Result<Self> {
         let (report, done) = bounded(1);
         thread::Builder::new().name(name.to_owned()).spawn(move || {
@@ -127,11 +138,17 @@ impl<T: Send + 'static> BackgroundThread<T> {
     }
 
     /// Waits for its result.
+    ///
+    /// # Errors
+    /// [`WaitError::Died`] when the thread panicked, and when its result has already been taken.
     pub fn wait(&self) -> Result<T, WaitError> {
         self.0.recv().map_err(|_| WaitError::Died)
     }
 
     /// Waits for its result for at most `longest`.
+    ///
+    /// # Errors
+    /// [`WaitError::Hangs`] when the thread has not ended within that time, [`WaitError::Died`] as [`Self::wait`].
     pub fn wait_within(&self, longest: Duration) -> Result<T, WaitError> {
         self.0.recv_timeout(longest).map_err(|fault| match fault {
             RecvTimeoutError::Timeout => WaitError::Hangs,

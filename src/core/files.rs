@@ -6,6 +6,9 @@ use std::path::Path;
 
 /// Writes `bytes` into `file`, the new file at `draft`, and renames it to `path` in the same folder once they are on
 /// the disk. Until then the old file remains.
+///
+/// # Errors
+/// Errors of writing, syncing and renaming, as the system reports them. The draft is not removed.
 pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.write_all(bytes)?;
     file.sync_all()?;
@@ -13,6 +16,9 @@ pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> i
 }
 
 /// Syncs `folder` so that the names in it survive a power cut; an empty path is the current folder.
+///
+/// # Errors
+/// Errors of opening and syncing the folder, as the system reports them.
 #[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -53,13 +59,19 @@ pub fn reserve(file: &File, bytes: u64, length: Length) -> io::Result<()> {
     })
 }
 
-/// Always unsupported: only Linux has the system call.
+/// Allocates nothing: only Linux has the system call.
+///
+/// # Errors
+/// Always [`io::ErrorKind::Unsupported`].
 #[cfg(not(target_os = "linux"))]
 pub fn reserve(_: &File, _: u64, _: Length) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
 /// Free bytes on the disk of `folder` available to users other than the superuser.
+///
+/// # Errors
+/// The system's error, such as [`io::ErrorKind::NotFound`] where there is no such folder.
 #[cfg(unix)]
 pub fn free_bytes(folder: &Path) -> io::Result<u64> {
     let disk = rustix::fs::statvfs(folder)?;

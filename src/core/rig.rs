@@ -42,7 +42,7 @@ pub struct RigModel {
     pub base_radps: f64,
     /// Attack and decay of every pulse, s.
     pub attack_s: f64,
-    /// Rest after every pulse, s.
+    /// Rest after the longest pulse, s; shorter ones rest down to half as long.
     pub rest_s: f64,
     /// Longest sustain the rig allows, s.
     pub max_sustain_s: f64,
@@ -106,12 +106,20 @@ pub trait Rig {
     fn now(&self) -> PlateTime;
 
     /// Starts a pulse and returns at once; the pulse plays while frames are captured.
+    ///
+    /// # Errors
+    /// [`RigFault::BadDrive`] or [`RigFault::DriveTooStrong`] for a drive that the rig cannot play, [`RigFault::Busy`]
+    /// before the last pulse and its rest are over, [`RigFault::Stopped`] once the interlock has tripped, and
+    /// [`RigFault::Device`] when the device fails.
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
     /// End of the last pulse, its rest included; not later than [`Rig::now`] when no pulse is playing.
     fn settled_at(&self) -> PlateTime;
 
     /// Waits for the camera's next exposure and reads it out into `frame`, which is resized as needed.
+    ///
+    /// # Errors
+    /// [`RigFault::Stopped`] once the interlock has tripped, and [`RigFault::Device`] when the device fails.
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault>;
 
     /// The accelerometers' trace of the last pulse, up to now.
@@ -121,7 +129,10 @@ pub trait Rig {
     fn stop(&mut self);
 
     /// Lets plate time pass until `until` without driving the rig, for effects of time on the hardware. Motors that are
-    /// playing fall silent after [`Interlock::LEASE_S`], which is [`RigFault::Stopped`].
+    /// playing fall silent after [`Interlock::LEASE_S`].
+    ///
+    /// # Errors
+    /// [`RigFault::Stopped`] when motors fell silent in this way, and once the interlock has tripped.
     fn pass(&mut self, _until: PlateTime) -> Result<(), RigFault> {
         Ok(())
     }

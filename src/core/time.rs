@@ -46,14 +46,16 @@ impl PlateTime {
 
 impl Add<f64> for PlateTime {
     type Output = Self;
+    /// Later by so many seconds; a negative number or NaN adds nothing.
     #[inline]
     fn add(self, seconds: f64) -> Self {
-        Self(self.0 + Self::from_secs(seconds).0)
+        Self(self.0.saturating_add(Self::from_secs(seconds).0))
     }
 }
 
 impl Sub for PlateTime {
     type Output = f64;
+    /// Difference, s; negative when `other` is the later one.
     #[inline]
     fn sub(self, other: Self) -> f64 {
         (self.0 as f64 - other.0 as f64) * 1e-9

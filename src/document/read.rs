@@ -17,7 +17,10 @@ pub fn schema_of<T: JsonSchema>() -> Value {
     schema_for!(T).to_value()
 }
 
-/// The text of the file at `path`, or the reason that it cannot be read.
+/// The text of the file at `path`.
+///
+/// # Errors
+/// The fault of a file that cannot be read, is larger than [`MOST_BYTES`] or is not UTF-8.
 pub fn text_of(path: &FilePath) -> Result<String, Diagnostic> {
     let fault =
         |found: String, allowed: &str| Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed);
@@ -71,7 +74,10 @@ fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Builds the result of `build` from the document in `text`; reports every fault, those of [`parse`] first.
+/// Builds the result of `build` from the document in `text`.
+///
+/// # Errors
+/// The faults of [`parse`]; where there are none, every fault that `build` reports.
 pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
     text: &str,
     file: &str,
@@ -84,7 +90,11 @@ pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
 }
 
 /// Parses the document in `text`. It is checked against its schema for all faults of keys, types and ranges at once,
-/// then read by serde for rules that a schema cannot express. A document of another kind yields that single fault.
+/// then read by serde for rules that a schema cannot express.
+///
+/// # Errors
+/// Text that is not JSON and a document of another kind yield that single fault. Otherwise every key that is there
+/// twice and every fault against the schema; once there are none, the first fault that serde finds.
 pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Diagnostic>> {
     let mut faults = Diagnostics::of(file);
     let value: Value = match serde_json::from_str(text) {

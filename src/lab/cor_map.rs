@@ -20,6 +20,10 @@ struct ReadCenter {
 
 /// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and
 /// around the plate and reads each through the accelerometers; the simulated plate gives the true ones.
+///
+/// # Errors
+///
+/// [`LabFault::Rig`] when calibration refuses the rig, [`LabFault::Trace`] when it cannot read a trace.
 pub fn cor_map(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     let mut plate = BarePlate::new(lab);
     let (axes, entries) = plate.steer()?;

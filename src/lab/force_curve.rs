@@ -30,6 +30,10 @@ const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
 
 /// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
 /// rig's own frequency, the acceleration at which its parts begin to slide, and the friction of a disc that spins.
+///
+/// # Errors
+///
+/// [`LabFault::Rig`] unless friction, base frequency and time step are positive numbers.
 pub fn force_curve(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
         return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));

@@ -182,6 +182,12 @@ impl Race {
 
 /// Shakes the rig's plate about a point near its lower left corner until the first coin has made a quarter turn, and
 /// measures each coin's distance.
+///
+/// # Errors
+///
+/// [`LabFault::Rig`] when three coins do not fit beside each other, when they stick or creep backwards, when one pulse
+/// carries a coin out of its quarter of a turn or thousands of pulses carry none through it, and when the rig's figures
+/// give no valid pulse.
 pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
     Ok(ExperimentResult {

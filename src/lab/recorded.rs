@@ -8,6 +8,11 @@ use upm_perception::estimation::{
 };
 
 /// Determines the plate's motion from a trace recorded on any rig (UPM paper, section 3.2, App. B and C).
+///
+/// # Errors
+///
+/// [`LabFault::Trace`] for a trace that [`fit_twist`] cannot evaluate. A spectrum that cannot be computed is only
+/// noted.
 pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<ExperimentResult, LabFault> {
     let fault = |fault| LabFault::Trace { what: "recorded pulse".to_owned(), fault };
     let fit = fit(pulse).map_err(fault)?;

@@ -80,7 +80,7 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
         against("least speed that topples the part, simulated", simulated_mps),
         alone("highest speed at which none fell", "mm/s", mm_from_m(band.none_mps)),
         alone("lowest speed at which all fell", "mm/s", mm_from_m(band.all_mps)),
-        against("middle of these two", band.median_mps()),
+        against("middle of these two", band.middle_mps()),
         alone("their distance over their middle", "%", 100.0 * band.width()),
     ];
     if peg.shape == Shape::Block

@@ -19,6 +19,11 @@ use upm_core::job::PlateMode;
 
 /// Makes one large step with two parts about four centres, then the same in more observations: in the ideal field, on a
 /// plate with strong motors and on the rig's own.
+///
+/// # Errors
+///
+/// [`LabFault::Rig`] when the four fields are dependent, when parts stick or creep backwards, when longer pulses do not
+/// carry a part further, and when the rig's figures give no valid pulse. A step that fails on a plate is a figure.
 pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let task = TwoPartProblem::on(rig);
     let exactly = |parts: &PartPositions, center: usize, d: f64| {
@@ -67,10 +72,10 @@ mod tests {
     #[test]
     fn miss_falls_with_observations_where_motors_are_strong() {
         let outcome = two_parts(&lab_rig("upm-2")).unwrap();
-        let order = figure(&outcome, "order at which E falls with looks, ideal field");
+        let order = figure(&outcome, "order at which E falls with observations, ideal field");
         assert!((order - 2.0).abs() < 0.1, "{order}");
         for mover in ["ideal_field", "strong_plate", "rigs_plate"] {
-            assert_eq!(series(&outcome, &format!("{mover}_looks")), [1.0, 2.0, 4.0, 8.0]);
+            assert_eq!(series(&outcome, &format!("{mover}_observations")), [1.0, 2.0, 4.0, 8.0]);
             let misses = series(&outcome, &format!("{mover}_miss_m"));
             assert!(misses.is_sorted_by(|a, b| a > b), "{mover}: {misses:?}");
             assert!(misses[3] < 0.1 * misses[0], "{mover}: {misses:?}");
@@ -87,7 +92,7 @@ mod tests {
             Ok(vec![parts.map(|part| flow_in_steps(task.centers_m[center], part, d))])
         };
         let integrated_mm = 1e3 * task.go(1, rotate).unwrap().miss_m;
-        let measured_mm = figure(&two_parts(&rig).unwrap(), "E of 1 look, ideal field");
+        let measured_mm = figure(&two_parts(&rig).unwrap(), "E of 1 observation, ideal field");
         assert!((measured_mm / integrated_mm - 1.0).abs() < 1e-6, "{measured_mm} {integrated_mm}");
     }
 
@@ -102,7 +107,7 @@ mod tests {
         assert!(own.iter().zip(&strong).all(|(own, strong)| own > strong), "{own:?}");
         let failed = outcome.figures.iter().filter(|figure| figure.name == "failed try, rig's plate").count();
         assert_eq!(own.len() + failed, OBSERVATIONS.len());
-        let observations = outcome.charts.iter().find(|chart| chart.name == "two-parts-looks").unwrap();
+        let observations = outcome.charts.iter().find(|chart| chart.name == "two-parts-observations").unwrap();
         let legend =
             |name: &str| observations.layers.iter().find(|layer| layer.label.starts_with(name)).unwrap().label.clone();
         assert_eq!(legend("strong plate"), "strong plate");

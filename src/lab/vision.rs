@@ -18,6 +18,10 @@ const BINS: usize = 40;
 
 /// Locates table and parts without prior knowledge in 50 scenes of every difficulty, starting at the seed. Independent
 /// of the rig.
+///
+/// # Errors
+///
+/// None: the seed is all that it takes from the rig.
 pub fn vision(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     Ok(vision_of(lab.seed, SCENES, progress))
 }

@@ -27,6 +27,11 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 /// through the whole chain, measured and compared with the plate's true motion; and the effect of calibration's
 /// pre-compensation on every axis. In addition the spectrum of the same trace by FFT, and the resonances of the axes as
 /// determined by calibration.
+///
+/// # Errors
+///
+/// [`LabFault::Rig`] when calibration refuses the rig or the rig refuses a pulse, [`LabFault::Trace`] when a trace
+/// cannot be read.
 pub fn waveform_fit(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;

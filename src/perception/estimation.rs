@@ -21,7 +21,7 @@ pub use judgement::{ChannelFault, ExpectedMotion, Mismatch, MotionJudgement, Mot
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};
-pub use types::{AccelerometerPair, AxisPhasors, FitFault, PlateFit, PumpWaveResidual, TwistFit, WaveFit};
+pub use types::{AccelerometerPair, AxisPhasors, FitFault, PlateFit, PumpWaveQuality, TwistFit, WaveFit};
 pub use wave::fit_wave;
 pub use window::{MAX_PERIODS, SteadyWindow, accelerations_mps2, sustain_window};
 
@@ -35,6 +35,12 @@ pub const WEAKEST_MPS2: f64 = 0.3;
 
 /// Fits the plate's motion at the full height of a pulse shaped by `envelope` to its accelerometer trace. `base_radps`
 /// is the drive's base frequency.
+///
+/// # Errors
+///
+/// As [`sustain_window`] and [`accelerations_mps2`]; [`FitFault::CutShort`] for a trace that ends within the sustain
+/// and [`FitFault::TooWeak`] for a motion below [`WEAKEST_MPS2`]. [`FitFault::Unreadable`] also for sensors without a
+/// distance between them, for gains that are not above 0, and for harmonics that cannot be told from drift.
 pub fn fit_twist(
     trace: &AccelTrace,
     envelope: &Envelope,

@@ -43,4 +43,4 @@ pub use response::ResponseMethod;
 pub use survey::{seen_radius_m, survey};
 pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;
-pub use types::{DebugImages, Detection, DiscSpec, FloatImage, HoughArray, Survey, Table, Track};
+pub use types::{DebugImages, DetectedDisc, Detection, FloatImage, HoughArray, Survey, Table, Track};

@@ -5,7 +5,7 @@ use upm_cor_library::Library;
 
 /// Range in which friction is searched.
 const RANGE: (f64, f64) = (0.02, 2.0);
-/// Iterations, each of which shrinks the range to two ninths.
+/// Iterations, each of which shrinks the range to one ninth.
 const ROUNDS: usize = 9;
 
 /// The Coulomb friction that reproduces the measured distances of translations: median over the faster half of the

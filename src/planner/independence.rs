@@ -11,7 +11,7 @@ const GENTLE: f64 = 0.05;
 /// Independence of the parts' motions at given positions: the singular values of their flows together.
 ///
 /// A column of the `2N × M` matrix is one flow at all parts, for one metre of the part that moves farthest: the
-/// measured flow of an entry's longest pulse, as in the planner's program, or that of a synthesised field.
+/// flow of an entry's longest pulse by the displacement table, or that of a synthesised field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Independence {
     /// All `2N` singular values, largest first. Zero: some joint motion of the parts is impossible.

@@ -1,5 +1,5 @@
-//! Planners: from wanted steps to pulses. Either candidate CORs of the library, a quadratic program for the d_j and a
-//! sequence of rotations; or one synthesised motion for all parts.
+//! Planners: from wanted steps to pulses. Either CORs of the library, a second-order-cone program for the counts of
+//! pulses and quadratic programs for their lengths d_j; or one synthesised motion for all parts.
 
 mod fields;
 mod flow_effort;

@@ -16,8 +16,9 @@ pub struct Reach {
     pub longest_step_m: f64,
     /// Standard deviation of such a step, m.
     pub longest_sd_m: f64,
-    /// Smallest displacement along it by a pulse of a suitable entry, m: one that flows within 30 degrees of it and
-    /// makes at least a twentieth of the longest step there. `None` when there is no such entry.
+    /// Smallest displacement along it by the shortest pulse at full amplitude of a suitable entry, m: one that flows
+    /// within 30 degrees of it and makes at least a twentieth of the longest step there. `None` when there is no such
+    /// entry.
     pub shortest_step_m: Option<f64>,
     /// Indices of the entries that do most along some direction, rising.
     pub strongest: Vec<usize>,

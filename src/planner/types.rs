@@ -120,7 +120,7 @@ pub enum Limit {
 /// Outcome of planning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PlanStatus {
-    /// The pulses make the wanted steps, to first order.
+    /// The pulses bring the parts nearer to their subgoals; [`Plan::predicted_m`] has how near.
     Solved,
     /// All steps are smaller than the smallest pulse can make.
     #[default]
@@ -138,7 +138,8 @@ pub struct Plan {
     pub status: PlanStatus,
     /// The sequence, first to last; empty unless solved.
     pub pulses: Vec<PlannedPulse>,
-    /// Indices of the entries that were considered.
+    /// Indices of library entries: that of each pulse of the whole sequence (rotations), or the centres used
+    /// (pseudo-inverse); empty for fields.
     pub candidates: Vec<usize>,
     /// Predicted position of each part after each pulse, m: `predicted_m[pulse][part]`.
     pub predicted_m: Vec<Vec<Vec2>>,

@@ -75,13 +75,17 @@ pub enum Cone {
 pub struct Minimiser {
     /// x, n numbers.
     pub x: Vec<f64>,
-    /// Multipliers of the m rows of constraints.
+    /// Multipliers z of the m rows of constraints, in the dual cones: `P x + q + Aᵀ z = 0`.
     pub multipliers: Vec<f64>,
 }
 
 impl Program {
-    /// Solves the program. `Err` holds clarabel's status; `PrimalInfeasible` means that the constraints exclude every
-    /// x.
+    /// Solves the program. A minimiser of reduced accuracy, clarabel's `AlmostSolved`, counts as solved.
+    ///
+    /// # Errors
+    /// The status of clarabel where it finds no minimiser: `PrimalInfeasible` where the constraints exclude every x,
+    /// `DualInfeasible` where the objective has no lower bound, others where it does not converge. The set-up error of
+    /// clarabel where the program's dimensions do not agree.
     pub fn solve(&self) -> Result<Minimiser, String> {
         let Self { hessian, gradient, constraints, bounds, cones } = self;
         let cones: Vec<SupportedConeT<f64>> = cones

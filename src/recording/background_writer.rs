@@ -52,6 +52,9 @@ pub struct BackgroundWriter {
 
 impl BackgroundWriter {
     /// Starts the thread that writes to `out`, at lower priority if `steps_back`; `watch` receives its status.
+    ///
+    /// # Errors
+    /// The system's error where it cannot start a thread. Faults of `out` come later, from the writer.
     pub fn start(
         mut out: impl SyncWrite + Send + 'static,
         overflow: OverflowPolicy,
@@ -178,6 +181,7 @@ mod tests {
 
     use super::*;
     use upm_core::time::{MonotonicClock, StoppedClock};
+    use upm_fixtures::wait::eventually_true;
 
     /// Calls of a simulated disk, in order.
     #[derive(Clone, Debug, PartialEq, Eq)]
@@ -236,16 +240,6 @@ mod tests {
         }
     }
 
-    fn wait_until(mut done: impl FnMut() -> bool) {
-        for _ in 0..2000 {
-            if done() {
-                return;
-            }
-            thread::sleep(Duration::from_millis(5));
-        }
-        panic!("never came true");
-    }
-
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
         let disk = RecordedDisk::default();
@@ -272,7 +266,7 @@ mod tests {
         )
         .unwrap();
         writer.write_all(b"first\n").unwrap();
-        wait_until(|| disk.calls().contains(&DiskCall::Committed));
+        eventually_true("a commit", || disk.calls().contains(&DiskCall::Committed));
         assert_eq!(disk.calls(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
         writer.finish().unwrap();
     }
@@ -315,7 +309,7 @@ mod tests {
         assert!(watch.waits_since().is_some());
         assert_eq!(watch.fault(), Some("the disk lags: 256 lines wait to be written"));
         drop(gate);
-        wait_until(|| disk.text().len() >= 2 * QUEUE);
+        eventually_true("the queue is written", || disk.text().len() >= 2 * QUEUE);
         let again = writer.write_all(b"late\n").unwrap_err();
         assert_eq!(again.kind(), ErrorKind::WouldBlock, "a journal with a gap in it would lie");
         assert_eq!(writer.finish().unwrap_err().to_string(), "the disk lags: 256 lines wait to be written");
@@ -330,10 +324,10 @@ mod tests {
             let mut writer =
                 BackgroundWriter::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
             writer.write_all(b"line one\n").unwrap();
-            wait_until(|| !disk.text().is_empty());
+            eventually_true("a line is written", || !disk.text().is_empty());
             assert_eq!((watch.fault(), writer.write_all(b"line two\n").is_ok()), (None, true));
-            wait_until(|| watch.fault().is_some());
-            wait_until(|| writer.write_all(b"more\n").is_err());
+            eventually_true("a fault", || watch.fault().is_some());
+            eventually_true("a refused line", || writer.write_all(b"more\n").is_err());
             assert_eq!(watch.waits_since(), None);
             assert_eq!(writer.write_all(b"more\n").unwrap_err().kind(), ErrorKind::StorageFull);
             assert_eq!(writer.finish().unwrap_err().kind(), ErrorKind::StorageFull);

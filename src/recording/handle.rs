@@ -95,7 +95,7 @@ impl RecordingHandle {
         self.0.end.set(RecordingState::Failed(reason.into())).ok();
     }
 
-    /// Ends the recording as whole, its file closed, unless it has already ended.
+    /// Ends the recording, its file closed: as whole, or as stopped if that was requested; unless it has already ended.
     pub fn close(&self) {
         let end =
             self.stop_request().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));

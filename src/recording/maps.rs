@@ -97,7 +97,7 @@ fn pooled(plane: &FloatImage, [columns, rows]: [usize; 2]) -> FloatImage {
     FloatImage { width, height, values }
 }
 
-/// Values from 0 to `top` in colours from black over red and yellow to white.
+/// Values from 0 to `top` in colours from black over purple, red and orange to pale yellow.
 fn heat_map(map: &FloatImage, top: f32) -> RgbImage {
     let pixels = map.values.iter().flat_map(|&value| heat(share(value, top))).collect();
     RgbImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()

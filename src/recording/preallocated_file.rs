@@ -20,6 +20,9 @@ pub struct PreallocatedFile {
 
 impl PreallocatedFile {
     /// Creates an empty file at `path`, replacing an existing one.
+    ///
+    /// # Errors
+    /// The system's error when the file cannot be created. A lack of preallocated room is no error.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut made = Self { file: File::create(path)?, bytes: 0, room_bytes: 0 };
         made.preallocate();

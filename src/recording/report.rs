@@ -30,8 +30,8 @@ pub struct Report {
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.
     pub plate_time_s: f64,
-    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, no strict
-    /// bound. `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
+    /// Time figure: rough plate time by rotations, s, of the relaxed program over the library at the flows of the
+    /// start; no bound. `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bound_s: Option<f64>,
     /// Duration of the run by the computer's clock, s.

@@ -201,11 +201,11 @@ impl Sink for RunStats {
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
         self.pulses += 1;
-        let Some(carried) = facts.carried else { return };
-        for (i, after_m) in carried.after_m.iter().enumerate() {
+        let Some(positions) = facts.positions else { return };
+        for (i, after_m) in positions.after_m.iter().enumerate() {
             let off_m = |forecast_m: &[Vec2]| forecast_m.get(i).map_or(0.0, |forecast_m| (after_m - forecast_m).norm());
-            self.off_library.push(off_m(carried.by_library_m));
-            self.off_learning.push(off_m(carried.by_learning_m));
+            self.off_library.push(off_m(positions.by_library_m));
+            self.off_learning.push(off_m(positions.by_learning_m));
         }
     }
 

@@ -24,10 +24,10 @@
 //! more, 4 % without blur). Shares are computed analytically from signed distances on the plate's plane, each divided
 //! by the footprint's standard deviation there along the edge's normal, which includes tilt and distortion. Where a rim
 //! crosses the plate's edge the two shares multiply as if independent, which is wrong in the few pixels within the blur
-//! of both.
-//! An exposure is cut into glimpses (`exposure.rs`) that differ from the mean of the snapshots by less than 0.2 % of an
-//! edge's step, by 0.6 % in the plate's corners. Each side of the plate has separate glimpses (`side.rs`), chosen by
-//! its motion across itself; where two sides are near, as in corners, those of the whole plate are used.
+//! of both. An exposure is cut into sub-exposures (`exposure.rs`) that differ from the mean of the snapshots by less
+//! than 0.2 % of an edge's step, by 0.6 % in the plate's corners. Each side of the plate has separate sub-exposures
+//! (`edge_outline.rs`), chosen by its motion across itself; where two sides are near, as in corners, those of the whole
+//! plate are used.
 //!
 //! Parts whose centre is off the plate at the middle of the exposure have fallen: dark on dark ground, they are not
 //! drawn.

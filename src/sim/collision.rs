@@ -1,7 +1,7 @@
 //! Contacts of parts, rim to rim: an impulse with restitution along the line of centres, Coulomb friction across it,
 //! both rigid and instantaneous. The step in which the rims overlapped is taken back to the instant of touch and
 //! repeated with the new velocities, so that momentum, angular momentum and energy are exact; only an overlap that
-//! existed before is pushed apart.
+//! existed before is pushed apart. Equation sheet, section 6.
 
 use super::ContactParams;
 use super::parts::PartBody;
@@ -115,7 +115,7 @@ fn bounce(params: &ContactParams, a: &mut PartBody, b: &mut PartBody, normal: Ve
     let tangent = perp(normal);
     let rims_mps = a.radius_m * a.motion.spin_radps + b.radius_m * b.motion.spin_radps;
     let rubbing_mps = approach.dot(&tangent) - rims_mps;
-    // A rim point of a disc with I = mR²/2 yields three times as easily as its centre.
+    // 1/m + R²/I = 3/m for I = mR²/2: a rim point yields three times as easily as the centre
     let grip = params.rim_friction * push;
     let rub = (-rubbing_mps / (3.0 * inverse_mass)).max(-grip).min(grip);
 

@@ -50,6 +50,11 @@ impl LowPass {
     fn step(&self, from: ModeState, input: f64) -> ModeState {
         self.oscillator.step(from, self.gain * input)
     }
+
+    /// True if its output is below a thousandth of a count and stays so without input.
+    fn has_decayed(&self, filtered: &ModeState) -> bool {
+        filtered.position.abs() < 1e-3 && filtered.velocity.abs() < 1e-3 * self.gain.sqrt()
+    }
 }
 
 impl Motors {
@@ -71,12 +76,15 @@ impl Motors {
 
     /// Replaces all faults of the coils by `faults`.
     pub fn set_faults(&mut self, faults: &CoilFaults) {
-        for (slow, corner_hz) in self.slow.iter_mut().zip(faults.low_pass_hz) {
-            let slow_coil =
-                || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: ModeState::default() };
-            *slow = corner_hz.is_finite().then(slow_coil);
+        let CoilFaults { stuck: was_stuck, low_pass_hz: were_hz, .. } = std::mem::replace(&mut self.faults, *faults);
+        for ((slow, corner_hz), was_hz) in self.slow.iter_mut().zip(faults.low_pass_hz).zip(were_hz) {
+            // the output of a coil that stays slow goes on
+            if corner_hz != was_hz {
+                let slow_coil =
+                    || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: ModeState::default() };
+                *slow = corner_hz.is_finite().then(slow_coil);
+            }
         }
-        let was_stuck = std::mem::replace(&mut self.faults, *faults).stuck;
         if self.drive.is_none() {
             // without a drive the amplifiers receive zero, so a freed coil returns to it; under a drive the next sample
             // sets it
@@ -100,11 +108,15 @@ impl Motors {
         self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = ModeState::default());
     }
 
-    /// True when no drive sounds and the coils' last force has decayed (below a thousandth of a count).
+    /// True when no drive plays and the amplifiers' last current has decayed (below a thousandth of a count). A coil
+    /// that a fault made slow may still push, which the controller does not know.
     pub fn is_idle(&self) -> bool {
-        let rate = self.low_pass.gain.sqrt();
-        let faint = |m: &ModeState| m.position.abs() < 1e-3 && m.velocity.abs() < 1e-3 * rate;
-        self.drive.is_none() && self.filtered.iter().all(faint)
+        self.drive.is_none() && self.filtered.iter().all(|filtered| self.low_pass.has_decayed(filtered))
+    }
+
+    /// True when idle, and slow coils have decayed, too.
+    pub fn is_forceless(&self) -> bool {
+        self.is_idle() && self.slow.iter().flatten().all(|slow| slow.low_pass.has_decayed(&slow.filtered))
     }
 
     /// Advances one step and returns the wrench at its end. A step uses the generator's sample that is held at the
@@ -253,6 +265,43 @@ mod tests {
         assert!(peak(&strong_coils, 5e4) < 1.2 * 511.0 * 0.02, "the generator's limit");
         let uneven = MotorParams { gain_error: [0.1, 0.0, 0.0, 0.0], ..PARAMS };
         assert!((peak(&uneven, 100.0) / peak(&PARAMS, 100.0) - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slow_coil_pushes_on_when_the_motors_are_idle() {
+        let mut motors = Motors::new(&PARAMS, 5e-5);
+        motors.set_faults(&CoilFaults {
+            low_pass_hz: [5.0, f64::INFINITY, f64::INFINITY, f64::INFINITY],
+            ..CoilFaults::default()
+        });
+        motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
+        for _ in 0..900 {
+            motors.step();
+        }
+        assert!(motors.is_idle() && !motors.is_forceless());
+        for _ in 0..20_000 {
+            motors.step();
+        }
+        assert!(motors.is_forceless());
+    }
+
+    #[test]
+    fn slow_coil_goes_on_when_another_fault_changes() {
+        let slow =
+            CoilFaults { low_pass_hz: [5.0, f64::INFINITY, f64::INFINITY, f64::INFINITY], ..CoilFaults::default() };
+        let force_n = |changes: bool| {
+            let mut motors = Motors::new(&PARAMS, 5e-5);
+            motors.set_faults(&slow);
+            motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.2, rest_s: 0.0 }));
+            for i in 0..4000 {
+                if changes && i % 100 == 0 {
+                    motors.set_faults(&CoilFaults { gain: [1.0, 1.0, f64::from(i), 1.0], ..slow });
+                }
+                motors.step();
+            }
+            motors.wrench().force_n.x
+        };
+        assert_eq!(force_n(true), force_n(false));
     }
 
     #[test]

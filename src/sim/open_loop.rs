@@ -93,6 +93,11 @@ pub enum OpenLoopError {
 }
 
 /// Checks `pulses`; refuses those that [`simulate`] would refuse.
+///
+/// # Errors
+/// The fault of the first bad pulse: [`OpenLoopError::BadPulse`] for amplitudes that are not numbers, too many
+/// harmonics or lengths out of range; on a dynamic plate also [`OpenLoopError::TooManyCounts`] and
+/// [`OpenLoopError::TooMuchForce`].
 pub fn check_pulses(
     params: &SimParams,
     mode: PlateMode,
@@ -113,6 +118,10 @@ pub fn check_pulses(
 /// A kinematic plate has exactly the requested velocity; parts move in that field at their positions on the table. The
 /// motors of a dynamic one play the forces that would give a free mass that velocity; rods, low-pass, whole counts and
 /// the parts' reaction act on the plate.
+///
+/// # Errors
+/// [`OpenLoopError::BadFrequency`] unless base frequency and sampling rate are positive numbers; otherwise as
+/// [`check_pulses`].
 pub fn simulate(
     params: &SimParams,
     mode: PlateMode,

@@ -64,7 +64,7 @@ pub struct AccelerometerParams {
     pub bits: u32,
     /// Largest measurable acceleration, m/s².
     pub range_mps2: f64,
-    /// White noise per sample, m/s².
+    /// Standard deviation of the white noise per sample, m/s².
     pub noise_mps2: f64,
     /// Standard deviation of each channel's constant offset, m/s².
     pub bias_sd_mps2: f64,
@@ -97,7 +97,7 @@ pub struct CameraParams {
     pub shading_direction_rad: f64,
     /// Electrons at gray level 255, which determine the shot noise. Infinite for none.
     pub full_well_e: f64,
-    /// Read noise, gray levels.
+    /// Standard deviation of the read noise, gray levels.
     pub read_noise: f64,
 }
 

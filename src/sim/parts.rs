@@ -2,7 +2,7 @@
 //!
 //! Inputs: the plate's motion at the middle of a step. States: pose, velocity and spin of each part in the table
 //! frame. Output: the wrench that the parts exert on the plate. Semi-implicit steps: friction changes the velocity,
-//! sticking where it can (see [`DiscFriction::kept`]), and the new velocity carries the part.
+//! sticking where it can (see [`DiscFriction::remaining_slip_fractions`]), and the new velocity carries the part.
 
 mod body;
 
@@ -110,9 +110,19 @@ impl Parts {
         self.contacts.touches()
     }
 
-    /// Speed of the fastest part during the last step, spin of its rim included, m/s.
+    /// Largest `sqrt(v² + (R ω)²)` of a part in the last step, m/s: a lower bound of its fastest rim point.
     pub fn fastest_mps(&self) -> f64 {
         self.fastest_mps
+    }
+
+    /// True if friction holds every part at rest on a plate at rest, tilted or not.
+    pub fn are_held(&self) -> bool {
+        let pull_mps = self.faults.pull_mps2.norm() * self.step_s;
+        let is_held = |(part, body): (usize, &PartBody)| {
+            let factor = friction_factor(&self.faults, part, body.motion.part_in_table.position_m);
+            !body.motion.on_plate || pull_mps <= body.reach_mps * factor
+        };
+        self.bodies.iter().enumerate().all(is_held)
     }
 
     /// Stops every part at its position.
@@ -150,9 +160,11 @@ impl Parts {
         }
     }
 
-    /// Exchanges the positions of two parts.
+    /// Exchanges the positions of two parts on the plate.
     pub fn exchange(&mut self, [a, b]: [usize; 2]) {
-        if let (Some(first), Some(second)) = (self.bodies.get(a), self.bodies.get(b)) {
+        if let (Some(first), Some(second)) = (self.bodies.get(a), self.bodies.get(b))
+            && first.taken_from.or(second.taken_from).is_none()
+        {
             let (first, second) = (first.motion, second.motion);
             (self.bodies[a].motion, self.bodies[b].motion) = (second, first);
         }

@@ -103,7 +103,7 @@ impl Plant {
         self.accelerometers.observe(from_s, &before, from_s + self.step_s, &self.motion);
         self.pulse_steps += 1;
         self.now_ns += self.step_ns;
-        if self.motors.is_idle() && self.barely_moves() {
+        if self.motors.is_forceless() && self.barely_moves() {
             self.settle();
         }
     }
@@ -167,6 +167,7 @@ impl Plant {
             && twist.velocity_mps.amax() < STILL_MPS
             && twist.spin_radps.abs() * self.half_side_m < STILL_MPS
             && self.parts.fastest_mps() < STILL_MPS
+            && self.parts.are_held()
     }
 
     fn settle(&mut self) {
@@ -212,6 +213,23 @@ mod tests {
         assert!(!plant.is_still());
         plant.advance_to(plant.now() + 60.0, port);
         assert!(plant.is_still());
+    }
+
+    #[test]
+    fn tilted_plate_moves_the_parts_that_friction_does_not_hold() {
+        let after_half_a_second = |friction: f64| {
+            let mut plant = plant(&rig_params());
+            let parts = plant.parts().len();
+            let pull_mps2 = Vec2::new(0.171, 0.0);
+            plant.set_faults(&PlantFaults { pull_mps2, friction: vec![friction; parts], ..PlantFaults::default() });
+            let x_m = |plant: &Plant| plant.parts().motions().next().unwrap().part_in_table.position_m.x;
+            let before_m = x_m(&plant);
+            plant.advance_to(PlateTime::from_secs(0.5), &mut InterlockPort::default());
+            (x_m(&plant) - before_m, plant.is_still())
+        };
+        let (moved_m, still) = after_half_a_second(1e-3);
+        assert!((moved_m - 0.021).abs() < 1e-3 && !still, "{moved_m}");
+        assert_eq!(after_half_a_second(1.0), (0.0, true));
     }
 
     #[test]

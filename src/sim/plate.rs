@@ -1,10 +1,11 @@
 //! The plate on its rods: x, y and spin, each a mass-spring-damper `m q̈ + b q̇ + k q = f` (UPM paper, Eq. 33).
 //!
 //! ```text
-//!            Y1, Y2 ↑          inputs: wrench at the centre (N, N m)
-//!        ┌──────────┐          states: displacement from rest (m, m, rad) and its rate
-//!   X1 → │    +     │          output: pose, twist and acceleration of the centre
-//!        └──────────┘
+//!      ┌──────────┐ ↑ Y1       inputs: wrench at the centre (N, N m)
+//!      │ X1 →     │            states: displacement from rest (m, m, rad) and its rate
+//!      │    +     │            output: pose, twist and acceleration of the centre
+//!      │     ← X2 │
+//!   Y2 ↓ ─────────┘
 //! ```
 //!
 //! Valid for displacements small against the plate: the axes are not coupled and forces keep the table's directions.
@@ -63,7 +64,7 @@ impl PlateMotion {
         }
     }
 
-    /// The pose `before_s` earlier, accurate to third order in `before_s`.
+    /// The pose `before_s` earlier, to second order: the error grows with the cube of `before_s`.
     pub fn pose_before(&self, before_s: f64) -> Pose {
         let moved = self.twist * -before_s + self.acceleration * (0.5 * before_s * before_s);
         Pose {

@@ -57,6 +57,9 @@ impl SimRig {
     }
 
     /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
+    ///
+    /// # Errors
+    /// [`RigFault::Device`] when `interlock` is already attached to a rig.
     pub fn attach(&mut self, interlock: Interlock) -> Result<(), RigFault> {
         self.port.attach(&interlock, self.now())
     }

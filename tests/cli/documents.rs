@@ -236,14 +236,15 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
 fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
     let (track, two, vision) = (Figures::of(&["race-track"]), Figures::of(&["two-parts"]), Figures::of(&["vision"]));
     let arc = |coin: &str| track.get(&format!("{coin} coin: arc"), 1.0);
-    let [two_looks, four, eight] = [2, 4, 8].map(|looks| two.reference(&format!("E of {looks} looks, strong plate")));
+    let [two_observations, four, eight] =
+        [2, 4, 8].map(|count| two.reference(&format!("E of {count} observations, strong plate")));
     assert_says(
         "docs/lab.md",
         &[
             format!("| {:.0}, {:.0}, {:.0} mm | equal in the ideal field |", arc("inner"), arc("middle"), arc("outer")),
             format!(
-                "| {:.1}, {two_looks:.1}, {four:.1}, {eight:.1} mm | no figure printed",
-                two.get("E of 1 look, ideal field", 1.0)
+                "| {:.1}, {two_observations:.1}, {four:.1}, {eight:.1} mm | no figure printed",
+                two.get("E of 1 observation, ideal field", 1.0)
             ),
             format!(
                 "| centres of coins in rendered pictures, easy and rough | {:.3}, {:.3} px rms |",

@@ -61,10 +61,14 @@ fn rocking_has_the_other_figures_of_the_lab_page() {
 fn two_parts_have_the_figures_of_the_student_page() {
     let two = Figures::of(&["two-parts"]);
     let mut page = FigurePage::open("docs/student.md");
-    let one_look = two.get("E of 1 look, ideal field", 1.0);
-    page.passage("takes one large step of", ": while a coin goes", &[two.get("mean step of the parts", 1.0), one_look]);
-    let more_looks = [2, 4, 8].map(|looks| two.reference(&format!("E of {looks} looks, strong plate")));
-    page.passage("the miss falls to", "Half the step", &more_looks);
+    let one_observation = two.get("E of 1 observation, ideal field", 1.0);
+    page.passage(
+        "takes one large step of",
+        ": while a coin goes",
+        &[two.get("mean step of the parts", 1.0), one_observation],
+    );
+    let more_observations = [2, 4, 8].map(|count| two.reference(&format!("E of {count} observations, strong plate")));
+    page.passage("miss falls to", ": the first halving", &more_observations);
     page.assert_as_measured();
 }
 

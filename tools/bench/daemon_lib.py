@@ -37,7 +37,7 @@ def say(text):
 def parser_of(doc, **defaults):
     """A parser with the options every campaign has."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default="target/debug/upm", help="the program (target/debug/upm)")
+    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"), help="the program (target/debug/upm)")
     parser.add_argument("--seed", type=int, default=1, help="of everything random in the campaign (1)")
     parser.add_argument("--keep", type=pathlib.Path, help="empty folder to work in, kept afterwards; else a temporary one")
     parser.set_defaults(**defaults)

@@ -95,7 +95,7 @@ pub(super) const FIGURES: [BatchFigure; 5] = [
     BatchFigure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
     BatchFigure {
         key: "cross_track_rms_mm",
-        name: "path error (mm rms)",
+        name: "cross-track (mm rms)",
         decimals: 2,
         of: |run| run.cross_track_rms_mm,
     },

@@ -145,10 +145,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("predicted", text));
     }
     if let Some(bound_s) = forecast.bound_s {
-        figures.push((
-            "time figure",
-            format!("{bound_s:.1} s by rotations (relaxed program at the start; no strict bound)"),
-        ));
+        figures.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed program at the start; no bound)")));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
     if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = forecast.nearest() {

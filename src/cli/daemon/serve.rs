@@ -76,7 +76,7 @@ struct Startable {
 
 fn row(file: &Path, checked: &Result<Startable, Failure>, paces: &[(String, Result<PaceCheck, String>)]) -> Value {
     json!({
-        "file": file,
+        "file": file.display().to_string(),
         "valid": checked.is_ok(),
         "says": checked.as_ref().ok().map(|startable| &startable.says),
         "faults": checked.as_ref().err().map(|failure| &failure.lines),

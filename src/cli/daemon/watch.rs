@@ -13,7 +13,7 @@ use super::client::{Client, job_path};
 use super::job_id::job_id;
 use crate::cli::args::Common;
 use crate::cli::client_args::JobArgs;
-use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, stop_on_interrupt};
+use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, reader_left, stop_on_interrupt};
 use follow::{StreamFollower, StreamItem};
 use job_display::JobDisplay;
 use upm_server::api::Job;
@@ -55,9 +55,9 @@ fn listen(mut follower: StreamFollower) -> Result<Receiver<StreamItem>, Failure>
     thread.map(|_| receiver).map_err(|error| Failure::failed(format!("no thread for events: {error}")))
 }
 
-/// Shows all messages; `None` if Ctrl-C came first.
+/// Shows all messages; `None` if Ctrl-C came first, or the reader of stdout has gone.
 fn show(heard: &Receiver<StreamItem>, screen: &mut JobDisplay, stop: &AtomicBool) -> Result<Option<()>, Failure> {
-    while !stop.load(Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) && !reader_left() {
         match heard.recv_timeout(POLL_INTERVAL) {
             Ok(StreamItem::Event(event)) => screen.show(&event)?,
             Ok(StreamItem::Lost(why)) => screen.note(&format!("{why}; trying again")),

@@ -68,8 +68,7 @@ pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<Stri
             Some(format!("plate: {side_mm:.1} mm assumed; --plate-side-mm sets it"))
         }
         SideSource::Assumed => {
-            let names =
-                |kinds: &[usize]| kinds.iter().map(|&kind| setting.kind_name(kind)).collect::<Vec<_>>().join(" and ");
+            let names = |kinds: &[usize]| setting.known_names(kinds).join(" and ");
             let fits: Vec<String> = side
                 .candidates
                 .iter()

@@ -6,7 +6,7 @@ use super::scale::SideSource;
 use super::setup::LocateSetup;
 use super::tone::{contradicted, metal_of};
 use upm_core::rig::PartKind;
-use upm_perception::vision::{Detection, DiscSpec, Survey, Table, seen_radius_m};
+use upm_perception::vision::{DetectedDisc, Detection, Survey, Table, seen_radius_m};
 
 /// Largest relative deviation of a disc's diameter from its kind's, for discs that the part finder found and for
 /// others.
@@ -59,7 +59,7 @@ pub(super) enum RejectionReason {
 /// A disc that is not a part.
 #[derive(Clone, Debug)]
 pub(super) struct OtherDisc {
-    pub disc: DiscSpec,
+    pub disc: DetectedDisc,
     pub why: RejectionReason,
 }
 
@@ -74,10 +74,10 @@ pub(super) fn named(
 ) -> (Vec<NamedPart>, Vec<OtherDisc>) {
     let judge = KindJudge { table, setting, side };
     let mut taken = vec![false; survey.discs.len()];
-    let mut parts: Vec<(NamedPart, Option<&DiscSpec>)> = Vec::new();
+    let mut parts: Vec<(NamedPart, Option<&DetectedDisc>)> = Vec::new();
     let mut others = Vec::new();
     for detection in found {
-        let near = |disc: &DiscSpec| (disc.center_px - detection.center_px).norm() < 0.5 * detection.radius_px;
+        let near = |disc: &DetectedDisc| (disc.center_px - detection.center_px).norm() < 0.5 * detection.radius_px;
         let Some(i) = survey.discs.iter().position(near) else {
             parts.push((judge.unmeasured(detection), None));
             continue;
@@ -110,7 +110,7 @@ pub(super) fn named(
 }
 
 /// Lowers the scores of coins whose tone is that of another metal.
-fn judge_tones(parts: &mut [(NamedPart, Option<&DiscSpec>)], setting: &LocateSetup, colors: Option<&RgbImage>) {
+fn judge_tones(parts: &mut [(NamedPart, Option<&DetectedDisc>)], setting: &LocateSetup, colors: Option<&RgbImage>) {
     if !setting.has_metals() {
         return;
     }
@@ -134,19 +134,19 @@ struct KindJudge<'a> {
 
 impl KindJudge<'_> {
     /// Kind with the diameter nearest to a disc's, and the relative deviation from it.
-    fn nearest<'k>(&self, disc: &DiscSpec, kinds: &'k [PartKind]) -> Option<(usize, &'k PartKind, f64)> {
+    fn nearest<'k>(&self, disc: &DetectedDisc, kinds: &'k [PartKind]) -> Option<(usize, &'k PartKind, f64)> {
         let off = |kind: &PartKind| disc.radius_m / seen_radius_m(self.table, disc.at_m, kind) - 1.0;
         let all = kinds.iter().enumerate().map(|(i, kind)| (i, kind, off(kind)));
         all.min_by(|a, b| a.2.abs().total_cmp(&b.2.abs()))
     }
 
-    fn has_polarity(&self, disc: &DiscSpec) -> bool {
+    fn has_polarity(&self, disc: &DetectedDisc) -> bool {
         (disc.level < 1.0) == self.setting.dark_parts
     }
 
     /// The disc as a part, with the part finder's detection if there is one; `None` for a disc of
     /// another kind.
-    fn part(&self, disc: &DiscSpec, found: Option<Detection>) -> Option<NamedPart> {
+    fn part(&self, disc: &DetectedDisc, found: Option<Detection>) -> Option<NamedPart> {
         let (kind, spec, off) = self.nearest(disc, &self.setting.kinds)?;
         let clear = disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
         let allowed = if found.is_some() { MOST_OFF } else { MOST_OFF_ALONE };
@@ -189,7 +189,7 @@ impl KindJudge<'_> {
 
     /// Detection of a part seen only by the survey: its foot is displaced by half the parallax of its top, towards the
     /// point below the camera.
-    fn detection(&self, disc: &DiscSpec, kind: usize, spec: &PartKind) -> Detection {
+    fn detection(&self, disc: &DetectedDisc, kind: usize, spec: &PartKind) -> Detection {
         Detection {
             kind,
             center_px: disc.center_px,
@@ -200,7 +200,7 @@ impl KindJudge<'_> {
         }
     }
 
-    fn other(&self, disc: &DiscSpec) -> OtherDisc {
+    fn other(&self, disc: &DetectedDisc) -> OtherDisc {
         let name = |kinds| {
             let near = self.nearest(disc, kinds).filter(|(.., off)| off.abs() <= MOST_OFF_ALONE);
             near.map(|(_, kind, _)| kind.name.clone())
@@ -214,12 +214,12 @@ impl KindJudge<'_> {
         OtherDisc { disc: disc.clone(), why }
     }
 
-    fn unclear(&self, disc: &DiscSpec) -> OtherDisc {
+    fn unclear(&self, disc: &DetectedDisc) -> OtherDisc {
         let kind = self.nearest(disc, &self.setting.kinds).map_or(String::new(), |(_, kind, _)| kind.name.clone());
         OtherDisc { disc: disc.clone(), why: RejectionReason::Unclear { kind } }
     }
 
-    fn is_speck(&self, disc: &DiscSpec) -> bool {
+    fn is_speck(&self, disc: &DetectedDisc) -> bool {
         let smallest = self.setting.known.iter().map(|kind| kind.radius_m).fold(f64::INFINITY, f64::min);
         (disc.level - 1.0).abs() < SPECK_CONTRAST && disc.radius_m < SPECK_SIZE * smallest
     }

@@ -1,7 +1,7 @@
 //! Estimates the plate's side from the sizes of the discs on it, where neither command line nor rig gives it.
 
 use upm_core::rig::PartKind;
-use upm_perception::vision::DiscSpec;
+use upm_perception::vision::DetectedDisc;
 
 /// Relative difference in diameter below which discs are of one kind.
 const ONE_KIND: f64 = 0.02;
@@ -68,7 +68,7 @@ impl PlateSide {
     }
 
     /// Estimates the side from discs measured on a plate assumed to have the side `assumed_m`.
-    pub fn from_discs(discs: &[DiscSpec], assumed_m: f64, kinds: &[PartKind]) -> Self {
+    pub fn from_discs(discs: &[DetectedDisc], assumed_m: f64, kinds: &[PartKind]) -> Self {
         let sizes = sizes(discs);
         let mut scales: Vec<ImageScale> = Vec::new();
         for (size, _) in &sizes {
@@ -143,8 +143,8 @@ impl ImageScale {
 }
 
 /// Diameters that discs have in common, m, and the number of discs with each.
-fn sizes(discs: &[DiscSpec]) -> Vec<(f64, usize)> {
-    let clear = |disc: &&DiscSpec| disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
+fn sizes(discs: &[DetectedDisc]) -> Vec<(f64, usize)> {
+    let clear = |disc: &&DetectedDisc| disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
     let mut diameters: Vec<f64> = discs.iter().filter(clear).map(|disc| 2.0 * disc.radius_m).collect();
     diameters.sort_by(f64::total_cmp);
     let alike = diameters.chunk_by(|a, b| b / a - 1.0 < ONE_KIND);
@@ -163,8 +163,8 @@ mod tests {
     }
 
     /// Test data: discs of these diameters, mm, as measured on a plate of `side_mm` that is assumed to have 200 mm.
-    fn seen(diameters_mm: &[f64], side_mm: f64) -> Vec<DiscSpec> {
-        let disc = |mm: &f64| DiscSpec {
+    fn seen(diameters_mm: &[f64], side_mm: f64) -> Vec<DetectedDisc> {
+        let disc = |mm: &f64| DetectedDisc {
             center_px: Vec2::zeros(),
             radius_px: 40.0,
             at_m: Vec2::zeros(),

@@ -13,7 +13,7 @@ use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
-    CoinFinder, DebugImages, Detection, DiscSpec, ResponseMethod, Survey, Table, TableFault, locate_table,
+    CoinFinder, DebugImages, DetectedDisc, Detection, ResponseMethod, Survey, Table, TableFault, locate_table,
     locate_table_in_stages, survey,
 };
 use upm_recording::LocalisedRecord;
@@ -50,7 +50,7 @@ pub(super) fn locate_picture(
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
-    let near = |part: &Detection, disc: &DiscSpec| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
+    let near = |part: &Detection, disc: &DetectedDisc| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
     let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| near(part, disc)));
     let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
     let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());

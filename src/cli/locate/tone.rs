@@ -3,7 +3,7 @@
 use image::RgbImage;
 
 use upm_core::geometry::Vec2;
-use upm_perception::vision::DiscSpec;
+use upm_perception::vision::DetectedDisc;
 
 /// Warmth (see [`warmth`]) of the two metals: copper above the first, silver below the second; brass is between them.
 const COPPER: f64 = 0.19;
@@ -37,7 +37,7 @@ pub(super) fn metal_of(kind: &str) -> Option<Metal> {
 }
 
 /// For each disc, true if its tone contradicts the metal of its name.
-pub(super) fn contradicted(named: &[(Option<Metal>, &DiscSpec)], colors: Option<&RgbImage>) -> Vec<bool> {
+pub(super) fn contradicted(named: &[(Option<Metal>, &DetectedDisc)], colors: Option<&RgbImage>) -> Vec<bool> {
     match colors {
         Some(colors) => {
             named.iter().map(|(metal, disc)| metal.is_some_and(|m| m != seen_metal(colors, disc))).collect()
@@ -46,7 +46,7 @@ pub(super) fn contradicted(named: &[(Option<Metal>, &DiscSpec)], colors: Option<
     }
 }
 
-fn seen_metal(colors: &RgbImage, disc: &DiscSpec) -> Metal {
+fn seen_metal(colors: &RgbImage, disc: &DetectedDisc) -> Metal {
     match warmth(colors, disc) {
         warmth if warmth > COPPER => Metal::Copper,
         warmth if warmth < SILVER => Metal::Silver,
@@ -55,7 +55,7 @@ fn seen_metal(colors: &RgbImage, disc: &DiscSpec) -> Metal {
 }
 
 /// How much less green than red a face is, white-balanced on the plate around it.
-fn warmth(colors: &RgbImage, disc: &DiscSpec) -> f64 {
+fn warmth(colors: &RgbImage, disc: &DetectedDisc) -> f64 {
     let [face, around] = [FACE, AROUND].map(|radii| {
         let place = |k: usize, radius: f64| {
             let (sin, cos) = (k as f64 / TURNS as f64 * std::f64::consts::TAU).sin_cos();
@@ -73,7 +73,7 @@ fn pixel(colors: &RgbImage, at: Vec2) -> Option<[u8; 3]> {
     inside.then(|| colors.get_pixel_checked(at.x.round() as u32, at.y.round() as u32).map(|rgb| rgb.0))?
 }
 
-fn by_level(named: &[(Option<Metal>, &DiscSpec)]) -> Vec<bool> {
+fn by_level(named: &[(Option<Metal>, &DetectedDisc)]) -> Vec<bool> {
     let level_of = |metal: Metal| {
         let levels: Vec<f64> = named.iter().filter(|(m, _)| *m == Some(metal)).map(|(_, disc)| disc.level).collect();
         (!levels.is_empty()).then(|| median(levels.into_iter()))
@@ -81,7 +81,7 @@ fn by_level(named: &[(Option<Metal>, &DiscSpec)]) -> Vec<bool> {
     let (Some(copper), Some(silver)) = (level_of(Metal::Copper), level_of(Metal::Silver)) else {
         return vec![false; named.len()];
     };
-    let contradicted = |(metal, disc): &(Option<Metal>, &DiscSpec)| {
+    let contradicted = |(metal, disc): &(Option<Metal>, &DetectedDisc)| {
         let (own, other) = match metal {
             Some(Metal::Copper) => (copper, silver),
             Some(Metal::Silver) => (silver, copper),
@@ -105,10 +105,10 @@ mod tests {
     use super::*;
     use image::Rgb;
 
-    fn disc(at: f64, level: f64) -> DiscSpec {
+    fn disc(at: f64, level: f64) -> DetectedDisc {
         let center_px = Vec2::new(at, 30.0);
         let (radius_px, radius_m, at_m) = (15.0, 0.01, Vec2::zeros());
-        DiscSpec {
+        DetectedDisc {
             center_px,
             radius_px,
             at_m,

@@ -62,7 +62,7 @@ pub(super) fn measure(
     session: &mut CalibrationSession<'_>,
     params: &CalibrationParams,
 ) -> Result<Axes, CalibrationFault> {
-    let sustain_s = params.read_sustain_s.max(0.25).min(session.model.max_sustain_s);
+    let sustain_s = session.read_sustain_s(params.read_sustain_s.max(0.25));
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
     let mut shown = Vec::new();

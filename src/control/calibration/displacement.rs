@@ -206,7 +206,7 @@ fn observe_at_rest(
             return Ok(perception.positions_m());
         }
     }
-    Err(CalibrationFault::Look("a coin was lost during calibration".into()))
+    Err(CalibrationFault::Unseen("a coin was lost during calibration".into()))
 }
 
 /// Least squares of a piecewise linear curve over speed for every sustain; distances never fall with sustain.

@@ -107,7 +107,7 @@ pub enum CalibrationFault {
     Rig(#[from] RigFault),
     /// Table or coins were not found.
     #[error("{0}")]
-    Look(String),
+    Unseen(String),
     /// A trace could not be read.
     #[error("{what}: {fault}")]
     Trace {
@@ -230,7 +230,7 @@ impl From<RunEnd> for CalibrationFault {
     fn from(ending: RunEnd) -> Self {
         match ending.outcome {
             Outcome::Cancelled => Self::Stopped,
-            Outcome::Completed | Outcome::Failed => Self::Look(ending.reason),
+            Outcome::Completed | Outcome::Failed => Self::Unseen(ending.reason),
         }
     }
 }

@@ -22,7 +22,7 @@ pub struct CalibrationParams {
     pub gentle_translations: usize,
     /// Share of the motors' limit that is used.
     pub effort: f64,
-    /// Sustain of the pulses that are read through the accelerometers, s.
+    /// Sustain of steering pulses, s; axis pulses last at least 0.25 s.
     pub read_sustain_s: f64,
     /// Longest displacement to be measured, m.
     pub longest_m: f64,

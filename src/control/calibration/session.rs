@@ -1,3 +1,4 @@
+use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{CalibrationFault, CalibrationProgress};
@@ -49,6 +50,12 @@ impl<'a> CalibrationSession<'a> {
     pub fn drive(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], sustain_s: f64) -> Drive {
         let envelope = Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s };
         drive_for(amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
+    }
+
+    /// `wanted_s`, or as near to it as the rig and the reading of an accelerometer trace allow: three periods of the
+    /// drive or more, and no longer than the longest pulse.
+    pub fn read_sustain_s(&self, wanted_s: f64) -> f64 {
+        wanted_s.max(3.0 * TAU / self.model.base_radps).min(self.model.max_sustain_s)
     }
 
     /// Factor by which `amplitudes` may be scaled before a motor reaches its limit.

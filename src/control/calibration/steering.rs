@@ -20,7 +20,8 @@ pub(super) struct SteeringMotion {
 /// Size of the amplitudes at which a drive's peak is computed; large, so that rounding is negligible.
 const TRIAL_COUNTS: f64 = 1e4;
 
-/// A deviation from the wanted centre above this share of its distance from the plate's middle is corrected once.
+/// A deviation above this share of the wanted twist (m/s, m/s, rad/s, not weighted) is corrected once. Motions about a
+/// centre on the plate turn at 1 rad/s before they are scaled, so that a hundredth is a centimetre of the centre.
 const MISS: f64 = 0.01;
 
 /// Plays every wanted motion as strongly as the motors allow and records the plate's measured twist.
@@ -61,7 +62,7 @@ fn play(
     let corner_m = session.model.plate_side_m * FRAC_1_SQRT_2;
     let fastest_mps = expected.xy().norm() + expected.z.abs() * corner_m;
     let amplitudes = amplitudes(strongest * (top_mps / fastest_mps).min(1.0));
-    let drive = session.drive(amplitudes, &axes.shapes, params.read_sustain_s);
+    let drive = session.drive(amplitudes, &axes.shapes, session.read_sustain_s(params.read_sustain_s));
     let what = format!("amplitudes {amplitudes:?}");
     let there = session.read_twist(&what, &drive)?;
     let back = session.read_twist(&what, &drive.reversed())?;

@@ -10,7 +10,7 @@ use crate::guards::{
 };
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
-use crate::{EventLevel, PulseDisplacements, PulseFacts};
+use crate::{EventLevel, PulseFacts, PulsePositions};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
@@ -39,7 +39,7 @@ impl ControlCycle<'_> {
         let after_m = self.perception.positions_m();
         let all_seen = all_seen && self.perception.frames_missing() == 0;
         let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.stopped_pulse());
-        let carried = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulseDisplacements {
+        let positions = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulsePositions {
             before_m: &before_m,
             after_m: &after_m,
             by_library_m,
@@ -55,7 +55,7 @@ impl ControlCycle<'_> {
                 drive: &drive,
                 trace: &trace,
                 fit: &fit,
-                carried,
+                positions,
             });
         }
         if let Break(ending) = followed {

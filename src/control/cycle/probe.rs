@@ -56,7 +56,7 @@ impl ControlCycle<'_> {
                 drive,
                 trace: &trace,
                 fit: &fit,
-                carried: None,
+                positions: None,
             });
         }
         followed.map_continue(|()| fit)

@@ -93,7 +93,7 @@ impl DiscFriction {
 /// `e₁ = s₁/r₁`. At the solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies outside the limit curve.
 ///
 /// The unknown is `x = s₁/(s₁+r₁)`, the root of a function that runs from `slide` at 0 to `-rim` at 1, found by regula
-/// falsi in which the retained end is weighted by half (Illinois).
+/// falsi in which the value of the retained end is halved at every step (a variant of the Illinois method).
 #[derive(Clone, Copy, Default)]
 struct SlipSearch {
     slide: f64,

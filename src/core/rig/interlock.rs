@@ -78,7 +78,7 @@ pub struct Interlock(Arc<InterlockState>);
 
 #[derive(Default)]
 struct InterlockState {
-    /// Trip, attached, sounding and the plate time of the trip, in one word, so that each change sees all of them.
+    /// Trip, attached, driving and the plate time of the trip, in one word, so that each change sees all of them.
     word: AtomicU64,
     now_ns: AtomicU64,
     silent_at_ns: AtomicU64,
@@ -205,7 +205,10 @@ impl Interlock {
         self.0.driver.get_or_init(thread::current);
     }
 
-    /// Announces that the rig is about to play; refused once tripped.
+    /// Announces that the rig is about to play.
+    ///
+    /// # Errors
+    /// The cause of the trip, once tripped: the rig must not play.
     #[inline]
     pub fn energize(&self) -> Result<(), Trip> {
         let driving = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::DRIVING));
@@ -292,7 +295,7 @@ impl fmt::Debug for InterlockState {
         f.debug_struct("Interlock")
             .field("trip", &word.trip())
             .field("attached", &word.has(StateWord::ATTACHED))
-            .field("sounding", &word.has(StateWord::DRIVING))
+            .field("driving", &word.has(StateWord::DRIVING))
             .finish_non_exhaustive()
     }
 }

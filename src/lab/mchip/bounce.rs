@@ -1,5 +1,5 @@
-//! Closed forms for single bounces [D]: every rim under the part hits it once a cycle, rising, and slides under it
-//! throughout the impact.
+//! Closed forms for single bounces (equation sheet, section 3): every rim under the part hits it once a cycle, rising,
+//! and slides under it throughout the impact.
 //!
 //! A rim rises at `a θ'` and moves forward at `z θ'`, `a` and `z` being its distances from the axis. A resonator is
 //! light compared with the part, so an impact alone reverses it. Friction pushes the part forward while `z θ'` is above

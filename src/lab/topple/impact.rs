@@ -7,15 +7,14 @@ use super::peg::Pivot;
 use crate::numerics::bisect;
 use upm_core::units::GRAVITY_MPS2;
 
-/// Steps in the time that the centre takes to fall by its height above the edge.
+/// Steps in the time `sqrt(h/g)`, h being the centre's height above the edge.
 const STEPS: f64 = 1_000.0;
 /// Such times after which a part that has neither toppled nor fallen back counts as balanced on its edge.
 const MOST_TIMES: f64 = 400.0;
 /// Halvings of the interval of speeds.
 const HALVINGS: usize = 40;
 
-/// State of the body: position of its centre from the edge, m; its rotation, counter-clockwise, rad; velocities of
-/// both.
+/// State of the body: its centre from the edge, m; velocity of the centre, m/s; spin, counter-clockwise, rad/s.
 #[derive(Clone, Copy, Debug)]
 struct Body {
     center_m: Vector2<f64>,

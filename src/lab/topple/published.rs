@@ -36,8 +36,8 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let rows = parallel(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
         let exact_mps = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
         let band = band(&peg.scatter, exact_mps, &streams);
-        let error = 100.0 * (band.median_mps() / exact_mps - 1.0);
-        let speeds = [exact_mps, band.none_mps, band.all_mps, band.median_mps()].map(mm_from_m);
+        let error = 100.0 * (band.middle_mps() / exact_mps - 1.0);
+        let speeds = [exact_mps, band.none_mps, band.all_mps, band.middle_mps()].map(mm_from_m);
         let sizes = [mm_from_m(peg.length_m), mm_from_m(peg.height_m)];
         Ok(sizes.into_iter().chain(speeds).chain([error, 100.0 * band.width()]).collect())
     });

@@ -50,13 +50,14 @@ pub struct Band {
 }
 
 impl Band {
-    pub fn median_mps(&self) -> f64 {
+    /// Middle of the band, m/s.
+    pub fn middle_mps(&self) -> f64 {
         0.5 * (self.none_mps + self.all_mps)
     }
 
     /// Width of the band, as a fraction of its middle.
     pub fn width(&self) -> f64 {
-        (self.all_mps - self.none_mps) / self.median_mps()
+        (self.all_mps - self.none_mps) / self.middle_mps()
     }
 }
 

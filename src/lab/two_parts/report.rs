@@ -57,16 +57,21 @@ fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, side_results: &
         Figure::alone("condition number of Φ", "1", condition, "UPM paper, Eq. 2; singular when infinite"),
     ];
     for (j, d) in side_results.d_m.into_iter().enumerate() {
-        figures.push(Figure::alone(format!("d{} of one look", j + 1), "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
+        figures.push(Figure::alone(
+            format!("d{} of one observation", j + 1),
+            "mm",
+            1e3 * d,
+            "UPM paper, Eq. 2, solved by LU",
+        ));
     }
     // each observation corrects the error of the previous ones; the second-order error of its own step remains
-    let second = "second order of each look's own step is left";
+    let second = "second order of each observation's own step is left";
     let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
     let [.., coarse, fine] = OBSERVATIONS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
     figures.extend([
-        Figure::alone("E of 1 look, ideal field", "mm", measured(1), "UPM paper, Eq. 3; it prints no figure"),
-        Figure::against("order at which E falls with looks, ideal field", "1", order, 2.0, second),
+        Figure::alone("E of 1 observation, ideal field", "mm", measured(1), "UPM paper, Eq. 3; it prints no figure"),
+        Figure::against("order at which E falls with observations, ideal field", "1", order, 2.0, second),
     ]);
     figures
 }
@@ -81,21 +86,32 @@ fn of_plate(run: &StepSeries, ideal: &StepSeries, shortest_m: f64, saturation: f
     for (observations, way) in &run.ways {
         let label = format!("E of {}, {name}", counted(*observations));
         let exact = 1e3 * ideal.miss_m(*observations).unwrap_or(f64::NAN);
-        figures.push(Figure::against(label, "mm", 1e3 * way.miss_m, exact, "the ideal field's E in as many looks"));
+        figures.push(Figure::against(
+            label,
+            "mm",
+            1e3 * way.miss_m,
+            exact,
+            "the ideal field's E in as many observations",
+        ));
     }
     for (observations, fault) in &run.failed {
-        figures.push(Figure::alone(format!("failed try, {name}"), "looks", *observations as f64, &fault.to_string()));
+        figures.push(Figure::alone(
+            format!("failed try, {name}"),
+            "observations",
+            *observations as f64,
+            &fault.to_string(),
+        ));
     }
     figures
 }
 
 fn counted(observations: usize) -> String {
-    format!("{observations} {}", if observations == 1 { "look" } else { "looks" })
+    format!("{observations} {}", if observations == 1 { "observation" } else { "observations" })
 }
 
 fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
     [
-        Series::new(&format!("{name}_looks"), run.ways.iter().map(|(observations, _)| *observations as f64)),
+        Series::new(&format!("{name}_observations"), run.ways.iter().map(|(observations, _)| *observations as f64)),
         Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
     ]
 }
@@ -156,11 +172,11 @@ fn misses(runs: &[StepSeries; 3]) -> Chart {
         let failed: Vec<String> = run.failed.iter().map(|(observations, _)| observations.to_string()).collect();
         let label = match failed.as_slice() {
             [] => run.name.to_owned(),
-            failed => format!("{} (failed with {} looks)", run.name, failed.join(", ")),
+            failed => format!("{} (failed with {} observations)", run.name, failed.join(", ")),
         };
         layers.push(Layer::new(&label, Mark::Line, Color::nth(i), points.iter().copied()));
         layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
     }
-    let axes = [Axis::log("looks"), Axis::log("E (mm)")];
-    Chart::over("two-parts-looks", "The same step in more looks", axes, layers)
+    let axes = [Axis::log("observations"), Axis::log("E (mm)")];
+    Chart::over("two-parts-observations", "The same step in more observations", axes, layers)
 }

@@ -43,8 +43,8 @@ impl TwoPartProblem {
     ) -> Result<TwoPartPath, LabFault> {
         let mut at = self.starts_m;
         let mut way = TwoPartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
-        for look in 1..=observations {
-            let wanted = self.waypoints_m(look, observations);
+        for number in 1..=observations {
+            let wanted = self.waypoints_m(number, observations);
             let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
             for (center, &d) in d_m.iter().enumerate() {
                 let samples = rotate(&at, center, d)?;

@@ -347,7 +347,8 @@ fn is_fault(gain: f64) -> bool {
     (gain - 1.0).abs() >= LEAST_GAIN_ERROR
 }
 
-/// Square of the tolerance of each coefficient for the response's error in the motion `felt`, (m/s²)².
+/// Square of the tolerance of each coefficient for the response's error in the motion `accelerometer_phasors`,
+/// (m/s²)².
 fn response_variance(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
     RESPONSE_ERROR * RESPONSE_ERROR * energy(accelerometer_phasors)
         / (2 * CHANNELS * accelerometer_phasors.len()) as f64

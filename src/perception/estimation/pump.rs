@@ -12,7 +12,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector3};
 
 use super::harmonics::Coefficients;
-use super::{AxisPhasors, PumpWaveResidual};
+use super::{AxisPhasors, PumpWaveQuality};
 use upm_core::geometry::Twist;
 
 /// Sign of the mean friction force on a part at rest under acceleration c1, s1, c2, s2: 1, -1, or 0 on the null
@@ -30,7 +30,7 @@ fn force_sense(first: Complex<f64>, second: Complex<f64>) -> f64 {
 
 /// The amplitude of the pump wave nearest to the motion `axes` (x, y, spin), and the quality of the approximation.
 /// `spin_arm_m` is the radius at which spin is weighted like velocity. Zero motion gives a zero pump.
-pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpWaveResidual) {
+pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpWaveQuality) {
     let arms = Vector3::new(1.0, 1.0, spin_arm_m);
     let first = Vector3::from_fn(|i, _| axes[i].first * arms[i]);
     let second = Vector3::from_fn(|i, _| axes[i].second * arms[i]);
@@ -78,14 +78,14 @@ fn quality(
     second: &Vector3<Complex<f64>>,
     pump: &Vector3<f64>,
     phase_rad: f64,
-) -> PumpWaveResidual {
+) -> PumpWaveQuality {
     // In acceleration the pump wave has |T|² in each harmonic.
     let energy = first.norm_squared() + 4.0 * second.norm_squared();
     let whole = AxisPhasors { first: along(first, pump), second: along(second, pump) };
     let ratio = whole.harmonic_ratio().unwrap_or_default();
     // Along the pump an ideal wave has the ratio -½.
     let phase = (-ratio).arg();
-    PumpWaveResidual {
+    PumpWaveQuality {
         start_rad: phase_rad.rem_euclid(TAU),
         purity: if energy > 0.0 { (2.0 * pump.norm_squared() / energy).min(1.0) } else { 0.0 },
         harmonic_ratio: ratio.norm(),
@@ -204,7 +204,7 @@ mod tests {
                 second: Complex::new(parts[4 * i + 2], parts[4 * i + 3]),
             });
             let (pump, quality) = nearest_pump(&axes, ARM_M);
-            let PumpWaveResidual { start_rad, purity, harmonic_ratio, harmonic_phase_rad } = quality;
+            let PumpWaveQuality { start_rad, purity, harmonic_ratio, harmonic_phase_rad } = quality;
             for x in [pump.velocity_mps.x, pump.velocity_mps.y, pump.spin_radps, start_rad, purity, harmonic_ratio, harmonic_phase_rad] {
                 prop_assert!(x.is_finite());
             }

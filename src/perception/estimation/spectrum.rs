@@ -63,8 +63,10 @@ pub fn amplitude_spectrum(values: &[f64]) -> Vec<Complex<f64>> {
     let mut bins: Vec<Complex<f64>> = values.iter().map(|&value| Complex::new(value, 0.0)).collect();
     FftPlanner::new().plan_fft_forward(bins.len()).process(&mut bins);
     bins.truncate(values.len() / 2 + 1);
-    let scale = 2.0 / values.len().max(1) as f64;
-    bins.iter_mut().enumerate().for_each(|(k, bin)| *bin *= if k == 0 { 0.5 * scale } else { scale });
+    let count = values.len();
+    let scale = 2.0 / count.max(1) as f64;
+    // a constant and the alternation at half the sampling rate have no mirror image
+    bins.iter_mut().enumerate().for_each(|(k, bin)| *bin *= if k == 0 || 2 * k == count { 0.5 * scale } else { scale });
     bins
 }
 

@@ -47,7 +47,7 @@ pub struct TwistFit {
     /// the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
     pub pump: Twist,
     /// How well the pump wave describes the motion.
-    pub quality: PumpWaveResidual,
+    pub quality: PumpWaveQuality,
 }
 
 /// The plate's motion at full height of a synthesised motion's pulse, from one trace.
@@ -88,7 +88,7 @@ impl AxisPhasors {
 
 /// Deviation of a motion from the nearest pump wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PumpWaveResidual {
+pub struct PumpWaveQuality {
     /// Phase of the pump wave's `t' = 0` in the base period: `w t0`, rad, from 0 to 2π.
     pub start_rad: f64,
     /// Share of the acceleration's energy contained in the pump wave, 0 to 1.

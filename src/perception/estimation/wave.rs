@@ -18,8 +18,12 @@ const LEAST_SAMPLES: f64 = 4.0;
 const DEGREES_A_PERIOD: usize = 2;
 
 /// Fits the plate's motion at the full height of a pulse of `harmonics` harmonics shaped by `envelope` to its
-/// accelerometer trace. `base_radps` is the drive's base frequency; a sustain of less than one of its periods cannot be
-/// read.
+/// accelerometer trace. `base_radps` is the drive's base frequency.
+///
+/// # Errors
+///
+/// As [`fit_twist`](super::fit_twist); [`FitFault::Unreadable`] also for fewer than 4 samples to the period of the
+/// highest harmonic.
 pub fn fit_wave(
     trace: &AccelTrace,
     envelope: &Envelope,

@@ -32,6 +32,11 @@ impl SteadyWindow {
 
 /// The latest whole base periods at full height in `trace`, [`MAX_PERIODS`] at most. The latest, because low-pass and
 /// plate have then had the longest time to settle.
+///
+/// # Errors
+///
+/// [`FitFault::Unreadable`] for sample times that are not numbers, and for a base frequency that is not positive or has
+/// fewer than 16 samples to its period; [`FitFault::TooShort`] for less than one base period at full height.
 pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<SteadyWindow, FitFault> {
     if !(trace.sample_hz.is_finite() && trace.sample_hz > 0.0 && trace.first_sample_s.is_finite()) {
         return Err(FitFault::Unreadable("sample times are not numbers"));
@@ -59,8 +64,12 @@ fn sample_index(trace: &AccelTrace, t_s: f64) -> usize {
     ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize
 }
 
-/// The samples of `window` in m/s², channel by channel. A single clipped or missing sample is an error: a fit that
-/// interpolated it would be wrong without any indication.
+/// The samples of `window` in m/s², channel by channel.
+///
+/// # Errors
+///
+/// [`FitFault::Missing`] or [`FitFault::Clipped`] of the first channel with a single such sample: a fit that
+/// interpolated it would be wrong without any indication. Samples beyond the end of the trace are missing.
 pub fn accelerations_mps2(trace: &AccelTrace, window: &SteadyWindow) -> Result<[Vec<f64>; CHANNELS], FitFault> {
     let mut accelerations = [const { Vec::new() }; CHANNELS];
     for (channel, (counts, out)) in trace.counts.iter().zip(&mut accelerations).enumerate() {

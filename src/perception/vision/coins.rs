@@ -34,7 +34,7 @@ const SETTLED_PX: f64 = 0.1;
 
 /// Finds every part on the plate in a whole frame: the darkness of the averaged picture against the bare plate is
 /// convolved with a solid disk of each kind's radius; its peaks are candidates, whose rims are measured in the full
-/// frame.
+/// frame (UPM paper, section 3.4; equation sheet, section 7).
 pub struct CoinFinder {
     table: Table,
     classifier: PartClassifier,
@@ -131,8 +131,8 @@ impl CoinFinder {
         self.responder.method()
     }
 
-    /// The last response of kind 0, over the whole frame: 1 where a part covers the whole kernel, 0 off the plate. One
-    /// value for each square of pixels that the picture was averaged over.
+    /// The last response of kind 0, over the whole frame, relative to the strongest response of any kind (at least
+    /// 0.2): 1 there, 0 off the plate. One value for each square of pixels that the picture was averaged over.
     pub fn response(&self) -> FloatImage {
         let [width, height] = self.frame_size.map(|n| n / self.plate.bin);
         let mut plane = FloatImage { width, height, values: vec![0.0; width * height] };

@@ -1,4 +1,5 @@
-//! A solid disk convolved over a rectangle, by real FFT: one forward transform a picture, one back a kernel.
+//! A solid disk convolved over a rectangle, by real FFT: one forward transform a picture, one back a kernel. Equation
+//! sheet, section 7.
 
 use std::sync::Arc;
 

@@ -4,7 +4,8 @@ use upm_core::signal::Frame;
 /// Chords of a large disk on either side of its middle that are sampled when it is moved.
 const CHORDS: usize = 12;
 
-/// The solid disk kernel: all cells whose middle is within the radius of the disk's middle cell.
+/// The solid disk kernel: all cells whose middle is within the radius of the disk's middle cell (UPM paper, section
+/// 3.4; equation sheet, section 7).
 #[derive(Clone, Debug)]
 pub(super) struct DiskKernel {
     /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry also that of

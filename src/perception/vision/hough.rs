@@ -1,4 +1,5 @@
 //! Hough array over angle and distance (Duda and Hart, 1972), each edge voting only near its own gradient's direction.
+//! Equation sheet, section 7; UPM paper, section 3.4 and Fig. 10, which take the four highest peaks.
 
 use std::f64::consts::TAU;
 

@@ -1,5 +1,6 @@
 //! Convolution of a rectangle with a solid disk by running sums: each chord of the disk contributes one difference of a
 //! row's running sum. Integer arithmetic, hence exact; the fastest method for disks of few cells.
+//! Equation sheet, section 7.
 
 use super::disk::DiskKernel;
 

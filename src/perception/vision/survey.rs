@@ -17,7 +17,7 @@ use super::binned::BinnedImage;
 use super::outline::PlateCells;
 use super::rim::map::outline;
 use super::sampling::Sampler;
-use super::{Detection, DiscSpec, Survey, Table};
+use super::{DetectedDisc, Detection, Survey, Table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
@@ -76,13 +76,13 @@ struct Surveyor<'a> {
 
 impl Surveyor<'_> {
     /// Discs at known parts and where edges vote for them; may contain the same disc more than once.
-    fn search(&self, known: &[Detection]) -> Vec<DiscSpec> {
+    fn search(&self, known: &[Detection]) -> Vec<DetectedDisc> {
         let mut votes = Votes::of(self.levels);
-        let mut found: Vec<DiscSpec> = known.iter().filter_map(|part| self.known(part)).collect();
+        let mut found: Vec<DetectedDisc> = known.iter().filter_map(|part| self.known(part)).collect();
         for (cell, radius_cells) in found.iter().map(|disc| self.in_cells(disc)) {
             votes.remove_votes(cell, radius_cells);
         }
-        let mut faint: Vec<DiscSpec> = Vec::new();
+        let mut faint: Vec<DetectedDisc> = Vec::new();
         for _ in 0..MOST_SEEDS {
             let Some(seed) = votes.next_seed() else { break };
             match self.at_seed(&seed) {
@@ -102,13 +102,13 @@ impl Surveyor<'_> {
         found
     }
 
-    fn known(&self, part: &Detection) -> Option<DiscSpec> {
+    fn known(&self, part: &Detection) -> Option<DetectedDisc> {
         let at_m = self.table.table_from_image(part.center_px);
         let disc = self.gauge.measure(at_m, part.radius_px / self.table.px_per_m_at(at_m), KNOWN_WINDOW)?;
         (disc.outline_share >= LEAST_SHARE_OF_KNOWN).then_some(disc)
     }
 
-    fn at_seed(&self, &Seed { cell, radius_cells }: &Seed) -> Option<DiscSpec> {
+    fn at_seed(&self, &Seed { cell, radius_cells }: &Seed) -> Option<DetectedDisc> {
         let at_m = self.table.table_from_image(self.picture.frame_from_cell(cell));
         let radius_m = radius_cells * self.picture.bin as f64 / self.table.px_per_m_at(at_m);
         self.gauge.measure(at_m, radius_m, SEED_WINDOW)
@@ -119,7 +119,7 @@ impl Surveyor<'_> {
     }
 
     /// Middle and radius of a disc, cells of the averaged picture.
-    fn in_cells(&self, disc: &DiscSpec) -> (Vec2, f64) {
+    fn in_cells(&self, disc: &DetectedDisc) -> (Vec2, f64) {
         let bin = self.picture.bin as f64;
         ((disc.center_px - self.picture.frame_from_cell(Vec2::zeros())) / bin, disc.radius_px / bin)
     }
@@ -132,12 +132,12 @@ pub fn seen_radius_m(table: &Table, at_m: Vec2, kind: &PartKind) -> f64 {
 }
 
 /// The best of all detections of the same disc.
-fn apart(mut found: Vec<DiscSpec>) -> Vec<DiscSpec> {
-    let worth = |disc: &DiscSpec| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
+fn apart(mut found: Vec<DetectedDisc>) -> Vec<DetectedDisc> {
+    let worth = |disc: &DetectedDisc| (disc.outline_share / AS_WELL).min(1.0) * disc.radius_m;
     found.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.center_px.y.total_cmp(&b.center_px.y)));
-    let mut kept: Vec<DiscSpec> = Vec::with_capacity(found.len());
+    let mut kept: Vec<DetectedDisc> = Vec::with_capacity(found.len());
     for disc in found {
-        let same = |other: &DiscSpec| (other.at_m - disc.at_m).norm() < APART * (other.radius_m + disc.radius_m);
+        let same = |other: &DetectedDisc| (other.at_m - disc.at_m).norm() < APART * (other.radius_m + disc.radius_m);
         if !kept.iter().any(same) {
             kept.push(disc);
         }

@@ -1,6 +1,6 @@
 //! Discs of any size in rendered pictures with known positions.
 
-use super::{Detection, DiscSpec, Survey, locate_table, survey};
+use super::{DetectedDisc, Detection, Survey, locate_table, survey};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_scene::testing::SIDE_M;
@@ -16,7 +16,7 @@ fn surveyed(scene: &Scene, frame: &Frame, known: &[Detection]) -> Survey {
     survey(frame, &locate_table(&scene.frame(), &scene.lens, SIDE_M).unwrap(), known)
 }
 
-fn nearest(discs: &[DiscSpec], at_m: Vec2) -> &DiscSpec {
+fn nearest(discs: &[DetectedDisc], at_m: Vec2) -> &DetectedDisc {
     discs.iter().min_by(|a, b| (a.at_m - at_m).norm().total_cmp(&(b.at_m - at_m).norm())).unwrap()
 }
 

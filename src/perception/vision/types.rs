@@ -42,7 +42,7 @@ pub struct Detection {
 
 /// A round object on the plate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DiscSpec {
+pub struct DetectedDisc {
     /// Middle and radius of its outline, px.
     pub center_px: Vec2,
     /// Radius of the outline, px.
@@ -66,7 +66,7 @@ pub struct DiscSpec {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Discs sorted from the top of the picture to the bottom.
-    pub discs: Vec<DiscSpec>,
+    pub discs: Vec<DetectedDisc>,
     /// Level of the darkest place of a small disc's size, as a fraction of the bare plate's.
     pub darkest: f64,
     /// Level of the lightest such place, as a fraction of the bare plate's.
@@ -115,6 +115,6 @@ pub struct DebugImages {
     pub edges: FloatImage,
     /// Hough votes of those edges.
     pub hough: HoughArray,
-    /// Response of the first kind's disk kernel over the whole frame, 1 where a part covers it all.
+    /// Response of the first kind's disk kernel over the whole frame, relative to the strongest one of any kind.
     pub disk_response: FloatImage,
 }

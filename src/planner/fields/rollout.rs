@@ -6,9 +6,10 @@
 //! ```
 //!
 //! This is Coulomb friction of a disc of radius R that slides and turns at ω against the plate: with κ it passes
-//! through the closed form of Farkas et al. (Phys. Rev. Lett. 90, 248302) at equal sliding and rim speed, and differs
-//! from it by 4 % at most for slower turning. The disc's own turning is left out: it is slow beside the plate's. The ε
-//! keeps the slope finite. When the motors are silent a part coasts on for `v²/(2 μ g)`.
+//! through the closed form of Farkas et al. (Phys. Rev. Lett. 90, 248302) at equal sliding and rim speed. For slower
+//! turning it is at most 2 % below it; for faster turning it is too strong, up to 1.6 times. The disc's own turning is
+//! left out: it is slow beside the plate's. The ε keeps the slope finite. When the motors are silent a part coasts on
+//! for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
 //! the cost of one rollout. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
@@ -39,7 +40,7 @@ pub(super) struct RolloutDisc {
     pub friction: f64,
 }
 
-/// Courses of all parts in a pulse; the steps are kept for the adjoint.
+/// Trajectories of all parts in a pulse; the steps are kept for the adjoint.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rollout {
     steps: Vec<PlateStep>,

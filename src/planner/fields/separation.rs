@@ -1,4 +1,4 @@
-//! Guards: directions in which parts must move away from each other or from the edge.
+//! Separation penalties: directions in which parts must move away from each other or from the edge.
 
 use crate::{Limit, PartState};
 use upm_core::geometry::Vec2;
@@ -36,7 +36,7 @@ impl SeparationPenalty {
         Some(Self { aim_m: free.along(steps_m), ..free })
     }
 
-    /// Guards of every pair of parts with a gap below `separation_m`; each asks for at least the missing distance.
+    /// Penalties of every pair of parts with a gap below `separation_m`; each asks for at least the missing distance.
     pub fn of_near(parts: &[PartState], separation_m: f64, steps_m: &[f64]) -> Vec<Self> {
         let pairs = (0..parts.len()).flat_map(|a| (a + 1..parts.len()).map(move |b| [a, b]));
         let near = pairs.filter_map(|pair| {

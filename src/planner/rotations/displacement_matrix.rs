@@ -51,12 +51,12 @@ pub(super) struct DisplacementMatrix {
     rows: usize,
     /// Column by column: x, y of each part, mm.
     values_mm: Vec<f64>,
-    pub price_s: Vec<f64>,
+    pub duration_s: Vec<f64>,
     pub pulses: Vec<Pulse>,
 }
 
 impl DisplacementMatrix {
-    /// Every usable belt in both directions at every length suited to steps of `rms_m`.
+    /// Every usable dial in both directions at every length suited to steps of `rms_m`.
     pub fn all(motion_set: &MotionSet, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
         let usable = motion_set.usable(discs, scale.nearest_radii());
@@ -64,11 +64,11 @@ impl DisplacementMatrix {
         let longest_m = (scale.longest() * rms_m).max(always_m);
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         for level_m in LEVELS_M.into_iter().filter(|&level_m| shortest_m <= level_m && level_m <= longest_m) {
-            for &belt in &usable {
-                let (low_m, high_m) = motion_set.range_m(belt);
-                let way_m = level_m.clamp(low_m, high_m);
-                for way_m in [way_m, -way_m] {
-                    columns.push(motion_set, parts, Pulse { belt, way_m });
+            for &dial in &usable {
+                let (low_m, high_m) = motion_set.range_m(dial);
+                let distance_m = level_m.clamp(low_m, high_m);
+                for distance_m in [distance_m, -distance_m] {
+                    columns.push(motion_set, parts, Pulse { dial, distance_m });
                 }
             }
         }
@@ -91,7 +91,7 @@ impl DisplacementMatrix {
             self.values_mm.extend([step_mm.x, step_mm.y]);
             coasts_s = coasts_s.max(coasts);
         }
-        self.price_s.push(motion_set.price_s(motion.setting, coasts_s));
+        self.duration_s.push(motion_set.duration_s(motion.setting, coasts_s));
         self.pulses.push(pulse);
     }
 
@@ -106,6 +106,6 @@ impl DisplacementMatrix {
 
     /// Value of column `j` at `prices` (s/mm), per second of its time.
     pub fn pay(&self, j: usize, prices: &[f64]) -> f64 {
-        self.column(j).iter().zip(prices).map(|(d, y)| d * y).sum::<f64>() / self.price_s[j]
+        self.column(j).iter().zip(prices).map(|(d, y)| d * y).sum::<f64>() / self.duration_s[j]
     }
 }

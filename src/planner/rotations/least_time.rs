@@ -5,6 +5,8 @@
 //!   subject to  n >= 0,   |e - Φ n| <= leave       Φ_j: its exact displacement of all parts
 //! ```
 //!
+//! Equation sheet, section 1.7 (ours; Φ as in Eqs. 1 and 2 of the UPM paper).
+//!
 //! The steps may be missed by `leave`, because the hardest part of them would cost most of the time. A larger residual
 //! is allowed only where the columns cannot avoid it, at a price above all others. Solved by column generation: first
 //! over the columns that pay at the last prices, then adding those that pay at the new ones.
@@ -90,7 +92,7 @@ impl LeastTime {
         (0..=count).for_each(|_| hessian.end_column());
         let program = Program {
             hessian: hessian.finish(count + 1),
-            gradient: chosen.iter().map(|&j| columns.price_s[j]).chain([BEYOND_S_PER_MM]).collect(),
+            gradient: chosen.iter().map(|&j| columns.duration_s[j]).chain([BEYOND_S_PER_MM]).collect(),
             constraints: constraints.finish(bounds.len()),
             bounds,
             cones: vec![Cone::Nonnegative(count + 1), Cone::SecondOrder(1 + rows)],
@@ -100,7 +102,7 @@ impl LeastTime {
         let mut time_s = 0.0;
         for (&j, &n) in chosen.iter().zip(&x) {
             counts[j] = n.max(0.0);
-            time_s += counts[j] * columns.price_s[j];
+            time_s += counts[j] * columns.duration_s[j];
         }
         let prices = multipliers[count + 2..].iter().map(|y| -y).collect();
         Some(Self { counts, prices, time_s, beyond_mm: x[count].max(0.0) })
@@ -126,7 +128,7 @@ fn spanning(columns: &DisplacementMatrix, steps_mm: &[f64]) -> BTreeSet<usize> {
         for sign in [1.0, -1.0] {
             let worth = |j: usize| {
                 let along = (sign * columns.column(j)[row]).max(0.0);
-                along * along / (lengths[j] * columns.price_s[j])
+                along * along / (lengths[j] * columns.duration_s[j])
             };
             let mut by_worth: Vec<(f64, usize)> = (0..columns.len()).map(|j| (worth(j), j)).collect();
             let most = SPANNING.min(by_worth.len());

@@ -27,9 +27,9 @@ const LEAST_REST_S: f64 = 8e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pulse {
     /// Index into [`MotionSet::dials`].
-    pub belt: usize,
+    pub dial: usize,
     /// Signed distance on the typical belt, m; negative runs the drive in reverse.
-    pub way_m: f64,
+    pub distance_m: f64,
 }
 
 /// Amplitude and sustain of a pulse.
@@ -66,7 +66,7 @@ pub(super) struct MotionDial {
     pub entry: usize,
     pub twist: Twist,
     /// Distances on the typical belt, rising, m, each with its setting.
-    dial: Vec<(f64, DialSetting)>,
+    settings: Vec<(f64, DialSetting)>,
 }
 
 /// All motions that a planner uses.
@@ -89,27 +89,27 @@ impl MotionSet {
         let dials = strong.map(|(entry, (motion, speed))| MotionDial {
             entry,
             twist: motion.pump,
-            dial: dial(&table, &motion.pump, speed),
+            settings: settings(&table, &motion.pump, speed),
         });
         let dials = dials.collect();
         let (frame_s, exposure_s) = (params.frame_s, params.exposure_s);
         Self { table, dials, attack_s: library.attack_s, frame_s, exposure_s }
     }
 
-    /// Shortest and longest distance of a belt's pulses, m.
-    pub fn range_m(&self, belt: usize) -> (f64, f64) {
-        let dial = &self.dials[belt].dial;
-        (dial.first().map_or(0.0, |d| d.0), dial.last().map_or(0.0, |d| d.0))
+    /// Shortest and longest distance of a dial's pulses, m.
+    pub fn range_m(&self, dial: usize) -> (f64, f64) {
+        let settings = &self.dials[dial].settings;
+        (settings.first().map_or(0.0, |d| d.0), settings.last().map_or(0.0, |d| d.0))
     }
 
     /// Amplitude and sustain of `pulse`.
     pub fn setting(&self, pulse: Pulse) -> DialSetting {
-        let (dial, way_m) = (&self.dials[pulse.belt].dial, pulse.way_m.abs());
-        let above = dial.partition_point(|d| d.0 < way_m);
-        match (above.checked_sub(1).map(|below| dial[below]), dial.get(above)) {
-            (Some((low_m, low)), Some(&(high_m, high))) => low.towards(high, (way_m - low_m) / (high_m - low_m)),
+        let (settings, distance_m) = (&self.dials[pulse.dial].settings, pulse.distance_m.abs());
+        let above = settings.partition_point(|d| d.0 < distance_m);
+        match (above.checked_sub(1).map(|below| settings[below]), settings.get(above)) {
+            (Some((low_m, low)), Some(&(high_m, high))) => low.towards(high, (distance_m - low_m) / (high_m - low_m)),
             (None, Some(&(first_m, first))) => {
-                DialSetting { amplitude: first.amplitude * way_m / first_m, sustain_s: first.sustain_s }
+                DialSetting { amplitude: first.amplitude * distance_m / first_m, sustain_s: first.sustain_s }
             }
             (Some((_, last)), None) => last,
             (None, None) => DialSetting { amplitude: 0.0, sustain_s: 0.0 },
@@ -118,7 +118,7 @@ impl MotionSet {
 
     /// `pulse`, prepared for forecasts.
     pub fn motion(&self, pulse: Pulse) -> LibraryMotion {
-        self.motion_of(&self.dials[pulse.belt].twist, self.setting(pulse), pulse.way_m < 0.0)
+        self.motion_of(&self.dials[pulse.dial].twist, self.setting(pulse), pulse.distance_m < 0.0)
     }
 
     /// The motion of a library entry's `twist` at `setting`.
@@ -134,16 +134,16 @@ impl MotionSet {
     }
 
     /// Time from the start of a pulse until the camera has seen the parts at rest, s: whole frames.
-    pub fn price_s(&self, setting: DialSetting, coasts_s: f64) -> f64 {
+    pub fn duration_s(&self, setting: DialSetting, coasts_s: f64) -> f64 {
         let all_s = 2.0 * self.attack_s + setting.sustain_s + self.rest_s(coasts_s) + self.exposure_s;
         (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
     }
 
     /// Motions with a centre more than `nearest` radii from every one of these discs (position and radius, m).
     pub fn usable(&self, discs: impl Iterator<Item = (Vec2, f64)> + Clone, nearest: f64) -> Vec<usize> {
-        let supports = |belt: &MotionDial| {
+        let supports = |dial: &MotionDial| {
             discs.clone().all(|(p, radius_m)| {
-                belt.twist.velocity_at(p).norm() > nearest * radius_m * belt.twist.spin_radps.abs()
+                dial.twist.velocity_at(p).norm() > nearest * radius_m * dial.twist.spin_radps.abs()
             })
         };
         (0..self.dials.len()).filter(|&j| supports(&self.dials[j])).collect()
@@ -173,36 +173,36 @@ fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
 }
 
 /// Settings from the weakest belt that moves anything without sustain, over full amplitude, to the longest sustain.
-fn dial(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, DialSetting)> {
+fn settings(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, DialSetting)> {
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
     let weaker = (0..AMPLITUDES)
         .map(|k| DialSetting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
     let longer = (1..=(table.sustains() - 1) / 2)
         .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
-    let way_m = |setting: DialSetting| {
+    let distance_m = |setting: DialSetting| {
         let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);
         slice.at(typical_mps * setting.amplitude).along_m
     };
     let mut coarse: Vec<(f64, DialSetting)> = Vec::new();
     for setting in weaker.chain(longer) {
-        push_longer(&mut coarse, way_m(setting), setting);
+        push_longer(&mut coarse, distance_m(setting), setting);
     }
-    let mut dial = Vec::new();
+    let mut fine = Vec::new();
     for pair in coarse.windows(2) {
         for k in 0..BETWEEN {
             let setting = pair[0].1.towards(pair[1].1, f64::from(k) / f64::from(BETWEEN));
-            push_longer(&mut dial, way_m(setting), setting);
+            push_longer(&mut fine, distance_m(setting), setting);
         }
     }
-    if let Some(&(way_m, setting)) = coarse.last() {
-        push_longer(&mut dial, way_m, setting);
+    if let Some(&(distance_m, setting)) = coarse.last() {
+        push_longer(&mut fine, distance_m, setting);
     }
-    dial
+    fine
 }
 
 /// Adds a setting if it carries farther than those before.
-fn push_longer(dial: &mut Vec<(f64, DialSetting)>, way_m: f64, setting: DialSetting) {
-    if way_m > dial.last().map_or(0.0, |last| last.0) + 1e-7 {
-        dial.push((way_m, setting));
+fn push_longer(settings: &mut Vec<(f64, DialSetting)>, distance_m: f64, setting: DialSetting) {
+    if distance_m > settings.last().map_or(0.0, |last| last.0) + 1e-7 {
+        settings.push((distance_m, setting));
     }
 }

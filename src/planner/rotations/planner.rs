@@ -16,7 +16,7 @@ const CHUNK: usize = 4;
 /// Longest displacement of a part in one sequence, m: this over the number of parts, within bounds.
 const WAY_M: f64 = 160e-3;
 const WAYS_M: (f64, f64) = (16e-3, 40e-3);
-const LEAST_WAY_M: f64 = 2e-3;
+const LEAST_REACH_M: f64 = 2e-3;
 /// Fraction of the steps that a sequence may leave, for one part and for several.
 const LEAVE_ALONE: f64 = 0.05;
 const LEAVE: f64 = 0.3;
@@ -72,7 +72,7 @@ pub struct RotationPlanner {
     /// Prices of the last program, s/mm.
     prices: Vec<f64>,
     /// Longest displacement of a part in the next sequence, m.
-    way_m: Option<f64>,
+    reach_m: Option<f64>,
     running: Option<PlayedSequence>,
 }
 
@@ -102,7 +102,7 @@ impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
         let motion_set = Arc::new(MotionSet::new(&library, &params));
-        Self { library, params, motion_set, prices: Vec::new(), way_m: None, running: None }
+        Self { library, params, motion_set, prices: Vec::new(), reach_m: None, running: None }
     }
 
     /// Longest displacement of a part in one sequence with `parts` parts, m.
@@ -187,9 +187,9 @@ impl RotationPlanner {
     /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
     fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Clearance) -> Result<Sequence, Limit> {
         let usual_m = Self::longest_path_m(parts.len());
-        let mut way_m = self.way_m.unwrap_or(usual_m);
+        let mut reach_m = self.reach_m.unwrap_or(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
-        let mut share = (way_m / largest_m).min(1.0);
+        let mut share = (reach_m / largest_m).min(1.0);
         let (mut best, mut limit): (Option<Sequence>, _) = (None, Limit::Unreachable);
         let (mut tightened, mut scale) = (1.0, PulseScale::Coarse);
         for _ in 0..ATTEMPTS {
@@ -208,7 +208,7 @@ impl RotationPlanner {
                     best = Some(candidate);
                 }
                 if whole && left < POOR && gains {
-                    way_m *= match left {
+                    reach_m *= match left {
                         left if left < GROW.0 => GROW.1,
                         left if left > SHRINK.0 => SHRINK.1,
                         _ => 1.0,
@@ -222,10 +222,10 @@ impl RotationPlanner {
                 tightened *= TIGHTEN;
             } else {
                 share *= 0.5;
-                way_m *= SHRINK_FAILED;
+                reach_m *= SHRINK_FAILED;
             }
         }
-        self.way_m = Some(way_m.clamp(LEAST_WAY_M, usual_m));
+        self.reach_m = Some(reach_m.clamp(LEAST_REACH_M, usual_m));
         best.filter(|best| best.gain_mps > 0.0).ok_or(limit)
     }
 
@@ -271,13 +271,13 @@ impl RotationPlanner {
         self.prices.clone_from(&first.prices);
         let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
         let more = best_paying(&columns, &first.prices, 3 * steps_mm.len(), 0.0).into_iter();
-        let halves = more.map(|j| Pulse { way_m: 0.5 * columns.pulses[j].way_m, ..columns.pulses[j] });
+        let halves = more.map(|j| Pulse { distance_m: 0.5 * columns.pulses[j].distance_m, ..columns.pulses[j] });
         let second = DisplacementMatrix::of(&self.motion_set, parts, whole.iter().copied().chain(halves));
         let all: Vec<usize> = (0..second.len()).collect();
         if let Some(found) = LeastTime::over(&second, &all, &steps_mm, leave_mm) {
             (whole, counts) = self.whole(parts, &second, &found.counts);
         }
-        let pulses = whole.into_iter().zip(counts).filter(|(pulse, _)| pulse.way_m.abs() > SHORT_M);
+        let pulses = whole.into_iter().zip(counts).filter(|(pulse, _)| pulse.distance_m.abs() > SHORT_M);
         let pulses: Vec<Pulse> = pulses.flat_map(|(pulse, count)| std::iter::repeat_n(pulse, count)).collect();
         (!pulses.is_empty()).then_some(pulses)
     }
@@ -296,26 +296,26 @@ impl RotationPlanner {
     /// typical belt is no measure of that, since parts on the slowest belts of a weak pulse stick.
     fn shortened(&self, parts: &[PartState], columns: &DisplacementMatrix, j: usize, share: f64) -> Pulse {
         let (pulse, column) = (columns.pulses[j], columns.column(j));
-        let with_way = |way_m: f64| Pulse { way_m: way_m.copysign(pulse.way_m), ..pulse };
-        let does = |way_m: f64| {
-            let motion = self.motion_set.motion(with_way(way_m));
+        let with_distance = |distance_m: f64| Pulse { distance_m: distance_m.copysign(pulse.distance_m), ..pulse };
+        let does = |distance_m: f64| {
+            let motion = self.motion_set.motion(with_distance(distance_m));
             let moves = parts.iter().map(|part| 1e3 * (motion.carry(part.position_m, part.gain).0 - part.position_m));
             moves.zip(column.chunks_exact(2)).map(|(by, c)| by.x * c[0] + by.y * c[1]).sum::<f64>()
         };
         let wanted = share * column.iter().map(|v| v * v).sum::<f64>();
-        let (mut low_m, mut high_m) = self.motion_set.range_m(pulse.belt);
-        high_m = high_m.min(pulse.way_m.abs());
+        let (mut low_m, mut high_m) = self.motion_set.range_m(pulse.dial);
+        high_m = high_m.min(pulse.distance_m.abs());
         for _ in 0..HALVINGS {
             let middle_m = 0.5 * (low_m + high_m);
             if does(middle_m) < wanted { low_m = middle_m } else { high_m = middle_m }
         }
-        with_way(high_m)
+        with_distance(high_m)
     }
 
     /// Drops the shortest pulses while the sequence stays as good.
     fn pruned(&self, best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Clearance, want_m: f64) -> Refined {
         let mut best = best;
-        best.pulses.retain(|pulse| pulse.way_m.abs() > SHORT_M);
+        best.pulses.retain(|pulse| pulse.distance_m.abs() > SHORT_M);
         if best.pulses.len() < best.motions.len() {
             best = Refined::of(&self.motion_set, best.pulses, parts, goal_m, room);
         }
@@ -327,9 +327,10 @@ impl RotationPlanner {
             if best.pulses.len() <= dropped {
                 break;
             }
-            let mut by_way: Vec<usize> = (0..best.pulses.len()).collect();
-            by_way.sort_by(|&a, &b| best.pulses[a].way_m.abs().total_cmp(&best.pulses[b].way_m.abs()).then(a.cmp(&b)));
-            let short = &by_way[..dropped];
+            let mut by_length: Vec<usize> = (0..best.pulses.len()).collect();
+            let length_m = |k: usize| best.pulses[k].distance_m.abs();
+            by_length.sort_by(|&a, &b| length_m(a).total_cmp(&length_m(b)).then(a.cmp(&b)));
+            let short = &by_length[..dropped];
             let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
             let next = Refined::of(&self.motion_set, kept.collect(), parts, goal_m, room);
             let next = next.refined(&self.motion_set, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
@@ -350,8 +351,8 @@ impl RotationPlanner {
             places_m.iter().zip(targets_m).map(|(p, target)| (target - p).norm_squared()).sum::<f64>().sqrt()
         };
         let before_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let time_s: f64 =
-            (0..safe).map(|k| self.motion_set.price_s(refined.motions[k].setting, refined.rollout.coasts_s[k])).sum();
+        let duration_s = |k: usize| self.motion_set.duration_s(refined.motions[k].setting, refined.rollout.coasts_s[k]);
+        let time_s: f64 = (0..safe).map(duration_s).sum();
         if safe == 0 { -1.0 } else { (away_m(&before_m) - away_m(refined.rollout.at(safe))) / time_s }
     }
 
@@ -362,8 +363,8 @@ impl RotationPlanner {
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
             PlannedPulse::Rotation(Rotation {
-                entry: self.motion_set.dials[pulse.belt].entry,
-                distance_m: pulse.way_m,
+                entry: self.motion_set.dials[pulse.dial].entry,
+                distance_m: pulse.distance_m,
                 amplitude: setting.amplitude,
                 sustain_s: setting.sustain_s,
                 rest_s: self.motion_set.rest_s(refined.rollout.coasts_s[k]),
@@ -373,7 +374,7 @@ impl RotationPlanner {
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
         let left = refined.pulses[count..].to_vec();
         self.running = Some(PlayedSequence { pulses: left, subgoals_m, targets_m, want_m });
-        let candidates = refined.pulses.iter().map(|pulse| self.motion_set.dials[pulse.belt].entry).collect();
+        let candidates = refined.pulses.iter().map(|pulse| self.motion_set.dials[pulse.dial].entry).collect();
         Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
     }
 }

@@ -2,10 +2,12 @@
 //! every stage.
 //!
 //! ```text
-//!   minimise    |r - J δ|² + λ tr(JᵀJ)/K Σ δ_k² / (ε + |d_k|) + price Σ |d_k + δ_k| + penalty s
+//!   minimise    ½ |r - J δ|² + ½ λ tr(JᵀJ)/K Σ δ_k² / (ε + min(|d_k|, D)) + price Σ |d_k + δ_k| + penalty s
 //!   subject to  shortest <= |d_k + δ_k| <= longest, no sign changes
 //!               effect of all δ on a gap or on the distance to the edge, at each stage <= its room + s,   s >= 0
 //! ```
+//!
+//! Lengths are in millimetres. Equation sheet, section 1.7 (ours; Φ and d as in Eqs. 1 and 2 of the UPM paper).
 
 use super::motion_set::{LibraryMotion, MotionSet, Pulse};
 use super::rollout::{SequenceRollout, Slopes};
@@ -101,8 +103,10 @@ impl Refined {
                 (damping, model) = (5.0 * damping, Some(linear));
                 continue;
             };
-            let changed =
-                |(pulse, change_mm): (&Pulse, &f64)| Pulse { way_m: pulse.way_m + 1e-3 * change_mm, ..*pulse };
+            let changed = |(pulse, change_mm): (&Pulse, &f64)| Pulse {
+                distance_m: pulse.distance_m + 1e-3 * change_mm,
+                ..*pulse
+            };
             let pulses = best.pulses.iter().zip(&changes_mm).map(changed).collect();
             let next = Self::of(motion_set, pulses, parts, goal_m, room);
             if next.merit_m() < best.merit_m() - 1e-7 {
@@ -149,18 +153,18 @@ impl Linear {
     fn step(&self, motion_set: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
         let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);
-        let sign = |k: usize| if pulses[k].way_m < 0.0 { -1.0 } else { 1.0 };
+        let sign = |k: usize| if pulses[k].distance_m < 0.0 { -1.0 } else { 1.0 };
         let (mut hessian, mut constraints) = (ColumnWriter::default(), ColumnWriter::default());
         let mut bounds = vec![0.0; first_limit + self.limits.len()];
         bounds[..m].copy_from_slice(&self.left_mm);
         for (k, pulse) in pulses.iter().enumerate() {
-            let way_mm = (1e3 * pulse.way_m.abs()).min(STIFF_MM.1);
-            hessian.put(k, damping * self.stiffness / (STIFF_MM.0 + way_mm));
+            let distance_mm = (1e3 * pulse.distance_m.abs()).min(STIFF_MM.1);
+            hessian.put(k, damping * self.stiffness / (STIFF_MM.0 + distance_mm));
             hessian.end_column();
-            let (low_m, high_m) = motion_set.range_m(pulse.belt);
+            let (low_m, high_m) = motion_set.range_m(pulse.dial);
             let row = first_bound + 2 * k;
-            bounds[row] = (1e3 * (high_m - pulse.way_m.abs())).max(0.0);
-            bounds[row + 1] = (1e3 * (pulse.way_m.abs() - low_m)).max(0.0);
+            bounds[row] = (1e3 * (high_m - pulse.distance_m.abs())).max(0.0);
+            bounds[row + 1] = (1e3 * (pulse.distance_m.abs() - low_m)).max(0.0);
             self.slopes[k * m..][..m].iter().enumerate().for_each(|(row, &slope)| constraints.put(row, slope));
             constraints.put(row, sign(k));
             constraints.put(row + 1, -sign(k));

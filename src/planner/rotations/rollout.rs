@@ -74,8 +74,8 @@ impl Slopes {
         let (count, n) = (pulses.len(), parts.len());
         let mut values = vec![Vec2::zeros(); count * count * n];
         for (k, (&pulse, motion)) in pulses.iter().zip(motions).enumerate() {
-            let change_m = (CHANGE * pulse.way_m.abs()).max(LEAST_CHANGE_M).copysign(pulse.way_m);
-            let changed = motion_set.motion(Pulse { way_m: pulse.way_m + change_m, ..pulse });
+            let change_m = (CHANGE * pulse.distance_m.abs()).max(LEAST_CHANGE_M).copysign(pulse.distance_m);
+            let changed = motion_set.motion(Pulse { distance_m: pulse.distance_m + change_m, ..pulse });
             let (before, stage) = values.split_at_mut(k * count * n);
             let last = if k > 0 { &before[(k - 1) * count * n..] } else { &[] };
             for (i, part) in parts.iter().enumerate() {

@@ -35,6 +35,18 @@ pub(super) fn check_size(kind: usize, rig: &RigSpec, at_random: bool, at: &Path,
     is_seen && fits
 }
 
+/// Most parts of a job.
+const MOST_PARTS: usize = 64;
+
+/// False if a job has more parts than any may have, which is a fault. The work of the other checks grows with the
+/// square of their number.
+pub(super) fn check_total(groups: &[PartGroup], faults: &mut Diagnostics) -> bool {
+    let total: usize = groups.iter().map(|group| group.count).sum();
+    let allowed = format!("up to {MOST_PARTS} in all");
+    faults.require(total <= MOST_PARTS, Path::root().key("parts"), counted(total, "part"), allowed);
+    total <= MOST_PARTS
+}
+
 /// Reports parts that start off the plate or in one another, and more parts than there is room for.
 pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
@@ -100,10 +112,7 @@ pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
 
 /// Reports parts that cannot all be on the plate, by two bounds that hold for every arrangement.
 fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
-    const MOST_PARTS: usize = 64;
-    let (side_m, at) = (rig.model.plate_side_m, Path::root().key("parts"));
-    let total: usize = groups.iter().map(|group| group.count).sum();
-    faults.require(total <= MOST_PARTS, &at, counted(total, "part"), format!("up to {MOST_PARTS} in all"));
+    let side_m = rig.model.plate_side_m;
     let radii = |groups: &mut dyn Iterator<Item = &PartGroup>| -> Vec<f64> {
         let one = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
         groups.flat_map(|group| std::iter::repeat_n(one(group), group.count)).collect()
@@ -111,7 +120,8 @@ fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let all = radii(&mut groups.iter());
     let random = radii(&mut groups.iter().filter(|group| group.position_m.is_none()));
     if !fits(&all, side_m, 0.0) || !fits(&random, side_m - 2.0 * START_MARGIN_M, START_GAP_M) {
-        faults.push(&at, counted(total, "part"), "as many as lie on the plate side by side");
+        let at = Path::root().key("parts");
+        faults.push(at, counted(all.len(), "part"), "as many as lie on the plate side by side");
     }
 }
 

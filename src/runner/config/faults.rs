@@ -13,13 +13,16 @@ const COMPONENTS: [&str; 11] =
 /// Latest onset and end, s.
 const LATEST_S: f64 = 1e6;
 
+/// Most faults of a job.
+pub(super) const MOST_FAULTS: usize = 32;
+
 /// Faults of the simulated rig: a list, or a seed that draws them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum RawFaults {
     /// The faults themselves.
     #[schemars(title = "list")]
-    List(#[schemars(length(max = 32))] Vec<RawFault>),
+    List(#[schemars(length(max = MOST_FAULTS))] Vec<RawFault>),
     /// One to five faults drawn by a seed, or none.
     #[schemars(title = "drawn")]
     Drawn(DrawnFaults),
@@ -176,7 +179,8 @@ fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Diagnostics) -> Op
     faults.require(in_time(raw.from_s), at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
     if let Some(to_s) = raw.to_s {
         let allowed = format!("a time after from_s, {}, up to {LATEST_S}", raw.from_s);
-        faults.require(in_time(to_s) && to_s > raw.from_s, at.key("to_s"), to_s, allowed);
+        let is_later = PlateTime::from_secs(to_s) > PlateTime::from_secs(raw.from_s);
+        faults.require(in_time(to_s) && is_later, at.key("to_s"), to_s, allowed);
     }
     let (from, to) = (PlateTime::from_secs(raw.from_s), raw.to_s.map(PlateTime::from_secs));
     Some(FaultSpec { component, kind, values, from, to })

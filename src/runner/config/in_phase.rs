@@ -16,6 +16,7 @@ pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String]
     let laps: Vec<LoopLap> = paths.iter().map(|path| LoopLap::of(&path.params)).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
     let before = faults.len();
+    faults.require(first_lap.length_m > 0.0, &first.shape_at, "a lap of 0 mm", "a lap above 0 mm (in_phase)");
     for (PartPath { at, shape_at, params, .. }, lap) in
         paths.iter().zip(&laps).skip(1).filter(|(path, _)| path.at != first.at)
     {

@@ -13,7 +13,7 @@ use super::rig::RigSpec;
 use super::task::{self, TaskSpec};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, quoted, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, quoted, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// Validated job file: rig, parts, task, planner and limits.
@@ -84,6 +84,9 @@ impl JobSpec {
         let library = library_of(&raw, origin, faults);
         let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
         let parts = groups_of(&raw, &rig, faults);
+        if !clearance::check_total(&parts, faults) {
+            return None;
+        }
         check_distinguishable(&parts, &rig, faults);
         check_knocks(&rig, raw.limits.plate_time_s, faults);
         if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
@@ -154,6 +157,13 @@ impl JobSpec {
     pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Diagnostic>> {
         let mut faults = Diagnostics::of("--faults");
         let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);
+        let (total, most) = (self.faults.len() + typed.len(), faults::MOST_FAULTS);
+        faults.require(
+            total <= most,
+            Path::root(),
+            counted(total, "fault"),
+            format!("up to {most}, the job's included"),
+        );
         let typed = faults.into_result(Some(typed))?;
         self.faults.extend(typed);
         if !self.faults.is_empty() {

@@ -22,6 +22,8 @@ pub(super) struct PartPath {
     pub shape_at: Path,
     /// Lengths with which a generated path scales; `None` if its corners were typed.
     pub growth: Option<Growth>,
+    /// True if its corners are those in the file, in their order.
+    pub has_file_corners: bool,
     /// The path in SI.
     pub params: PathParams,
 }
@@ -34,6 +36,11 @@ struct PathLine {
 }
 
 impl PartPath {
+    /// Path in the file of corner `k`, or of the whole shape where its corners are not those of the file.
+    pub fn corner_at(&self, k: usize) -> Path {
+        if self.has_file_corners { self.shape_at.index(k) } else { self.shape_at.clone() }
+    }
+
     /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
     /// whole lap. Empty if the file is at fault.
     pub fn each(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
@@ -50,6 +57,7 @@ fn part_paths(line: &PathLine, raw: &RawPath, at: &Path) -> Vec<PartPath> {
         at: at.clone(),
         shape_at: at.key(line.key),
         growth: line.growth.clone(),
+        has_file_corners: line.growth.is_none() && raw.count == 1,
         params: PathParams { waypoints_m: waypoints_m(k), speed_mps: m_from_mm(raw.speed_mm_s), repeat: raw.repeat },
     };
     (0..raw.count).map(part_path).collect()

@@ -4,6 +4,7 @@ use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::in_phase::check_in_phase;
 use super::part_path::PartPath;
 use super::raw_job::RawPath;
+use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_document::Diagnostics;
 
@@ -27,7 +28,7 @@ impl TaskContext<'_> {
         if faults.len() > before {
             return None;
         }
-        self.check_on_plate(&paths, faults);
+        self.check_on_plate(raw, &paths, faults);
         let before = faults.len();
         check_ends(&paths, &self.radii_m, in_phase, faults);
         if in_phase && faults.len() == before {
@@ -36,15 +37,19 @@ impl TaskContext<'_> {
         Some(TaskSpec::Trajectories { paths: paths.into_iter().map(|path| path.params).collect(), in_phase })
     }
 
-    fn check_on_plate(&self, paths: &[PartPath], faults: &mut Diagnostics) {
+    /// Reports generated paths, and typed corners, that leave the plate; corners once for all parts on their path.
+    fn check_on_plate(&self, raw: &[RawPath], paths: &[PartPath], faults: &mut Diagnostics) {
         for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(&self.radii_m) {
-            match growth {
-                Some(growth) => self.check_path(&params.waypoints_m, radius_m, growth, shape_at, faults),
-                None => {
-                    for (k, &waypoint_m) in params.waypoints_m.iter().enumerate() {
-                        check_inside(waypoint_m, radius_m, self.half_m, REST_MARGIN_M, &shape_at.index(k), faults);
-                    }
-                }
+            if let Some(growth) = growth {
+                self.check_path(&params.waypoints_m, radius_m, growth, shape_at, faults);
+            }
+        }
+        let mut radii_m = self.radii_m.iter();
+        for (i, raw) in raw.iter().enumerate() {
+            let largest_m = radii_m.by_ref().take(raw.count as usize).copied().fold(0.0, f64::max);
+            let at = self.at.key("paths").index(i).key("waypoints_mm");
+            for (k, &waypoint_mm) in raw.waypoints_mm.iter().flatten().enumerate() {
+                check_inside(point_m(waypoint_mm), largest_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
             }
         }
     }
@@ -54,12 +59,12 @@ impl TaskContext<'_> {
 /// are checked.
 fn check_ends(paths: &[PartPath], radii_m: &[f64], in_phase: bool, faults: &mut Diagnostics) {
     let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
-    for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(radii_m) {
-        let is_made = growth.is_some();
-        if is_made && in_phase {
+    for (path, &radius_m) in paths.iter().zip(radii_m) {
+        let PartPath { growth, params, .. } = path;
+        if growth.is_some() && in_phase {
             continue;
         }
-        let at = |k: usize| if is_made { shape_at.clone() } else { shape_at.index(k) };
+        let at = |k: usize| path.corner_at(k);
         starts.extend(params.waypoints_m.first().map(|&start_m| (start_m, radius_m, at(0))));
         let last = params.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| params.repeat > 0);
         ends.extend(last.map(|(k, &end_m)| (end_m, radius_m, at(k))));

@@ -106,7 +106,7 @@ pub enum RawTask {
         laps: u32,
         /// How far the part's rim stays from the plate's edge, mm.
         #[serde(default = "edge_margin_mm")]
-        #[schemars(range(min = 0.0, max = 1000.0))]
+        #[schemars(range(min = 1.0, max = 1000.0))]
         edge_margin_mm: f64,
     },
     /// Every part follows its own path.

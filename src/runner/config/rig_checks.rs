@@ -5,6 +5,13 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_document::{Diagnostics, Path};
 use upm_sim::SimParams;
 
+/// Most pixels of a frame in which the table is searched.
+const MOST_PIXELS: usize = 64_000_000;
+
+/// Largest ratio of two sides of the plate in the frame. The search takes 1.4 for a square seen obliquely; the rest is
+/// for the plate's swing.
+const SIDE_RATIO: f64 = 1.35;
+
 /// Consistency checks between the numbers of a rig, beyond the range of each.
 pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
     faults.require(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
@@ -51,7 +58,9 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let reach_mm = 0.5 * raw.plate.side_mm;
     let allowed = format!("up to {reach_mm} (half the plate's side)");
     faults.require(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
-    check_sampling(motors.sample_hz, base_hz, &at.key("sample_hz"), faults);
+    let least_hz = 8.0 * base_hz;
+    let allowed = format!("above {least_hz} (four times the second harmonic)");
+    faults.require(motors.sample_hz > least_hz, at.key("sample_hz"), motors.sample_hz, allowed);
     let (low_pass, top) = (motors.low_pass_hz, 0.5 * motors.sample_hz);
     faults.require(
         low_pass > 2.0 * base_hz && low_pass < top,
@@ -116,7 +125,9 @@ fn check_fields(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
 
 fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     let at = at.key("accelerometers");
-    check_sampling(raw.accelerometers.sample_hz, raw.drive.base_hz, &at.key("sample_hz"), faults);
+    let (found_hz, least_hz) = (raw.accelerometers.sample_hz, 16.0 * raw.drive.base_hz);
+    let allowed = format!("{least_hz} or more (16 samples to a period of the drive)");
+    faults.require(found_hz >= least_hz, at.key("sample_hz"), found_hz, allowed);
     let ([x, y], half) = (raw.accelerometers.position_mm, 0.5 * raw.plate.side_mm);
     let place = at.key("position_mm");
     for (i, found) in [x, y].into_iter().enumerate() {
@@ -130,16 +141,14 @@ fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     faults.require(arm < least || off >= least, &place, format!("{off:.3} mm off an axis"), allowed);
 }
 
-fn check_sampling(found: f64, base_hz: f64, at: &Path, faults: &mut Diagnostics) {
-    let least = 8.0 * base_hz;
-    faults.require(found > least, at, found, format!("above {least} (four times the second harmonic)"));
-}
-
 fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
     let (camera, at) = (&raw.camera, at.key("camera"));
     let period_s = 1.0 / camera.frame_hz;
     let allowed = format!("below {period_s:.6} (one frame's period)");
     faults.require(camera.exposure_s < period_s, at.key("exposure_s"), camera.exposure_s, allowed);
+    let [columns, rows] = camera.size_px;
+    let allowed = format!("up to {MOST_PIXELS} px in all");
+    faults.require(columns * rows <= MOST_PIXELS, at.key("size_px"), format!("{columns} x {rows}"), allowed);
     check_levels(&camera.levels, &at.key("levels"), faults);
     let lowest_mm = 0.5 * raw.plate.side_mm;
     let height = &at.key("position_mm").index(2);
@@ -154,6 +163,10 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnosti
             faults.push(&at, found, whole_plate_in_view(sim, least_px));
         }
         None => faults.push(&at, "a plate that is not in front of the camera", whole_plate_in_view(sim, least_px)),
+    }
+    if let Some(ratio) = view::side_ratio(&sim.camera, sim.plate.side_m).filter(|ratio| *ratio > SIDE_RATIO) {
+        let allowed = format!("a view in which no side of the plate is longer than {SIDE_RATIO} times another");
+        faults.push(at.key("tilt_deg"), format!("a side {ratio:.2} times as long as another"), allowed);
     }
     if !view::is_one_to_one(&sim.camera, sim.plate.side_m) {
         let allowed = format!("a distortion that is one-to-one over the plate of {} mm", mm_from_m(sim.plate.side_m));

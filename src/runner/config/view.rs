@@ -43,6 +43,17 @@ pub fn margin_px(camera: &CameraParams, side_m: f64) -> Option<f64> {
     least.is_finite().then_some(least)
 }
 
+/// Length of the plate's longest side in the image over that of its shortest; `None` if part of it is not in front of
+/// the camera.
+pub fn side_ratio(camera: &CameraParams, side_m: f64) -> Option<f64> {
+    let [a, b, c, d] = plate_corners_m(side_m).map(|corner_m| image_from_plate(camera, corner_m));
+    let corners = [a?, b?, c?, d?];
+    let sides = corners.iter().zip(corners.iter().cycle().skip(1)).map(|(from, to)| (to - from).norm());
+    let (shortest, longest) =
+        sides.fold((f64::INFINITY, 0.0f64), |(least, most), side| (least.min(side), most.max(side)));
+    Some(longest / shortest)
+}
+
 /// Least height, above the present one, at which the plate's outline is at least `least_px` inside the frame; `None` if
 /// there is none up to ten times the present height.
 pub fn least_height_m(camera: &CameraParams, side_m: f64, least_px: f64) -> Option<f64> {
@@ -149,5 +160,16 @@ mod tests {
         folded.lens.radial = [-20.0, 0.0];
         assert!(is_one_to_one(&camera([0.0; 3]), 0.2));
         assert!(!is_one_to_one(&folded, 0.2));
+    }
+
+    #[test]
+    fn sides_are_unequal_in_an_oblique_view() {
+        let above = CameraParams { position_m: Vector3::new(0.0, 0.0, 0.5), ..camera([0.0; 3]) };
+        assert!((side_ratio(&above, 0.3048).unwrap() - 1.0).abs() < 1e-9);
+        let tilt_rad = [std::f64::consts::FRAC_PI_4, 0.0, 0.0];
+        let oblique = CameraParams { position_m: Vector3::new(0.0, -0.969, 0.969), ..camera(tilt_rad) };
+        assert!((side_ratio(&oblique, 0.3048).unwrap() - 1.52).abs() < 0.01);
+        let behind = CameraParams { position_m: Vector3::new(0.0, 0.0, -0.5), ..above };
+        assert_eq!(side_ratio(&behind, 0.3048), None);
     }
 }

@@ -6,12 +6,16 @@ use upm_control::calibration::{self, CalibrationFault, CalibrationParams, Calibr
 use upm_cor_library::Library;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
 use upm_sim::SimRig;
 
 /// Positions of the calibration coins, in half sides of the plate: spread over radii and directions, and far enough
 /// inside that the longest pulse leaves them on the plate.
 const COINS: [[f64; 2]; 7] =
     [[0.05, 0.0], [-0.45, 0.1], [0.4, 0.4], [0.1, -0.5], [-0.3, -0.45], [-0.2, 0.55], [0.55, -0.2]];
+
+/// Distance of the two nearest of them, in half sides: less than a diameter of a coin on a plate that is too small.
+const NEAREST: f64 = 0.4;
 
 /// Longest displacement that is measured, in half sides of the plate; no coin leaves the plate by it.
 const LONGEST: f64 = 0.18;
@@ -31,9 +35,16 @@ pub fn calibrate(
 /// The simulated rig with pennies on it.
 fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
     let Some(penny) = rig.kinds.first() else {
-        return Err(CalibrationFault::Look("the rig file has no kinds of parts".into()));
+        return Err(CalibrationFault::Unseen("the rig file has no kinds of parts".into()));
     };
     let half_side_m = 0.5 * rig.model.plate_side_m;
+    let least_m = 2.0 * penny.kind.radius_m / NEAREST;
+    if half_side_m < least_m {
+        let [found, least] = [half_side_m, least_m].map(|half_m| mm_from_m(2.0 * half_m));
+        let reason =
+            format!("plate.side_mm: expected {least:.0} or more (the coins of the calibration), found {found}");
+        return Err(CalibrationFault::Unseen(reason));
+    }
     let coins = COINS
         .iter()
         .map(|&[x, y]| (penny.part(), Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
@@ -85,6 +96,14 @@ mod tests {
 
     fn made(rig: &RigSpec, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
         calibrate(rig, 1, params, &AtomicBool::new(false), &mut |_| ())
+    }
+
+    #[test]
+    fn plate_too_small_for_the_coins_is_refused() {
+        let (mut rig, params) = small();
+        rig.model.plate_side_m = 0.06;
+        let fault = made(&rig, &params).unwrap_err();
+        assert!(fault.to_string().starts_with("plate.side_mm: expected 95 or more"), "{fault}");
     }
 
     /// Compares with tolerances for the sines of other platforms: one count, and the change of the read-out by one

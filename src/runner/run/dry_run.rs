@@ -36,9 +36,9 @@ pub struct Forecast {
     pub independence: Independence,
     /// True if the job plans with synthesised fields.
     pub fields: bool,
-    /// Least plate time by rotations, s: the relaxed program over the library at the flows of the start, not a strict
-    /// bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot make the
-    /// steps.
+    /// Time figure: rough plate time by rotations, s, of the relaxed program over the library at the flows of the
+    /// start; no bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot
+    /// make the steps.
     pub bound_s: Option<f64>,
     /// The dry runs, each with different random numbers.
     pub dry_runs: Vec<DryRun>,

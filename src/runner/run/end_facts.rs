@@ -1,5 +1,7 @@
 //! Ending of a run for its report, and the verdict of the ground truth on it.
 
+use pathfinding::prelude::{Matrix, kuhn_munkres_min};
+
 use super::{PlannerSelection, RunError, RunSetup};
 use crate::config::{Assignment, JobSpec, TaskSpec};
 use upm_control::{ExpectedPart, FinalState};
@@ -116,19 +118,38 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
 /// their targets, and their names where the camera cannot distinguish them.
 fn each_has_its_part(report: &Report, job: &JobSpec, place_mm: impl Fn(&PartReport) -> Option<[f64; 2]>) -> bool {
     let (kinds, within_mm) = (job.kinds_of_parts(), mm_from_m(job.tolerance_m) + SENSING_MM);
-    let mut left: Vec<(usize, [f64; 2])> =
-        report.parts.iter().zip(&kinds).filter_map(|(part, &kind)| Some((kind, part.true_mm?))).collect();
-    report.parts.iter().zip(&kinds).all(|(part, &kind)| {
-        let Some(place_mm) = place_mm(part) else { return true };
-        let near = |at_mm: [f64; 2]| (at_mm[0] - place_mm[0]).hypot(at_mm[1] - place_mm[1]) <= within_mm;
-        let found = left.iter().position(|&(of, at_mm)| of == kind && near(at_mm));
-        found.map(|at| left.swap_remove(at)).is_some()
-    })
+    let of_kind = || report.parts.iter().zip(&kinds);
+    let places: Vec<_> = of_kind().filter_map(|(part, &kind)| Some((kind, place_mm(part)?))).collect();
+    let parts: Vec<_> = of_kind().filter_map(|(part, &kind)| Some((kind, part.true_mm?))).collect();
+    all_taken(&places, &parts, within_mm)
+}
+
+/// True if the parts can be given to the places so that each place has one of its kind within `within_mm`.
+fn all_taken(places: &[(usize, [f64; 2])], parts: &[(usize, [f64; 2])], within_mm: f64) -> bool {
+    if places.is_empty() || places.len() > parts.len() {
+        return places.is_empty();
+    }
+    let missed = |(place, part): (usize, usize)| {
+        let ((kind, [x, y]), (of, [at_x, at_y])) = (places[place], parts[part]);
+        i64::from(kind != of || (at_x - x).hypot(at_y - y) > within_mm)
+    };
+    kuhn_munkres_min(&Matrix::from_fn(places.len(), parts.len(), missed)).0 == 0
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wide_tolerances_give_no_place_the_part_that_another_needs() {
+        let at = |xs: &[f64]| xs.iter().map(|&x| (0, [x, 0.0])).collect::<Vec<_>>();
+        // the middle part is within reach of all places, each other part of its own alone
+        assert!(all_taken(&at(&[0.0, 20.0, 40.0]), &at(&[20.0, -22.0, 62.0]), 25.0));
+        assert!(!all_taken(&at(&[0.0, 20.0, 40.0]), &at(&[20.0, -22.0, -23.0]), 25.0));
+        assert!(!all_taken(&at(&[0.0, 20.0]), &at(&[0.0]), 25.0), "a part is missing");
+        assert!(!all_taken(&at(&[0.0]), &[(1, [0.0; 2])], 25.0), "of another kind");
+        assert!(all_taken(&[], &at(&[0.0]), 25.0));
+    }
 
     #[test]
     fn write_failure_is_added_to_the_cause_or_replaces_a_lesser_one() {

@@ -73,8 +73,10 @@ fn squares(repeat: u32, in_phase: bool) -> Value {
 
 #[test]
 fn task_without_end_completes_at_its_plate_time_limit() {
-    // a hold longer than the ten seconds after which another run without a pulse would count as stalled
+    let place = |x: f64| json!({"waypoints_mm": [[x, 10]], "speed_mm_s": 8, "repeat": 0});
+    // two are longer than the ten seconds after which another run without a pulse would count as stalled
     for (task, plate_time_s) in [
+        (json!({"type": "trajectories", "paths": [place(20.0), place(-40.0)]}), 11.0),
         (squares(0, false), 2.0),
         (squares(0, true), 2.0),
         (json!({"type": "hold"}), 11.0),

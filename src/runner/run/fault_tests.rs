@@ -112,6 +112,15 @@ fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
 }
 
 #[test]
+fn frames_with_an_old_stamp_end_the_run_only_after_two_seconds() {
+    assert_eq!(noticed("clock:skew=-3@0.5-0.53"), (None, true, Some(Truth::True)));
+    let lasting = job(&Value::Null).with_faults(&["clock:skew=-1.9@0.5".to_owned()]).unwrap();
+    let (_folder, done) = played(&lasting);
+    assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CameraStale), "{}", done.report.reason);
+    assert!((2.4..2.7).contains(&done.report.plate_time_s), "{} s", done.report.plate_time_s);
+}
+
+#[test]
 fn each_fault_of_camera_and_parts_ends_the_run_by_its_code() {
     for (fault, code) in [
         ("camera:freeze@0.5", "camera_frozen"),

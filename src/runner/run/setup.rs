@@ -239,7 +239,8 @@ fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motio
         motions,
         discs,
         bins: bins.to_vec(),
-        margin_m: (1.0 - MEASURED_SHARE) * job.tolerance_m,
+        // slots may be as near to the border as half the gap between rims
+        margin_m: ((1.0 - MEASURED_SHARE) * job.tolerance_m).min(0.25 * REST_GAP_M),
     }
 }
 

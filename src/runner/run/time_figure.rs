@@ -1,4 +1,4 @@
-//! Time figure of a job: the least plate time of its steps by rotations, a reference for a run or a forecast.
+//! Time figure of a job: a rough plate time of its steps by rotations, by which jobs are compared.
 
 use std::sync::Arc;
 
@@ -12,8 +12,9 @@ use upm_planner::{PartState, RotationPlanner};
 /// power.
 const MOST_PARTS: usize = 16;
 
-/// Least plate time by rotations from `starts_m` to `targets_m`, s: the relaxed program over the library at the flows
-/// of the start, which is not a strict bound. Jobs by synthesised fields have the figure of rotations, too.
+/// Rough plate time by rotations from `starts_m` to `targets_m`, s: the relaxed program over the library at the flows
+/// of the start, which is no bound: a run by rotations may take half of it. Jobs by synthesised fields have the figure
+/// of rotations, too.
 ///
 /// `None` for tasks whose parts follow paths or stay at their places, for more than 16 parts, and where the library
 /// cannot make the steps.

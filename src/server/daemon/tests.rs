@@ -17,7 +17,8 @@ use crate::api::{Backend, EStopped, Job, JobCreated, JobsQuery, Pending, Plate, 
 use crate::http::{Caller, Reason, ReasonCode};
 use crate::states::{JobState, PlateState};
 use upm_core::job::Pace;
-use upm_core::time::{Clock, MonotonicClock};
+use upm_core::time::MonotonicClock;
+use upm_fixtures::wait::{eventually, eventually_true};
 use upm_runner::config::{DaemonSpec, WatchdogSpec};
 
 const REST: &str = r#""name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}"#;
@@ -109,14 +110,14 @@ impl RunningDaemon {
 
     /// Stops plate upm-1; repeats until motors and disk have confirmed.
     fn stopped(&self) -> EStopped {
-        soon("the stop is not seen through", || {
+        eventually("the stop is seen through", || {
             let stopped = kept(self.backend.estop("upm-1", caller())).unwrap();
             (stopped.silent && stopped.persisted).then_some(stopped)
         })
     }
 
     fn ended(&self, id: &str) -> Job {
-        soon("the job does not end", || {
+        eventually("the job ends", || {
             let job = kept(self.backend.job(id)).unwrap();
             (!matches!(job.state, JobState::Queued | JobState::Running)).then_some(job)
         })
@@ -128,18 +129,6 @@ impl Drop for RunningDaemon {
         assert_eq!(self.backend.state.plates.shutdown(TIMEOUT), [""; 0]);
         self.backend.state.store.close(Duration::from_secs(5));
     }
-}
-
-/// Calls `ask` repeatedly until it returns a value; panics with `otherwise` after [`TIMEOUT`].
-fn soon<T>(otherwise: &str, ask: impl Fn() -> Option<T>) -> T {
-    let clock = MonotonicClock::new();
-    while clock.elapsed() < TIMEOUT {
-        if let Some(seen) = ask() {
-            return seen;
-        }
-        thread::sleep(Duration::from_millis(5));
-    }
-    panic!("{otherwise}");
 }
 
 fn caller() -> Caller {
@@ -213,7 +202,7 @@ fn emergency_stop_cancels_the_running_job_and_bars_resume() {
     let running = RunningDaemon::new();
     let long = on("upm-1").replace("0.2", "60");
     let id = running.order(&long, Pace::RealTime, None).unwrap().job.id;
-    soon("no frame comes", || kept(running.backend.plates()).unwrap().plates[0].age_s);
+    eventually("a frame comes", || kept(running.backend.plates()).unwrap().plates[0].age_s);
     let stopped = running.stopped();
     assert!(stopped.silent_at_s.unwrap() - stopped.requested_at_s.unwrap() <= 0.02);
     let ended = running.ended(&id);
@@ -250,7 +239,7 @@ fn sent(running: &RunningDaemon) -> Pending<JobCreated> {
 /// Waits until at least `tasks` tasks are queued for the store.
 fn until_waiting(running: &RunningDaemon, tasks: usize) {
     let waiting = || running.backend.state.store.health().waiting;
-    soon("the store is not asked", || (waiting() >= tasks).then_some(()));
+    eventually_true("the store is asked", || waiting() >= tasks);
 }
 
 fn all_jobs(running: &RunningDaemon) -> Vec<Job> {
@@ -294,7 +283,8 @@ fn submission_whose_client_went_while_it_was_stored_is_withdrawn() {
     let second = second.join().unwrap();
     drop(given_up);
     drop(second);
-    let job = soon("the job stays queued", || all_jobs(&running).pop().filter(|job| job.state != JobState::Queued));
+    let job =
+        eventually("the job leaves the queue", || all_jobs(&running).pop().filter(|job| job.state != JobState::Queued));
     assert_eq!(job.state, JobState::Cancelled);
 }
 
@@ -357,7 +347,7 @@ fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back()
         backend.state.check_paths();
         kept(backend.resume("upm-1", caller())).unwrap();
         running.ended(&running.submit(&on("upm-1")).unwrap().id);
-        assert!(soon("the plate does not rest", || {
+        assert!(eventually("the plate rests", || {
             let state = backend.plates_as_counted().plates[0].state;
             (state != PlateState::Running).then_some(state == PlateState::Idle)
         }));

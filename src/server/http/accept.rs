@@ -6,6 +6,7 @@ use std::time::Duration;
 use mio::event::Event;
 use mio::net::TcpListener;
 use mio::{Events, Interest, Poll, Token, Waker};
+use rustix::io::Errno;
 
 use super::silent::{Received, Silent, SilentConnections};
 use upm_core::time::{Clock, MonotonicClock};
@@ -114,6 +115,8 @@ impl Acceptor {
             let (mut stream, peer) = match self.listener.accept() {
                 Ok(accepted) => accepted,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return (false, Duration::ZERO),
+                // descriptors are needed for connections that say something
+                Err(error) if is_out_of_descriptors(&error) && self.silent.close_one() => continue,
                 Err(error) => {
                     tracing::warn!(%error, "cannot accept a connection");
                     return (true, NO_ROOM_PAUSE);
@@ -127,4 +130,8 @@ impl Acceptor {
         }
         (true, Duration::ZERO)
     }
+}
+
+fn is_out_of_descriptors(error: &io::Error) -> bool {
+    matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE))
 }

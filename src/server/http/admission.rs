@@ -1,3 +1,4 @@
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv6Addr};
 use std::sync::Arc;
@@ -133,13 +134,14 @@ impl SpareConnections {
 }
 
 impl Spares {
-    /// The oldest connection that is not busy, of the host with the most connections; `None` when all are busy.
+    /// The oldest connection that is not busy, of the host with the most connections; of hosts with equally many, that
+    /// with the oldest one. `None` when all are busy.
     fn take_idle(&mut self) -> Option<SparePermit> {
         let idle = |(peer, held): (&PeerHost, &BTreeMap<u64, SparePermit>)| {
             let (number, _) = held.iter().find(|(_, permit)| !permit.busy.is_set())?;
-            Some((held.len(), *peer, *number))
+            Some((held.len(), Reverse(*number), *peer))
         };
-        let (_, peer, number) = self.of_peer.iter().filter_map(idle).max()?;
+        let (_, Reverse(number), peer) = self.of_peer.iter().filter_map(idle).max()?;
         self.remove(peer, number)
     }
 

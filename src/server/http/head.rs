@@ -6,8 +6,8 @@ use tokio::net::TcpStream;
 /// Bytes read at a time.
 const READ: usize = 1 << 10;
 
-/// Reads until the head of a request is complete, and returns all bytes read. An error when the head exceeds `most`
-/// bytes, and when the client closes before its end.
+/// Reads until the head of a request is complete, and returns all bytes read. Empty lines before a request are no head
+/// (RFC 9112, section 2.2). An error when the head exceeds `most` bytes, and when the client closes before its end.
 pub(super) async fn read_head(stream: &TcpStream, most: usize) -> io::Result<Bytes> {
     let mut read = BytesMut::new();
     loop {
@@ -16,9 +16,7 @@ pub(super) async fn read_head(stream: &TcpStream, most: usize) -> io::Result<Byt
         let before = read.len();
         match stream.try_read_buf(&mut read) {
             Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-            Ok(_) if has_blank_line(read.get(before.saturating_sub(2)..).unwrap_or_default()) => {
-                return Ok(read.freeze());
-            }
+            Ok(_) if has_head_end(&read, before) => return Ok(read.freeze()),
             Ok(_) if read.len() > most => return Err(io::ErrorKind::InvalidData.into()),
             Ok(_) => {}
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
@@ -27,9 +25,12 @@ pub(super) async fn read_head(stream: &TcpStream, most: usize) -> io::Result<Byt
     }
 }
 
-/// True after the end of a head; lines end with or without a carriage return.
-fn has_blank_line(bytes: &[u8]) -> bool {
-    bytes.windows(3).any(|three| three == b"\n\r\n") || bytes.windows(2).any(|two| two == b"\n\n")
+/// True if the head ends after its first `searched` bytes: with an empty line, after lines that end with or without a
+/// carriage return.
+fn has_head_end(read: &[u8], searched: usize) -> bool {
+    let begin = read.iter().position(|byte| !b"\r\n".contains(byte)).unwrap_or(read.len());
+    let new = read.get(begin.max(searched.saturating_sub(2))..).unwrap_or_default();
+    new.windows(3).any(|three| three == b"\n\r\n") || new.windows(2).any(|two| two == b"\n\n")
 }
 
 #[cfg(test)]
@@ -63,6 +64,14 @@ mod tests {
         assert_eq!(head_of(&single).await, Ok(Bytes::from_static(head)));
         assert_eq!(head_of(&[b"GET / HTTP/1.1\n", b"\n"]).await, Ok(Bytes::from_static(b"GET / HTTP/1.1\n\n")));
         assert!(head_of(&[head, b"body"]).await.unwrap().starts_with(head));
+    }
+
+    #[tokio::test]
+    async fn empty_lines_before_a_request_are_no_head() {
+        assert_eq!(head_of(&[b"\r\n\r\n"]).await, Err(io::ErrorKind::UnexpectedEof));
+        assert_eq!(head_of(&[b"\n\n", b"GET / HTTP/1.1\r\n"]).await, Err(io::ErrorKind::UnexpectedEof));
+        assert_eq!(head_of(&[&b"\r\n".repeat(4096)]).await, Err(io::ErrorKind::InvalidData));
+        assert!(head_of(&[b"\r\n", b"\r\nGET / HTTP/1.1\r\n\r", b"\n"]).await.unwrap().ends_with(b"1\r\n\r\n"));
     }
 
     #[tokio::test]

@@ -236,7 +236,8 @@ impl ConnectionTask {
         place.busy.set(true);
         let Ok(stream) = stream.into_std() else { return };
         let mut builder = http1::Builder::new();
-        builder.keep_alive(false);
+        // a head that only this server takes for complete must not keep the place for hyper's 30 s
+        builder.keep_alive(false).header_read_timeout(within);
         self.answer(stream, head, place.busy.clone(), builder).await;
         drop(place);
     }

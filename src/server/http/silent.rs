@@ -1,3 +1,4 @@
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::net::SocketAddr;
@@ -88,11 +89,11 @@ impl SilentConnections {
         self.by_number.first_key_value().map(|(_, silent)| silent.accepted_at)
     }
 
-    fn close_one(&mut self) {
-        let oldest = self.of_peer.values().max_by_key(|held| held.len()).and_then(BTreeSet::first);
-        if let Some(&number) = oldest {
-            self.take(number);
-        }
+    /// Closes the oldest connection of the host with the most; of hosts with equally many, that with the oldest one.
+    /// False if there is none.
+    pub(super) fn close_one(&mut self) -> bool {
+        let oldest = self.of_peer.values().filter_map(|held| Some((held.len(), Reverse(*held.first()?)))).max();
+        oldest.is_some_and(|(_, Reverse(number))| self.take(number).is_some())
     }
 }
 
@@ -142,6 +143,16 @@ mod tests {
         assert_eq!(silent.of_peer.len(), 2);
         let (_, mut displaced) = flood.into_iter().next().unwrap();
         assert_eq!(displaced.read(&mut [0]).unwrap(), 0, "closed");
+    }
+
+    #[test]
+    fn of_hosts_with_equally_many_that_with_the_oldest_loses_it() {
+        let mut silent = SilentConnections::default();
+        let hosts = ["192.0.2.1", "192.0.2.2", "2001:db8::1"];
+        let clients: Vec<_> = (0..9).map(|i| add(&mut silent, hosts[i % 3], 0, 3)).collect();
+        assert_eq!(silent.by_number.keys().copied().collect::<Vec<_>>(), [6, 7, 8], "whatever their addresses");
+        assert!(silent.close_one() && silent.close_one() && silent.close_one() && !silent.close_one());
+        drop(clients);
     }
 
     #[test]

@@ -172,10 +172,25 @@ impl Sweeper {
     /// Deletes run folders, and rows of old keys and jobs; a failure of one does not prevent the other.
     fn sweep(&mut self) -> Result<SweepReport, StoreFault> {
         let swept = self.delete_folders();
+        let missing = self.prune_missing();
         let forgotten = self.queue.written(true, |tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
         // a failure shows in the store's health, and makes nothing older
         let _ = self.queue.written(false, |tx| tx.note_uptime());
-        forgotten.and(swept)
+        forgotten.and(missing).and(swept)
+    }
+
+    /// While there are too many jobs, takes run folders that someone removed from the rows of ended jobs. Such rows can
+    /// be forgotten; otherwise newer ones would be in their place.
+    fn prune_missing(&self) -> Result<(), StoreFault> {
+        if !self.queue.written(true, |tx| tx.has_too_many_jobs())? {
+            return Ok(());
+        }
+        let (names, rows) = self.names_and_rows()?;
+        let ended = rows.into_iter().filter(|(_, (_, ended))| ended.is_some());
+        for (name, (id, _)) in ended.filter(|(name, _)| names.binary_search(name).is_err()) {
+            self.queue.written(true, move |tx| tx.prune(&id, &name))?;
+        }
+        Ok(())
     }
 
     /// Deletes the run folders that are due. A folder that cannot be deleted does not prevent the deletion of others.

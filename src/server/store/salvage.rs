@@ -13,7 +13,8 @@ use super::layout::DataDir;
 use super::run_file::{modified, text_of};
 use super::{JobId, JobRow, JobState, NewJob, Pace, StoreFault, jobs};
 
-/// Copies the readable data of the damaged store `old`: jobs, idempotency keys, the audit log. Events are left behind;
+/// Copies the readable data of the damaged store `old`: jobs, idempotency keys (also of deleted
+/// jobs), the audit log. Events are left behind;
 /// their numbers are not reused.
 pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault> {
     let Ok(old) = reading(old) else { return Ok(()) };
@@ -48,6 +49,10 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
             "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
             params![key, body_sha256, job, at],
         )?;
+    }
+    let spent: Vec<String> = readable_rows(&old, "SELECT key FROM spent_keys", |row| row.get(0));
+    for key in spent {
+        tx.execute("INSERT OR IGNORE INTO spent_keys (key, uptime) VALUES (?1, 0)", [key])?;
     }
     Ok(tx.commit()?)
 }

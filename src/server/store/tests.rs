@@ -28,6 +28,7 @@ use super::{
     SubmitOutcome, history,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_fixtures::wait::eventually;
 
 /// Longest wait for an answer of a store that works.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -130,15 +131,10 @@ fn try_open(data: &Path, limits: StoreLimits) -> Result<OpenOutcome, StoreFault>
 
 /// Opens a store that an earlier opener may still be closing.
 fn open(data: &Path, limits: StoreLimits) -> OpenOutcome {
-    for _ in 0..1000 {
-        match try_open(data, limits.clone()) {
-            Err(StoreFault::Io(reason)) if reason.contains("another daemon") => {
-                std::thread::sleep(Duration::from_millis(5));
-            }
-            other => return other.unwrap(),
-        }
-    }
-    panic!("the store stays locked");
+    eventually("the store is unlocked", || match try_open(data, limits.clone()) {
+        Err(StoreFault::Io(reason)) if reason.contains("another daemon") => None,
+        other => Some(other.unwrap()),
+    })
 }
 
 /// A new store in a new folder.

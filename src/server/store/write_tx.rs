@@ -67,6 +67,12 @@ impl WriteTx<'_> {
         self.connection.execute(sql, params![id, folder, recording]).map(|_| ())
     }
 
+    /// True when there are more jobs than are kept.
+    pub fn has_too_many_jobs(&self) -> rusqlite::Result<bool> {
+        let sql = "SELECT count(*) > ?1 FROM jobs";
+        self.connection.query_row(sql, [sql_limit(self.limits.jobs)], |row| row.get(0))
+    }
+
     /// Deletes the oldest ended jobs without a run folder, until the limit is met. A job stays while its key is
     /// remembered: a repeated key must be answered with it, never run again.
     pub fn forget_jobs(&self) -> rusqlite::Result<()> {

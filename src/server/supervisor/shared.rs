@@ -55,8 +55,10 @@ impl PlateInner {
     /// Pauses the plate, or resumes it with `None`.
     pub fn pause(&self, why: Option<Pause>) {
         let paused = why.is_some();
-        let before = std::mem::replace(&mut *self.paused.lock(), why);
+        let mut held = self.paused.lock();
+        let before = std::mem::replace(&mut *held, why);
         if before.is_some() != paused {
+            // under the lock, so that the store keeps the order
             self.job_store.note_paused(&self.name, paused);
         }
     }

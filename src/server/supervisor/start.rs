@@ -146,8 +146,9 @@ impl PlatesWatch {
     /// Watches all plates until they end.
     fn run(self) {
         let Self { plates, disk, spec, clock, looked_ms } = self;
+        let watchdog = |shared: &PlateInner| Watchdog::with_camera(spec, shared.rules.rig.model.frame_hz);
         let mut watched: Vec<(Arc<PlateInner>, Watchdog)> =
-            plates.into_iter().map(|shared| (shared, Watchdog::new(spec))).collect();
+            plates.into_iter().map(|shared| (Arc::clone(&shared), watchdog(&shared))).collect();
         while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
             for (shared, watchdog) in &mut watched {
                 let Some((job, journal)) = shared.job.driven() else {

@@ -16,6 +16,7 @@ use crate::store::{InMemoryJobStore, JobId, JobRow, JobState, Pace, RecordingSta
 use upm_cor_library::Library;
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
+use upm_fixtures::wait::eventually_true;
 use upm_recording::RecordingState;
 use upm_runner::config::{RigSpec, WatchdogSpec};
 
@@ -212,9 +213,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert!(times.motors_off_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(caller("bob")), "a stop holds");
 
-    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
-        std::thread::yield_now();
-    }
+    eventually_true("a reset", || reset(plate, "bob") != Err(ResetFault::StillStopping));
     assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
     assert_eq!(plate.snapshot().state, PlateState::Paused);
     idles(plate);

@@ -13,6 +13,9 @@ pub(super) const TICK: Duration = Duration::from_millis(10);
 /// Longest interval between two checks that counts. After a longer one the whole program had stopped, watchdog
 /// included, and the run notices that by itself.
 const STOOD_STILL: Duration = Duration::from_millis(100);
+/// Frames that may be missing, or show no part, however low the camera's rate is. A part that two frames do not show is
+/// lost, which ends the run first.
+const MISSED_FRAMES: f64 = 3.5;
 /// Time over which missed deadlines are counted.
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -115,6 +118,13 @@ impl Memory {
 impl Watchdog {
     pub fn new(spec: WatchdogSpec) -> Self {
         Self { spec, memory: Memory::default() }
+    }
+
+    /// A watchdog of runs with a camera of this rate: limits shorter than a few frames are as long as these.
+    pub fn with_camera(spec: WatchdogSpec, frame_hz: f64) -> Self {
+        let least_s = MISSED_FRAMES / frame_hz;
+        let no_frame = spec.no_frame.max(Duration::from_secs_f64(least_s));
+        Self::new(WatchdogSpec { no_frame, no_part_s: spec.no_part_s.max(least_s), ..spec })
     }
 
     /// Checks a run. Returns its fault, if any; `None` before its first frame. `unwritten_since` is the time since

@@ -113,7 +113,7 @@ impl DiscOutline {
         if self.shown.is_empty() {
             return TileBox::default();
         }
-        // Within a glimpse a part moves by less than the blur's standard deviation.
+        // Within a sub-exposure a part moves by less than the blur's standard deviation.
         let margin = Vec2::repeat(1.5 * REACH * blur.sd_px());
         grid.between(low - margin, high + margin)
     }

@@ -10,9 +10,9 @@ use upm_core::geometry::{Pose, Vec2, perp};
 
 /// One side of the plate during an exposure.
 ///
-/// Motion of a side along itself does not change the picture, so a side has separate glimpses, chosen by its motion
-/// across itself. The line's equation is averaged over a glimpse: a point's depth inside the side is linear in it, so
-/// that the depth's mean and variance follow exactly at any point.
+/// Motion of a side along itself does not change the picture, so a side has separate sub-exposures, chosen by its
+/// motion across itself. The line's equation is averaged over a sub-exposure: a point's depth inside the side is linear
+/// in it, so that the depth's mean and variance follow exactly at any point.
 #[derive(Clone, Debug)]
 pub(super) struct EdgeOutline {
     half_side_m: f64,
@@ -22,7 +22,7 @@ pub(super) struct EdgeOutline {
     next: Vec<EdgeLine>,
 }
 
-/// A glimpse of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
+/// A sub-exposure of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct EdgeLine {
     mean: Vector3<f64>,
@@ -104,8 +104,8 @@ impl EdgeOutline {
         })
     }
 
-    /// Bounds of a point's depth inside the side during the exposure, motion within glimpses with its reach included,
-    /// m.
+    /// Bounds of a point's depth inside the side during the exposure, motion within sub-exposures with its reach
+    /// included, m.
     pub(super) fn depths_m(&self, p_m: Vec2) -> [f64; 2] {
         let point = at(p_m);
         self.shown.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], line| {

@@ -13,7 +13,7 @@ pub(super) struct SubExposure {
     pub(super) weight: f64,
 }
 
-/// Lengths that determine how an exposure is cut into glimpses.
+/// Lengths that determine how an exposure is cut into sub-exposures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SubExposureParams {
     /// Standard deviation of the blur, as a length on the table, m.
@@ -23,16 +23,16 @@ pub(super) struct SubExposureParams {
 }
 
 impl SubExposureParams {
-    /// Extent of one glimpse (number of snapshots times their spacing), in standard deviations of the blur. n snapshots
-    /// s apart have the fourth cumulant κ₄ = -(n⁴ - 1) s⁴/120, and a step's blurred edge differs from that of a
-    /// Gaussian of equal variance by at most κ₄/24 · 0.55 of its height: 0.14 %.
+    /// Extent of one sub-exposure (number of snapshots times their spacing), in standard deviations of the blur. n
+    /// snapshots s apart have the fourth cumulant κ₄ = -(n⁴ - 1) s⁴/120, and a step's blurred edge differs from that of
+    /// a Gaussian of equal variance by at most κ₄/24 · 0.55 of its height: 0.14 %.
     const MERGED: f64 = 1.64;
     /// Rounding of poses, relative to the blur: a body at rest in the picture then has an exactly constant pose.
     const ROUNDING: f64 = 1e-3;
     /// Spread below which a motion counts as none, relative to the blur.
     const STILL: f64 = 1e-2;
 
-    /// Cuts evenly spaced poses of one body into the fewest glimpses that give the same picture.
+    /// Cuts evenly spaced poses of one body into the fewest sub-exposures that give the same picture.
     pub(super) fn sub_exposures(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<SubExposure>) {
         out.clear();
         let count = poses.len();
@@ -49,7 +49,7 @@ impl SubExposureParams {
         }
     }
 
-    /// Number of the `count` snapshots, at most `step_m` apart, that one glimpse holds.
+    /// Number of the `count` snapshots, at most `step_m` apart, that one sub-exposure holds.
     pub(super) fn together(&self, step_m: f64, count: usize) -> usize {
         ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, count.max(1))
     }

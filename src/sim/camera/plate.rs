@@ -12,8 +12,9 @@ use upm_core::geometry::{Pose, Vec2, perp};
 /// The plate's square outline during an exposure.
 ///
 /// A side is a straight line on the table. Along its normal n the blur of the image has the table variance nᵀ C n, C
-/// the tile's covariance of the blur; the plate's motion within a glimpse adds its own. Where only one side is near,
-/// that side's glimpses are used. Corners are products of two sides, in glimpses in which the whole plate hardly moves.
+/// the tile's covariance of the blur; the plate's motion within a sub-exposure adds its own. Where only one side is
+/// near, that side's sub-exposures are used. Corners are products of two sides, in sub-exposures in which the whole
+/// plate hardly moves.
 #[derive(Clone, Debug)]
 pub(super) struct PlateOutline {
     half_side_m: f64,
@@ -42,8 +43,8 @@ impl TileAtRest {
     }
 }
 
-/// Upper bound by which a glimpse extends the reach of a side's blur: a constant, m, and a slope by the distance from
-/// the resting plate's centre.
+/// Upper bound by which a sub-exposure extends the reach of a side's blur: a constant, m, and a slope by the distance
+/// from the resting plate's centre.
 fn max_sub_exposure_motion(&SubExposure { pose, spread, .. }: &SubExposure) -> [f64; 2] {
     // The sum of standard deviations is at least the root of the sum of their squares, which is the blur's.
     let [shift_m, turn_rad] = spread_bound(&spread);
@@ -57,7 +58,7 @@ fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
     [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
 
-/// One glimpse of the outline: its centre and the outward normal of its right-hand side.
+/// One sub-exposure of the outline: its centre and the outward normal of its right-hand side.
 #[derive(Clone, Copy, Debug)]
 struct PlateSquare {
     center_m: Vec2,

@@ -128,7 +128,7 @@ fn an_exposure_is_the_mean_of_its_snapshots() {
             blurred.levels.iter_mut().zip(&sharp.levels).for_each(|(sum, level)| *sum -= level / 8.0);
         }
         let off = blurred.levels.iter().fold(0.0_f64, |off, level| off.max(level.abs()));
-        // Within a glimpse both sides of a corner move together; the product of shares ignores that.
+        // Within a sub-exposure both sides of a corner move together; the product of shares ignores that.
         assert!(off < 1.5, "{step_m}: {off}");
     }
 }
@@ -140,7 +140,7 @@ fn sides_of_a_moving_plate_are_the_mean_of_its_snapshots() {
     let looks_at = |k: usize| view.table_from_image(Vec2::new((k % 1280) as f64, (k / 1280) as f64));
     let at_corner: Vec<bool> = (0..1280 * 1024).map(|k| looks_at(k).is_none_or(|p| p.abs().min() > 0.09)).collect();
     let mut camera = camera(&params, &[]);
-    // Two to five snapshots in a glimpse, just below and just above the limit.
+    // Two to five snapshots in a sub-exposure, just below and just above the limit.
     for (x, y, turn) in [(6e-5, 8.6e-5, 0.0), (7.7e-5, 1.1e-4, 0.0), (-1.5e-4, 3e-4, 1e-5), (2e-5, -4e-5, 4e-4)] {
         let at = |k: f64| snapshot(pose(k * x, k * y, k * turn), &[]);
         let exposure: Vec<Snapshot> = (0..5).map(|k| at(f64::from(k))).collect();

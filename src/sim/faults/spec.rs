@@ -167,7 +167,7 @@ pub enum FaultKind {
     Resonance,
     /// A spot with a tenth of the friction: position and radius, mm.
     Oil,
-    /// The controller refuses pulses as if one still sounded.
+    /// The controller refuses pulses as if one were still playing.
     Busy,
     /// Pulses and frames fail with a device error.
     Error,

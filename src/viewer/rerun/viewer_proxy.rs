@@ -201,6 +201,7 @@ fn copy(mut from: &TcpStream, mut to: &TcpStream) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use upm_fixtures::wait::eventually_true;
 
     /// A server that sends `word` to every client and then listens.
     fn speaker(word: &'static [u8]) -> SocketAddr {
@@ -241,11 +242,7 @@ mod tests {
         assert!(!replaced(&proxy));
         assert_eq!(viewer(&proxy).1, b"old");
         drop(first);
-        let tries = (0..1000).take_while(|_| {
-            thread::sleep(Duration::from_millis(10));
-            !replaced(&proxy)
-        });
-        assert!(tries.count() < 1000, "a viewer that left is still counted");
+        eventually_true("a viewer that left is not counted", || replaced(&proxy));
         assert_eq!(viewer(&proxy).1, b"new");
     }
 
@@ -256,11 +253,7 @@ mod tests {
         assert!(seated.iter().all(|(_, word)| word == b"old"));
         assert_eq!(viewer(&proxy).1, b"");
         seated.pop();
-        let tries = (0..1000).take_while(|_| {
-            thread::sleep(Duration::from_millis(10));
-            viewer(&proxy).1 != b"old"
-        });
-        assert!(tries.count() < 1000, "a seat that was left stays taken");
+        eventually_true("a seat that was left is free", || viewer(&proxy).1 == b"old");
     }
 
     #[test]
@@ -312,10 +305,6 @@ mod tests {
         let proxy = proxy(b"old");
         let address = proxy.address();
         drop(proxy);
-        let tries = (0..1000).take_while(|_| {
-            thread::sleep(Duration::from_millis(10));
-            TcpStream::connect(address).is_ok()
-        });
-        assert!(tries.count() < 1000, "it still listens");
+        eventually_true("nothing listens", || TcpStream::connect(address).is_err());
     }
 }

@@ -134,7 +134,7 @@ proptest! {
 
     #[test]
     fn spectrum_is_that_of_the_sum_of_its_lines(
-        amplitudes in proptest::collection::vec((-5.0..5.0f64, -5.0..5.0f64), 6), samples in 13..200usize,
+        amplitudes in proptest::collection::vec((-5.0..5.0f64, -5.0..5.0f64), 6), samples in 10..200usize,
     ) {
         let value = |i: usize| -> f64 {
             amplitudes.iter().enumerate().map(|(k, (c, s))| {
@@ -146,7 +146,8 @@ proptest! {
         let spectrum = amplitude_spectrum(&values);
         prop_assert_eq!(spectrum.len(), samples / 2 + 1);
         for (k, (c, s)) in amplitudes.iter().enumerate() {
-            let wanted = Complex::new(*c, if k == 0 { 0.0 } else { -s });
+            let has_sine = k > 0 && 2 * k < samples;
+            let wanted = Complex::new(*c, if has_sine { -s } else { 0.0 });
             prop_assert!((spectrum[k] - wanted).norm() < 1e-9, "{k}");
         }
     }

@@ -9,7 +9,7 @@ use super::super::rim::RAYS;
 use super::super::rim::map::LocalMap;
 use super::super::rim::ring::{PerRay, Rays};
 use super::super::sampling::{Sampler, quantile};
-use super::super::{DiscSpec, Table};
+use super::super::{DetectedDisc, Table};
 use upm_core::geometry::Vec2;
 
 /// Radial range of the rays about the estimated radius, radii, and number of samples in it.
@@ -72,14 +72,14 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The disc near `at_m` whose radius is within `window` of `radius_m`, as a fraction of it.
-    pub(super) fn measure(&self, at_m: Vec2, radius_m: f64, window: f64) -> Option<DiscSpec> {
+    pub(super) fn measure(&self, at_m: Vec2, radius_m: f64, window: f64) -> Option<DetectedDisc> {
         let first = self.crests(at_m, radius_m)?;
         let (center, radius) = self.consensus(&first, window)?;
         let again = self.crests(at_m + center * radius_m, radius * radius_m)?;
         let best = self.fit(&again)?;
         let at_m = again.origin_m + best.center * again.radius_m;
         let measured_m = best.radius * again.radius_m;
-        self.table.holds(at_m, 0.5 * measured_m).then(|| DiscSpec {
+        self.table.holds(at_m, 0.5 * measured_m).then(|| DetectedDisc {
             center_px: again.map.middle_of_circle(best.center, best.radius),
             radius_px: again.map.radius_px() * best.radius,
             at_m,
@@ -92,10 +92,10 @@ impl<'a> OutlineGauge<'a> {
     }
 
     /// The discs, their outline shares referred to the outline that the others leave visible.
-    pub(super) fn with_mutual_occlusion(&self, discs: Vec<DiscSpec>) -> Vec<DiscSpec> {
-        let open_share = |disc: &DiscSpec| {
+    pub(super) fn with_mutual_occlusion(&self, discs: Vec<DetectedDisc>) -> Vec<DetectedDisc> {
+        let open_share = |disc: &DetectedDisc| {
             let margin_m = 1.5 / self.table.px_per_m_at(disc.at_m) + 0.03 * disc.radius_m;
-            let near: Vec<&DiscSpec> = discs
+            let near: Vec<&DetectedDisc> = discs
                 .iter()
                 .filter(|other| *other != disc)
                 .filter(|other| (other.at_m - disc.at_m).norm() < disc.radius_m + other.radius_m + margin_m)
@@ -107,9 +107,9 @@ impl<'a> OutlineGauge<'a> {
             self.rays.directions.iter().filter(is_open).count() as f64 / RAYS as f64
         };
         let shares: Vec<f64> = discs.iter().map(open_share).collect();
-        let seen = |(disc, open): (DiscSpec, f64)| {
+        let seen = |(disc, open): (DetectedDisc, f64)| {
             let outline_share = (disc.outline_share / open.max(0.25)).min(1.0);
-            DiscSpec { outline_share, ..disc }
+            DetectedDisc { outline_share, ..disc }
         };
         discs.into_iter().zip(shares).map(seen).collect()
     }

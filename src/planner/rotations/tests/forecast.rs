@@ -77,22 +77,22 @@ proptest! {
         let start = center + Vec2::new(angle.cos(), angle.sin()) * 0.04;
         let twist = Twist::about(center, 1.0);
         let (end, _) = motion(twist, 1.0, sustain_s, false).carry(start, 1.0);
-        let way_m = (end - start).norm();
-        prop_assume!(way_m > 1e-4);
-        prop_assert!(((end - center).norm() - 0.04).abs() < 0.02 * way_m, "{} {way_m}", (end - center).norm());
+        let distance_m = (end - start).norm();
+        prop_assume!(distance_m > 1e-4);
+        prop_assert!(((end - center).norm() - 0.04).abs() < 0.02 * distance_m, "{} {distance_m}", (end - center).norm());
         let (back, _) = motion(twist, 1.0, sustain_s, true).carry(end, 1.0);
-        prop_assert!((back - start).norm() < 0.02 * way_m);
+        prop_assert!((back - start).norm() < 0.02 * distance_m);
     }
 
     /// The dial gives the set distance on the typical belt, which for a translation is every belt.
     #[test]
-    fn a_translation_goes_the_way_it_is_set_to(way_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
+    fn a_translation_goes_the_way_it_is_set_to(distance_mm in 0.05..20.0f64, k in 0usize..16, forwards: bool) {
         let motion_set = motion_set();
-        let belt = motion_set.dials.iter().position(|belt| belt.entry == 289 + k).unwrap();
-        let way_m = if forwards { 1e-3 * way_mm } else { -1e-3 * way_mm };
-        let (end, _) = motion_set.motion(Pulse { belt, way_m }).carry(Vec2::zeros(), 1.0);
-        let along = motion_set.dials[belt].twist.direction_at(Vec2::zeros());
-        prop_assert!((end - along * way_m).norm() < 0.02 * way_m.abs() + 5e-6, "{end} {way_m}");
+        let dial = motion_set.dials.iter().position(|dial| dial.entry == 289 + k).unwrap();
+        let distance_m = if forwards { 1e-3 * distance_mm } else { -1e-3 * distance_mm };
+        let (end, _) = motion_set.motion(Pulse { dial, distance_m }).carry(Vec2::zeros(), 1.0);
+        let along = motion_set.dials[dial].twist.direction_at(Vec2::zeros());
+        prop_assert!((end - along * distance_m).norm() < 0.02 * distance_m.abs() + 5e-6, "{end} {distance_m}");
     }
 
     #[test]
@@ -100,8 +100,8 @@ proptest! {
         let (motion_set, parts) = (motion_set(), scene(3, 5e-3, seed));
         let usable = motion_set.usable(parts.iter().map(|part| (part.position_m, part.radius_m)), 0.8);
         let pulse = |k: usize| Pulse {
-            belt: usable[(37 * k + seed as usize) % usable.len()],
-            way_m: if k.is_multiple_of(2) { 2e-3 } else { -3e-3 },
+            dial: usable[(37 * k + seed as usize) % usable.len()],
+            distance_m: if k.is_multiple_of(2) { 2e-3 } else { -3e-3 },
         };
         let pulses: Vec<Pulse> = (0..6).map(pulse).collect();
         let play = |pulses: &[Pulse]| {
@@ -114,8 +114,8 @@ proptest! {
         let mut other = pulses.clone();
         // the dial and the phase in which a pulse ends bend the curve: compare with the slope of a small extension of
         // the same
-        let change_m = 0.02 * other[changed].way_m;
-        other[changed].way_m += change_m;
+        let change_m = 0.02 * other[changed].distance_m;
+        other[changed].distance_m += change_m;
         let moved = play(&other).1;
         for stage in changed + 1..=6 {
             for i in 0..parts.len() {
@@ -131,7 +131,8 @@ proptest! {
 fn a_part_that_goes_farther_by_its_gain_is_forecast_so() {
     let translation = Twist::new(0.8, 0.0, 0.0);
     let part = penny(mm(10.0, 5.0), Vec2::zeros());
-    let way_m = |gain: f64| (motion(translation, 1.0, 0.05, false).carry(part.position_m, gain).0 - part.position_m).x;
+    let distance_m =
+        |gain: f64| (motion(translation, 1.0, 0.05, false).carry(part.position_m, gain).0 - part.position_m).x;
     // a belt much faster than the part: the distance is proportional to friction
-    assert!((way_m(1.2) / way_m(1.0) - 1.2).abs() < 0.03, "{}", way_m(1.2) / way_m(1.0));
+    assert!((distance_m(1.2) / distance_m(1.0) - 1.2).abs() < 0.03, "{}", distance_m(1.2) / distance_m(1.0));
 }

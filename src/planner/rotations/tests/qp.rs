@@ -54,8 +54,8 @@ proptest! {
         let after = first.refined(&motion_set, &parts, &goal_m, &room, (6, 0.1e-3));
         prop_assert!(after.merit_m() <= before_m);
         for pulse in &after.pulses {
-            let (low_m, high_m) = motion_set.range_m(pulse.belt);
-            prop_assert!((low_m - 1e-9..=high_m + 1e-9).contains(&pulse.way_m.abs()));
+            let (low_m, high_m) = motion_set.range_m(pulse.dial);
+            prop_assert!((low_m - 1e-9..=high_m + 1e-9).contains(&pulse.distance_m.abs()));
         }
     }
 }

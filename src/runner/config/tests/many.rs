@@ -36,6 +36,34 @@ fn follow(paths: &[Value], in_phase: bool) -> Result<JobSpec, Vec<String>> {
 }
 
 #[test]
+fn thousands_of_parts_are_refused_before_their_paths_are_compared() {
+    let groups = json!(vec![json!({"kind": "penny", "count": 64}); 64]);
+    let circle = json!({"circle": {"radius_mm": 5}, "count": 64, "speed_mm_s": 5});
+    let task = json!({"type": "trajectories", "in_phase": true, "paths": vec![circle; 64]});
+    let only = ["parts: expected up to 64 in all, found 4096 parts"];
+    assert_eq!(on_upm_2(&groups, task).unwrap_err(), only);
+    let line = json!({"line": {"from_mm": [-100, 0], "to_mm": [100, 0]}});
+    assert_eq!(on_upm_2(&groups, json!({"type": "arrange", "targets": line})).unwrap_err(), only);
+}
+
+#[test]
+fn corner_off_the_plate_is_named_once_for_all_parts_on_its_path() {
+    let corners = [[-100, -100], [-100, 0], [-100, 100], [100, 100], [200, 0], [100, -100]];
+    let path = json!({"waypoints_mm": corners, "count": 2, "speed_mm_s": 8});
+    let faults = on_upm_2(&pennies(2), json!({"type": "trajectories", "paths": [path], "in_phase": true})).unwrap_err();
+    assert_eq!(faults.len(), 1, "{faults:?}");
+    assert!(faults[0].starts_with("task.paths[0].waypoints_mm[4][0]: expected from -141.875 to 141.875"), "{faults:?}");
+}
+
+#[test]
+fn laps_without_length_are_refused_in_phase() {
+    let places = [path(&[[-40.0, 0.0]], 8.0, 0), path(&[[40.0, 0.0]], 8.0, 0)];
+    let faults = follow(&places, true).unwrap_err();
+    assert_eq!(faults, ["task.paths[0].waypoints_mm: expected a lap above 0 mm (in_phase), found a lap of 0 mm"]);
+    assert!(follow(&places, false).is_ok());
+}
+
+#[test]
 fn every_shipped_job_is_valid_and_its_parts_find_room() {
     let mut names: Vec<String> = Vec::new();
     for entry in std::fs::read_dir(shipped("")).unwrap() {

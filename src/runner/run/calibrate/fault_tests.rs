@@ -221,5 +221,5 @@ fn coil_weak_at_the_end_is_refused_by_the_closing_pulse() {
 #[test]
 fn camera_frozen_half_way_is_refused_by_its_guard() {
     let fault = refusal(Alteration::Camera, DURING_STEPS_S);
-    assert!(matches!(&fault, CalibrationFault::Look(reason) if reason.contains("same picture again")), "{fault}");
+    assert!(matches!(&fault, CalibrationFault::Unseen(reason) if reason.contains("same picture again")), "{fault}");
 }

@@ -31,12 +31,12 @@ fn checked_job_is_laid_out_and_not_queued() {
 fn layout_is_available_while_the_job_is_on_its_plate() {
     let running = RunningDaemon::new();
     let id = running.submit(ENDLESS).unwrap().id;
-    let layout = soon("the job is not laid out", || kept(running.backend.layout(&id)).ok());
+    let layout = eventually("the job is laid out", || kept(running.backend.layout(&id)).ok());
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
     assert_eq!((kinds, layout.endless), (vec!["penny", "dime", "dime"], true));
     kept(running.backend.cancel(&id, caller())).unwrap();
     running.ended(&id);
-    soon("the plate does not rest", || kept(running.backend.layout(&id)).err());
+    eventually("the plate rests", || kept(running.backend.layout(&id)).err());
     assert!(matches!(kept(running.backend.layout(&id)), Err(Refusal::Unknown(_))));
     assert!(matches!(kept(running.backend.layout("nothing")), Err(Refusal::Unknown(_))));
 }
@@ -46,7 +46,7 @@ fn job_is_deleted_once_it_does_not_run() {
     let running = RunningDaemon::new();
     let [first, second] = [ENDLESS, &on("upm-1")].map(|text| running.submit(text).unwrap().id);
     let delete = |id: &str| kept(running.backend.delete(id, caller()));
-    soon("the job does not begin", || kept(running.backend.layout(&first)).ok());
+    eventually("the job begins", || kept(running.backend.layout(&first)).ok());
     assert!(matches!(delete(&first), Err(Refusal::Conflict(_))), "it runs");
     assert_eq!(delete(&second), Ok(()), "it waits");
     assert!(matches!(kept(running.backend.job(&second)), Err(Refusal::Unknown(_))));
@@ -56,5 +56,5 @@ fn job_is_deleted_once_it_does_not_run() {
     assert!(matches!(delete(&first), Err(Refusal::Unknown(_))), "once");
     assert_eq!(all_jobs(&running), []);
     let runs = running.backend.state.store.runs().to_owned();
-    soon("its run folder stays", || std::fs::read_dir(&runs).unwrap().next().is_none().then_some(()));
+    eventually_true("its run folder is removed", || std::fs::read_dir(&runs).unwrap().next().is_none());
 }

@@ -59,6 +59,21 @@ fn request_of_a_deleted_job_is_not_run_again_when_it_is_repeated() {
 }
 
 #[test]
+fn key_of_a_deleted_job_stays_spent_when_a_damaged_store_is_replaced() {
+    let (folder, store) = new_store(limits());
+    let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
+    delete(&store, row.id);
+    assert!(store.close(TIMEOUT));
+    drop(store);
+    let database = folder.path().join("upm.db");
+    crate::store::connection::writing(&database).unwrap().execute_batch("PRAGMA user_version = 0").unwrap();
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
+    assert!(recovery.damage.is_some());
+    assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));
+}
+
+#[test]
 fn key_of_a_deleted_job_is_forgotten_with_age() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@ use std::io::Write;
 use std::process::Command;
 
 use super::*;
+use upm_fixtures::wait::eventually_true;
 
 /// A small mounted file system, unmounted on drop.
 struct SmallDisk(tempfile::TempDir);
@@ -70,9 +71,7 @@ fn full_disk_refuses_jobs_and_still_stores_essential_writes() {
     store.finish(&running, end(JobState::Completed)).unwrap();
     ask(|done| store.cancel_queued(&waiting, done)).unwrap();
     set_paused(&store, "a", true);
-    while store.health().audit_waiting > 0 {
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    eventually_true("the audit log is written", || store.health().audit_waiting == 0);
     assert_eq!(job(&store, running).state, JobState::Completed);
     assert_eq!(ask(|done| store.audit_tail(5, done)).unwrap().len(), 1);
     assert_eq!(all_jobs(&store).len(), accepted + 2);
@@ -83,15 +82,9 @@ fn full_disk_refuses_jobs_and_still_stores_essential_writes() {
     assert!(recovery.clean);
     assert_eq!(accept(&store, new_job("new", "b")), Err(StoreFault::Full));
     disk.make_room();
-    for _ in 0..2000 {
-        if accept(&store, new_job("new", "b")) != Err(StoreFault::Full) {
-            assert_eq!((store.health().fault, store.health().reserve), (None, true));
-            assert!(disk.0.path().join("reserve").exists());
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    panic!("still full");
+    eventually_true("jobs are accepted", || accept(&store, new_job("new", "b")) != Err(StoreFault::Full));
+    assert_eq!((store.health().fault, store.health().reserve), (None, true));
+    assert!(disk.0.path().join("reserve").exists());
 }
 
 #[test]

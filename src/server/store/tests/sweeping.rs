@@ -252,6 +252,26 @@ fn wall_clock_that_jumps_makes_nothing_old() {
 }
 
 #[test]
+fn jobs_whose_run_folders_were_removed_by_hand_make_room_for_newer_ones() {
+    let data = tempfile::tempdir().unwrap();
+    let store = opened(data.path(), StoreLimits { jobs: 3, ..limits() }, still(fixed_time));
+    let ended = |name: &str| {
+        let id = begin_with(&store, name, 100);
+        store.finish(&id, end(JobState::Completed)).unwrap();
+        id
+    };
+    let [one, two, three] = ["one", "two", "three"].map(ended);
+    ["one", "two"].iter().for_each(|name| fs::remove_dir_all(store.runs().join(name)).unwrap());
+    store.sweep().unwrap();
+    assert_eq!(job(&store, one).folder.as_deref(), Some("one"), "while there is room, rows stay as they are");
+    let cancelled = queue(&store, "cancelled", "a").id;
+    ask(|done| store.cancel_queued(&cancelled, done)).unwrap();
+    store.sweep().unwrap();
+    assert_eq!(all_jobs(&store).iter().map(|row| row.id).collect::<Vec<_>>(), [cancelled, three, two]);
+    assert_eq!(names(&store), ["three"]);
+}
+
+#[test]
 fn job_ends_no_earlier_than_submitted_when_the_wall_clock_goes_back() {
     static BACK: AtomicI64 = AtomicI64::new(0);
     let wall = || fixed_time() - Duration::from_secs(BACK.load(Ordering::SeqCst).unsigned_abs());

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::states::StandingJob;
+use upm_fixtures::wait::eventually;
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
@@ -48,14 +49,10 @@ fn standing(plate: &PlateHandle) -> (StandingState, String) {
 
 /// Waits until the standing job is in that state; returns the reason.
 fn until(plate: &PlateHandle, state: StandingState) -> String {
-    for _ in 0..6000 {
+    eventually(&format!("the standing job is {state:?}"), || {
         let (now, why) = standing(plate);
-        if now == state {
-            return why;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    panic!("the standing job is never {state:?}: {:?}", plate.snapshot());
+        (now == state).then_some(why)
+    })
 }
 
 /// Name, state and standing flag of each job, oldest first.
@@ -148,9 +145,7 @@ fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
     next(&events, "cycle");
     assert!(plate.estop());
     assert_eq!(next(&events, "finished")["reason"], "emergency stop");
-    while reset(plate, "bob") == Err(ResetFault::StillStopping) {
-        std::thread::yield_now();
-    }
+    eventually_true("a reset", || reset(plate, "bob") != Err(ResetFault::StillStopping));
     assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
     assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
     plate.resume(caller("bob"));
@@ -166,7 +161,7 @@ fn failed_standing_job_waits_for_an_operator_and_reports_why() {
     assert!(why.starts_with("its last run failed: plate time limit of 0.5 s reached; "), "{why}");
     // the plate is paused before its job's end is stored
     let is_running = || jobs(&test_plates).iter().any(|(_, state, _)| *state == JobState::Running);
-    (0..6000).take_while(|_| is_running()).for_each(|_| std::thread::sleep(Duration::from_millis(10)));
+    eventually_true("the run ends", || !is_running());
     assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Failed, true)]);
 }
 
@@ -193,14 +188,10 @@ fn standing_job_waits_while_the_disk_is_nearly_full() {
     // other jobs still run
     test_plates.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(next(&events, "finished")["state"], "completed");
-    for _ in 0..6000 {
+    eventually_true("the standing job waits for room", || {
         let (state, why) = standing(plate);
         assert_eq!(state, StandingState::Waiting);
-        if why.starts_with("the disk has only ") {
-            assert_eq!(jobs(&test_plates).len(), 1);
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    panic!("{:?}", plate.snapshot());
+        why.starts_with("the disk has only ")
+    });
+    assert_eq!(jobs(&test_plates).len(), 1);
 }

@@ -1,6 +1,7 @@
 //! Pictures, live streams and subscribers of a plate.
 
 use super::*;
+use upm_fixtures::wait::eventually;
 
 #[test]
 fn plate_has_its_own_live_stream_if_configured() {
@@ -26,13 +27,8 @@ fn pictures_are_made_on_request() {
     assert_eq!(plate.picture(), None);
     test_plates.submit(plate, HOLD, Pace::RealTime);
     next(&events, "look");
-    let picture = loop {
-        if let Some((picture, age)) = plate.picture() {
-            assert!(age <= Duration::from_secs(3), "{age:?}");
-            break picture;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    };
+    let (picture, age) = eventually("a picture", || plate.picture());
+    assert!(age <= Duration::from_secs(3), "{age:?}");
     let image = image::load_from_memory(&picture.png).unwrap().into_rgb8();
     assert_eq!(image.dimensions(), (640, 512));
     assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");

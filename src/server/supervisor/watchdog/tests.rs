@@ -226,3 +226,23 @@ fn journal_that_waits_for_the_disk_ends_a_relaxed_run_as_a_hang_does() {
     });
     assert_eq!(found, fault(33_010, StopCause::JournalBlocked, "the journal could not be written for 30.0 s"));
 }
+
+#[test]
+fn camera_of_a_low_rate_may_miss_a_few_frames() {
+    let each_second = |shows_part: fn(u64) -> bool| {
+        move |now_ms: u64, heartbeat: &Heartbeat| {
+            if now_ms % 1000 == 0 {
+                let at_plate = PlateTime::from_secs(now_ms as f64 * 1e-3);
+                heartbeat.frame(at(now_ms), at_plate, shows_part(now_ms), false);
+            }
+        }
+    };
+    let found = |frame_hz: f64, shows_part: fn(u64) -> bool| {
+        let mut watchdog = Watchdog::with_camera(SPEC, frame_hz);
+        first_found(&mut watchdog, 1000, 20_000, each_second(shows_part), |_| STRICT)
+    };
+    assert_eq!(found(1.0, |ms| ms != 5000), None);
+    let reason = "no part was seen for 4.0 s of plate time";
+    assert_eq!(found(1.0, |ms| ms < 5000), fault(8000, StopCause::NoPartSeen, reason));
+    assert_eq!(found(60.0, |_| true).unwrap().1.cause, StopCause::DeadlineMissed, "no frame for half a second");
+}

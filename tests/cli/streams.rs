@@ -1,0 +1,72 @@
+//! Streams that cannot be written, and names that are no text: a command does its work and does not panic.
+#![cfg(target_os = "linux")]
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::symlink;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{root, status, upm};
+
+/// Exit status of `upm` with these arguments, its stderr on a full disk.
+fn status_with_full_stderr(args: &[&str]) -> Option<i32> {
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("upm"));
+    command
+        .args(args)
+        .current_dir(root())
+        .stdout(Stdio::null())
+        .stderr(File::options().write(true).open("/dev/full").unwrap());
+    command.status().unwrap().code()
+}
+
+#[test]
+fn full_stderr_costs_no_run_its_report() {
+    let out = TempDir::new().unwrap();
+    let to = out.path().to_str().unwrap();
+    assert_eq!(
+        status_with_full_stderr(&["run", "configs/arrange-2.json", "-v", "--rerun", "off", "--out", to]),
+        Some(0)
+    );
+    let run = fs::read_dir(out.path()).unwrap().next().unwrap().unwrap().path();
+    assert!(run.join("report.json").is_file());
+}
+
+#[test]
+fn names_that_are_no_text_are_taken() {
+    let folder = TempDir::new().unwrap();
+    let name = folder.path().join(OsStr::from_bytes(b"bad\xff"));
+    let taken = |args: &[&OsStr]| upm().args(args).output().unwrap();
+    let made = taken(&["init".as_ref(), name.as_os_str()]);
+    assert_eq!((made.status.code(), String::from_utf8_lossy(&made.stderr).contains("panicked")), (Some(0), false));
+    let job = name.join("configs/arrange-2.json");
+    let checked = taken(&["check".as_ref(), "--json".as_ref(), job.as_os_str()]);
+    assert_eq!(checked.status.code(), Some(0));
+    let rows: Value = serde_json::from_slice(&checked.stdout).unwrap();
+    assert_eq!(rows[0]["valid"], json!(true));
+}
+
+#[test]
+fn run_is_found_behind_a_link() {
+    let folder = TempDir::new().unwrap();
+    let [elsewhere, out] = ["elsewhere", "runs"].map(|name| folder.path().join(name));
+    status(&["run", "configs/arrange-2.json", "--rerun", "off", "--out", elsewhere.to_str().unwrap()], 0);
+    let run = fs::read_dir(&elsewhere).unwrap().next().unwrap().unwrap().path();
+    fs::create_dir(&out).unwrap();
+    symlink(run, out.join("linked")).unwrap();
+    for name in ["last", "linked", "link"] {
+        status(&["verify", name, "--out", out.to_str().unwrap()], 0);
+    }
+}
+
+#[test]
+fn more_faults_than_a_job_file_may_list_are_refused() {
+    let faults = vec!["part0:friction=1@50"; 33].join(",");
+    let (_, stderr) = status(&["run", "configs/arrange-2.json", "--faults", &faults], 2);
+    assert_eq!(stderr, "upm: --faults: expected up to 32, the job's included, found 33 faults\n");
+    let (_, stderr) = status(&["run", "configs/arrange-2.json", "--faults", "coil0:reversed@50-50.0000000001"], 2);
+    assert!(stderr.contains("a time after from_s, 50"), "{stderr}");
+}
