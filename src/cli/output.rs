@@ -93,6 +93,7 @@ pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
 }
 
 /// True once the reader of stdout has gone, for commands that print until then.
+#[cfg(feature = "daemon")]
 pub(super) fn reader_left() -> bool {
     READER_LEFT.load(Ordering::Relaxed)
 }

@@ -231,7 +231,7 @@ fn journal_that_waits_for_the_disk_ends_a_relaxed_run_as_a_hang_does() {
 fn camera_of_a_low_rate_may_miss_a_few_frames() {
     let each_second = |shows_part: fn(u64) -> bool| {
         move |now_ms: u64, heartbeat: &Heartbeat| {
-            if now_ms % 1000 == 0 {
+            if now_ms.is_multiple_of(1000) {
                 let at_plate = PlateTime::from_secs(now_ms as f64 * 1e-3);
                 heartbeat.frame(at(now_ms), at_plate, shows_part(now_ms), false);
             }
