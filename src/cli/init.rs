@@ -31,7 +31,8 @@ pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
         list.push(name);
     }
     let InitReport { written, unchanged, kept } = &laid;
-    let value = json!({ "folder": args.folder.display().to_string(), "written": written, "unchanged": unchanged, "kept": kept });
+    let folder = args.folder.display().to_string();
+    let value = json!({ "folder": folder, "written": written, "unchanged": unchanged, "kept": kept });
     print(common.json, &value, || say_laid(&args.folder, &laid))
 }
 

@@ -25,7 +25,12 @@ pub(crate) fn support_bundle(args: &BundleArgs, common: Common) -> Result<u8, Fa
     let made = bundle(&sources).map_err(Failure::failed)?;
     let out = args.out.clone().unwrap_or_else(|| named(now));
     write(&out, &made.tar).map_err(|error| Failure::write(&out, error))?;
-    let summary = json!({"bundle": out.display().to_string(), "bytes": made.tar.len(), "files": made.files, "missing": made.missing});
+    let summary = json!({
+        "bundle": out.display().to_string(),
+        "bytes": made.tar.len(),
+        "files": made.files,
+        "missing": made.missing,
+    });
     print(common.json, &summary, || {
         if !common.quiet {
             made.missing.iter().for_each(|missing| errln!("upm: not in the bundle: {missing}"));

@@ -21,7 +21,7 @@ pub(super) struct SteeringMotion {
 const TRIAL_COUNTS: f64 = 1e4;
 
 /// A deviation above this share of the wanted twist (m/s, m/s, rad/s, not weighted) is corrected once. Motions about a
-/// centre on the plate turn at 1 rad/s before they are scaled, so that a hundredth is a centimetre of the centre.
+/// centre on the plate turn at 1 rad/s before they are scaled: a hundredth of that is about a centimetre of the centre.
 const MISS: f64 = 0.01;
 
 /// Plays every wanted motion as strongly as the motors allow and records the plate's measured twist.

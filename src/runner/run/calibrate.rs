@@ -104,6 +104,10 @@ mod tests {
         rig.model.plate_side_m = 0.06;
         let fault = made(&rig, &params).unwrap_err();
         assert!(fault.to_string().starts_with("plate.side_mm: expected 95 or more"), "{fault}");
+        let distance = |[a, b]: [[f64; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let pairs = COINS.iter().enumerate().flat_map(|(i, &a)| COINS[..i].iter().map(move |&b| [a, b]));
+        let nearest = pairs.map(distance).fold(f64::INFINITY, f64::min);
+        assert!((NEAREST..NEAREST + 0.01).contains(&nearest), "{nearest}");
     }
 
     /// Compares with tolerances for the sines of other platforms: one count, and the change of the read-out by one

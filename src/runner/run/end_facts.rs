@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn wide_tolerances_give_no_place_the_part_that_another_needs() {
         let at = |xs: &[f64]| xs.iter().map(|&x| (0, [x, 0.0])).collect::<Vec<_>>();
-        // the middle part is within reach of all places, each other part of its own alone
+        // the part in the middle can take any place, the other two one place each
         assert!(all_taken(&at(&[0.0, 20.0, 40.0]), &at(&[20.0, -22.0, 62.0]), 25.0));
         assert!(!all_taken(&at(&[0.0, 20.0, 40.0]), &at(&[20.0, -22.0, -23.0]), 25.0));
         assert!(!all_taken(&at(&[0.0, 20.0]), &at(&[0.0]), 25.0), "a part is missing");

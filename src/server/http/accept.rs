@@ -115,8 +115,10 @@ impl Acceptor {
             let (mut stream, peer) = match self.listener.accept() {
                 Ok(accepted) => accepted,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return (false, Duration::ZERO),
-                // descriptors are needed for connections that say something
-                Err(error) if is_out_of_descriptors(&error) && self.silent.close_one() => continue,
+                // makes room for one more; then events are handled, so that none is closed before its request was noticed
+                Err(error) if is_out_of_descriptors(&error) && self.silent.close_one() => {
+                    return (true, Duration::ZERO);
+                }
                 Err(error) => {
                     tracing::warn!(%error, "cannot accept a connection");
                     return (true, NO_ROOM_PAUSE);

@@ -90,7 +90,7 @@ impl SilentConnections {
     }
 
     /// Closes the oldest connection of the host with the most; of hosts with equally many, that with the oldest one.
-    /// False if there is none.
+    /// False when none is held.
     pub(super) fn close_one(&mut self) -> bool {
         let oldest = self.of_peer.values().filter_map(|held| Some((held.len(), Reverse(*held.first()?)))).max();
         oldest.is_some_and(|(_, Reverse(number))| self.take(number).is_some())

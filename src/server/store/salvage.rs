@@ -13,9 +13,8 @@ use super::layout::DataDir;
 use super::run_file::{modified, text_of};
 use super::{JobId, JobRow, JobState, NewJob, Pace, StoreFault, jobs};
 
-/// Copies the readable data of the damaged store `old`: jobs, idempotency keys (also of deleted
-/// jobs), the audit log. Events are left behind;
-/// their numbers are not reused.
+/// Copies the readable data of the damaged store `old`: jobs, idempotency keys (also of deleted jobs), the audit log.
+/// Events are left behind; their numbers are not reused.
 pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault> {
     let Ok(old) = reading(old) else { return Ok(()) };
     let tx = new.unchecked_transaction()?;
