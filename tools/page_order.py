@@ -123,6 +123,10 @@ def check_deletion(checks, page, daemon):
     except urllib.error.HTTPError as error:
         gone = error.code == 404
     checks.that("for good", gone)
+    row(jobs[1]).locator(".job-name").click()
+    page.evaluate("""(id) => fetch(`/v1/jobs/${id}`, { method: 'DELETE' })""", jobs[1])
+    checks.soon("an open job that another client deletes leaves the list, too", lambda: row(jobs[1]).count() == 0, 8)
+    checks.that("and the list does not call itself old", "may be old" not in page.locator("#jobs-say").inner_text())
     checks.soon("a job that runs cannot be deleted", lambda: daemon.plate("upm-2")["job"] == jobs[3], 15)
     checks.that("there is no such button", not row(jobs[3]).get_by_role("button", name="Delete turn-3").is_visible())
     writing = row(jobs[3]).locator(".writing")

@@ -179,8 +179,8 @@ impl Sweeper {
         forgotten.and(missing).and(swept)
     }
 
-    /// While there are too many jobs, clears the run folder in rows of ended jobs whose folder was removed by hand. Such
-    /// rows can then be forgotten; otherwise newer ones would be, in their place.
+    /// While there are too many jobs, clears the run folder in rows of ended jobs whose folder was removed by hand.
+    /// Such rows can then be forgotten; otherwise newer ones would be, in their place.
     fn prune_missing(&self) -> Result<(), StoreFault> {
         if !self.queue.written(true, |tx| tx.has_too_many_jobs())? {
             return Ok(());
