@@ -115,7 +115,7 @@ impl Acceptor {
             let (mut stream, peer) = match self.listener.accept() {
                 Ok(accepted) => accepted,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return (false, Duration::ZERO),
-                // makes room for one more; then events are handled, so that none is closed before its request is noticed
+                // room for one more; then events are handled, so that none is closed before its request is noticed
                 Err(error) if is_out_of_descriptors(&error) && self.silent.close_one() => {
                     return (true, Duration::ZERO);
                 }
