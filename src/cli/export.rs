@@ -31,6 +31,9 @@ const CSV: &str = "csv";
 
 /// Writes the tables of a run folder.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
+    if !args.csv && !args.parquet {
+        return Err(Failure::bad_input("export: expected --csv, --parquet or both, found neither"));
+    }
     let run = &run_folder(&args.run)?;
     let report = report_of(run)?;
     let folder = args.to.clone().unwrap_or_else(|| beside(run));

@@ -25,7 +25,7 @@ pub struct ExportArgs {
     #[command(flatten)]
     pub run: RunFolderArgs,
     /// Write each table as comma-separated values: positions.csv, targets.csv, pulses.csv, timings.csv
-    #[arg(long, required_unless_present = "parquet")]
+    #[arg(long)]
     pub csv: bool,
     /// Write each table as Apache Parquet: positions.parquet and so on
     #[arg(long)]

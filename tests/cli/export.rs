@@ -197,7 +197,7 @@ fn invalid_run_folder_is_refused_in_one_line_without_tables() {
     fs::remove_file(run.join("report.json")).unwrap();
     refused("journal.jsonl", Some("{\"type\":\"cycle\"}\n"));
     let (_, stderr) = status(&["export", run.to_str().unwrap()], 2);
-    assert!(stderr.contains("--csv"), "{stderr}");
+    assert_eq!(stderr, "upm: export: expected --csv, --parquet or both, found neither\n");
 }
 
 #[test]
