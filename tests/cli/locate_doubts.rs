@@ -136,6 +136,8 @@ fn plate_side_is_determined_by_two_kinds_but_not_by_one() {
     let one = saved(&folder, &plain(260.0, &[(QUARTER, PLACES[0]), (QUARTER, PLACES[1]), (QUARTER, PLACES[2])]));
     let text = said(&one, &[]);
     assert!(text.contains("plate: 203.2 mm assumed; the sizes allow") && text.contains("mm for quarter"), "{text}");
+    let line = |text: &str| text.lines().find(|line| line.starts_with("plate: ")).map(str::to_owned);
+    assert_eq!(line(&said(&one, &["--kinds", "quarter"])), line(&text), "sides are those of all known kinds");
     let found = located(&one, &["--plate-side-mm", "260"]);
     assert_eq!((&found["plate"]["source"], &found["parts"][0]["kind"]), (&"given".into(), &"quarter".into()));
 }
