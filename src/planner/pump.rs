@@ -57,7 +57,7 @@ pub(crate) struct Travel {
 }
 
 /// Pulses of one base frequency and one attack, with sustains that are multiples of a twelfth of a period.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pump {
     base_radps: f64,
     attack_s: f64,
