@@ -22,6 +22,8 @@ mod rules;
 mod rules_tests;
 #[path = "architecture/scan.rs"]
 mod scan;
+#[path = "architecture/shared_build.rs"]
+mod shared_build;
 
 use layers::Crates;
 use map::{MAP, PAGE};

@@ -82,7 +82,9 @@ pub fn steer(
 
 /// Measures the plate's response to the synthesised motions of `rig` with the accelerometers alone; `None` where the
 /// rig makes none. Motors are at zero when this returns.
-#[cfg(any(test, feature = "testing"))]
+///
+/// # Errors
+/// As [`measure_axes`].
 pub fn measure_fields(
     rig: &mut dyn Rig,
     model: &RigModel,

@@ -11,7 +11,6 @@ mod file;
 mod plate_tests;
 mod probe;
 mod raw;
-#[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod types;
 mod validate;

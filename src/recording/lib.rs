@@ -11,7 +11,6 @@ mod handle;
 mod journal;
 mod lengths;
 mod maps;
-#[cfg(any(test, feature = "testing"))]
 mod memory;
 mod motion;
 mod options;
@@ -28,7 +27,6 @@ pub use fanout::Fanout;
 pub use handle::{RecordingHandle, RecordingState, report_recording_end};
 pub use journal::{Journal, journal_schema};
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
-#[cfg(any(test, feature = "testing"))]
 pub use memory::MemorySink;
 pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};

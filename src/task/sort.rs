@@ -54,7 +54,6 @@ pub struct SortParams {
 impl SortParams {
     /// Gap left by the slots of each bin, m: the least between rims, or twice that between a rim and a side where it is
     /// less; negative where no slots were found for its parts.
-    #[cfg(any(test, feature = "testing"))]
     pub fn gaps_m(&self) -> Vec<f64> {
         let gap_m = |(number, bin): (usize, &BinParams)| {
             let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.discs[part].radius_m).collect();
