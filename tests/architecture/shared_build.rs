@@ -24,7 +24,7 @@ fn units(selection: &[&str]) -> BTreeSet<Unit> {
     String::from_utf8(output.stdout).unwrap().lines().filter_map(line).collect()
 }
 
-/// Crates of the program that tests ask for other features of, and so would compile anew, with all that depends on them.
+/// Crates of the program that tests ask for more features of: compiled anew, with all that depends on them.
 fn compiled_twice(program: &BTreeSet<Unit>, tests: &BTreeSet<Unit>) -> Vec<String> {
     let names: BTreeSet<&String> = program.iter().map(|(name, _)| name).collect();
     let twice = tests.difference(program).filter(|(name, _)| names.contains(name));

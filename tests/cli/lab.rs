@@ -59,14 +59,15 @@ fn an_experiment_leaves_its_files_and_its_figures() {
     let (says, _) = status(&["check", trace.to_str().unwrap()], 0);
     assert!(says.contains(": ok, trace, 4 channels of "), "{says}");
 
-    let text = run(&["waveform-fit", "--seed", "3"]);
-    assert!(text.starts_with("waveform-fit, rig upm-1, seed 3\n  figure "), "{text}");
+    let text = run(&["cor-steering", "--seed", "3"]);
+    assert!(text.starts_with("cor-steering, rig upm-1, seed 3\n  figure "), "{text}");
     assert!(!text.contains('\u{1b}'), "no colours in a file: {text}");
     for path in text.lines().filter_map(|line| line.trim().strip_prefix("written")) {
         assert!(folder.path().join(path.trim()).starts_with(folder.path().join("runs/lab")), "{path}");
         assert!(folder.path().join(path.trim()).is_file(), "{path}");
     }
-    assert_eq!(run(&["waveform-fit", "--seed", "3"]), text, "equal seeds give equal figures");
+    assert_eq!(run(&["cor-steering", "--seed", "3"]), text, "equal seeds give equal figures");
+    assert_ne!(run(&["cor-steering", "--seed", "4"]).replace("seed 4", "seed 3"), text, "and others, others");
 }
 
 /// A trace of a pump wave about (40, -30) mm: `a = w v (sin 2wt - sin wt)` in every channel.
@@ -239,11 +240,11 @@ fn an_experiment_is_not_recorded_without_rerun() {
 fn an_experiment_is_recorded_when_asked() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().to_str().unwrap();
-    let (stdout, _) = status(&["lab", "waveform-fit", "--out", out, "--rerun", "save"], 0);
-    let recording = folder.path().join("waveform-fit.rrd");
+    let (stdout, _) = status(&["lab", "cor-steering", "--out", out, "--rerun", "save"], 0);
+    let recording = folder.path().join("cor-steering.rrd");
     assert!(stdout.contains(recording.to_str().unwrap()), "{stdout}");
     assert!(fs::read(recording).unwrap().starts_with(b"RRF2"));
-    status(&["lab", "waveform-fit", "--out", out, "--rerun", "connect=nowhere"], 2);
+    status(&["lab", "cor-steering", "--out", out, "--rerun", "connect=nowhere"], 2);
 }
 
 /// Runs `upm lab` in a new folder; returns its JSON.
