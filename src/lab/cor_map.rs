@@ -124,17 +124,28 @@ mod tests {
     use super::super::testing::lab_rig;
     use super::*;
 
+    /// Centres of rotation on `rig` are read well.
+    fn centers_are_read_well(rig: &str, seed: u64) {
+        let outcome = cor_map(&LabRig { seed, ..lab_rig(rig) }).unwrap();
+        let figure = |name: &str| outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured;
+        assert!(figure("centres inside the plate") > 100.0 && figure("centres outside") > 40.0);
+        let inside_mm = figure("read-out inside, rms");
+        assert!(inside_mm < 0.5, "{rig}, seed {seed}: {inside_mm} mm");
+        let outside = figure("read-out outside, worst");
+        assert!(outside < 2.0, "{rig}, seed {seed}: {outside} %");
+        assert_eq!(figure("wrong way round"), 0.0);
+    }
+
     #[test]
     fn centres_are_read_to_half_a_millimetre() {
-        for (name, seed) in [("upm-1", 1), ("upm-2", 2)] {
-            let outcome = cor_map(&LabRig { seed, ..lab_rig(name) }).unwrap();
-            let figure = |name: &str| outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured;
-            assert!(figure("centres inside the plate") > 100.0 && figure("centres outside") > 40.0);
-            let inside_mm = figure("read-out inside, rms");
-            assert!(inside_mm < 0.5, "{name}, seed {seed}: {inside_mm} mm");
-            let outside = figure("read-out outside, worst");
-            assert!(outside < 2.0, "{name}, seed {seed}: {outside} %");
-            assert_eq!(figure("wrong way round"), 0.0);
-        }
+        centers_are_read_well("upm-1", 1);
+        centers_are_read_well("upm-2", 2);
+    }
+
+    #[test]
+    #[ignore = "long: `cargo test -- --ignored` runs it"]
+    fn centres_are_read_to_half_a_millimetre_with_other_seeds() {
+        centers_are_read_well("upm-1", 2);
+        centers_are_read_well("upm-2", 1);
     }
 }
