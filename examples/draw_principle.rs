@@ -112,7 +112,7 @@ fn field(library: &Arc<Library>) -> Result<PlateDrawing, Box<dyn Error>> {
     let coins = STEERED_MM.map(|[position, step]| part(position, step));
     let mut found = Vec::new();
     for _ in 0..SEARCHES {
-        let plan = planner.plan(&coins);
+        let plan = planner.plan(&coins, &[]);
         let (Some(PlannedPulse::Field(pulse)), Some(ends_m)) = (plan.pulses.first(), plan.predicted_m.first()) else {
             continue;
         };

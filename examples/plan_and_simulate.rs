@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         gain: 1.0,
     });
     let mut planner = FieldPlanner::new(&library, planner_params(&spec.model)).ok_or("the library has no fields")?;
-    let plan = planner.plan(&coins);
+    let plan = planner.plan(&coins, &[]);
     println!("{:?}: {} motions for {} coins", plan.status, plan.pulses.len(), coins.len());
 
     // play the plan on the simulated rig until the coins are at rest

@@ -1,6 +1,6 @@
 use super::output::Failure;
 use super::progress::behind;
-use upm_recording::{CycleError, PlannerReport, PredictionError, Report, Verdict};
+use upm_recording::{CycleError, PathReport, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -28,14 +28,6 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         ),
         ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
     ];
-    if let Some(bound_s) = report.bound_s {
-        let ratio = if bound_s > 0.0 {
-            format!("; the run took {:.1} times that", report.plate_time_s / bound_s)
-        } else {
-            String::new()
-        };
-        rows.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed, no bound){ratio}")));
-    }
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));
     }
@@ -46,10 +38,15 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     if report.laps > 0 {
         rows.push(("laps", report.laps.to_string()));
     }
-    if let (Some(rms), Some(max)) = (report.cross_track_rms_mm, report.cross_track_max_mm) {
-        rows.push(("cross-track", format!("{rms:.2} mm rms, {max:.2} mm at most")));
+    let PathReport { cross_track_rms_mm, cross_track_max_mm, travel_ratio, .. } = report.path;
+    if let (Some(rms), Some(max)) = (cross_track_rms_mm, cross_track_max_mm) {
+        let travel = travel_ratio.map(|ratio| format!("; {ratio:.2} of the path's length gone")).unwrap_or_default();
+        rows.push(("cross-track", format!("{rms:.2} mm rms, {max:.2} mm at most, over all frames{travel}")));
     }
-    if let Some(most) = report.phase_error_max {
+    if let (Some(asked), Some(held)) = (report.path.speed_asked_mm_s, report.path.speed_held_mm_s) {
+        rows.push(("speed", format!("{held:.1} mm/s held of {asked:.1} asked ({:.0} %)", 100.0 * held / asked)));
+    }
+    if let Some(most) = report.path.phase_error_max {
         rows.push(("phase error", format!("{:.1} % of a period at most", 100.0 * most)));
     }
     if let Some(PredictionError { library, learned }) = report.prediction_error_mm {

@@ -22,6 +22,13 @@ pub enum Condition {
         /// Index of the part.
         part: usize,
     },
+    /// The last lap took longer than its speed asks.
+    LapLate,
+    /// A part leaves the corridor along its path.
+    CorridorLeft {
+        /// Index of the part.
+        part: usize,
+    },
     /// The camera's frames show no table.
     TableMissing,
     /// The camera sends the same pictures again and again.
@@ -74,6 +81,8 @@ impl Condition {
             Self::SolverFails => "solver_fails",
             Self::PartBlocked { .. } => "part_blocked",
             Self::PartSlow { .. } => "part_slow",
+            Self::LapLate => "lap_late",
+            Self::CorridorLeft { .. } => "corridor_left",
             guard => guard.stop_cause().map_or("", StopCause::code),
         }
     }
@@ -105,7 +114,9 @@ impl Condition {
             | Self::StepsUnreachable
             | Self::SolverFails
             | Self::PartBlocked { .. }
-            | Self::PartSlow { .. } => return None,
+            | Self::PartSlow { .. }
+            | Self::LapLate
+            | Self::CorridorLeft { .. } => return None,
         })
     }
 
@@ -131,6 +142,8 @@ impl Condition {
             Self::SolverFails => "check the library with `upm check LIBRARY.json`, or take another planner",
             Self::PartBlocked { .. } => "it waits until the others have moved; if they never do, change the targets",
             Self::PartSlow { .. } => "clean the part and the plate under it, or calibrate again if every part is slow",
+            Self::LapLate => "`upm check --plan` gives the speed that can be held",
+            Self::CorridorLeft { .. } => "a slower speed or a wider `corridor_mm` helps",
             guard => guard.stop_cause().and_then(StopCause::remedy).unwrap_or_default(),
         }
     }

@@ -20,8 +20,9 @@ use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
+use upm_core::units::mm_from_m;
 use upm_planner::Plan;
-use upm_task::{Setpoints, Task};
+use upm_task::{LateLap, Setpoints, Task};
 
 /// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
 /// shortened.
@@ -174,6 +175,7 @@ impl ControlCycle<'_> {
         let started = self.clock.elapsed();
         let observed_at = self.perception.seen_at();
         let wanted = self.task.next(observed_at, &observed);
+        self.sink.setpoints(observed_at, &wanted);
         let is_first = self.wanted.replace(wanted.clone()).is_none();
         if wanted.done {
             return self.finish(wanted.phase);
@@ -185,6 +187,10 @@ impl ControlCycle<'_> {
             return self.observe_at_rest();
         }
         self.warn_of_blocked(&wanted.blocked);
+        if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
+            let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
+            self.warn(Condition::LapLate, reason);
+        }
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
             return Break(self.planning.no_progress(&wanted, &observed));
@@ -192,6 +198,10 @@ impl ControlCycle<'_> {
         let planning = self.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
+        if let Some((part, by_m)) = plan.corridor_excess {
+            let reason = format!("{} leaves its corridor by {:.2} mm", self.params.id(part), mm_from_m(by_m));
+            self.warn(Condition::CorridorLeft { part }, reason);
+        }
         self.conditions.end_cycle(self.rig.now(), self.sink);
         self.perception.end_cycle(self.rig.now(), self.sink);
         self.played = !plan.pulses.is_empty() && !plan.continues;

@@ -184,6 +184,8 @@ pub trait Sink {
     fn localised(&mut self, _facts: &LocalisedFacts<'_>) {}
     /// An observation confirmed the table and the parts.
     fn confirmed(&mut self, _facts: &ConfirmedFacts<'_>) {}
+    /// A cycle begins with the observation at `at` and these setpoints.
+    fn setpoints(&mut self, _at: PlateTime, _wanted: &Setpoints) {}
     /// A frame was tracked.
     fn frame(&mut self, _facts: &FrameFacts<'_>) {}
     /// A pulse was played.

@@ -11,8 +11,8 @@ use super::run_end::{OrEnd, RunEnd};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_planner::{Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
-use upm_task::Setpoints;
+use upm_planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
+use upm_task::{PathStretch, Setpoints};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 pub(super) const STALLED_S: f64 = 10.0;
@@ -69,9 +69,11 @@ impl<'a> Planning<'a> {
         whole: &[PartState],
         mut tried: impl FnMut(&Plan, bool) -> OrEnd,
     ) -> OrEnd<Plan> {
+        let corridor = |path: &PathStretch| Corridor { line: path.line.clone(), half_width_m: path.corridor_m };
+        let corridors: Vec<_> = wanted.paths.iter().map(|path| path.as_ref().map(corridor)).collect();
         let mut stopped_by = String::new();
         for attempt in fallbacks(whole, self.planner.tries_smaller()) {
-            let plan = self.planner.plan(&attempt.parts);
+            let plan = self.planner.plan(&attempt.parts, &corridors);
             tried(&plan, attempt.is_part)?;
             match &plan.status {
                 PlanStatus::NothingToDo if attempt.is_part => continue,

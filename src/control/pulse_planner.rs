@@ -4,13 +4,14 @@ use super::run_end::RunEnd;
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_planner::{
-    FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse, RotationPlanner,
+    Corridor, FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse,
+    RotationPlanner,
 };
 
 /// A planner: finds the motions of a cycle and forecasts their effect.
 pub(super) trait PulsePlanner {
-    /// The pulses that make every part's step.
-    fn plan(&mut self, parts: &[PartState]) -> Plan;
+    /// The pulses that make every part's step, within the corridors of those that have one.
+    fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan;
 
     /// True when it tries smaller steps itself where the whole ones are infeasible.
     fn tries_smaller(&self) -> bool {
@@ -63,11 +64,11 @@ impl FreshPlanner {
 }
 
 impl PulsePlanner for AnyPlanner {
-    fn plan(&mut self, parts: &[PartState]) -> Plan {
+    fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
         match self {
-            Self::Rotations(planner) => planner.plan(parts),
+            Self::Rotations(planner) => planner.plan(parts, corridors),
             Self::PseudoInverse { planner, .. } => planner.plan(parts),
-            Self::Fields(planner) => planner.plan(parts),
+            Self::Fields(planner) => planner.plan(parts, corridors),
         }
     }
 

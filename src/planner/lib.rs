@@ -1,6 +1,7 @@
 //! Planners: from wanted steps to pulses. Either CORs of the library, a second-order-cone program for the counts of
 //! pulses and quadratic programs for their lengths d_j; or one synthesised motion for all parts.
 
+mod corridor;
 mod fields;
 mod flow_effort;
 mod friction;
@@ -16,6 +17,7 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
+pub use corridor::Corridor;
 pub use fields::FieldPlanner;
 pub use flow_effort::FlowEffort;
 pub use independence::Independence;

@@ -119,7 +119,7 @@ impl PseudoInverse {
 }
 
 fn ended(status: PlanStatus, centers: &[usize]) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: centers.to_vec(), predicted_m: Vec::new(), continues: false }
+    Plan { status, candidates: centers.to_vec(), ..Plan::default() }
 }
 
 /// Positions after `distance_m` along the ideal field of `entry`, at any distance from its centre.

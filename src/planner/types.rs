@@ -145,4 +145,6 @@ pub struct Plan {
     pub predicted_m: Vec<Vec<Vec2>>,
     /// True when it continues a sequence begun in an earlier cycle: only its end need bring the parts nearer.
     pub continues: bool,
+    /// The part that is predicted to leave its corridor most, and by how much, m; `None` where all keep it.
+    pub corridor_excess: Option<(usize, f64)>,
 }

@@ -3,6 +3,7 @@ use upm_control::{
     Sink,
 };
 use upm_core::time::PlateTime;
+use upm_task::Setpoints;
 
 /// Several sinks as one: each receives every fact, in order.
 #[derive(Default)]
@@ -39,6 +40,10 @@ impl Sink for Fanout<'_> {
 
     fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
         self.sinks.iter_mut().for_each(|sink| sink.confirmed(facts));
+    }
+
+    fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
+        self.sinks.iter_mut().for_each(|sink| sink.setpoints(at, wanted));
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {

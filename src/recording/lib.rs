@@ -14,6 +14,7 @@ mod maps;
 mod memory;
 mod motion;
 mod options;
+mod path_stats;
 mod preallocated_file;
 mod records;
 mod report;
@@ -33,8 +34,8 @@ pub use options::{RecordingOptions, WriterStatus};
 pub use preallocated_file::PreallocatedFile;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
-    CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, RecordingReport, Report,
-    SelectedBy, StopReport, Verdict, report_schema,
+    CycleError, FaultReport, GuardReport, PartReport, PathReport, PlannerReport, PredictionError, RecordingReport,
+    Report, SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use run_stats::{Deadlines, EndFacts, PartEnd, RunStats};

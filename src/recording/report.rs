@@ -30,10 +30,6 @@ pub struct Report {
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.
     pub plate_time_s: f64,
-    /// Time figure: rough plate time by rotations, s, of the relaxed program over the library at the flows of the
-    /// start; no bound. `None` for tasks without final targets, for more than 16 parts and for runs without a pulse.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bound_s: Option<f64>,
     /// Duration of the run by the computer's clock, s.
     pub wall_time_s: f64,
     /// Frames tracked.
@@ -73,14 +69,9 @@ pub struct Report {
     pub sensing_rms_error_mm: Option<f64>,
     /// The same over frames taken at rest alone.
     pub sensing_rms_error_at_rest_mm: Option<f64>,
-    /// Root mean square distance of measured positions from the path over all cycles in which a part had one; `None`
-    /// without paths.
-    pub cross_track_rms_mm: Option<f64>,
-    /// Its maximum.
-    pub cross_track_max_mm: Option<f64>,
-    /// Largest difference of a part's phase from the common one, as a fraction of a period; `None` without phases to
-    /// keep.
-    pub phase_error_max: Option<f64>,
+    /// Parts against their paths.
+    #[serde(flatten)]
+    pub path: PathReport,
     /// Distances of measured from forecast positions after pulses; `None` without a pulse.
     pub prediction_error_mm: Option<PredictionError>,
     /// Every part, in the order of the job.
@@ -104,6 +95,24 @@ pub struct Report {
 /// The JSON Schema (draft 2020-12) of `report.json`.
 pub fn report_schema() -> Value {
     schema_of::<Report>()
+}
+
+/// Parts against their paths in every frame between the first and the last points of the paths, from truth where there
+/// is one; `None` without paths.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PathReport {
+    /// Root mean square distance from the path.
+    pub cross_track_rms_mm: Option<f64>,
+    /// Its maximum.
+    pub cross_track_max_mm: Option<f64>,
+    /// Distance gone by all parts over the length of path that they advanced.
+    pub travel_ratio: Option<f64>,
+    /// Largest difference of a part's phase from its reference, as a fraction of a lap; `None` for parts not in phase.
+    pub phase_error_max: Option<f64>,
+    /// Speed asked of the part that held the least share of it; `None` for tasks without speeds.
+    pub speed_asked_mm_s: Option<f64>,
+    /// Mean speed along the path that it held in plate time.
+    pub speed_held_mm_s: Option<f64>,
 }
 
 /// The end of a recording that does not hold the whole run.

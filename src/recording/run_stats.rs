@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use super::lengths::{Lengths, mm, point_mm, rounded};
+use super::path_stats::PathStats;
 use super::report::{
     CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, Report, StopReport,
 };
@@ -10,6 +11,7 @@ use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
+use upm_task::Setpoints;
 
 /// Largest time difference between an observation and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;
@@ -26,9 +28,8 @@ pub struct RunStats {
     pulses: u64,
     sensing: Lengths,
     sensing_at_rest: Lengths,
-    cross_track: Lengths,
+    paths: PathStats,
     cycle_errors: Lengths,
-    phase_error_max: Option<f64>,
     off_library: Lengths,
     off_learning: Lengths,
     guards: Vec<GuardReport>,
@@ -52,8 +53,6 @@ pub struct EndFacts {
     pub cause: Option<StopCause>,
     /// Plate time at the end.
     pub plate_time: PlateTime,
-    /// Least plate time by rotations, s; `None` where it was not computed.
-    pub bound_s: Option<f64>,
     /// Duration of the run by the computer's clock, s.
     pub wall_time_s: f64,
     /// Missed deadlines; `None` where plate time did not keep to the clock.
@@ -138,7 +137,6 @@ impl RunStats {
             stop: ending.cause.map(|cause| StopReport::of(cause, &ending.reason)),
             reason: ending.reason,
             plate_time_s: rounded(ending.plate_time.secs()),
-            bound_s: ending.bound_s.map(rounded),
             wall_time_s: rounded(ending.wall_time_s),
             frames: self.frames,
             cycles: self.cycles,
@@ -159,9 +157,7 @@ impl RunStats {
                 .map(|(mean, max)| CycleError { mean, max }),
             sensing_rms_error_mm: self.sensing.rms_mm(),
             sensing_rms_error_at_rest_mm: self.sensing_at_rest.rms_mm(),
-            cross_track_rms_mm: self.cross_track.rms_mm(),
-            cross_track_max_mm: self.cross_track.max_mm(),
-            phase_error_max: self.phase_error_max.map(rounded),
+            path: self.paths.report(),
             prediction_error_mm: self
                 .off_library
                 .rms_mm()
@@ -183,20 +179,28 @@ impl Sink for RunStats {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         self.frames += 1;
         self.timings.track.push(facts.track_us);
-        let Some(truth) = self.truth.as_ref().map(GroundTruthHandle::read) else { return };
-        if (truth.at - facts.frame.exposed_at).abs() > SAME_MOMENT_S {
-            return;
-        }
-        for (track, part) in facts.tracks.iter().zip(&truth.parts) {
-            if track.frames_unseen > 0 || !part.on_plate {
+        let at = facts.frame.exposed_at;
+        let truth = self.truth.as_ref().map(GroundTruthHandle::read);
+        let truth = truth.filter(|truth| (truth.at - at).abs() <= SAME_MOMENT_S);
+        for (i, track) in facts.tracks.iter().enumerate().filter(|(_, track)| track.frames_unseen == 0) {
+            let seen_m = track.seen.position_m;
+            let Some(truth) = &truth else {
+                self.paths.frame(at, i, seen_m);
                 continue;
-            }
-            let error_m = (track.seen.position_m - part.part_in_table.position_m).norm();
+            };
+            let Some(part) = truth.parts.get(i).filter(|part| part.on_plate) else { continue };
+            let true_m = part.part_in_table.position_m;
+            self.paths.frame(at, i, true_m);
+            let error_m = (seen_m - true_m).norm();
             self.sensing.push(error_m);
             if !facts.driving {
                 self.sensing_at_rest.push(error_m);
             }
         }
+    }
+
+    fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
+        self.paths.setpoints(at, wanted);
     }
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
@@ -227,12 +231,6 @@ impl Sink for RunStats {
         let steps = facts.result_m.iter().zip(&facts.wanted.subgoals_m);
         steps.for_each(|(at_m, subgoal_m)| off.push((at_m - subgoal_m).norm()));
         off.mean_m().into_iter().for_each(|error_m| self.cycle_errors.push(error_m));
-        // 0 marks a part without a path at present
-        let off_path = facts.wanted.cross_track_m.iter().filter(|&&off_m| off_m != 0.0);
-        off_path.for_each(|off_m| self.cross_track.push(off_m.abs()));
-        for error in &facts.wanted.phase_error {
-            self.phase_error_max = Some(self.phase_error_max.unwrap_or(0.0).max(error.abs()));
-        }
     }
 }
 
@@ -251,7 +249,6 @@ mod tests {
             reason: "all parts in place".into(),
             cause: None,
             plate_time: PlateTime::from_secs(3.25),
-            bound_s: Some(1.234_56),
             wall_time_s: 0.5,
             deadlines: None,
             laps: 0,
@@ -286,7 +283,6 @@ mod tests {
         assert_eq!((report.collisions, report.sensing_rms_error_mm), (None, None));
         assert_eq!(report.parts[2].error_mm, None);
         assert_eq!(report.timing_us.track.max, 50.0);
-        assert!(report.cross_track_max_mm >= report.cross_track_rms_mm && report.cross_track_rms_mm > Some(0.0));
     }
 
     #[test]
@@ -330,6 +326,8 @@ mod tests {
             "sensing_rms_error_mm",
             "cross_track_rms_mm",
             "cross_track_max_mm",
+            "travel_ratio",
+            "speed_held_mm_s",
             "seed",
             "name",
             "version",

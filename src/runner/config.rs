@@ -14,6 +14,7 @@
 
 mod bins;
 mod clearance;
+mod corridor;
 mod daemon;
 mod drawings;
 mod faults;

@@ -31,7 +31,6 @@ mod simulate;
 mod stop_tests;
 #[cfg(test)]
 mod testing;
-mod time_figure;
 mod tolerance;
 mod verify;
 
@@ -54,7 +53,6 @@ use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
 use end_facts::{ending, unwritten_ending, verdict};
 use folder::TruthLog;
 use paced::{PaceClock, RealTimeRig};
-use time_figure::FirstObservation;
 
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
@@ -192,7 +190,7 @@ impl Session<'_> {
         let mut stats = RunStats::new(Some(setup.truth()));
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let (mut named, mut first_observation) = (TruthInJobOrder::new(setup.truth()), FirstObservation::default());
+        let mut named = TruthInJobOrder::new(setup.truth());
         let mut journal_failure = StopOnJournalFailure {
             journal: &options.recording_options.journal,
             stop: controls.stop,
@@ -202,7 +200,7 @@ impl Session<'_> {
             journal_failure.check(sinks, at);
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
-        let mut sinks = Fanout::new().with(&mut named).with(&mut first_observation).with(&mut journal);
+        let mut sinks = Fanout::new().with(&mut named).with(&mut journal);
         sinks =
             sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut report_end);
         let missed_before = controls.pacing.start_run();
@@ -219,7 +217,6 @@ impl Session<'_> {
         let written =
             written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
         let mut ending = ending(job, Some(setup), finish, wall_time_s);
-        ending.bound_s = first_observation.time_figure_s(job, library, &setup.params);
         ending.deadlines = options.real_time.then(|| Deadlines {
             misses: controls.pacing.misses().saturating_sub(missed_before),
             worst_frames: controls.pacing.worst_frames(),

@@ -5,7 +5,6 @@ mod assignment;
 #[cfg(test)]
 mod closed_loop_tests;
 mod hold;
-mod in_phase;
 mod least_effort;
 mod multi_disc;
 mod path_follower;
@@ -20,14 +19,13 @@ mod turns;
 
 pub use arrange::{Arrange, ArrangeParams};
 pub use hold::{Hold, HoldParams};
-pub use in_phase::{InPhase, InPhaseParams};
 pub use least_effort::Effort;
 pub use path_follower::Motions;
 pub use plus_sign::{PlusSign, PlusSignParams};
 pub use sort::{BinParams, Sort, SortParams};
-pub use trajectories::{PathParams, Trajectories};
+pub use trajectories::{PathParams, Trajectories, TrajectoriesParams};
 
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
 /// A part as tasks see it: a disc.
@@ -55,6 +53,10 @@ pub struct Setpoints {
     pub laps: u32,
     /// For each part the distance from its path, m; 0 where there is no path.
     pub cross_track_m: Vec<f64>,
+    /// For each part the stretch of its path at present; empty where no part has a path.
+    pub paths: Vec<Option<PathStretch>>,
+    /// The last completed lap, where it took longer than asked.
+    pub late_lap: Option<LateLap>,
     /// Indices of the parts without a path to their targets at present.
     pub blocked: Vec<usize>,
     /// Phase of each part along its path relative to the common reference, as a fraction of a period; empty where parts
@@ -62,6 +64,43 @@ pub struct Setpoints {
     pub phase_error: Vec<f64>,
     /// True when the task is complete.
     pub done: bool,
+}
+
+/// The stretch of its path on which a part moves in a cycle. Arc lengths count from the beginning of the path over all
+/// laps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathStretch {
+    /// The stretch, from behind the part to beyond its subgoal.
+    pub line: Polyline,
+    /// Arc length at which it begins, m.
+    pub from_m: f64,
+    /// Arc length of the reference at the observation, m.
+    pub reference_m: f64,
+    /// Speed of the reference, m/s; 0 where none is asked.
+    pub speed_mps: f64,
+    /// Length of a lap, m.
+    pub lap_m: f64,
+    /// Largest distance from the line, m.
+    pub corridor_m: f64,
+}
+
+impl PathStretch {
+    /// Arc length of the point nearest to `p_m`, m, and its distance from `p_m`, m.
+    pub fn nearest(&self, p_m: Vec2) -> (f64, f64) {
+        let (along_m, off_m) = self.line.nearest(p_m, 0.0, self.line.length_m());
+        (self.from_m + along_m, off_m)
+    }
+}
+
+/// A lap that took longer than asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LateLap {
+    /// Number of the lap, from 1.
+    pub lap: u32,
+    /// Its plate time, s.
+    pub took_s: f64,
+    /// Plate time at the speed asked, s.
+    pub asked_s: f64,
 }
 
 /// A task as a source of subgoals.

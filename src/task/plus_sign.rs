@@ -1,5 +1,5 @@
-use super::{Setpoints, Task};
-use upm_core::geometry::{Vec2, cross};
+use super::{PathStretch, Setpoints, Task};
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
 /// Parameters of the paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x,
@@ -18,6 +18,8 @@ pub struct PlusSignParams {
     pub arrive_m: f64,
     /// Largest distance from the part to its subgoal ahead, m.
     pub stride_m: f64,
+    /// Largest distance from the path, m.
+    pub corridor_m: f64,
 }
 
 /// Directions of the branches, clockwise from -x.
@@ -72,6 +74,9 @@ pub struct PlusSign {
     params: PlusSignParams,
     stage: Phase,
     segment: PathSegment,
+    /// Beginning of the segment before it, m, and the length of all before it, m.
+    before_m: Vec2,
+    gone_m: f64,
     /// Latest position of each part, m.
     seen_m: Vec<Vec2>,
     /// First position of each part, m.
@@ -84,8 +89,16 @@ impl PlusSign {
     /// A new task with these parameters. A branch too short for the part has no length.
     pub fn new(params: PlusSignParams) -> Self {
         let nowhere = PathSegment { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
-        let (seen_m, first_seen_m) = (Vec::new(), Vec::new());
-        Self { params, stage: Phase::CentreAlongX, segment: nowhere, seen_m, first_seen_m, furthest: 0.0 }
+        Self {
+            params,
+            stage: Phase::CentreAlongX,
+            segment: nowhere,
+            before_m: Vec2::zeros(),
+            gone_m: 0.0,
+            seen_m: Vec::new(),
+            first_seen_m: Vec::new(),
+            furthest: 0.0,
+        }
     }
 
     /// Distance of the part's centre from the plate's centre at the end of a branch, m.
@@ -107,7 +120,7 @@ impl PlusSign {
         self.first_seen_m.extend(self.seen_m.iter().skip(self.first_seen_m.len()).copied());
         if begins {
             let start = self.seen_m.first().copied().unwrap_or_default();
-            self.segment = PathSegment { from_m: start, to_m: Vec2::new(0.0, start.y) };
+            (self.segment, self.before_m) = (PathSegment { from_m: start, to_m: Vec2::new(0.0, start.y) }, start);
         }
     }
 
@@ -123,6 +136,7 @@ impl PlusSign {
 
     fn advance(&mut self, part_m: Vec2) {
         let centre = Vec2::zeros();
+        (self.before_m, self.gone_m) = (self.segment.from_m, self.gone_m + self.segment.length_m());
         self.stage = match self.stage {
             Phase::CentreAlongX => Phase::CentreAlongY,
             Phase::CentreAlongY => Phase::Out { lap: 0, branch: 0 },
@@ -185,10 +199,18 @@ impl PlusSign {
         }
     }
 
-    fn cross_track_m(&self, part_m: Vec2) -> f64 {
-        match self.stage {
-            Phase::Out { .. } | Phase::Back { .. } => cross(self.segment.direction(), part_m).abs(),
-            Phase::CentreAlongX | Phase::CentreAlongY | Phase::Done => 0.0,
+    /// The present segment and the one before it round a corner: a part that has arrived short of it is still on that.
+    fn stretch(&self) -> PathStretch {
+        let before_m = if matches!(self.stage, Phase::Back { .. }) { self.segment.from_m } else { self.before_m };
+        let line = Polyline::new(vec![before_m, self.segment.from_m, self.segment.to_m]);
+        let from_m = self.gone_m - (self.segment.from_m - before_m).norm();
+        PathStretch {
+            line,
+            from_m,
+            reference_m: self.gone_m,
+            speed_mps: 0.0,
+            lap_m: 8.0 * self.reach_m(),
+            corridor_m: self.params.corridor_m,
         }
     }
 }
@@ -215,12 +237,15 @@ impl Task for PlusSign {
             progress: self.progress(),
             laps: self.laps_done(),
             cross_track_m: vec![0.0; parts_in_table_m.len()],
+            paths: vec![None; parts_in_table_m.len()],
             done: self.stage == Phase::Done,
             ..Setpoints::default()
         };
         wanted.subgoals_m[0] = self.segment.carrot_m(part_m, self.params.stride_m);
         wanted.targets_m[0] = self.segment.to_m;
-        wanted.cross_track_m[0] = self.cross_track_m(part_m);
+        let stretch = self.stretch();
+        wanted.cross_track_m[0] = stretch.nearest(part_m).1;
+        wanted.paths[0] = Some(stretch).filter(|_| !wanted.done);
         wanted
     }
 }
@@ -230,6 +255,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use rand::RngExt;
+    use upm_core::geometry::cross;
     use upm_core::random::Streams;
 
     const PARAMS: PlusSignParams = PlusSignParams {
@@ -239,6 +265,7 @@ mod tests {
         laps: 2,
         arrive_m: 0.0005,
         stride_m: 0.008,
+        corridor_m: 0.0005,
     };
 
     /// Follows a plus sign until it is done; returns the ends of the branches' segments and the number of cycles.
@@ -343,7 +370,7 @@ mod tests {
                 prop_assert!((subgoal - foot).norm() <= PARAMS.stride_m + 1e-12);
                 prop_assert!(cross(segment.direction(), subgoal - segment.from_m).abs() < 1e-12);
                 prop_assert!((subgoal - segment.to_m).norm() <= segment.length_m() + 1e-12);
-                prop_assert!(wanted.cross_track_m[0] >= 0.0 && wanted.cross_track_m[0] <= part.norm() + 1e-12);
+                prop_assert!(wanted.cross_track_m[0].is_finite());
                 prop_assert!(subgoal.iter().chain(wanted.targets_m[0].iter()).all(|x| x.is_finite()) && wanted.progress.is_finite());
             }
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use upm_core::job::{Outcome, StopCause};
-use upm_recording::{Report, Verdict};
+use upm_recording::{PathReport, Report, Verdict};
 
 /// Result of one run of a batch.
 #[derive(Clone, Debug, Serialize)]
@@ -35,7 +35,8 @@ pub(super) struct RunFigures {
     pub pulses: u64,
     pub collisions: Option<u64>,
     pub max_error_mm: Option<f64>,
-    pub cross_track_rms_mm: Option<f64>,
+    #[serde(flatten)]
+    pub path: PathReport,
 }
 
 impl SeedRun {
@@ -53,7 +54,7 @@ impl SeedRun {
                 pulses: report.pulses,
                 collisions: report.collisions,
                 max_error_mm: report.max_error_mm,
-                cross_track_rms_mm: report.cross_track_rms_mm,
+                path: report.path.clone(),
             }),
             folder: Some(folder.display().to_string()),
             status,
@@ -88,7 +89,7 @@ pub(super) struct BatchFigure {
 }
 
 /// All figures; smaller is better for each.
-pub(super) const FIGURES: [BatchFigure; 5] = [
+pub(super) const FIGURES: [BatchFigure; 7] = [
     BatchFigure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
     BatchFigure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
     BatchFigure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
@@ -97,7 +98,19 @@ pub(super) const FIGURES: [BatchFigure; 5] = [
         key: "cross_track_rms_mm",
         name: "cross-track (mm rms)",
         decimals: 2,
-        of: |run| run.cross_track_rms_mm,
+        of: |run| run.path.cross_track_rms_mm,
+    },
+    BatchFigure {
+        key: "cross_track_max_mm",
+        name: "cross-track (mm max)",
+        decimals: 2,
+        of: |run| run.path.cross_track_max_mm,
+    },
+    BatchFigure {
+        key: "speed_short_mm_s",
+        name: "short of speed (mm/s)",
+        decimals: 2,
+        of: |run| Some(run.path.speed_asked_mm_s? - run.path.speed_held_mm_s?),
     },
 ];
 
@@ -200,7 +213,7 @@ pub(super) mod tests {
             pulses: 3,
             collisions: Some(0),
             max_error_mm: seed.is_multiple_of(2).then_some(0.1 * seed as f64),
-            cross_track_rms_mm: None,
+            path: PathReport::default(),
         };
         let (reason, figures) = (format!("as seed {seed} has it"), Some(figures));
         let status = u8::from(outcome != Outcome::Completed);

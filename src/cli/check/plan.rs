@@ -92,7 +92,7 @@ impl PlanReport {
             }
             object
         });
-        let mut object = json!({
+        json!({
             "planner": forecast.planner.report(),
             "verdict": forecast.verdict().code(),
             "can_be_done": match forecast.verdict() {
@@ -102,6 +102,7 @@ impl PlanReport {
             },
             "endings": forecast.endings().iter().map(ending).collect::<Vec<_>>(),
             "predicted_plate_time_s": range,
+            "speed_mm_s": forecast.speed_mps.map(|[asked, held]| json!({ "asked": rounded(mm(asked)), "can_be_held": rounded(mm(held)) })),
             "smallest_gap": nearest,
             "limits_met": forecast.limits_met().iter().map(met).collect::<Vec<_>>(),
             "independence": {
@@ -114,11 +115,7 @@ impl PlanReport {
             "friction_spread": forecast.friction_spread,
             "parts": parts.collect::<Vec<_>>(),
             "rehearsals": dry_runs.collect::<Vec<_>>(),
-        });
-        if let Some(bound_s) = forecast.bound_s {
-            object["bound_s"] = json!(rounded(bound_s));
-        }
-        object
+        })
     }
 }
 
@@ -144,8 +141,10 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
             format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
         figures.push(("predicted", text));
     }
-    if let Some(bound_s) = forecast.bound_s {
-        figures.push(("time figure", format!("{bound_s:.1} s by rotations (relaxed program at the start; no bound)")));
+    if let Some([asked_mps, held_mps]) = forecast.speed_mps {
+        let late = if asked_mps > held_mps { ", laps will be late" } else { "" };
+        let text = format!("up to {:.1} mm/s can be held, {:.1} asked{late}", mm(held_mps), mm(asked_mps));
+        figures.push(("speed", text));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
     if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = forecast.nearest() {

@@ -43,9 +43,20 @@ impl Polyline {
         }
     }
 
-    /// Distance of `p_m` from the stretch between arc lengths `from_m` and `to_m`, m.
-    pub fn distance_m(&self, p_m: Vec2, from_m: f64, to_m: f64) -> f64 {
-        self.nearest(p_m, from_m, to_m).1
+    /// The stretch of a closed line between two arc lengths, which keep growing from lap to lap.
+    pub fn stretch(&self, from_m: f64, to_m: f64) -> Self {
+        let length_m = self.length_m();
+        let lap_of = |s_m: f64| if length_m > 0.0 { (s_m / length_m).floor() } else { 0.0 };
+        let at = |s_m: f64| self.at(s_m - lap_of(s_m) * length_m);
+        let mut points_m = vec![at(from_m)];
+        let mut lap = lap_of(from_m);
+        while lap <= lap_of(to_m) {
+            let passed = |s_m: &f64| from_m < s_m + lap * length_m && s_m + lap * length_m < to_m;
+            points_m.extend(self.points_m.iter().zip(&self.reached_m).filter(|(_, s_m)| passed(s_m)).map(|(p, _)| *p));
+            lap += 1.0;
+        }
+        points_m.push(at(to_m));
+        Self::new(points_m)
     }
 
     /// Arc length of the point nearest to `p_m`, m, and its distance from `p_m`, m. Only the stretch between `from_m`
@@ -106,10 +117,25 @@ mod tests {
         assert_eq!(Polyline::new(vec![]).at(1.0), Vec2::zeros());
     }
 
+    fn square() -> Polyline {
+        let corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1), (0.0, 0.0)];
+        Polyline::new(corners.map(|(x, y)| Vec2::new(x, y)).to_vec())
+    }
+
+    #[test]
+    fn stretch_goes_on_from_lap_to_lap() {
+        for (from_m, to_m) in [(0.02, 0.07), (0.05, 0.25), (0.35, 0.45), (0.75, 1.65), (0.3, 0.3)] {
+            let stretch = square().stretch(from_m, to_m);
+            assert!((stretch.length_m() - (to_m - from_m)).abs() < 1e-12, "{from_m} {to_m}: {stretch:?}");
+            let middle_m = 0.5 * (from_m + to_m);
+            assert!((stretch.at(middle_m - from_m) - square().at(middle_m.rem_euclid(0.4))).norm() < 1e-12);
+        }
+        assert_eq!(Polyline::new(vec![Vec2::x()]).stretch(0.0, 1.0).points_m(), [Vec2::x(), Vec2::x()]);
+    }
+
     #[test]
     fn arc_length_continues_across_laps() {
-        let corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1), (0.0, 0.0)];
-        let square = Polyline::new(corners.map(|(x, y)| Vec2::new(x, y)).to_vec());
+        let square = square();
         for (p, at, expected) in [
             ((0.05, 0.01), 0.04, (0.05, 0.01)),
             ((0.05, 0.01), 0.84, (0.85, 0.01)),
@@ -131,9 +157,8 @@ mod tests {
             let (from, to) = (ends.0.min(ends.1) * line.length_m(), ends.0.max(ends.1) * line.length_m());
             let p = Vec2::new(x, y);
             let sampled = (0..=2000).map(|i| (line.at(from + (to - from) * f64::from(i) / 2000.0) - p).norm()).fold(f64::MAX, f64::min);
-            prop_assert!((line.distance_m(p, from, to) - sampled).abs() < 1e-3);
-            prop_assert!(line.distance_m(p, from, to) <= sampled + 1e-12);
             let (along, off) = line.nearest(p, from, to);
+            prop_assert!((off - sampled).abs() < 1e-3 && off <= sampled + 1e-12);
             prop_assert!(along >= from && along <= to + 1e-12 && ((line.at(along) - p).norm() - off).abs() < 1e-9);
         }
     }

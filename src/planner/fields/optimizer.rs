@@ -15,6 +15,8 @@ use super::harmonic_basis::HarmonicBasis;
 use super::motor_effort::MotorEffort;
 use super::rollout::{Rollout, RolloutDisc};
 use super::separation::SeparationPenalty;
+use crate::Corridor;
+use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 
 /// Trust region: longest change of a motion, relative to the motion, at first; its factors after a success and a
@@ -35,6 +37,9 @@ const SOFTEN: f64 = 0.8;
 /// Relative remaining error at which the search ends early.
 const GOOD: f64 = 0.02;
 
+/// Instants of a pulse at which the distance from a corridor's line is observed; it counts as an error at the end does.
+const INSTANTS: usize = 9;
+
 /// Problem of the search: the motions, the parts and their steps.
 #[derive(Clone, Copy)]
 pub(super) struct ShootingProblem<'a> {
@@ -46,6 +51,8 @@ pub(super) struct ShootingProblem<'a> {
     pub envelope: &'a Envelope,
     /// Directions in which parts must keep their distance.
     pub penalties: &'a [SeparationPenalty],
+    /// Corridors of the parts; empty where none has one.
+    pub corridors: &'a [Option<Corridor>],
     pub pool: &'a RolloutPool,
 }
 
@@ -69,11 +76,32 @@ pub(super) struct Iterate {
     pub coefficients: Vec<f64>,
     pub rollout: Rollout,
     went_m: DVector<f64>,
+    /// Distances of its course from the lines of the corridors.
+    course: Vec<OffLine>,
     /// Sum of the squared remaining steps, penalties included, m².
     cost: f64,
 }
 
+/// A part away from the line of its corridor, in the course of a pulse.
+#[derive(Clone, Copy, Debug)]
+struct OffLine {
+    step: usize,
+    part: usize,
+    /// Unit vector away from the line.
+    normal: Vec2,
+    off_m: f64,
+}
+
 impl Iterate {
+    /// The part that leaves its corridor most, and by how much, m.
+    pub fn corridor_excess(&self, corridors: &[Option<Corridor>]) -> Option<(usize, f64)> {
+        let excess = |off: &OffLine| {
+            let half_width_m = corridors.get(off.part)?.as_ref()?.half_width_m;
+            Some((off.part, off.off_m - half_width_m)).filter(|(_, by_m)| *by_m > 0.0)
+        };
+        self.course.iter().filter_map(excess).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// Remaining part of the steps: ratio of the root sums of squares.
     pub fn left(&self, steps_m: &DVector<f64>) -> f64 {
         (steps_m - &self.went_m).norm() / steps_m.norm()
@@ -92,7 +120,25 @@ impl ShootingProblem<'_> {
         let went_m = DVector::from_iterator(self.steps_m.len(), went);
         let missing_m = self.steps_m - &went_m;
         let penalised: f64 = self.penalties.iter().map(|penalty| penalty.missing(went_m.as_slice()).powi(2)).sum();
-        Iterate { coefficients, rollout, cost: missing_m.norm_squared() + penalised, went_m }
+        let course = self.off_lines(&rollout);
+        let off: f64 = course.iter().map(|off| off.off_m.powi(2)).sum();
+        Iterate { coefficients, rollout, cost: missing_m.norm_squared() + penalised + off, went_m, course }
+    }
+
+    /// The parts with corridors away from their lines, at each instant of observation.
+    fn off_lines(&self, rollout: &Rollout) -> Vec<OffLine> {
+        let instants = if self.corridors.is_empty() { 0 } else { INSTANTS };
+        let at = |instant: usize| {
+            let step = rollout.steps() * instant / (INSTANTS + 1);
+            let places = rollout.places_at(step).into_iter().zip(self.corridors).enumerate();
+            places.filter_map(move |(part, (place_m, corridor))| {
+                let corridor = corridor.as_ref()?;
+                let off = corridor.off(place_m);
+                let (normal, off_m) = (off.try_normalize(0.0)?, off.norm());
+                Some(OffLine { step, part, normal, off_m })
+            })
+        };
+        (1..=instants).flat_map(at).collect()
     }
 
     /// Iterate of `start`, weakened where it carries parts too far or backwards. A motion without even harmonics
@@ -144,7 +190,18 @@ impl ShootingProblem<'_> {
     /// Slopes of the remaining error, penalties included, by motor counts, one column for each.
     fn slopes(&self, iterate: &Iterate) -> DMatrix<f64> {
         let (n, ends) = (self.basis.len(), self.steps_m.len());
-        let mut slopes = iterate.rollout.slopes(self.basis).resize_horizontally(ends + self.penalties.len(), 0.0);
+        let (penalties, columns) = (self.penalties.len(), ends + self.penalties.len() + iterate.course.len());
+        let mut slopes = iterate.rollout.slopes(self.basis).resize_horizontally(columns, 0.0);
+        let mut column = ends + penalties;
+        for offs in iterate.course.chunk_by(|a, b| a.step == b.step) {
+            let mut normals = vec![Vec2::zeros(); self.discs.len()];
+            offs.iter().for_each(|off| normals[off.part] = off.normal);
+            let by_part = iterate.rollout.slopes_at(self.basis, offs[0].step, &normals);
+            for off in offs {
+                slopes.set_column(column, &by_part.column(off.part));
+                column += 1;
+            }
+        }
         for (mut row, weight) in slopes.row_iter_mut().zip(&self.effort.weights) {
             row /= weight.sqrt();
         }
@@ -160,7 +217,8 @@ impl ShootingProblem<'_> {
     fn change(&self, slopes: &DMatrix<f64>, iterate: &Iterate, reach: f64, raised: &mut i32) -> Option<Vec<f64>> {
         let missing_m = self.steps_m - &iterate.went_m;
         let penalised = self.penalties.iter().map(|penalty| penalty.missing(iterate.went_m.as_slice()));
-        let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(penalised));
+        let off = iterate.course.iter().map(|off| -off.off_m);
+        let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(penalised).chain(off));
         let normal = slopes.tr_mul(slopes);
         let least = DAMPING * normal.trace() / normal.nrows() as f64;
         let longest = reach * self.effort.norm(&iterate.coefficients);

@@ -10,7 +10,7 @@ use super::rollout::{Rollout, RolloutDisc};
 use super::seeds::SeedLibrary;
 use super::separation::SeparationPenalty;
 use crate::friction::friction_of;
-use crate::{FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
+use crate::{Corridor, FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
@@ -41,6 +41,15 @@ const LONGEST: f64 = 1.8;
 const FLANK: f64 = 1.2;
 /// Amplitude of a shaken part's sway about its path, m.
 const SWAY_M: f64 = 0.25e-3;
+/// For parts in corridors: factor of the rounds of improvement, starts tried in all, share of the steps left below which
+/// no other is tried, and shortest steps for a pulse of full length relative to other tasks. Their speed is given, so
+/// pulses need not be as short as possible.
+const CAREFUL: usize = 3;
+const CAREFUL_STARTS: usize = 12;
+const CAREFUL_LEFT: f64 = 0.1;
+const CAREFUL_NEAR: f64 = 0.5;
+/// Share of a motion's error that the next one repeats: consecutive motions along a path are nearly the same.
+const REPEATED: f64 = 0.8;
 /// Share of its distance from the edge that a part keeps from the edge of the shaken plate.
 const LEAST_SHARE: f64 = 0.3;
 /// Instants per period at which the limits are checked.
@@ -102,8 +111,9 @@ impl FieldPlanner {
         })
     }
 
-    /// Plans one cycle: a pulse that gives every part as much of its step as one pulse can.
-    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+    /// Plans one cycle: a pulse that gives every part as much of its step as one pulse can, and keeps those with a
+    /// corridor near its middle.
+    pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
         let finite = |p: &PartState| {
             let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
             numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
@@ -116,17 +126,28 @@ impl FieldPlanner {
             return ended(PlanStatus::NothingToDo);
         }
         let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
+        let parts = &self.corrected(parts, corridors)[..];
         self.judge_last(parts, rms_m);
         let mut wanted_m = rms_m.min(self.reach_m);
         let (mut stopped_by, mut again) = (Limit::Unreachable, None);
         for _ in 0..ATTEMPTS {
-            match self.attempt(parts, rms_m, wanted_m, again.take()) {
+            match self.attempt((parts, corridors), rms_m, wanted_m, again.take()) {
                 Ok(plan) => return plan,
                 Err(AttemptFailed { by: Limit::Unreachable, .. }) => self.restart_from_seed(),
                 Err(AttemptFailed { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
             }
         }
         ended(PlanStatus::Infeasible(stopped_by))
+    }
+
+    /// The parts, those in corridors with the repetition of the last motion's error taken off their steps.
+    fn corrected(&self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Vec<PartState> {
+        let mut parts = parts.to_vec();
+        if !corridors.is_empty() && self.promised_m.len() == parts.len() {
+            let moving = parts.iter_mut().zip(&self.promised_m).filter(|(part, _)| part.step_m != Vec2::zeros());
+            moving.for_each(|(part, promised_m)| part.step_m -= (part.position_m - promised_m) * REPEATED);
+        }
+        parts
     }
 
     /// Decides whether the last motion is a good start: not when most of the remaining distance is that motion's own
@@ -169,7 +190,7 @@ impl FieldPlanner {
     /// the limit that prevents it.
     fn attempt(
         &mut self,
-        parts: &[PartState],
+        (parts, corridors): (&[PartState], &[Option<Corridor>]),
         rms_m: f64,
         wanted_m: f64,
         again: Option<Vec<f64>>,
@@ -188,6 +209,7 @@ impl FieldPlanner {
             steps_m: &steps_m,
             envelope: &envelope,
             penalties: &near,
+            corridors,
             pool: &self.pool,
         };
         let iterate = match again {
@@ -201,16 +223,11 @@ impl FieldPlanner {
         self.promised_m.clone_from(&iterate.rollout.ends_m);
         let wave = self.basis.wave(&iterate.coefficients);
         let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
-        self.learn_reach(wanted_m, left);
+        let corridor_excess = iterate.corridor_excess(corridors);
+        self.learn_reach(wanted_m, left, !corridors.is_empty());
         self.last = Some(iterate.coefficients.clone());
         self.pool.keep(iterate);
-        Ok(Plan {
-            status: PlanStatus::Solved,
-            pulses: vec![pulse],
-            candidates: Vec::new(),
-            predicted_m,
-            continues: false,
-        })
+        Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], predicted_m, corridor_excess, ..Plan::default() })
     }
 
     /// `iterate`, changed until it keeps the limits, with penalties where necessary.
@@ -245,20 +262,25 @@ impl FieldPlanner {
     /// Improves the last motion and a few of the seed library, then the best of them further.
     fn best_iterate(&self, problem: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
-        let starts = self.seeds.best(&self.basis, &positions, steps, self.passed_over + STARTS);
-        let others = starts.iter().skip(self.passed_over);
-        let iterates =
-            self.last.iter().chain(others).map(|start| problem.improved(problem.regularized_step(start), FIRST_ROUNDS));
-        let best = iterates.reduce(|best, iterate| {
-            let (best, other) = if iterate.left(problem.steps_m) < best.left(problem.steps_m) {
-                (iterate, best)
-            } else {
-                (best, iterate)
-            };
+        let is_careful = !problem.corridors.is_empty();
+        let (count, rounds) = if is_careful { (CAREFUL_STARTS, CAREFUL * ROUNDS) } else { (STARTS, ROUNDS) };
+        let starts = self.seeds.best(&self.basis, &positions, steps, self.passed_over + count);
+        let better = |a: Iterate, b: Iterate| {
+            let (better, other) = if b.left(problem.steps_m) < a.left(problem.steps_m) { (b, a) } else { (a, b) };
             self.pool.keep(other);
-            best
-        });
-        problem.improved(best.unwrap_or_else(|| problem.iterate(&vec![0.0; self.basis.len()])), ROUNDS)
+            better
+        };
+        let first = |start: &Vec<f64>| problem.improved(problem.regularized_step(start), FIRST_ROUNDS);
+        let mut others = starts.iter().skip(self.passed_over);
+        let best = self.last.iter().chain(others.by_ref().take(STARTS)).map(first).reduce(better);
+        let mut best = problem.improved(best.unwrap_or_else(|| problem.iterate(&vec![0.0; self.basis.len()])), rounds);
+        for start in others {
+            if best.left(problem.steps_m) < CAREFUL_LEFT {
+                break;
+            }
+            best = better(best, problem.improved(first(start), rounds));
+        }
+        best
     }
 
     /// The first limit broken along the rollout, or at its end, where sway no longer applies.
@@ -288,7 +310,7 @@ impl FieldPlanner {
 
     /// Adapts the reach: farther after pulses that made nearly the whole step, nearer after those that left much of it.
     /// Close to the goal it adapts the pulse length instead.
-    fn learn_reach(&mut self, wanted_m: f64, left: f64) {
+    fn learn_reach(&mut self, wanted_m: f64, left: f64, is_careful: bool) {
         if wanted_m >= self.reach_m {
             let factor = if left < 0.3 {
                 1.5
@@ -300,14 +322,16 @@ impl FieldPlanner {
             self.reach_m = (factor * self.reach_m).clamp(REACH_M, MOST_REACH_M);
             self.near_m = self.reach_m;
         } else {
-            let factor = if left < 0.2 {
+            let (enough, poor) = if is_careful { (0.5 * CAREFUL_LEFT, CAREFUL_LEFT) } else { (0.2, 0.5) };
+            let factor = if left < enough {
                 1.1
-            } else if left > 0.5 {
+            } else if left > poor {
                 0.8
             } else {
                 1.0
             };
-            self.near_m = (factor * self.near_m).clamp(LEAST_NEAR_M, self.reach_m);
+            let least_m = if is_careful { CAREFUL_NEAR * LEAST_NEAR_M } else { LEAST_NEAR_M };
+            self.near_m = (factor * self.near_m).clamp(least_m, self.reach_m);
         }
     }
 
@@ -326,5 +350,5 @@ impl FieldPlanner {
 }
 
 fn ended(status: PlanStatus) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new(), continues: false }
+    Plan { status, ..Plan::default() }
 }

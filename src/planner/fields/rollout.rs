@@ -102,17 +102,25 @@ impl Rollout {
         }
     }
 
+    /// Number of time steps.
+    pub fn steps(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Positions of all parts before time step `step`, m.
+    pub fn places_at(&self, step: usize) -> Vec<Vec2> {
+        let offset_m = self.steps[step].plate.offset_m;
+        let places = self.groups.iter().flat_map(move |group| {
+            let [x, y] = group.states[step].arm_m.map(SimdF64::to_array);
+            x.into_iter().zip(y).map(move |(x, y)| Vec2::new(x, y) + offset_m)
+        });
+        places.take(self.ends_m.len()).collect()
+    }
+
     /// Positions of all parts along the rollout, every `every` steps, and at its end.
     pub fn places_m(&self, every: usize) -> impl Iterator<Item = Vec<Vec2>> + '_ {
-        let at = move |step: usize| {
-            let offset_m = self.steps[step].plate.offset_m;
-            let places = self.groups.iter().flat_map(move |group| {
-                let [x, y] = group.states[step].arm_m.map(SimdF64::to_array);
-                x.into_iter().zip(y).map(move |(x, y)| Vec2::new(x, y) + offset_m)
-            });
-            places.take(self.ends_m.len()).collect()
-        };
-        (0..self.steps.len()).step_by(every.max(1)).map(at).chain(std::iter::once_with(|| self.ends_m.clone()))
+        let along = (0..self.steps.len()).step_by(every.max(1)).map(|step| self.places_at(step));
+        along.chain(std::iter::once_with(|| self.ends_m.clone()))
     }
 
     /// For each part the smallest distance of its centre from the edge of the shaken plate, as a share of its distance
@@ -130,11 +138,32 @@ impl Rollout {
         for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
             for axis in 0..2 {
                 by_motion.iter_mut().for_each(|series| series.fill(SimdF64::ZERO));
-                group.adjoint(axis, &self.steps, basis.step_s(), &mut by_motion);
+                let mut by_place = [SimdF64::ZERO; 2];
+                by_place[axis] = SimdF64::ONE;
+                let by_state = (by_place, group.coasting_slope(axis));
+                group.adjoint(by_state, &self.steps, basis.step_s(), &mut by_motion);
                 for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
                     ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
                 }
+            }
+        }
+        slopes
+    }
+
+    /// Slopes of the positions before time step `step` along `normals`, one for each part, by every coefficient: a
+    /// column for each part.
+    pub fn slopes_at(&self, basis: &HarmonicBasis, step: usize, normals: &[Vec2]) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(basis.len(), normals.len());
+        for ((group, normals), first) in self.groups.iter().zip(normals.chunks(LANES)).zip((0..).step_by(LANES)) {
+            let mut by_motion = [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
+            let lanes =
+                |axis: usize| SimdF64::from(std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[axis])));
+            let by_state = ([lanes(0), lanes(1)], [SimdF64::ZERO; 2]);
+            group.adjoint(by_state, &self.steps[..step], basis.step_s(), &mut by_motion);
+            for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
+                let parts = (first..first + normals.len()).zip(of_parts.to_array());
+                parts.for_each(|(part, slope)| slopes[(j, part)] = slope);
             }
         }
         slopes
@@ -186,13 +215,17 @@ impl Group {
         self.states.iter().zip(steps).map(share).fold(SimdF64::ONE, SimdF64::min)
     }
 
-    /// Adds the slopes of the ends along `axis` by the plate's velocity in every phase (x, y, spin).
-    fn adjoint(&self, axis: usize, steps: &[PlateStep], dt: f64, by_motion: &mut [Vec<SimdF64>; 3]) {
-        let mut by_place = [SimdF64::ZERO; 2];
-        by_place[axis] = SimdF64::ONE;
-        let mut by_speed = self.coasting_slope(axis);
+    /// Adds the slopes of a length by the plate's velocity in every phase (x, y, spin), given its slopes by position and
+    /// by velocity after `steps`.
+    fn adjoint(
+        &self,
+        (mut by_place, mut by_speed): ([SimdF64; 2], [SimdF64; 2]),
+        steps: &[PlateStep],
+        dt: f64,
+        by_motion: &mut [Vec<SimdF64>; 3],
+    ) {
         let [by_x, by_y, by_spin] = by_motion;
-        for (state, &PlateStep { phase, height, plate }) in self.states.iter().zip(steps).rev() {
+        for (state, &PlateStep { phase, height, plate }) in self.states[..steps.len()].iter().zip(steps).rev() {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
             let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];

@@ -1,6 +1,7 @@
 //! Candidate pulses: their displacements of every part and their times.
 
 use super::motion_set::{MotionSet, Pulse};
+use super::subgoals::Clearance;
 use crate::PartState;
 use upm_core::geometry::Vec2;
 
@@ -56,8 +57,14 @@ pub(super) struct DisplacementMatrix {
 }
 
 impl DisplacementMatrix {
-    /// Every usable dial in both directions at every length suited to steps of `rms_m`.
-    pub fn all(motion_set: &MotionSet, parts: &[PartState], rms_m: f64, scale: PulseScale) -> Self {
+    /// Every usable dial in both directions at every length suited to steps of `rms_m`, as far as their courses fit
+    /// into the corridors of `room`.
+    pub fn all(
+        motion_set: &MotionSet,
+        parts: &[PartState],
+        room: &Clearance,
+        (rms_m, scale): (f64, PulseScale),
+    ) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
         let usable = motion_set.usable(discs, scale.nearest_radii());
         let (shortest_m, always_m) = scale.shortest_m();
@@ -68,7 +75,10 @@ impl DisplacementMatrix {
                 let (low_m, high_m) = motion_set.range_m(dial);
                 let distance_m = level_m.clamp(low_m, high_m);
                 for distance_m in [distance_m, -distance_m] {
-                    columns.push(motion_set, parts, Pulse { dial, distance_m });
+                    let pulse = Pulse { dial, distance_m };
+                    if room.holds_course(&motion_set.motion(pulse), parts) {
+                        columns.push(motion_set, parts, pulse);
+                    }
                 }
             }
         }

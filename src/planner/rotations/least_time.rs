@@ -36,10 +36,6 @@ pub(super) struct LeastTime {
     pub counts: Vec<f64>,
     /// s/mm, for x and y of each part.
     pub prices: Vec<f64>,
-    /// c · n, s.
-    pub time_s: f64,
-    /// Excess over the distance that may be left, mm.
-    pub beyond_mm: f64,
 }
 
 impl LeastTime {
@@ -99,13 +95,9 @@ impl LeastTime {
         };
         let Minimiser { x, multipliers } = program.solve().ok()?;
         let mut counts = vec![0.0; columns.len()];
-        let mut time_s = 0.0;
-        for (&j, &n) in chosen.iter().zip(&x) {
-            counts[j] = n.max(0.0);
-            time_s += counts[j] * columns.duration_s[j];
-        }
+        chosen.iter().zip(&x).for_each(|(&j, &n)| counts[j] = n.max(0.0));
         let prices = multipliers[count + 2..].iter().map(|y| -y).collect();
-        Some(Self { counts, prices, time_s, beyond_mm: x[count].max(0.0) })
+        Some(Self { counts, prices })
     }
 }
 

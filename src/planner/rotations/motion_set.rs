@@ -166,6 +166,16 @@ impl LibraryMotion {
     }
 }
 
+impl LibraryMotion {
+    /// Position halfway of a part that the motion carries from `from` to `end`, m: an arc, with a quarter of its
+    /// deviation from the first direction.
+    pub fn middle(&self, from: Vec2, end: Vec2) -> Vec2 {
+        let along = self.twist.velocity_at(from).try_normalize(0.0).unwrap_or_default();
+        let step = end - from;
+        from + 0.25 * (step + along * step.dot(&along))
+    }
+}
+
 fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
     let at = |k: i32| REACH * half_side_m * (2.0 * f64::from(k) / f64::from(PLACES - 1) - 1.0);
     let places = (0..PLACES * PLACES).map(|k| Vec2::new(at(k % PLACES), at(k / PLACES)));

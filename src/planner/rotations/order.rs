@@ -25,7 +25,8 @@ pub(super) fn order(motions: &[LibraryMotion], parts: &[PartState], steps_m: &[V
                 after_m[i] = motions[k].carry(at_m[i], part.gain).0;
                 off += (after_m[i] - start_m[i] - steps_m[i] * share).norm_squared();
             }
-            let broken_m = room.shortfall(&at_m, &after_m).map_or(0.0, |shortfall| shortfall.by_m);
+            let broken_m = room.shortfall(&at_m, &after_m).map_or(0.0, |shortfall| shortfall.by_m)
+                + room.corridor_excess(&after_m).map_or(0.0, |(_, by_m)| by_m);
             let cost = off.sqrt() + LIMIT * broken_m;
             if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
                 best = Some((cost, place, after_m.clone()));

@@ -4,10 +4,10 @@ use super::displacement_matrix::{DisplacementMatrix, PulseScale};
 use super::least_time::{LeastTime, best_paying};
 use super::motion_set::{MotionSet, Pulse};
 use super::order::order;
-use super::refine::Refined;
+use super::refine::{Refined, corridor_excess};
 use super::rollout::SequenceRollout;
 use super::subgoals::Clearance;
-use crate::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
+use crate::{Corridor, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 
@@ -60,8 +60,6 @@ const SHORT_M: f64 = 0.03e-3;
 const HALVINGS: usize = 10;
 /// Targets that moved by less than this fraction of the steps shift the subgoals; larger moves end the sequence.
 const MOVED: f64 = 0.5;
-/// Residual in the estimate of the least time, root mean square, mm.
-const FIGURE_LEFT_MM: f64 = 0.4;
 
 /// Plans sequences of rotations that give every part its step, and corrects them while they are played.
 #[derive(Clone, Debug)]
@@ -110,8 +108,9 @@ impl RotationPlanner {
         (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
     }
 
-    /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target.
-    pub fn plan(&mut self, parts: &[PartState]) -> Plan {
+    /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target. Parts with a corridor
+    /// keep to it along the whole sequence where they can.
+    pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
         let finite = |p: &PartState| {
             let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
             numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
@@ -125,12 +124,12 @@ impl RotationPlanner {
             return ended(PlanStatus::NothingToDo);
         }
         let targets_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
-        let room = Clearance::of(parts, &targets_m, &self.params);
+        let room = Clearance::of(parts, &targets_m, &self.params, corridors);
         if let Some(candidate) = self.rest(parts, &targets_m, &room) {
-            return self.play(candidate, targets_m, true);
+            return self.play(candidate, targets_m, &room, true);
         }
         match self.new_sequence(parts, &targets_m, &room) {
-            Ok(candidate) => self.play(candidate, targets_m, false),
+            Ok(candidate) => self.play(candidate, targets_m, &room, false),
             Err(limit) => ended(PlanStatus::Infeasible(limit)),
         }
     }
@@ -143,19 +142,6 @@ impl RotationPlanner {
         let setting = super::motion_set::DialSetting { amplitude: pulse.amplitude, sustain_s: pulse.sustain_s };
         let motion = self.motion_set.motion_of(&entry.pump, setting, pulse.distance_m < 0.0);
         parts.iter().map(|part| motion.carry(part.position_m, part.gain).0).collect()
-    }
-
-    /// Least plate time of all steps by the relaxed program, s, with the flows at the parts' present positions. Not a
-    /// strict bound, since flows change along the path. `None` where the library cannot make the steps.
-    pub fn least_time_s(&self, parts: &[PartState]) -> Option<f64> {
-        let steps_mm = steps_mm(parts.iter().map(|part| part.step_m));
-        let columns = DisplacementMatrix::all(&self.motion_set, parts, f64::INFINITY, PulseScale::Coarse);
-        let leave_mm = FIGURE_LEFT_MM * (parts.len() as f64).sqrt();
-        if steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt() <= leave_mm {
-            return Some(0.0);
-        }
-        let found = LeastTime::solve(&columns, &steps_mm, leave_mm, &[])?;
-        (found.beyond_mm < leave_mm).then_some(found.time_s)
     }
 
     /// The rest of the running sequence, corrected; `None` where it no longer does what was forecast.
@@ -179,7 +165,7 @@ impl RotationPlanner {
         let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(1, REST_ROUNDS);
         let refined = refined.refined(&self.motion_set, parts, &subgoals_m, room, (rounds, want_m));
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
-        let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m() < BROKEN_M;
+        let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m().max(refined.excess_m()) < BROKEN_M;
         let safe = safe(&refined, room);
         (kept && safe > 0).then_some(Sequence { refined, safe, subgoals_m, want_m, gain_mps: 0.0 })
     }
@@ -242,7 +228,7 @@ impl RotationPlanner {
         let alone = parts.len() == 1;
         let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
-        let pulses = self.program(parts, &steps_m, want_m, scale)?;
+        let pulses = self.program(parts, &steps_m, room, (want_m, scale))?;
         let motions: Vec<_> = pulses.iter().map(|&pulse| self.motion_set.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
         let first = Refined::of(&self.motion_set, pulses, parts, &subgoals_m, room);
@@ -262,11 +248,17 @@ impl RotationPlanner {
 
     /// Pulses that make `steps_m` in the least time: the relaxed program rounded to whole pulses, then both again over
     /// these and the half-length pulses that pay best.
-    fn program(&mut self, parts: &[PartState], steps_m: &[Vec2], want_m: f64, scale: PulseScale) -> Option<Vec<Pulse>> {
+    fn program(
+        &mut self,
+        parts: &[PartState],
+        steps_m: &[Vec2],
+        room: &Clearance,
+        (want_m, scale): (f64, PulseScale),
+    ) -> Option<Vec<Pulse>> {
         let rms_m = rms_m(steps_m.iter().copied());
         let steps_mm = steps_mm(steps_m.iter().copied());
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
-        let columns = DisplacementMatrix::all(&self.motion_set, parts, rms_m, scale);
+        let columns = DisplacementMatrix::all(&self.motion_set, parts, room, (rms_m, scale));
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
         self.prices.clone_from(&first.prices);
         let (mut whole, mut counts) = self.whole(parts, &columns, &first.counts);
@@ -334,7 +326,7 @@ impl RotationPlanner {
             let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
             let next = Refined::of(&self.motion_set, kept.collect(), parts, goal_m, room);
             let next = next.refined(&self.motion_set, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
-            if next.left_m < enough_m && next.broken_m() <= tolerated_m {
+            if next.left_m < enough_m && next.broken_m() <= tolerated_m && next.excess_m() <= best.excess_m() {
                 best = next;
             } else if dropped == 1 {
                 break;
@@ -357,7 +349,7 @@ impl RotationPlanner {
     }
 
     /// Plan of the first pulses of `candidate`; keeps the rest.
-    fn play(&mut self, candidate: Sequence, targets_m: Vec<Vec2>, continues: bool) -> Plan {
+    fn play(&mut self, candidate: Sequence, targets_m: Vec<Vec2>, room: &Clearance, continues: bool) -> Plan {
         let Sequence { refined, safe, subgoals_m, want_m, .. } = candidate;
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
         let rotation = |k: usize| {
@@ -373,9 +365,10 @@ impl RotationPlanner {
         let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
         let left = refined.pulses[count..].to_vec();
+        let corridor_excess = corridor_excess(&refined.rollout, room, count);
         self.running = Some(PlayedSequence { pulses: left, subgoals_m, targets_m, want_m });
         let candidates = refined.pulses.iter().map(|pulse| self.motion_set.dials[pulse.dial].entry).collect();
-        Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues }
+        Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues, corridor_excess }
     }
 }
 
@@ -396,5 +389,5 @@ fn rms_m(steps_m: impl ExactSizeIterator<Item = Vec2>) -> f64 {
 }
 
 fn ended(status: PlanStatus) -> Plan {
-    Plan { status, pulses: Vec::new(), candidates: Vec::new(), predicted_m: Vec::new(), continues: false }
+    Plan { status, ..Plan::default() }
 }

@@ -20,6 +20,10 @@ use upm_qp::{ColumnWriter, Cone, Program};
 /// m.
 const BROKEN: f64 = 8.0;
 const TOLERATED_M: f64 = 0.2e-3;
+/// Weight of a metre outside a corridor against a metre of error, and the share of its half width from which on a
+/// corridor becomes a constraint.
+const LEFT: f64 = 2.0;
+const NEAR_BORDER: f64 = 0.5;
 /// Damping at first, at least and at most.
 const DAMPING: f64 = 0.03;
 const LEAST_DAMPING: f64 = 1e-5;
@@ -50,6 +54,8 @@ pub(super) struct Refined {
     pub left_m: f64,
     /// The limit broken most along the path.
     pub shortfall: Option<Shortfall>,
+    /// The part that leaves its corridor most along the path, and by how much, m.
+    pub corridor_excess: Option<(usize, f64)>,
 }
 
 impl Refined {
@@ -68,7 +74,8 @@ impl Refined {
         let shortfall = (0..pulses.len())
             .filter_map(|k| room.shortfall(rollout.at(k), rollout.at(k + 1)))
             .max_by(|a, b| a.by_m.total_cmp(&b.by_m));
-        Self { pulses, motions, rollout, left_m, shortfall }
+        let corridor_excess = corridor_excess(&rollout, room, pulses.len());
+        Self { pulses, motions, rollout, left_m, shortfall, corridor_excess }
     }
 
     /// Excess over the limit that is broken most, m.
@@ -76,9 +83,14 @@ impl Refined {
         self.shortfall.map_or(0.0, |shortfall| shortfall.by_m)
     }
 
-    /// Residual and broken limits as one length, m: less is better.
+    /// Excess over the corridor that is left most, m.
+    pub fn excess_m(&self) -> f64 {
+        self.corridor_excess.map_or(0.0, |(_, by_m)| by_m)
+    }
+
+    /// Residual, broken limits and corridors as one length, m: less is better.
     pub fn merit_m(&self) -> f64 {
-        self.left_m + BROKEN * (self.broken_m() - TOLERATED_M).max(0.0)
+        self.left_m + BROKEN * (self.broken_m() - TOLERATED_M).max(0.0) + LEFT * self.excess_m()
     }
 
     /// Refines the sequence in up to `rounds` programs, or until its merit is below 0.8 `want_m` (root mean square over
@@ -131,8 +143,9 @@ struct Linear {
     left_mm: Vec<f64>,
     /// Sum of the squares of all slopes, over the number of pulses.
     stiffness: f64,
-    /// Limits: slopes by each pulse before its stage, and the room, mm.
+    /// Limits, then corridors: slopes by each pulse before its stage, and the room, mm.
     limits: Vec<(Vec<f64>, f64)>,
+    corridors: Vec<(Vec<f64>, f64)>,
 }
 
 impl Linear {
@@ -143,19 +156,21 @@ impl Linear {
         let left = now.rollout.end().iter().zip(goal_m).map(|(end, goal)| (goal - end) * 1e3);
         let left_mm = left.flat_map(|left| [left.x, left.y]).collect();
         let stiffness = slopes.iter().map(|slope| slope * slope).sum::<f64>() / count as f64;
-        Self { slopes, left_mm, stiffness, limits: limits(now, &by_stage, parts.len(), room) }
+        let limits = limits(now, &by_stage, parts.len(), room);
+        Self { slopes, left_mm, stiffness, limits, corridors: corridors(now, &by_stage, room) }
     }
 
     /// The best changes of the pulses' lengths at this damping, mm; `None` where the solver finds none.
     ///
-    /// Variables are the changes, the residuals they leave to the subgoals, and the slack of the limits. Rows are the
-    /// definition of the residuals, the longest and shortest lengths, the slack's sign, and the limits.
+    /// Variables are the changes, the residuals they leave to the subgoals, and the slacks of limits and corridors. Rows
+    /// are the definition of the residuals, the longest and shortest lengths, the slacks' signs, and the limits.
     fn step(&self, motion_set: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
-        let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 1);
+        let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 2);
+        let rows = || self.limits.iter().chain(&self.corridors);
         let sign = |k: usize| if pulses[k].distance_m < 0.0 { -1.0 } else { 1.0 };
         let (mut hessian, mut constraints) = (ColumnWriter::default(), ColumnWriter::default());
-        let mut bounds = vec![0.0; first_limit + self.limits.len()];
+        let mut bounds = vec![0.0; first_limit + rows().count()];
         bounds[..m].copy_from_slice(&self.left_mm);
         for (k, pulse) in pulses.iter().enumerate() {
             let distance_mm = (1e3 * pulse.distance_m.abs()).min(STIFF_MM.1);
@@ -168,7 +183,7 @@ impl Linear {
             self.slopes[k * m..][..m].iter().enumerate().for_each(|(row, &slope)| constraints.put(row, slope));
             constraints.put(row, sign(k));
             constraints.put(row + 1, -sign(k));
-            for (limit, (by, _)) in self.limits.iter().enumerate().filter(|(_, (by, _))| k < by.len()) {
+            for (limit, (by, _)) in rows().enumerate().filter(|(_, (by, _))| k < by.len()) {
                 constraints.put(first_limit + limit, by[k]);
             }
             constraints.end_column();
@@ -179,17 +194,18 @@ impl Linear {
             constraints.put(row, 1.0);
             constraints.end_column();
         }
-        hessian.end_column();
-        constraints.put(slack_row, -1.0);
-        for (limit, (_, room_mm)) in self.limits.iter().enumerate() {
-            constraints.put(first_limit + limit, -1.0);
-            bounds[first_limit + limit] = *room_mm;
+        rows().zip(&mut bounds[first_limit..]).for_each(|((_, room_mm), bound)| *bound = *room_mm);
+        let split = first_limit + self.limits.len();
+        for (slack, limits) in [first_limit..split, split..bounds.len()].into_iter().enumerate() {
+            hessian.end_column();
+            constraints.put(slack_row + slack, -1.0);
+            limits.for_each(|row| constraints.put(row, -1.0));
+            constraints.end_column();
         }
-        constraints.end_column();
         let price = (0..n).map(|k| PRICE * sign(k));
         let program = Program {
-            hessian: hessian.finish(n + m + 1),
-            gradient: price.chain(std::iter::repeat_n(0.0, m)).chain([PENALTY]).collect(),
+            hessian: hessian.finish(n + m + 2),
+            gradient: price.chain(std::iter::repeat_n(0.0, m)).chain([PENALTY; 2]).collect(),
             constraints: constraints.finish(bounds.len()),
             cones: vec![Cone::Zero(m), Cone::Nonnegative(bounds.len() - m)],
             bounds,
@@ -198,6 +214,32 @@ impl Linear {
         found.x.truncate(n);
         Some(found.x)
     }
+}
+
+/// The part that leaves its corridor most in the first `count` pulses, and by how much, m.
+pub(super) fn corridor_excess(rollout: &SequenceRollout, room: &Clearance, count: usize) -> Option<(usize, f64)> {
+    let courses = (0..count).flat_map(|k| [rollout.middle(k), rollout.at(k + 1)]);
+    courses.filter_map(|places_m| room.corridor_excess(places_m)).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Corridors at the points along each pulse's course where a part is near the border.
+fn corridors(now: &Refined, slopes: &Slopes, room: &Clearance) -> Vec<(Vec<f64>, f64)> {
+    let mut rows = Vec::new();
+    for ((part, corridor), k) in room.corridors().flat_map(|c| (0..now.pulses.len()).map(move |k| (c, k))) {
+        // halfway through its own pulse a part has made half of what its end gains by the pulse
+        for (place_m, share) in [(now.rollout.middle(k)[part], 0.5), (now.rollout.at(k + 1)[part], 1.0)] {
+            let off = corridor.off(place_m);
+            let (off_m, half_width_m) = (off.norm(), corridor.half_width_m);
+            if off_m > NEAR_BORDER * half_width_m {
+                let by = |l: usize| {
+                    let share = if l == k { share } else { 1.0 };
+                    share * slopes.at(k + 1, l)[part].dot(&off) / off_m
+                };
+                rows.push(((0..=k).map(by).collect(), 1e3 * (half_width_m - off_m)));
+            }
+        }
+    }
+    rows
 }
 
 /// The tightest limits at the stages before the end.

@@ -17,6 +17,8 @@ const LEAST_CHANGE_M: f64 = 2e-5;
 pub(super) struct SequenceRollout {
     parts: usize,
     places_m: Vec<Vec2>,
+    /// Positions halfway through each pulse, m.
+    middles_m: Vec<Vec2>,
     /// Longest coasting time of a part after each pulse, s.
     pub coasts_s: Vec<f64>,
 }
@@ -30,8 +32,10 @@ impl SequenceRollout {
         for (k, motion) in motions.iter().enumerate() {
             let mut coasts_s = 0.0f64;
             for (i, part) in parts.iter().enumerate() {
-                let (end, coasts) = motion.carry(rollout.places_m[k * parts.len() + i], part.gain);
+                let from = rollout.places_m[k * parts.len() + i];
+                let (end, coasts) = motion.carry(from, part.gain);
                 rollout.places_m.push(end);
+                rollout.middles_m.push(motion.middle(from, end));
                 coasts_s = coasts_s.max(coasts);
             }
             rollout.coasts_s.push(coasts_s);
@@ -42,6 +46,11 @@ impl SequenceRollout {
     /// Positions after `stage` pulses, m.
     pub fn at(&self, stage: usize) -> &[Vec2] {
         &self.places_m[stage * self.parts..][..self.parts]
+    }
+
+    /// Positions halfway through pulse `pulse`, m.
+    pub fn middle(&self, pulse: usize) -> &[Vec2] {
+        &self.middles_m[pulse * self.parts..][..self.parts]
     }
 
     /// Positions after all pulses, m.

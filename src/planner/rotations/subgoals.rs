@@ -1,6 +1,7 @@
 //! Subgoals of the next sequence, and the clearance that parts keep on their paths there.
 
-use crate::{Limit, PartState, PlannerParams};
+use super::motion_set::LibraryMotion;
+use crate::{Corridor, Limit, PartState, PlannerParams};
 use upm_core::geometry::{Segment, Vec2};
 
 /// Clearance from the edge along the path, m: a pulse's arc bulges past the straight line between its ends.
@@ -12,6 +13,10 @@ const SUBGOAL_ROOM: f64 = 1.5;
 /// Fractions of the clearance from others and from the edge that a pulse about to be played must still keep.
 const PLAYED_GAP: f64 = 0.6;
 const PLAYED_EDGE: f64 = 0.5;
+/// Share of a corridor's half width that a candidate pulse may take up, for one part and for several: pulses of one part
+/// go straight, those of several cross the corridor to and fro.
+const STRAIGHT: f64 = 0.5;
+const CROSSING: f64 = 1.0;
 
 /// Clearances of parts from each other and from the edge.
 #[derive(Clone, Debug)]
@@ -21,6 +26,9 @@ pub(super) struct Clearance {
     gap_m: f64,
     /// Clearance of each part from the edge, m: less where its target has less.
     edge_m: Vec<f64>,
+    corridors: Vec<Option<Corridor>>,
+    /// Distance of each part from its line before the first pulse, m.
+    off_m: Vec<f64>,
 }
 
 /// A limit on the path, and the excess over it, m.
@@ -32,7 +40,7 @@ pub(super) struct Shortfall {
 
 impl Clearance {
     /// Clearances for parts on their paths to `targets_m`.
-    pub fn of(parts: &[PartState], targets_m: &[Vec2], params: &PlannerParams) -> Self {
+    pub fn of(parts: &[PartState], targets_m: &[Vec2], params: &PlannerParams, corridors: &[Option<Corridor>]) -> Self {
         let edge_m = |(part, target): (&PartState, &Vec2)| {
             let at_target_m = params.half_side_m - part.radius_m - target.amax();
             EDGE_M.min(at_target_m.max(params.edge_margin_m))
@@ -42,6 +50,8 @@ impl Clearance {
             radii_m: parts.iter().map(|part| part.radius_m).collect(),
             gap_m: params.separation_m,
             edge_m: parts.iter().zip(targets_m).map(edge_m).collect(),
+            off_m: corridors.iter().zip(parts).map(|(line, part)| off_m(line, part.position_m)).collect(),
+            corridors: corridors.to_vec(),
         }
     }
 
@@ -58,7 +68,33 @@ impl Clearance {
     /// The reduced clearance for a pulse about to be played.
     pub fn for_playing(&self) -> Self {
         let edge_m = self.edge_m.iter().map(|edge_m| PLAYED_EDGE * edge_m).collect();
-        Self { gap_m: PLAYED_GAP * self.gap_m, edge_m, radii_m: self.radii_m.clone(), ..*self }
+        Self { gap_m: PLAYED_GAP * self.gap_m, edge_m, ..self.clone() }
+    }
+
+    /// Corridors of the parts that have one.
+    pub fn corridors(&self) -> impl Iterator<Item = (usize, &Corridor)> {
+        self.corridors.iter().enumerate().filter_map(|(i, corridor)| Some((i, corridor.as_ref()?)))
+    }
+
+    /// The part that leaves its corridor most at `places_m`, and by how much, m. A part outside before the first pulse
+    /// counts only where it goes farther out.
+    pub fn corridor_excess(&self, places_m: &[Vec2]) -> Option<(usize, f64)> {
+        let excess = |(i, corridor): (usize, &Corridor)| {
+            let over_m = corridor.off(places_m[i]).norm() - corridor.half_width_m.max(self.off_m[i]);
+            (over_m > 0.0).then_some((i, over_m))
+        };
+        self.corridors().filter_map(excess).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// True if the course of a pulse of `motion` fits into the corridors, shifted to begin on their lines.
+    pub fn holds_course(&self, motion: &LibraryMotion, parts: &[PartState]) -> bool {
+        let share = if parts.len() == 1 { STRAIGHT } else { CROSSING };
+        self.corridors().all(|(i, corridor)| {
+            let from = parts[i].position_m;
+            let (shift, end) = (corridor.off(from), motion.carry(from, parts[i].gain).0);
+            let fits = |p: Vec2| corridor.off(p - shift).norm() <= share * corridor.half_width_m;
+            fits(end) && fits(motion.middle(from, end))
+        })
     }
 
     /// The limit broken most while all parts move straight from `before_m` to `after_m`, in step. A limit that is
@@ -115,4 +151,8 @@ impl Clearance {
             }
         }
     }
+}
+
+fn off_m(corridor: &Option<Corridor>, p_m: Vec2) -> f64 {
+    corridor.as_ref().map_or(0.0, |corridor| corridor.off(p_m).norm())
 }

@@ -92,7 +92,7 @@ impl JobSpec {
         if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
             refuse_fields(faults);
         }
-        let task = task::build(&raw.task, &parts, &rig, faults);
+        let task = task::build(&raw.task, &parts, &rig, raw.planner, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
         let of_rig = raw.faults.as_ref().map(|raw| faults::build(raw, each_kind(&parts).len(), &at, faults));
@@ -147,6 +147,12 @@ impl JobSpec {
     /// The same job with another seed.
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.raw.seed = seed;
+        self
+    }
+
+    /// The same job with another planner.
+    pub fn with_planner(mut self, planner: PlannerChoice) -> Self {
+        (self.planner, self.raw.planner) = (planner, planner);
         self
     }
 

@@ -6,11 +6,18 @@ use super::part_path::PartPath;
 use super::raw_job::RawPath;
 use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
+use upm_core::units::m_from_mm;
 use upm_document::Diagnostics;
 
 impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
-    pub(super) fn trajectories(&self, raw: &[RawPath], in_phase: bool, faults: &mut Diagnostics) -> Option<TaskSpec> {
+    pub(super) fn trajectories(
+        &self,
+        raw: &[RawPath],
+        in_phase: bool,
+        corridor_mm: f64,
+        faults: &mut Diagnostics,
+    ) -> Option<TaskSpec> {
         let at = self.at.key("paths");
         let total = raw.iter().map(|path| path.count as usize).sum();
         self.demand_one_each(total, "path", &at, faults);
@@ -34,7 +41,8 @@ impl TaskContext<'_> {
         if in_phase && faults.len() == before {
             check_in_phase(&paths, &self.radii_m, &self.ids, faults);
         }
-        Some(TaskSpec::Trajectories { paths: paths.into_iter().map(|path| path.params).collect(), in_phase })
+        let paths = paths.into_iter().map(|path| path.params).collect();
+        Some(TaskSpec::Trajectories { paths, in_phase, corridor_m: m_from_mm(corridor_mm) })
     }
 
     /// Reports generated paths, and typed corners, that leave the plate; corners once for all parts on their path.

@@ -108,6 +108,10 @@ pub enum RawTask {
         #[serde(default = "edge_margin_mm")]
         #[schemars(range(min = 1.0, max = 1000.0))]
         edge_margin_mm: f64,
+        /// Largest distance from the path, mm, for the whole course of every pulse.
+        #[serde(default = "plus_sign_corridor_mm")]
+        #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+        corridor_mm: f64,
     },
     /// Every part follows its own path.
     Trajectories {
@@ -118,6 +122,10 @@ pub enum RawTask {
         /// laps of equal length (within 1 %), equal speeds and equal repeats.
         #[serde(default)]
         in_phase: bool,
+        /// Largest distance from the paths, mm, for the whole course of every pulse.
+        #[serde(default = "corridor_mm")]
+        #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+        corridor_mm: f64,
     },
     /// Every part goes to a place.
     Arrange {
@@ -150,6 +158,14 @@ pub enum RawTask {
 
 fn edge_margin_mm() -> f64 {
     5.0
+}
+
+fn plus_sign_corridor_mm() -> f64 {
+    0.5
+}
+
+fn corridor_mm() -> f64 {
+    1.0
 }
 
 fn is_one(count: &u32) -> bool {

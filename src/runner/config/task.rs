@@ -1,5 +1,6 @@
+use super::corridor;
 use super::kinds::{PartGroup, each_kind, part_ids};
-use super::raw_job::{Assignment, RawTask};
+use super::raw_job::{Assignment, PlannerChoice, RawTask};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -15,6 +16,8 @@ pub enum TaskSpec {
         laps: u32,
         /// Distance of the part's rim from the plate's edge at the tips, m.
         edge_margin_m: f64,
+        /// Largest distance from the path, m.
+        corridor_m: f64,
     },
     /// Every part follows its own path.
     Trajectories {
@@ -22,6 +25,8 @@ pub enum TaskSpec {
         paths: Vec<PathParams>,
         /// All parts are at the same share of their laps at any time.
         in_phase: bool,
+        /// Largest distance from the paths, m.
+        corridor_m: f64,
     },
     /// Every part goes to a target place.
     Arrange {
@@ -55,11 +60,25 @@ impl TaskSpec {
 }
 
 /// The task in SI. Faults where it is not feasible.
-pub(super) fn build(raw: &RawTask, groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) -> Option<TaskSpec> {
+pub(super) fn build(
+    raw: &RawTask,
+    groups: &[PartGroup],
+    rig: &RigSpec,
+    planner: PlannerChoice,
+    faults: &mut Diagnostics,
+) -> Option<TaskSpec> {
     let scene = TaskContext::new(groups, rig);
+    if let RawTask::PlusSign { corridor_mm, .. } | RawTask::Trajectories { corridor_mm, .. } = raw {
+        let at = scene.at.key("corridor_mm");
+        corridor::check(*corridor_mm, rig, (scene.kinds.len(), planner), &at, faults);
+    }
     match raw {
-        RawTask::PlusSign { laps, edge_margin_mm } => scene.plus_sign(*laps, *edge_margin_mm, faults),
-        RawTask::Trajectories { paths, in_phase } => scene.trajectories(paths, *in_phase, faults),
+        RawTask::PlusSign { laps, edge_margin_mm, corridor_mm } => {
+            scene.plus_sign(*laps, *edge_margin_mm, *corridor_mm, faults)
+        }
+        RawTask::Trajectories { paths, in_phase, corridor_mm } => {
+            scene.trajectories(paths, *in_phase, *corridor_mm, faults)
+        }
         RawTask::Arrange { targets_mm, targets, assignment } => {
             let targets_m = scene.targets(targets_mm.as_deref(), targets.as_deref(), faults)?;
             Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
@@ -93,14 +112,20 @@ impl<'a> TaskContext<'a> {
         Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
     }
 
-    fn plus_sign(&self, laps: u32, edge_margin_mm: f64, faults: &mut Diagnostics) -> Option<TaskSpec> {
+    fn plus_sign(
+        &self,
+        laps: u32,
+        edge_margin_mm: f64,
+        corridor_mm: f64,
+        faults: &mut Diagnostics,
+    ) -> Option<TaskSpec> {
         let found = counted(self.kinds.len(), "part");
         faults.require(self.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
         let edge_margin_m = m_from_mm(edge_margin_mm);
         let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
         let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
         faults.require(edge_margin_m < most_m, self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
-        Some(TaskSpec::PlusSign { laps, edge_margin_m })
+        Some(TaskSpec::PlusSign { laps, edge_margin_m, corridor_m: m_from_mm(corridor_mm) })
     }
 
     pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Diagnostics) {

@@ -6,16 +6,18 @@ use std::sync::Arc;
 use super::coverage::WorstDirection;
 use super::planner_selection::PlannerSelection;
 use super::setup::{self, RunSetup};
-use super::time_figure::time_figure_s;
-use crate::config::{Diagnostic, JobSpec, PlacedPart};
+use crate::config::{Diagnostic, JobSpec, PlacedPart, TaskSpec};
 use upm_control::{self as control, ClosestApproach, ControlParams, DryRun, DryRunParams, FreshPlanner, LimitMet};
 use upm_cor_library::Library;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::job::Outcome;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_planner::{FieldPlanner, Independence, PlanningMethod, Reach};
+use upm_task::PathParams;
 
+/// Speed beyond any that a part can hold, m/s.
+const FASTEST_MPS: f64 = 1.0;
 /// Most dry runs of a job.
 const DRY_RUNS: u64 = 5;
 /// Limit on the modelled computing time of all dry runs, ms; at least one is made.
@@ -36,10 +38,9 @@ pub struct Forecast {
     pub independence: Independence,
     /// True if the job plans with synthesised fields.
     pub fields: bool,
-    /// Time figure: rough plate time by rotations, s, of the relaxed program over the library at the flows of the
-    /// start; no bound. `None` for tasks without final targets, for more than 16 parts, and where the library cannot
-    /// make the steps.
-    pub bound_s: Option<f64>,
+    /// Speed asked of parts on paths, and the speed that they can hold along them by a dry run, m/s; `None` for other
+    /// tasks and where that dry run does not complete.
+    pub speed_mps: Option<[f64; 2]>,
     /// The dry runs, each with different random numbers.
     pub dry_runs: Vec<DryRun>,
     /// Relative standard deviation of the parts' displacements in them: the spread of friction in the rig's file.
@@ -128,21 +129,24 @@ pub fn dry_run(
     watch: &mut dyn FnMut(DryRunProgress),
 ) -> Result<Forecast, Diagnostic> {
     // only parts and parameters of the setup are used; nothing is played on its rig
-    let RunSetup { params, placed, model, .. } = RunSetup::new(job, library)?;
+    let RunSetup { params, placed, model, planner: selection, .. } = RunSetup::new(job, library)?;
     let starts_m = named(&placed, &params);
     let planner = FreshPlanner::new(params.method, library, params.planner);
     let (mut dry_runs, mut work_ms, mut of) = (Vec::new(), 0.0, DRY_RUNS);
-    for number in 0..DRY_RUNS {
+    let dry_run = |job: &JobSpec, number: u64, most_work_ms: f64, watch: &mut dyn FnMut(PlateTime, f64)| {
         let dry_run = DryRunParams {
             starts_m: starts_m.clone(),
             frame_hz: model.frame_hz,
             friction_spread: job.rig.raw.friction.spread,
             streams: Streams::new(job.seed()),
             number,
-            most_work_ms: WORK_MS - work_ms,
+            most_work_ms,
         };
-        let mut task = setup::task(job, library, &placed);
-        let done = control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, &mut |at, progress| {
+        let mut task = setup::task(job, library, &placed, params.method);
+        control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, watch)
+    };
+    for number in 0..DRY_RUNS {
+        let done = dry_run(job, number, WORK_MS - work_ms, &mut |at, progress| {
             let done = (number as f64 + progress) / of as f64;
             watch(DryRunProgress { dry_run: number + 1, of, at, done });
         });
@@ -153,7 +157,7 @@ pub fn dry_run(
             break;
         }
     }
-    let first_targets_m = setup::task(job, library, &placed).next(PlateTime::ZERO, &starts_m).targets_m;
+    let speed_mps = speed_mps(job, |job, watch| dry_run(job, 0, WORK_MS, watch));
     let by_fields = params.method == PlanningMethod::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let targets_m = dry_runs.first().map_or(&[][..], |first| &first.targets_m);
@@ -164,7 +168,7 @@ pub fn dry_run(
         target: targets_m.get(i).map(|&target_m| StartForecast::of(library, target_m)),
     });
     Ok(Forecast {
-        planner: PlannerSelection::of(job),
+        planner: selection,
         half_side_m: 0.5 * model.plate_side_m,
         parts: parts.collect(),
         independence: match &fields {
@@ -172,10 +176,49 @@ pub fn dry_run(
             None => Independence::of_rotations(library, &starts_m),
         },
         fields: fields.is_some(),
-        bound_s: time_figure_s(job, library, &params, &starts_m, &first_targets_m),
+        speed_mps,
         dry_runs,
         friction_spread: job.rig.raw.friction.spread,
     })
+}
+
+/// Plate time of `job` by one dry run, s; `None` where it does not reach the goal.
+pub(super) fn predicted_time_s(job: &JobSpec, library: &Arc<Library>) -> Option<f64> {
+    let RunSetup { params, placed, model, .. } = RunSetup::new(job, library).ok()?;
+    let planner = FreshPlanner::new(params.method, library, params.planner);
+    let dry_run = DryRunParams {
+        starts_m: named(&placed, &params),
+        frame_hz: model.frame_hz,
+        friction_spread: 0.0,
+        streams: Streams::new(job.seed()),
+        number: 0,
+        most_work_ms: WORK_MS,
+    };
+    let mut task = setup::task(job, library, &placed, params.method);
+    let done = control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, &mut |_, _| {});
+    is_completed(&done).then_some(done.plate_time_s)
+}
+
+/// Speed asked of parts on paths, and the speed that the slowest of them holds when all go as fast as they can: one
+/// pass by `dry_run`, m/s.
+fn speed_mps(job: &JobSpec, dry_run: impl Fn(&JobSpec, &mut dyn FnMut(PlateTime, f64)) -> DryRun) -> Option<[f64; 2]> {
+    let mut fast = job.clone();
+    let TaskSpec::Trajectories { paths, in_phase, .. } = &mut fast.task else { return None };
+    let asked_mps = paths.iter().map(|path| path.speed_mps).fold(0.0, f64::max);
+    paths.iter_mut().for_each(|path| (path.speed_mps, path.repeat) = (FASTEST_MPS, 1));
+    let pass_m = |path: &PathParams| {
+        let back = if *in_phase { path.waypoints_m.get(..1).unwrap_or_default() } else { &[] };
+        Polyline::new([&path.waypoints_m, back].concat()).length_m()
+    };
+    let longest_m = paths.iter().map(pass_m).fold(0.0, f64::max);
+    let (mut begun_s, mut ended_s) = (0.0, 0.0);
+    let done = dry_run(&fast, &mut |at, progress| {
+        ended_s = at.secs();
+        if progress == 0.0 {
+            begun_s = ended_s;
+        }
+    });
+    (is_completed(&done) && ended_s > begun_s).then(|| [asked_mps, longest_m / (ended_s - begun_s)])
 }
 
 /// Number of dry runs that fit if the first `done` of them took `work_ms`. Another one must have time to take

@@ -33,12 +33,11 @@ pub(super) fn ending<R: Rig>(
     EndFacts {
         name: job.name.clone(),
         seed: job.seed(),
-        planner: Some(PlannerSelection::of(job).report()),
+        planner: Some(setup.map_or_else(|| PlannerSelection::of(job).report(), |setup| setup.planner.report())),
         outcome: ending.outcome,
         reason: ending.reason,
         cause: ending.cause,
         plate_time: setup.map_or(PlateTime::ZERO, RunSetup::now),
-        bound_s: None,
         wall_time_s,
         deadlines: None,
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),

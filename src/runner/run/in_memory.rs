@@ -6,14 +6,13 @@ use super::error::RunError;
 use super::library::job_library;
 use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
-use super::time_figure::FirstObservation;
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo};
 use upm_cor_library::Library;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
 use upm_document::counted;
-use upm_recording::{EndFacts, Fanout, Report, RunStats};
+use upm_recording::{Fanout, Report, RunStats};
 use upm_sim::SimRig;
 use upm_task::Task;
 
@@ -63,7 +62,7 @@ impl<'a> InMemoryRun<'a> {
         let mut notes = ReportSinks::of(&setup);
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
         let finish = play(&mut setup, &library, None, &mut notes.sinks(), &StoppedClock, &stop, &give_way);
-        notes.report(job, &library, &setup, finish, has_own_task)
+        notes.report(job, &setup, finish, has_own_task)
     }
 
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
@@ -84,7 +83,7 @@ impl<'a> InMemoryRun<'a> {
         let clock = &StoppedClock;
         let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
         let finish = control::run(devices, &library, task.as_mut(), params);
-        let report = notes.report(job, &library, &setup, finish, has_own_task);
+        let report = notes.report(job, &setup, finish, has_own_task);
         Ok((report, setup.rig))
     }
 }
@@ -92,35 +91,24 @@ impl<'a> InMemoryRun<'a> {
 /// Sinks that the report is made from.
 struct ReportSinks {
     named: TruthInJobOrder,
-    first_observation: FirstObservation,
     stats: RunStats,
 }
 
 impl ReportSinks {
     fn of(setup: &RunSetup) -> Self {
         let (named, stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
-        Self { named, first_observation: FirstObservation::default(), stats }
+        Self { named, stats }
     }
 
     fn sinks(&mut self) -> Fanout<'_> {
-        Fanout::new().with(&mut self.named).with(&mut self.first_observation).with(&mut self.stats)
+        Fanout::new().with(&mut self.named).with(&mut self.stats)
     }
 
-    fn report<R: Rig>(
-        &self,
-        job: &JobSpec,
-        library: &Arc<Library>,
-        setup: &RunSetup<R>,
-        finish: FinalState,
-        has_own_task: bool,
-    ) -> Report {
+    fn report<R: Rig>(&self, job: &JobSpec, setup: &RunSetup<R>, finish: FinalState, has_own_task: bool) -> Report {
         let ending = ending(job, Some(setup), finish, 0.0);
-        if has_own_task {
-            return self.stats.report(ending);
-        }
-        let bound_s = self.first_observation.time_figure_s(job, library, &setup.params);
-        let report = self.stats.report(EndFacts { bound_s, ..ending });
-        Report { verdict: verdict(job, &report), ..report }
+        let report = self.stats.report(ending);
+        let verdict = if has_own_task { None } else { verdict(job, &report) };
+        Report { verdict, ..report }
     }
 }
 
@@ -210,6 +198,6 @@ mod tests {
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
-        assert_eq!((report.verdict, report.bound_s), (None, None));
+        assert_eq!(report.verdict, None);
     }
 }

@@ -1,14 +1,19 @@
 use std::fmt;
+use std::sync::Arc;
 
-use crate::config::{JobSpec, PlannerChoice};
+use super::dry_run::predicted_time_s;
+use crate::config::{JobSpec, PlannerChoice, TaskSpec};
+use upm_cor_library::Library;
 use upm_planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
 /// Number of parts from which on one motion for all of them is faster than rotations one after another.
 const SEVERAL: usize = 2;
+/// Most parts for which rotations can be as fast, so that dry runs of both planners decide.
+const NEAR: usize = 4;
 
 /// Planner of a job, the reason for it, and the other planners that its rig supports.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlannerSelection {
     /// The planner that runs.
     pub method: PlanningMethod,
@@ -19,7 +24,7 @@ pub struct PlannerSelection {
 }
 
 /// Reason for the choice of a planner.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SelectionReason {
     /// The job file names it.
     NamedByJob,
@@ -27,6 +32,11 @@ pub enum SelectionReason {
     SeveralParts {
         /// Number of parts.
         parts: usize,
+    },
+    /// A dry run of each planner: this one is faster.
+    Forecast {
+        /// Plate time by this planner and by the other, s.
+        plate_time_s: [f64; 2],
     },
     /// A single part gains nothing from a field.
     OnePart,
@@ -51,6 +61,26 @@ impl PlannerSelection {
         let is_other =
             |other: &PlanningMethod| *other != method && (has_fields || *other != PlanningMethod::SynthesizedField);
         Self { method, reason, alternatives: possible.into_iter().filter(is_other).collect() }
+    }
+
+    /// Selects the planner of `job`; where several parts could go either way, by a dry run of each.
+    pub fn with_forecast(job: &JobSpec, library: &Arc<Library>) -> Self {
+        let selection = Self::of(job);
+        let SelectionReason::SeveralParts { parts } = selection.reason else { return selection };
+        let has_targets = matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. });
+        if parts > NEAR || !has_targets {
+            return selection;
+        }
+        let time_s = |planner| predicted_time_s(&job.clone().with_planner(planner), library);
+        let by_fields_s = time_s(PlannerChoice::SynthesizedField).unwrap_or(f64::INFINITY);
+        match time_s(PlannerChoice::CorSequence) {
+            Some(time_s) if time_s < by_fields_s => {
+                let reason = SelectionReason::Forecast { plate_time_s: [time_s, by_fields_s] };
+                let named = Self::of(&job.clone().with_planner(PlannerChoice::CorSequence));
+                Self { reason, ..named }
+            }
+            _ => selection,
+        }
     }
 
     /// The planner's name in a job file.
@@ -81,6 +111,7 @@ impl SelectionReason {
         match self {
             Self::NamedByJob => "named_by_job",
             Self::SeveralParts { .. } => "several_parts",
+            Self::Forecast { .. } => "forecast",
             Self::OnePart => "one_part",
             Self::NoFields => "no_fields",
         }
@@ -92,6 +123,9 @@ impl fmt::Display for SelectionReason {
         match self {
             Self::NamedByJob => f.write_str("the job names it"),
             Self::SeveralParts { parts } => write!(f, "the rig has fields and the job moves {parts} parts"),
+            Self::Forecast { plate_time_s: [own_s, other_s] } => {
+                write!(f, "by forecast it takes {own_s:.1} s of plate time, the other {other_s:.1} s")
+            }
             Self::OnePart => f.write_str("the job moves one part"),
             Self::NoFields => f.write_str("the rig has no fields"),
         }

@@ -14,8 +14,8 @@ use upm_planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
 use upm_task::{
-    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, InPhase, InPhaseParams, Motions, PartOutline,
-    PathParams, PlusSign, PlusSignParams, Sort, SortParams, Task, Trajectories,
+    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, Motions, PartOutline, PlusSign, PlusSignParams, Sort,
+    SortParams, Task, Trajectories, TrajectoriesParams,
 };
 use upm_viewer::PartAppearance;
 
@@ -41,6 +41,8 @@ pub struct RunSetup<R = SimRig> {
     pub truth: GroundTruthHandle,
     /// Model of the rig that control knows.
     pub model: RigModel,
+    /// Its planner and the reason for it.
+    pub planner: PlannerSelection,
     /// Task of the job.
     pub task: Box<dyn Task>,
     /// Limits and parts for control.
@@ -57,6 +59,7 @@ impl RunSetup {
     /// Places the parts and builds rig, task and parameters. `Err` if the parts find no places.
     pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Diagnostic> {
         let (rig, placed) = simulated_rig(job)?;
+        let planner = PlannerSelection::with_forecast(job, library);
         let (kinds, kind_of_part) = kinds_present(job, &placed);
         let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
             ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
@@ -69,23 +72,23 @@ impl RunSetup {
             follows_paths: matches!(job.task, TaskSpec::Trajectories { .. }),
             tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
-            method: PlannerSelection::of(job).method,
+            method: planner.method,
             planner: planner_params_without(&model, job.without_guard.as_deref()),
             guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
             kinds,
         };
-        let task = task(job, library, &placed);
+        let task = task(job, library, &placed, planner.method);
         let streams = Streams::new(job.seed());
         let knocks = job.rig.raw.simulation.knocks.iter();
         let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
         let faults = job.faults.iter().copied().chain(knocks).collect();
-        Ok(Self { truth: rig.probe(), rig, model, task, params, placed, faults, streams })
+        Ok(Self { truth: rig.probe(), rig, model, planner, task, params, placed, faults, streams })
     }
 
     /// The same setup with the rig that `make` returns for the simulated one.
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
-        let Self { rig, truth, model, task, params, placed, faults, streams } = self;
-        RunSetup { rig: make(rig), truth, model, task, params, placed, faults, streams }
+        let Self { rig, truth, model, planner, task, params, placed, faults, streams } = self;
+        RunSetup { rig: make(rig), truth, model, planner, task, params, placed, faults, streams }
     }
 }
 
@@ -177,22 +180,33 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> Box<dyn Task> {
+pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
-        TaskSpec::PlusSign { laps, edge_margin_m } => Box::new(PlusSign::new(PlusSignParams {
+        TaskSpec::PlusSign { laps, edge_margin_m, corridor_m } => Box::new(PlusSign::new(PlusSignParams {
             half_side_m,
             part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
             edge_margin_m: *edge_margin_m,
             laps: *laps,
             arrive_m: job.tolerance_m,
             stride_m: stride_m(library),
+            corridor_m: *corridor_m,
         })),
-        TaskSpec::Trajectories { paths, in_phase } => trajectories(job, library, paths, *in_phase, discs(placed)),
+        TaskSpec::Trajectories { paths, in_phase, corridor_m } => Box::new(Trajectories::new(TrajectoriesParams {
+            half_side_m,
+            motions: motions(job, library, method),
+            discs: discs(placed),
+            paths: paths.clone(),
+            in_phase: *in_phase,
+            lead_m: LEAD_M,
+            stride_m: LONGEST_STEP_M,
+            arrive_m,
+            corridor_m: *corridor_m,
+        })),
         TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
             half_side_m,
-            motions: motions(job, library),
+            motions: motions(job, library, method),
             discs: discs(placed),
             targets_m: targets_m.clone(),
             exchange: *assignment == Assignment::Optimal,
@@ -203,14 +217,16 @@ pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart]) -> B
             let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
-        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, discs(placed), motions(job, library)))),
+        TaskSpec::Sort { bins } => {
+            Box::new(Sort::new(sort_params(job, bins, discs(placed), motions(job, library, method))))
+        }
     }
 }
 
 /// Kind of motion that the job's planner uses.
-fn motions(job: &JobSpec, library: &Library) -> Motions {
+fn motions(job: &JobSpec, library: &Library, method: PlanningMethod) -> Motions {
     let parts = job.parts.iter().map(|group| group.count).sum();
-    match PlannerSelection::of(job).method {
+    match method {
         PlanningMethod::CorSequence => Motions::Rotations {
             stride_m: RotationPlanner::longest_path_m(parts),
             effort: Arc::new(RotationEffort(FlowEffort::new(library))),
@@ -244,36 +260,6 @@ fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motio
     }
 }
 
-fn trajectories(
-    job: &JobSpec,
-    library: &Library,
-    paths: &[PathParams],
-    in_phase: bool,
-    discs: Vec<PartOutline>,
-) -> Box<dyn Task> {
-    if let (true, Some(path)) = (in_phase, paths.first()) {
-        let period_s = lap_m(&path.waypoints_m) / path.speed_mps;
-        return Box::new(InPhase::new(InPhaseParams {
-            half_side_m: 0.5 * job.rig.model.plate_side_m,
-            motions: motions(job, library),
-            discs,
-            loops_m: paths.iter().map(|path| path.waypoints_m.clone()).collect(),
-            period_s,
-            laps: paths.first().map_or(0, |path| path.repeat),
-            lead_m: LEAD_M,
-            stride_m: LONGEST_STEP_M,
-            arrive_m: MEASURED_SHARE * job.tolerance_m,
-        }));
-    }
-    Box::new(Trajectories::new(paths.to_vec(), LEAD_M, job.tolerance_m))
-}
-
-/// Length of a closed path including the segment from its last corner back to its first, m.
-fn lap_m(corners_m: &[Vec2]) -> f64 {
-    let next = corners_m.iter().cycle().skip(1);
-    corners_m.iter().zip(next).map(|(a, b)| (b - a).norm()).sum()
-}
-
 /// Sink that orders the truth as control named the parts; must be the first sink.
 pub struct TruthInJobOrder(GroundTruthHandle);
 
@@ -300,14 +286,6 @@ mod tests {
 
     use super::*;
     use crate::config::Origin;
-
-    #[test]
-    fn a_lap_leads_back_to_its_first_corner() {
-        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y) * 0.05);
-        assert!((lap_m(&square) - 0.2).abs() < 1e-12);
-        assert!((lap_m(&[square.as_slice(), &square[..1]].concat()) - 0.2).abs() < 1e-12, "closed already");
-        assert_eq!(lap_m(&[]), 0.0);
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]

@@ -59,7 +59,7 @@ proptest! {
         let ShootingSetup { discs, steps_m, start } = scene;
         let problem = ShootingProblem {
             basis: &basis, effort: &effort, discs: &discs, steps_m: &steps_m,
-            envelope: &upm_2_envelope(sustain_s), penalties: &penalties, pool: &RolloutPool::default(),
+            envelope: &upm_2_envelope(sustain_s), penalties: &penalties, corridors: &[], pool: &RolloutPool::default(),
         };
         let first = problem.iterate(&start);
         let mut before = cost(&problem, &first);
@@ -88,7 +88,7 @@ proptest! {
         let scale = 0.2 * effort.norm(&known) / effort.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);
         let blank = DVector::zeros(2 * discs.len());
-        let problem = ShootingProblem { basis: &basis, effort: &effort, discs: &discs, steps_m: &blank, envelope: &envelope, penalties: &[], pool: &RolloutPool::default() };
+        let problem = ShootingProblem { basis: &basis, effort: &effort, discs: &discs, steps_m: &blank, envelope: &envelope, penalties: &[], corridors: &[], pool: &RolloutPool::default() };
         let steps_m = went(&problem.iterate(&known), &discs);
         let problem = ShootingProblem { steps_m: &steps_m, ..problem };
         let away = |share: f64| -> Vec<f64> { known.iter().zip(&off).map(|(c, d)| c + share * d).collect() };
@@ -125,6 +125,7 @@ fn penalised_directions_are_held_in_sum() {
             steps_m: &steps_m,
             envelope: &envelope,
             penalties: &[],
+            corridors: &[],
             pool: &RolloutPool::default(),
         };
         let penalised = ShootingProblem { penalties: &penalties, ..free };

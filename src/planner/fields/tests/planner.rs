@@ -95,8 +95,8 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
 fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
     let (library, limits, basis) = (upm_2(), params(), upm_2_basis());
     let mut twin = planner.clone();
-    let plan = planner.plan(parts);
-    assert_eq!(twin.plan(parts), plan, "equal parts and states, equal plans");
+    let plan = planner.plan(parts, &[]);
+    assert_eq!(twin.plan(parts, &[]), plan, "equal parts and states, equal plans");
     let Some(pulse) = pulse(&plan) else {
         assert!(plan.status != PlanStatus::Solved && plan.predicted_m.is_empty());
         return plan;
@@ -167,7 +167,7 @@ proptest! {
         let gap_m = |parts: &[PartState]| (parts[0].position_m - parts[1].position_m).norm();
         for _ in 0..4 {
             let before_m = gap_m(&parts);
-            let plan = planner.plan(&parts);
+            let plan = planner.plan(&parts, &[]);
             for (part, end) in parts.iter_mut().zip(plan.predicted_m.iter().flatten()) {
                 part.position_m = *end;
             }
@@ -179,9 +179,9 @@ proptest! {
 
 #[test]
 fn trivial_steps_and_nonfinite_inputs_end_without_a_pulse() {
-    fixture::ends_without_a_plan(|parts| planner().plan(parts).status);
+    fixture::ends_without_a_plan(|parts| planner().plan(parts, &[]).status);
     let nowhere = penny(mm(1.0, 2.0), mm(f64::INFINITY, 0.0));
-    assert!(matches!(planner().plan(&[nowhere]).status, PlanStatus::SolverFailed(_)));
+    assert!(matches!(planner().plan(&[nowhere], &[]).status, PlanStatus::SolverFailed(_)));
 }
 
 fn at(x_mm: f64, y_mm: f64, step_x_mm: f64, step_y_mm: f64) -> PartState {

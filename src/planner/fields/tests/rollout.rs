@@ -109,6 +109,37 @@ proptest! {
         prop_assert!(error < 0.05, "{error}");
     }
 
+    /// Slopes of places under way are those of the ends of the same steps, less the coasting: by central differences.
+    #[test]
+    fn slopes_under_way_are_central_differences(mut coefficients in motion(8), discs in many_coins(), half in 0.2..0.9f64) {
+        coefficients[32..].fill(0.0);
+        let (basis, envelope) = (upm_2_basis(), upm_2_envelope(0.1));
+        let coefficients = full(&basis, &coefficients);
+        let run = |coefficients: &[f64]| {
+            let mut rollout = Rollout::default();
+            rollout.run(&basis, coefficients, &envelope, &discs);
+            rollout
+        };
+        let rollout = run(&coefficients);
+        let step = (half * rollout.steps() as f64) as usize;
+        let normals: Vec<Vec2> = (0..discs.len()).map(|i| Vec2::new((i as f64).cos(), (i as f64).sin())).collect();
+        let slopes = rollout.slopes_at(&basis, step, &normals);
+        let largest = slopes.amax();
+        for j in 0..32 {
+            let shifted = |by: f64| {
+                let mut changed = coefficients.clone();
+                changed[j] += by;
+                run(&changed).places_at(step)
+            };
+            let (more, less) = (shifted(1e-5), shifted(-1e-5));
+            for (part, normal) in normals.iter().enumerate() {
+                // the offset of the plate is part of a place, its slope is left out
+                let difference = (more[part] - less[part]).dot(normal) / 2e-5;
+                prop_assert!((difference - slopes[(j, part)]).abs() < 1e-3 * largest, "{difference} {}", slopes[(j, part)]);
+            }
+        }
+    }
+
     /// A part's course does not depend on the other parts or on its index.
     #[test]
     fn each_part_goes_as_if_alone(coefficients in motion(8), discs in many_coins(), sustain_s in 0.0..0.2f64) {

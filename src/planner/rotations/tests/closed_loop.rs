@@ -57,7 +57,7 @@ fn arrives_at(mut places_m: Vec<Vec2>, starts_m: Vec<Vec2>, mut rng: Rng) -> usi
             assert!(away_m(&seen) < twenty_before_m, "{count} parts, cycle {cycle}");
             twenty_before_m = away_m(&seen);
         }
-        let plan = planner.plan(&seen);
+        let plan = planner.plan(&seen, &[]);
         assert_eq!(plan.status, PlanStatus::Solved, "{count} parts, cycle {cycle}");
         for pulse in rotations(&plan) {
             let truth: Vec<PartState> = (0..count).map(|i| state(i, gains[i], at_m[i])).collect();

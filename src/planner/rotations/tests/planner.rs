@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::planner;
 use crate::fixture::{HALF_SIDE_M, PENNY_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
-use crate::{Limit, PartState, Plan, PlanStatus, RotationPlanner};
-use upm_core::geometry::Vec2;
+use crate::{Corridor, Limit, PartState, Plan, PlanStatus, RotationPlanner};
+use upm_core::geometry::{Polyline, Vec2};
 
 /// Checks the forecast of each pulse, its setting, and the limits along the path.
 fn keeps_its_promises(parts: &[PartState], plan: &Plan) -> Result<(), TestCaseError> {
@@ -41,22 +41,58 @@ fn left_m(parts: &[PartState], plan: &Plan) -> f64 {
     end.iter().zip(parts).map(|(end, part)| (part.position_m + part.step_m - end).norm_squared()).sum::<f64>().sqrt()
 }
 
+/// A corridor straight along a part's step.
+fn straight(part: &PartState, half_width_m: f64) -> Option<Corridor> {
+    let line = Polyline::new(vec![part.position_m, part.position_m + part.step_m]);
+    Some(Corridor { line, half_width_m })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
     fn plans_match_their_forecasts_and_keep_the_limits(count in 1usize..9, reach_m in 0.0..0.03f64, seed: u64) {
         let parts = scene(count, reach_m, seed);
-        let plan = planner().plan(&parts);
+        let plan = planner().plan(&parts, &[]);
         keeps_its_promises(&parts, &plan)?;
         prop_assert!(!matches!(plan.status, PlanStatus::SolverFailed(_)), "{:?}", plan.status);
-        prop_assert_eq!(&planner().plan(&parts), &plan, "the same again");
+        prop_assert_eq!(&planner().plan(&parts, &[]), &plan, "the same again");
+    }
+
+    /// Alone, a part goes straight: no place after a pulse, nor halfway through one, is outside the corridor.
+    #[test]
+    fn one_part_stays_in_its_corridor(x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, way in 1.0..12.0f64) {
+        let part = penny(mm(x, y), mm(way * angle.cos(), way * angle.sin()));
+        let plan = planner().plan(&[part], &[straight(&part, 0.3e-3)]);
+        prop_assert_eq!((&plan.status, plan.corridor_excess), (&PlanStatus::Solved, None));
+        prop_assert!(left_m(&[part], &plan) < 0.1e-3 * way.max(1.0), "{plan:?}");
+        for places_m in &plan.predicted_m {
+            let along = part.step_m.normalize();
+            let off_m = (places_m[0] - part.position_m).perp(&along).abs();
+            prop_assert!(off_m < 0.3e-3, "{off_m}");
+        }
+    }
+
+    /// Corridors of several parts narrow their courses, and what is outside is named.
+    #[test]
+    fn several_parts_leave_their_corridors_least(count in 2usize..4, seed in 0u64..1000) {
+        let parts = scene(count, 6e-3, seed);
+        let corridors: Vec<_> = parts.iter().map(|part| straight(part, 1e-3)).collect();
+        let off_m = |plan: &Plan| -> f64 {
+            let off = |(corridor, p_m): (&Option<Corridor>, &Vec2)| corridor.as_ref().unwrap().off(*p_m).norm();
+            plan.predicted_m.iter().flat_map(|places_m| corridors.iter().zip(places_m)).map(off).fold(0.0, f64::max)
+        };
+        let (free, bound) = (planner().plan(&parts, &[]), planner().plan(&parts, &corridors));
+        prop_assume!(free.status == PlanStatus::Solved && bound.status == PlanStatus::Solved);
+        let excess_m = bound.corridor_excess.map_or(0.0, |(_, by_m)| by_m);
+        prop_assert!(off_m(&bound) <= 1e-3 + excess_m + 1e-9);
+        prop_assert!(off_m(&bound) <= off_m(&free).max(2e-3), "{} {}", off_m(&bound), off_m(&free));
     }
 
     #[test]
     fn one_part_goes_where_it_should(x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, way in 1.0..12.0f64) {
         let part = penny(mm(x, y), mm(way * angle.cos(), way * angle.sin()));
-        let plan = planner().plan(&[part]);
+        let plan = planner().plan(&[part], &[]);
         prop_assert_eq!(&plan.status, &PlanStatus::Solved);
         prop_assert!(left_m(&[part], &plan) <= (0.08 * part.step_m.norm()).max(0.06e-3), "{}", left_m(&[part], &plan));
     }
@@ -67,11 +103,11 @@ fn part_in_a_corner_is_not_moved_off_the_plate() {
     let corner = HALF_SIDE_M - PENNY_M - params().edge_margin_m;
     for step in [mm(5.0, 5.0), mm(5.0, 0.0), mm(0.0, 3.0)] {
         let parts = [penny(Vec2::new(corner, corner), step)];
-        let plan = planner().plan(&parts);
+        let plan = planner().plan(&parts, &[]);
         keeps_its_promises(&parts, &plan).unwrap();
         assert!(plan.predicted_m.iter().flatten().all(|p| p.amax() < corner + params().edge_margin_m));
     }
-    let inwards = planner().plan(&[penny(Vec2::new(corner, corner), mm(-5.0, -3.0))]);
+    let inwards = planner().plan(&[penny(Vec2::new(corner, corner), mm(-5.0, -3.0))], &[]);
     assert_eq!(inwards.status, PlanStatus::Solved);
 }
 
@@ -79,7 +115,7 @@ fn part_in_a_corner_is_not_moved_off_the_plate() {
 fn a_part_beyond_the_margin_is_not_stuck() {
     let parts =
         [penny(Vec2::new(HALF_SIDE_M - PENNY_M + 1e-3, 0.02), mm(-4.0, 0.0)), penny(mm(-30.0, 0.0), mm(0.0, 3.0))];
-    let plan = planner().plan(&parts);
+    let plan = planner().plan(&parts, &[]);
     assert_eq!(plan.status, PlanStatus::Solved);
     keeps_its_promises(&parts, &plan).unwrap();
 }
@@ -87,43 +123,33 @@ fn a_part_beyond_the_margin_is_not_stuck() {
 #[test]
 fn parts_that_touch_can_be_moved_apart() {
     let touching = [penny(mm(-9.6, 0.0), mm(4.0, 0.0)), penny(mm(9.6, 0.0), mm(-4.0, 0.0))];
-    keeps_its_promises(&touching, &planner().plan(&touching)).unwrap();
+    keeps_its_promises(&touching, &planner().plan(&touching, &[])).unwrap();
     let apart = touching.map(|part| penny(part.position_m, -part.step_m));
-    let plan = planner().plan(&apart);
+    let plan = planner().plan(&apart, &[]);
     assert_eq!(plan.status, PlanStatus::Solved);
     keeps_its_promises(&apart, &plan).unwrap();
 }
 
 #[test]
 fn plans_end_without_pulses_where_there_is_nothing_to_do_or_nothing_that_moves() {
-    ends_without_a_plan(|parts| planner().plan(parts).status);
+    ends_without_a_plan(|parts| planner().plan(parts, &[]).status);
     let mut still = (*library()).clone();
     still.entries.truncate(3);
     still.entries.iter_mut().for_each(|entry| entry.pump = entry.pump * 1e-4);
-    let plan = RotationPlanner::new(still.into(), params()).plan(&[penny(mm(1.0, 2.0), mm(1.0, 0.0))]);
+    let plan = RotationPlanner::new(still.into(), params()).plan(&[penny(mm(1.0, 2.0), mm(1.0, 0.0))], &[]);
     assert_eq!(plan.status, PlanStatus::Infeasible(Limit::Unreachable));
-}
-
-#[test]
-fn the_time_figure_grows_with_the_steps() {
-    let near = scene(4, 5e-3, 3);
-    let far: Vec<PartState> = near.iter().map(|part| PartState { step_m: part.step_m * 3.0, ..*part }).collect();
-    let [near_s, far_s] = [&near, &far].map(|parts| planner().least_time_s(parts).unwrap());
-    assert!(near_s > 0.1 && far_s > 1.5 * near_s, "{near_s} {far_s}");
-    let there = [penny(mm(3.0, 4.0), Vec2::zeros())];
-    assert_eq!(planner().least_time_s(&there), Some(0.0));
 }
 
 #[test]
 fn a_target_that_jumps_ends_the_sequence_and_one_that_creeps_is_followed() {
     let mut planner = planner();
     let parts = scene(3, 0.02, 5);
-    assert_eq!(planner.plan(&parts).status, PlanStatus::Solved);
+    assert_eq!(planner.plan(&parts, &[]).status, PlanStatus::Solved);
     let creeping: Vec<PartState> =
         parts.iter().map(|part| PartState { step_m: part.step_m + mm(0.2, 0.0), ..*part }).collect();
-    keeps_its_promises(&creeping, &planner.plan(&creeping)).unwrap();
+    keeps_its_promises(&creeping, &planner.plan(&creeping, &[])).unwrap();
     let jumping: Vec<PartState> = parts.iter().map(|part| PartState { step_m: -part.step_m, ..*part }).collect();
-    let plan = planner.plan(&jumping);
+    let plan = planner.plan(&jumping, &[]);
     assert_eq!(plan.status, PlanStatus::Solved);
     assert!(left_m(&jumping, &plan) < left_m(&jumping, &Plan { predicted_m: Vec::new(), ..plan.clone() }));
 }

@@ -27,7 +27,7 @@ fn defaults_are_as_documented() {
     let document =
         json!({"name": "a", "rig": "rigs/upm-1.json", "parts": [{"kind": "dime"}], "task": {"type": "plus_sign"}});
     let spec = job(&document).unwrap();
-    assert_eq!(spec.task, TaskSpec::PlusSign { laps: 1, edge_margin_m: 0.005 });
+    assert_eq!(spec.task, TaskSpec::PlusSign { laps: 1, edge_margin_m: 0.005, corridor_m: 0.5e-3 });
     assert_eq!((spec.seed(), spec.tolerance_m, spec.plate_time_limit_s), (1, 0.0005, 600.0));
     let effective = spec.effective();
     for (pointer, value) in [

@@ -88,7 +88,7 @@ fn every_shipped_job_is_valid_and_its_parts_find_room() {
 #[test]
 fn the_bowtie_is_a_lemniscate_with_its_parts_a_third_apart() {
     let spec = JobSpec::load(&shipped("bowtie-3.json")).unwrap();
-    let TaskSpec::Trajectories { paths, in_phase: true } = spec.task else { panic!("{:?}", spec.task) };
+    let TaskSpec::Trajectories { paths, in_phase: true, .. } = spec.task else { panic!("{:?}", spec.task) };
     for (path, third) in paths.iter().zip(0..) {
         assert_eq!(path.waypoints_m.len(), 60);
         for (k, p) in path.waypoints_m.iter().enumerate() {

@@ -120,7 +120,7 @@ fn a_forecast_sums_up_its_dry_runs() {
         parts: Vec::new(),
         independence: Independence { singular_values: Vec::new(), weakest: None },
         fields: false,
-        bound_s: None,
+        speed_mps: None,
         dry_runs: vec![
             one(done(), 9.0, 0.003, vec![met("a", 2), met("b", 1)]),
             one(done(), 4.0, 0.001, vec![]),
