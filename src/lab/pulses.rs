@@ -1,5 +1,7 @@
 //! Pulses of rotation about a point, within the limits of a rig's motors.
 
+use std::f64::consts::TAU;
+
 use super::{LabFault, LabRig, coulomb_pump};
 use upm_core::geometry::{Vec2, cross};
 use upm_core::job::PlateMode;
@@ -26,6 +28,13 @@ pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far be
 /// The rig's pulse with a sustain of `sustain_s`.
 pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
     Envelope { attack_s: rig.model.attack_s, sustain_s, rest_s: rig.model.rest_s }
+}
+
+/// The same with flanks of two periods at least. The motors play the forces of a free mass, which leave a plate on rods
+/// swinging after a shorter flank; its swing carries parts off their way.
+pub(super) fn calm_envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
+    let flank_s = 2.0 * TAU / rig.model.base_radps;
+    Envelope { attack_s: rig.model.attack_s.max(flank_s), ..envelope(rig, sustain_s) }
 }
 
 /// The largest amplitude of spin about `cor_m` within the limits of the rig's motors, rad/s, by bisection.

@@ -6,8 +6,9 @@ use super::wave::Wave;
 use crate::numerics::bisect;
 use upm_core::units::GRAVITY_MPS2;
 
-/// Longest step, s.
+/// Longest step, s, and over the time in which the block's tilt grows by a factor of e.
 const STEP_S: f64 = 1e-4;
+const STEP: f64 = 0.01;
 /// Bisections of a step that contains an event.
 const HALVINGS: usize = 50;
 /// Rise after an impact, rad, below which a block counts as flat.
@@ -116,7 +117,8 @@ impl Rocking<'_> {
         let block = &self.release.block;
         while self.t_s < until_s {
             let at_s = self.t_s;
-            let step_s = STEP_S.min(until_s - at_s);
+            let growth_s = 1.0 / (block.stiffness_pm() * weight_mps2(at_s).max(GRAVITY_MPS2)).sqrt();
+            let step_s = STEP_S.min(STEP * growth_s).min(until_s - at_s);
             let after = |step_s: f64| stepped(block, self.turn, step_s, |t_s| weight_mps2(at_s + t_s));
             let next = after(step_s);
             let hits = |turn: BlockTilt| turn.tilt_rad <= 0.0;

@@ -6,15 +6,19 @@ use upm_core::units::GRAVITY_MPS2;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     Block,
+    /// A cylinder on its face.
     Cylinder,
+    /// A cylinder on its side, its axis along the direction of motion.
+    LyingCylinder,
 }
 
 /// A part on a flat surface, seen from the side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peg {
     pub shape: Shape,
-    /// Length along its direction of motion, or diameter, m.
+    /// Length along its direction of motion, m; a standing cylinder's diameter.
     pub length_m: f64,
+    /// Height, m; a lying cylinder's diameter.
     pub height_m: f64,
 }
 
@@ -35,18 +39,24 @@ impl Peg {
         let (half_length_m, half_height_m) = (0.5 * self.length_m, 0.5 * self.height_m);
         // of the horizontal axis across the direction of motion: a circle's is a quarter of the radius squared, a
         // line's a third
-        let across = match self.shape {
-            Shape::Block => half_length_m.powi(2) / 3.0,
-            Shape::Cylinder => half_length_m.powi(2) / 4.0,
+        let (of_length, of_height) = match self.shape {
+            Shape::Block => (3.0, 3.0),
+            Shape::Cylinder => (4.0, 3.0),
+            Shape::LyingCylinder => (3.0, 4.0),
         };
         let above_m = half_height_m - ledge_m;
-        let gyration_m2 = across + half_height_m.powi(2) / 3.0;
+        let gyration_m2 = half_length_m.powi(2) / of_length + half_height_m.powi(2) / of_height;
         (above_m > 0.0).then_some(Pivot { behind_m: half_length_m, above_m, gyration_m2 })
     }
 
     /// The same part on the face that met the ledge.
     pub fn toppled(&self) -> Self {
-        Self { length_m: self.height_m, height_m: self.length_m, ..*self }
+        let shape = match self.shape {
+            Shape::Block => Shape::Block,
+            Shape::Cylinder => Shape::LyingCylinder,
+            Shape::LyingCylinder => Shape::Cylinder,
+        };
+        Self { shape, length_m: self.height_m, height_m: self.length_m }
     }
 }
 
@@ -61,6 +71,18 @@ impl Pivot {
     pub fn critical_mps(&self) -> f64 {
         let lift_m = self.behind_m.hypot(self.above_m) - self.above_m;
         (2.0 * GRAVITY_MPS2 * self.about_edge_m2() * lift_m).sqrt() / self.above_m
+    }
+}
+
+impl Pivot {
+    /// Sine of the angle at which the centre is above the edge, and the least one for which the edge only pushes at a part
+    /// that rises at the critical speed. Of the force along and normal to the table that Eq. 2.3 needs at the sine `s`, the
+    /// first is forward below 2/3 and the second downward where `1 + 2 s - 3 s² > I_o/(m r²)`: there the edge would pull.
+    pub fn rise(&self) -> [f64; 2] {
+        let arm_m2 = self.behind_m.powi(2) + self.above_m.powi(2);
+        let under_root = 1.0 - 3.0 * self.gyration_m2 / arm_m2;
+        let least = if under_root > 1e-9 { (1.0 + under_root.sqrt()) / 3.0 } else { 0.0 };
+        [self.above_m / arm_m2.sqrt(), least]
     }
 }
 
@@ -82,7 +104,11 @@ mod tests {
         #[test]
         fn moments_about_a_corner_are_those_of_the_tables(length_m in 1e-3..0.1f64, height_m in 1e-3..0.1f64) {
             let (l2, h2) = (0.25 * length_m * length_m, 0.25 * height_m * height_m);
-            for (shape, exact) in [(Shape::Block, 4.0 / 3.0 * (l2 + h2)), (Shape::Cylinder, 1.25 * l2 + 4.0 / 3.0 * h2)] {
+            for (shape, exact) in [
+                (Shape::Block, 4.0 / 3.0 * (l2 + h2)),
+                (Shape::Cylinder, 1.25 * l2 + 4.0 / 3.0 * h2),
+                (Shape::LyingCylinder, 4.0 / 3.0 * l2 + 1.25 * h2),
+            ] {
                 let pivot = Peg { shape, length_m, height_m }.pivot(0.0).unwrap();
                 prop_assert!((pivot.about_edge_m2() / exact - 1.0).abs() < 1e-12);
             }

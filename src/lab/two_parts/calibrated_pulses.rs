@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, saturation, turn};
+use super::super::pulses::{FINER, PLAYBACK_HZ, calm_envelope, check_carries, place, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, PartPositions};
 use upm_core::geometry::{Pose, Vec2};
@@ -96,7 +96,7 @@ impl<'a> CalibratedPulses<'a> {
 
     /// Largest saturation of a part at `reference_m` by the shortest pulses.
     pub fn saturation(&self, reference_m: Vec2) -> f64 {
-        let outline = envelope(self.rig, self.shortest_s());
+        let outline = calm_envelope(self.rig, self.shortest_s());
         let of = |(spin_radps, center): (&f64, &Vec2)| {
             saturation(self.rig, *spin_radps, (reference_m - center).norm(), &outline)
         };
@@ -128,7 +128,7 @@ impl<'a> CalibratedPulses<'a> {
     }
 
     fn pulse(&self, center: usize, sense: f64, sustain_s: f64) -> OpenPulse {
-        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], envelope(self.rig, sustain_s))
+        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], calm_envelope(self.rig, sustain_s))
     }
 
     fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
