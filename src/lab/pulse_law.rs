@@ -3,14 +3,14 @@
 
 use std::f64::consts::TAU;
 
-use super::pulses::{EDGE_M, check_carries, envelope, place, saturation, strongest_spin};
+use super::pulses::{EDGE_M, check_carries, envelope, place, play, saturation, strongest_spin};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump};
 use upm_chart::{Chart, Color, Layer, Mark};
-use upm_core::geometry::{Pose, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
-use upm_sim::{OpenPulse, simulate};
+use upm_sim::OpenPulse;
 
 /// Most lengths of pulses; each is sustained for whole periods, since others end in mid-oscillation.
 const LENGTHS: usize = 24;
@@ -103,10 +103,7 @@ impl PivotSetup<'_> {
         let rig = self.rig;
         let envelope = Envelope { rest_s: REST_S, ..envelope(rig, sustain_s) };
         let pulse = OpenPulse::about(self.cor_m, self.spin_radps, envelope);
-        let base_radps = rig.model.base_radps;
-        let sample_hz = SAMPLES * base_radps / TAU;
-        let part = [(rig.penny, Pose::IDENTITY)];
-        let found = simulate(&rig.sim, self.mode, &part, &[pulse], base_radps, sample_hz)?;
+        let found = play(rig, self.mode, &[Vec2::zeros()], &[pulse], SAMPLES * rig.model.base_radps / TAU)?;
         let way_m = |i: usize| found.parts.first().and_then(|part| place(part, i)).map_or(f64::NAN, |at| at.norm());
         let way_m = (0..found.t_s.len()).map(way_m).collect();
         Ok(PlayedPulse { envelope, t_s: found.t_s, way_m })

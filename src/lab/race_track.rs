@@ -6,14 +6,14 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::pulses::{
-    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, calm_envelope, check_carries, mm, place, places, saturation,
+    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, calm_envelope, check_carries, mm, place, places, play, saturation,
     strongest_spin, turn,
 };
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
-use upm_core::geometry::{Pose, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
-use upm_sim::{OpenLoopTrajectories, OpenPulse, simulate};
+use upm_sim::{OpenLoopTrajectories, OpenPulse};
 
 /// Starting positions of the coins, as fractions of the distance from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];
@@ -71,10 +71,8 @@ impl RaceCourse {
     }
 
     fn play(&self, rig: &LabRig, pulses: usize) -> Result<OpenLoopTrajectories, LabFault> {
-        let coins = self.starts_m.map(|start| (rig.penny, Pose { position_m: start, heading_rad: 0.0 }));
         let pulses = vec![self.pulse.clone(); pulses];
-        let sample_hz = PLAYBACK_HZ * FINER as f64;
-        Ok(simulate(&rig.sim, PlateMode::Dynamic, &coins, &pulses, rig.model.base_radps, sample_hz)?)
+        play(rig, PlateMode::Dynamic, &self.starts_m, &pulses, PLAYBACK_HZ * FINER as f64)
     }
 
     /// The last sample before `pulses` pulses and their rests are over.

@@ -57,9 +57,9 @@ impl Topple {
 
     fn peg(&self) -> Peg {
         let shape = match self.cylinder {
-            0 => Shape::Block,
-            1 => Shape::Cylinder,
-            _ => Shape::LyingCylinder,
+            0 => Shape::BLOCK,
+            1 => Shape::CYLINDER,
+            _ => Shape::LYING_CYLINDER,
         };
         Peg { shape, length_m: self.length_m, height_m: self.height_m }
     }

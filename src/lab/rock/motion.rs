@@ -3,7 +3,7 @@
 
 use super::block::{Block, BlockTilt};
 use super::wave::Wave;
-use crate::numerics::bisect;
+use crate::numerics::{bisect, runge_kutta};
 use upm_core::units::GRAVITY_MPS2;
 
 /// Longest step, s, and over the time in which the block's tilt grows by a factor of e.
@@ -57,18 +57,10 @@ pub struct Motion {
 /// State of the block `step_s` later, by the fourth-order Runge-Kutta method; `weight_mps2` is `g + ẍ` as a function of
 /// time from the beginning of the step.
 pub fn stepped(block: &Block, turn: BlockTilt, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> BlockTilt {
-    let slope = |at: BlockTilt, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
-    let along = |[speed, accel]: [f64; 2], t_s: f64| BlockTilt {
-        tilt_rad: turn.tilt_rad + speed * t_s,
-        speed_radps: turn.speed_radps + accel * t_s,
-    };
-    let half_s = 0.5 * step_s;
-    let k1 = slope(turn, 0.0);
-    let k2 = slope(along(k1, half_s), half_s);
-    let k3 = slope(along(k2, half_s), half_s);
-    let k4 = slope(along(k3, step_s), step_s);
-    let mean = |i: usize| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0;
-    along([mean(0), mean(1)], step_s)
+    let slope =
+        |[tilt_rad, speed_radps]: [f64; 2], t_s: f64| [speed_radps, block.accel_radps2(tilt_rad, weight_mps2(t_s))];
+    let [tilt_rad, speed_radps] = runge_kutta([turn.tilt_rad, turn.speed_radps], step_s, slope);
+    BlockTilt { tilt_rad, speed_radps }
 }
 
 impl Release {

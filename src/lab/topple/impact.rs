@@ -4,7 +4,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::peg::Pivot;
-use crate::numerics::bisect;
+use crate::numerics::{bisect, runge_kutta};
 use upm_core::units::GRAVITY_MPS2;
 
 /// Steps in the time `sqrt(h/g)`, h being the centre's height above the edge.
@@ -14,39 +14,29 @@ const MOST_TIMES: f64 = 400.0;
 /// Halvings of the interval of speeds.
 const HALVINGS: usize = 40;
 
-/// State of the body: its centre from the edge, m; velocity of the centre, m/s; spin, counter-clockwise, rad/s.
-#[derive(Clone, Copy, Debug)]
-struct Body {
-    center_m: Vector2<f64>,
-    velocity_mps: Vector2<f64>,
-    spin_radps: f64,
-}
-
 impl Pivot {
     /// True when a part that arrives at `speed_mps` topples over the edge.
     pub fn topples(&self, speed_mps: f64) -> bool {
         let mut body = self.after_impact(speed_mps);
         let step_s = (self.above_m / GRAVITY_MPS2).sqrt() / STEPS;
-        let start_m = body.center_m.x;
         for _ in 0..(MOST_TIMES * STEPS) as usize {
-            if body.center_m.x > 0.0 {
-                return true;
+            if body[0] > 0.0 || body[0] < -self.behind_m {
+                return body[0] > 0.0;
             }
-            if body.center_m.x < start_m {
-                return false;
-            }
-            body = self.stepped(body, step_s);
+            body = runge_kutta(body, step_s, |body, _| self.slope(body));
         }
         false
     }
 
-    /// The body after the impulse that stops its point at the edge: plastic, and the edge holds.
-    fn after_impact(&self, speed_mps: f64) -> Body {
-        let center_m = Vector2::new(-self.behind_m, self.above_m);
-        let arm_m = -center_m;
+    /// The body after the impulse that stops its point at the edge: plastic, and the edge holds. Its centre from the edge,
+    /// m, the centre's velocity, m/s, and spin, counter-clockwise, rad/s.
+    fn after_impact(&self, speed_mps: f64) -> [f64; 5] {
+        let arm_m = Vector2::new(self.behind_m, -self.above_m);
         let velocity_mps = Vector2::new(speed_mps, 0.0);
         let impulse = self.inverse_mass(arm_m).try_inverse().map_or_else(Vector2::zeros, |mass| -(mass * velocity_mps));
-        Body { center_m, velocity_mps: velocity_mps + impulse, spin_radps: cross(arm_m, impulse) / self.gyration_m2 }
+        let velocity_mps = velocity_mps + impulse;
+        let spin_radps = cross(arm_m, impulse) / self.gyration_m2;
+        [-self.behind_m, self.above_m, velocity_mps.x, velocity_mps.y, spin_radps]
     }
 
     /// Velocity that a unit impulse on a unit mass gives the point at `arm_m` from the centre.
@@ -55,37 +45,15 @@ impl Pivot {
         Matrix2::identity() + turned * turned.transpose() / self.gyration_m2
     }
 
-    /// A step of the fourth-order Runge-Kutta method; the edge holds the body's point by a force.
-    fn stepped(&self, body: Body, step_s: f64) -> Body {
-        let along = |slope: &Slope, share: f64| Body {
-            center_m: body.center_m + slope.velocity_mps * (share * step_s),
-            velocity_mps: body.velocity_mps + slope.accel_mps2 * (share * step_s),
-            spin_radps: body.spin_radps + slope.spin_radps2 * (share * step_s),
-        };
-        let k1 = self.slope(&body);
-        let k2 = self.slope(&along(&k1, 0.5));
-        let k3 = self.slope(&along(&k2, 0.5));
-        let k4 = self.slope(&along(&k3, 1.0));
-        let mean = Slope {
-            velocity_mps: (k1.velocity_mps + 2.0 * (k2.velocity_mps + k3.velocity_mps) + k4.velocity_mps) / 6.0,
-            accel_mps2: (k1.accel_mps2 + 2.0 * (k2.accel_mps2 + k3.accel_mps2) + k4.accel_mps2) / 6.0,
-            spin_radps2: (k1.spin_radps2 + 2.0 * (k2.spin_radps2 + k3.spin_radps2) + k4.spin_radps2) / 6.0,
-        };
-        along(&mean, 1.0)
-    }
-
-    /// Accelerations under gravity and the force that keeps the body's point at the edge.
-    fn slope(&self, body: &Body) -> Slope {
-        let arm_m = -body.center_m;
+    /// Rates of change under gravity and the force that keeps the body's point at the edge.
+    fn slope(&self, [x, y, u, v, spin_radps]: [f64; 5]) -> [f64; 5] {
+        let arm_m = Vector2::new(-x, -y);
         let gravity = Vector2::new(0.0, -GRAVITY_MPS2);
         // acceleration of the point without the force: gravity and the centripetal acceleration
-        let free = gravity - arm_m * body.spin_radps.powi(2);
+        let free = gravity - arm_m * spin_radps.powi(2);
         let force = self.inverse_mass(arm_m).try_inverse().map_or_else(Vector2::zeros, |mass| -(mass * free));
-        Slope {
-            velocity_mps: body.velocity_mps,
-            accel_mps2: gravity + force,
-            spin_radps2: cross(arm_m, force) / self.gyration_m2,
-        }
+        let accel = gravity + force;
+        [u, v, accel.x, accel.y, cross(arm_m, force) / self.gyration_m2]
     }
 
     /// Least speed at which the simulated part topples, m/s, by bisection.
@@ -96,14 +64,6 @@ impl Pivot {
         }
         bisect([stays, topples], HALVINGS, |speed_mps| self.topples(speed_mps))[1]
     }
-}
-
-/// Rates of change of a body.
-#[derive(Clone, Copy, Debug)]
-struct Slope {
-    velocity_mps: Vector2<f64>,
-    accel_mps2: Vector2<f64>,
-    spin_radps2: f64,
 }
 
 fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
@@ -157,16 +117,12 @@ mod tests {
         let mut rng = Streams::new(43).stream("pegs");
         let (mut worst, mut held) = (0.0f64, 0);
         for i in 0..30 {
-            let shape = [Shape::Block, Shape::Cylinder, Shape::LyingCylinder][i % 3];
+            let shape = [Shape::BLOCK, Shape::CYLINDER, Shape::LYING_CYLINDER][i % 3];
             let length_m = 10f64.powf(rng.random_range(-3.0..-1.0));
             let height_m = length_m * 10f64.powf(rng.random_range(-0.8..0.6));
             let ledge_m = if i % 2 == 0 { 0.0 } else { height_m * rng.random_range(0.0..0.3) };
             let (l2, h2) = (length_m * length_m, height_m * height_m);
-            let gyration_m2 = match shape {
-                Shape::Block => (l2 + h2) / 12.0,
-                Shape::Cylinder => l2 / 16.0 + h2 / 12.0,
-                Shape::LyingCylinder => l2 / 12.0 + h2 / 16.0,
-            };
+            let gyration_m2 = [(l2 + h2) / 12.0, l2 / 16.0 + h2 / 12.0, l2 / 12.0 + h2 / 16.0][i % 3];
             let pivot = Peg { shape, length_m, height_m }.pivot(ledge_m).unwrap();
             let stepped = |speed_mps: f64| stepped(0.5 * length_m, 0.5 * height_m - ledge_m, gyration_m2, speed_mps);
             let exact_mps = pivot.critical_mps();

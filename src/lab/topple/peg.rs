@@ -2,14 +2,17 @@
 
 use upm_core::units::GRAVITY_MPS2;
 
-/// Outline of a part, as seen from the side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    Block,
+/// Shape of a part: divisors of its half length squared and its half height squared in the squared radius of gyration
+/// about the horizontal axis across its motion, 3 for an edge and 4 for a circle's diameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape([f64; 2]);
+
+impl Shape {
+    pub const BLOCK: Self = Self([3.0, 3.0]);
     /// A cylinder on its face.
-    Cylinder,
-    /// A cylinder on its side, its axis along the direction of motion.
-    LyingCylinder,
+    pub const CYLINDER: Self = Self([4.0, 3.0]);
+    /// A cylinder on its side, its axis along the motion.
+    pub const LYING_CYLINDER: Self = Self([3.0, 4.0]);
 }
 
 /// A part on a flat surface, seen from the side.
@@ -37,13 +40,7 @@ impl Peg {
     /// The part about the top edge of a ledge of height `ledge_m`; `None` for a ledge at or above its centre.
     pub fn pivot(&self, ledge_m: f64) -> Option<Pivot> {
         let (half_length_m, half_height_m) = (0.5 * self.length_m, 0.5 * self.height_m);
-        // of the horizontal axis across the direction of motion: a circle's is a quarter of the radius squared, a
-        // line's a third
-        let (of_length, of_height) = match self.shape {
-            Shape::Block => (3.0, 3.0),
-            Shape::Cylinder => (4.0, 3.0),
-            Shape::LyingCylinder => (3.0, 4.0),
-        };
+        let Shape([of_length, of_height]) = self.shape;
         let above_m = half_height_m - ledge_m;
         let gyration_m2 = half_length_m.powi(2) / of_length + half_height_m.powi(2) / of_height;
         (above_m > 0.0).then_some(Pivot { behind_m: half_length_m, above_m, gyration_m2 })
@@ -51,12 +48,8 @@ impl Peg {
 
     /// The same part on the face that met the ledge.
     pub fn toppled(&self) -> Self {
-        let shape = match self.shape {
-            Shape::Block => Shape::Block,
-            Shape::Cylinder => Shape::LyingCylinder,
-            Shape::LyingCylinder => Shape::Cylinder,
-        };
-        Self { shape, length_m: self.height_m, height_m: self.length_m }
+        let Shape([of_length, of_height]) = self.shape;
+        Self { shape: Shape([of_height, of_length]), length_m: self.height_m, height_m: self.length_m }
     }
 }
 
@@ -89,7 +82,7 @@ impl Pivot {
 /// Ratio of the critical speeds of the two orientations of a block `b` by `b (1 + δ)` on a ledge of zero height (Eq.
 /// 2.4): the lying one's over the standing one's.
 pub fn ratio_of_orientations(delta: f64) -> f64 {
-    let standing = Peg { shape: Shape::Block, length_m: 1.0, height_m: 1.0 + delta };
+    let standing = Peg { shape: Shape::BLOCK, length_m: 1.0, height_m: 1.0 + delta };
     let critical = |peg: Peg| peg.pivot(0.0).map_or(f64::NAN, |pivot| pivot.critical_mps());
     critical(standing.toppled()) / critical(standing)
 }
@@ -105,9 +98,9 @@ mod tests {
         fn moments_about_a_corner_are_those_of_the_tables(length_m in 1e-3..0.1f64, height_m in 1e-3..0.1f64) {
             let (l2, h2) = (0.25 * length_m * length_m, 0.25 * height_m * height_m);
             for (shape, exact) in [
-                (Shape::Block, 4.0 / 3.0 * (l2 + h2)),
-                (Shape::Cylinder, 1.25 * l2 + 4.0 / 3.0 * h2),
-                (Shape::LyingCylinder, 4.0 / 3.0 * l2 + 1.25 * h2),
+                (Shape::BLOCK, 4.0 / 3.0 * (l2 + h2)),
+                (Shape::CYLINDER, 1.25 * l2 + 4.0 / 3.0 * h2),
+                (Shape::LYING_CYLINDER, 4.0 / 3.0 * l2 + 1.25 * h2),
             ] {
                 let pivot = Peg { shape, length_m, height_m }.pivot(0.0).unwrap();
                 prop_assert!((pivot.about_edge_m2() / exact - 1.0).abs() < 1e-12);
@@ -117,7 +110,7 @@ mod tests {
 
     #[test]
     fn ledge_above_the_centre_topples_nothing() {
-        let peg = Peg { shape: Shape::Block, length_m: 0.01, height_m: 0.02 };
+        let peg = Peg { shape: Shape::BLOCK, length_m: 0.01, height_m: 0.02 };
         assert!(peg.pivot(0.009).is_some() && peg.pivot(0.01).is_none());
     }
 }
