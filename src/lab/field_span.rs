@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use nalgebra::DMatrix;
 use rand::RngExt;
 
-use super::pulses::{calm_envelope, place, play};
+use super::pulses::{envelope, place, play};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::geometry::{Vec2, perp};
@@ -44,7 +44,7 @@ pub fn field_span(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
         singular_values(moves.collect())
     };
     let pulse = |[spin_radps, periods]: [f64; 2]| {
-        let envelope = calm_envelope(rig, periods * TAU / rig.model.base_radps);
+        let envelope = envelope(rig, periods * TAU / rig.model.base_radps);
         let mut moves = Vec::new();
         for &center_m in &centers_m {
             let pulse = OpenPulse::about(center_m, spin_radps, envelope);

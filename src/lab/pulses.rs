@@ -31,10 +31,11 @@ pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
     Envelope { attack_s: rig.model.attack_s, sustain_s, rest_s: rig.model.rest_s }
 }
 
-/// The same with flanks of two periods at least. The motors play the forces of a free mass, which leave a plate on rods
-/// swinging after a shorter flank; its swing carries parts off their way.
-pub(super) fn calm_envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
-    let flank_s = 2.0 * TAU / rig.model.base_radps;
+/// The same, on a dynamic plate with flanks of two periods at least. Its motors play the forces of a free mass, which
+/// leave a plate on rods swinging after a shorter flank; its swing carries parts off their way.
+pub(super) fn calm_envelope(rig: &LabRig, mode: PlateMode, sustain_s: f64) -> Envelope {
+    let periods = if mode == PlateMode::Dynamic { 2.0 } else { 0.0 };
+    let flank_s = periods * TAU / rig.model.base_radps;
     Envelope { attack_s: rig.model.attack_s.max(flank_s), ..envelope(rig, sustain_s) }
 }
 

@@ -58,7 +58,7 @@ impl RaceCourse {
         }
         let spin_radps = strongest_spin(rig, cor_m)?;
         check_carries(rig, spin_radps, 2.0 * inset_m * LANES[0])?;
-        let envelope = calm_envelope(rig, SUSTAINED_PERIODS * TAU / rig.model.base_radps);
+        let envelope = calm_envelope(rig, PlateMode::Dynamic, SUSTAINED_PERIODS * TAU / rig.model.base_radps);
         Ok(Self {
             cor_m,
             half_side_m,

@@ -46,7 +46,7 @@ impl Sweep {
     /// Values of the parameter at all points.
     pub fn values(&self) -> Vec<f64> {
         let ([from, to], last) = (self.ends, (self.points - 1) as f64);
-        (0..self.points).map(|i| from + (to - from) * i as f64 / last).collect()
+        (0..self.points).map(|i| (from * (last - i as f64) + to * i as f64) / last).collect()
     }
 
     /// Measures at every value, on all cores, and collects the figures of each in one table. Rows of values at which

@@ -7,7 +7,7 @@ mod peg;
 mod published;
 mod trials;
 
-use self::peg::{Peg, Shape, ratio_of_orientations};
+use self::peg::{Peg, Pivot, Shape, ratio_of_orientations};
 pub use self::published::reproduce;
 use self::trials::{Band, TrialScatter, band};
 use super::settings::Setting;
@@ -77,40 +77,38 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
     let trials = |critical_mps| band(&topple.scatter, critical_mps, &Streams::new(topple.seed.into()));
     let found = trials(simulated_mps);
-    let [rise, least_rise] = pivot.rise();
-    let holds = rise >= least_rise;
+    let holds = |pivot: &Pivot| pivot.rise()[0] >= pivot.rise()[1];
     let source = "Singer and Seering, Eq. 2.3";
     let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, "15 trials a speed");
     let mut figures = vec![
         Figure::alone("least speed that topples the part, simulated", "mm/s", mm_from_m(simulated_mps), source)
-            .with(holds.then_some(mm_from_m(exact_mps))),
+            .with(holds(&pivot).then_some(mm_from_m(exact_mps))),
         alone("highest speed at which none fell", "mm/s", mm_from_m(found.none_mps)),
         alone("lowest speed at which all fell", "mm/s", mm_from_m(found.all_mps)),
         alone("middle of these two", "mm/s", mm_from_m(found.middle_mps())),
         alone("their distance over their middle", "%", 100.0 * found.width()),
     ];
-    let mut notes = Vec::new();
-    if !holds {
-        notes.push(format!(
-            "no closed form: at this speed the ledge would have to hold the part down, up to a sine of {least_rise:.3} of the \
-             angle at which its centre is above the edge"
-        ));
-    }
-    let mut bands = vec![("this orientation", exact_mps, found)];
+    let mut bands = vec![("this orientation", pivot, found)];
     if let Some(other) = peg.toppled().pivot(topple.ledge_m) {
         let other_mps = other.critical_mps();
         figures.push(Figure::alone("the same for the other orientation", "mm/s", mm_from_m(other_mps), source));
-        bands.push(("other orientation", other_mps, trials(other_mps)));
+        bands.push(("other orientation", other, trials(other_mps)));
         let [slow, fast] = if other_mps > exact_mps { [0, 1] } else { [1, 0] }.map(|i: usize| &bands[i].2);
         let source = "Fig. 2b: all of one orientation fall, none of the other";
         let window = [("from", slow.all_mps), ("to", fast.none_mps)];
         figures.extend(window.map(|(end, speed_mps)| {
             Figure::alone(format!("window that tells the two apart, {end}"), "mm/s", mm_from_m(speed_mps), source)
         }));
-        if slow.all_mps > fast.none_mps {
-            notes.push("no speed topples all of one orientation and none of the other: the bands overlap".into());
-        }
     }
+    let note = |(name, pivot, _): &(&str, Pivot, Band)| {
+        format!(
+            "{name}: Eq. 2.3 does not hold, the ledge would have to hold the part down: its centre is too low for its length, \
+             the angle's sine {:.3} of at least {:.3}",
+            pivot.rise()[0],
+            pivot.rise()[1]
+        )
+    };
+    let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();
     let shares = &bands[0].2.shares;
     let series = vec![
         Series::new("belt_mm_s", shares.iter().map(|share| mm_from_m(share[0]))),
@@ -128,9 +126,9 @@ fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
 }
 
 /// The velocity line of Fig. 2b: the trials of each orientation about its critical speed.
-fn trials_chart(bands: &[(&str, f64, Band)]) -> Chart {
-    let layers = bands.iter().enumerate().flat_map(|(i, (name, exact_mps, band))| {
-        let exact = mm_from_m(*exact_mps);
+fn trials_chart(bands: &[(&str, Pivot, Band)]) -> Chart {
+    let layers = bands.iter().enumerate().flat_map(|(i, (name, pivot, band))| {
+        let exact = mm_from_m(pivot.critical_mps());
         let shares = band.shares.iter().map(|&[mps, share]| [mm_from_m(mps), share]);
         [
             Layer::new(&format!("{name}: Eq. 2.3"), Mark::Dashes, Color::nth(i), [[exact, 0.0], [exact, 1.0]]),
@@ -162,6 +160,20 @@ mod tests {
         assert!(figure("their distance over their middle") < 1.0, "one step of the speed");
         let slow = set("friction=0.05 friction_sd=0 way_mm=10").unwrap();
         assert!(slow.figures[2].measured.is_nan(), "the belt never gets the part up to the speed");
+    }
+
+    #[test]
+    fn squat_cylinder_has_no_reference_and_its_other_orientation_shares_the_window() {
+        let squat = set("length_mm=20 height_mm=6 ledge_mm=0").unwrap();
+        assert_eq!(squat.figures[0].reference, None);
+        assert!(
+            squat.notes.len() == 1 && squat.notes[0].contains("the angle's sine 0.287 of at least 0.5"),
+            "{:?}",
+            squat.notes
+        );
+        let lying = set("cylinder=2 length_mm=6 height_mm=20 ledge_mm=0").unwrap();
+        let window = |outcome: &ExperimentResult| [6, 7].map(|i| outcome.figures[i].measured);
+        assert_eq!(window(&squat).map(f64::round), window(&lying).map(f64::round));
     }
 
     #[test]

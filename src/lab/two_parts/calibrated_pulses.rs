@@ -96,7 +96,7 @@ impl<'a> CalibratedPulses<'a> {
 
     /// Largest saturation of a part at `reference_m` by the shortest pulses.
     pub fn saturation(&self, reference_m: Vec2) -> f64 {
-        let outline = calm_envelope(self.rig, self.shortest_s());
+        let outline = calm_envelope(self.rig, self.mode, self.shortest_s());
         let of = |(spin_radps, center): (&f64, &Vec2)| {
             saturation(self.rig, *spin_radps, (reference_m - center).norm(), &outline)
         };
@@ -128,7 +128,8 @@ impl<'a> CalibratedPulses<'a> {
     }
 
     fn pulse(&self, center: usize, sense: f64, sustain_s: f64) -> OpenPulse {
-        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], calm_envelope(self.rig, sustain_s))
+        let outline = calm_envelope(self.rig, self.mode, sustain_s);
+        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], outline)
     }
 
     fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
