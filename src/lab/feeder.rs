@@ -228,6 +228,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
     fn references_of_forty_random_feeders_are_those_of_time_steps() {
         let mut rng = Streams::new(43).stream("feeders");
         let (mut compared, mut worst) = (0, 0.0f64);

@@ -275,6 +275,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
     fn references_of_random_blocks_are_those_of_time_steps() {
         let mut rng = Streams::new(43).stream("blocks");
         let (mut blocks, mut compared, mut worst) = (0, 0, 0.0f64);

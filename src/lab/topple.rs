@@ -167,7 +167,7 @@ mod tests {
         let squat = set("length_mm=20 height_mm=6 ledge_mm=0").unwrap();
         assert_eq!(squat.figures[0].reference, None);
         assert!(
-            squat.notes.len() == 1 && squat.notes[0].contains("the angle's sine 0.287 of at least 0.5"),
+            squat.notes.len() == 1 && squat.notes[0].contains("the angle's sine 0.287 of at least 0.49"),
             "{:?}",
             squat.notes
         );

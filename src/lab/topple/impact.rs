@@ -113,6 +113,7 @@ mod tests {
 
     /// Moments of inertia over the mass are those of the tables.
     #[test]
+    #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
     fn closed_form_of_random_blocks_and_cylinders_is_that_of_time_steps() {
         let mut rng = Streams::new(43).stream("pegs");
         let (mut worst, mut held) = (0.0f64, 0);
