@@ -18,14 +18,15 @@ use upm_sim::OpenPulse;
 /// Parts in columns and rows, and centres: as many as the parts' coordinates.
 const GRID: [usize; 2] = [4, 2];
 const CENTERS: usize = 2 * GRID[0] * GRID[1];
-/// Spins of a plate that is much faster than the parts and of one that they catch up with, rad/s, and periods of its pulse.
+/// Spins of a plate that is much faster than the parts and of one that they catch up with, rad/s, and periods of its
+/// pulse.
 const FAST: [f64; 2] = [8.0, 2.0];
 const SLOW: [f64; 2] = [1.0, 15.0];
 /// Singular value over the largest from which a dimension counts.
 const COUNTED: f64 = 1e-9;
 
-/// Singular values of the displacements of eight parts by rotations about sixteen centres drawn at random: in the ideal,
-/// and by pulses of a prescribed motion of the plate.
+/// Singular values of the displacements of eight parts by rotations about sixteen centres drawn at random: in the
+/// ideal, and by pulses of a prescribed motion of the plate.
 ///
 /// # Errors
 ///

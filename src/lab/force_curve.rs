@@ -142,9 +142,9 @@ fn rise() -> f64 {
     1.0 - (-1.0f64).exp()
 }
 
-/// Adds the approach to the belt's speed in the limit of fast vibration. The force is above the viscous belt's straight line, so that parts reach 1 -
-/// 1/e of the belt's speed sooner than in 1/k2: the time is compared with the closed-form force integrated, not with
-/// the exponential.
+/// Adds the approach to the belt's speed in the limit of fast vibration. The force is above the viscous belt's straight
+/// line, so that parts reach 1 - 1/e of the belt's speed sooner than in 1/k2: the time is compared with the closed-form
+/// force integrated, not with the exponential.
 fn report_approach(rig: &LabRig, outcome: &mut ExperimentResult) {
     let (part, friction, hz) = (rig.penny, rig.penny.friction, rig.model.base_radps / TAU);
     let amplitude_mps = PEAK_G * GRAVITY_MPS2 / rig.model.base_radps;

@@ -151,7 +151,7 @@ fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave, orbit: &Motion) -> Ve
     figures
 }
 
-/// What a shaker must be capable of for a wave.
+/// Stroke and largest speed of the table under a wave: the requirements on a shaker.
 fn table_figures(wave: &Wave, whose: &str) -> [Figure; 2] {
     let [stroke_m, speed_mps] = wave.stroke_and_speed();
     [("stroke", "mm", stroke_m, "twice integrated"), ("largest speed", "mm/s", speed_mps, "integrated")].map(
@@ -243,8 +243,8 @@ mod tests {
         }
     }
 
-    /// Time and tilt of the next peak by steps of Eq. 3.3a: a symplectic step of a pendulum upside down, its corner on a
-    /// table that presses; `None` where the table would have to pull.
+    /// Time and tilt of the next peak by steps of Eq. 3.3a: a symplectic step of a pendulum upside down, its corner on
+    /// a table that presses; `None` where the table would have to pull.
     fn stepped_peak(rock: &Rock, drive: &Square) -> Option<[f64; 2]> {
         const STEPS: f64 = 400_000.0;
         let Block { length_m, height_m } = rock.block;

@@ -65,8 +65,8 @@ impl Topple {
     }
 }
 
-/// Critical speed of one part, in closed form, simulated, and by fifteen trials per speed, and the window of speeds that
-/// topple one of its orientations and leave the other (Fig. 2b).
+/// Critical speed of one part, in closed form, simulated, and by fifteen trials per speed, and the window of speeds
+/// that topple one of its orientations and leave the other (Fig. 2b).
 ///
 /// # Errors
 ///

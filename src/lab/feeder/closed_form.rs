@@ -1,6 +1,6 @@
 //! Closed forms of the feed rate (Impulse paper, Eqs. 3 to 7): a point part under Coulomb friction on a plate that
-//! moves as [`PlateCycle`], with an external force or without. It slides all the time, or rides along for the end of the
-//! plateau.
+//! moves as [`PlateCycle`], with an external force or without. It slides all the time, or rides along for the end of
+//! the plateau.
 
 use super::part::Sliding;
 use super::plate::PlateCycle;
@@ -28,9 +28,9 @@ impl Sliding {
         self.drag_mps2 + self.push_mps2.abs()
     }
 
-    /// Feed rate, m/s: the mean of the speeds at which the part and the plate cross (Eqs. 3 and 4), and beyond saturation
-    /// the way that the part falls behind the plate's largest speed (Eq. 7, here with a force). `None` where the part
-    /// rides along on a flank.
+    /// Feed rate, m/s: the mean of the speeds at which the part and the plate cross (Eqs. 3 and 4), and beyond
+    /// saturation the way that the part falls behind the plate's largest speed (Eq. 7, here with a force). `None` where
+    /// the part rides along on a flank.
     pub fn rate_mps(&self, plate: &PlateCycle) -> Option<f64> {
         let (a, drag, push) = (plate.accel_mps2, self.drag_mps2, self.push_mps2);
         let rate_mps = if plate.duty <= self.saturation(a) {

@@ -72,8 +72,8 @@ impl Wave {
         self.stretches.iter().map(|stretch| stretch.length_s).sum()
     }
 
-    /// Stroke of the table from its lowest to its highest position, m, and its largest speed, m/s, for a periodic motion
-    /// or one that ends as it began: the mean velocity is subtracted, so that it returns.
+    /// Stroke of the table from its lowest to its highest position, m, and its largest speed, m/s, for a periodic
+    /// motion or one that ends as it began: the mean velocity is subtracted, so that it returns.
     pub fn stroke_and_speed(&self) -> [f64; 2] {
         let motion = self.motion();
         let drift_mps = motion.last().map_or(0.0, |end| end[1]) / self.length_s();

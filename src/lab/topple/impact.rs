@@ -28,8 +28,8 @@ impl Pivot {
         false
     }
 
-    /// The body after the impulse that stops its point at the edge: plastic, and the edge holds. Its centre from the edge,
-    /// m, the centre's velocity, m/s, and spin, counter-clockwise, rad/s.
+    /// The body after the impulse that stops its point at the edge: plastic, and the edge holds. Its centre from the
+    /// edge, m, the centre's velocity, m/s, and spin, counter-clockwise, rad/s.
     fn after_impact(&self, speed_mps: f64) -> [f64; 5] {
         let arm_m = Vector2::new(self.behind_m, -self.above_m);
         let velocity_mps = Vector2::new(speed_mps, 0.0);
@@ -77,8 +77,8 @@ mod tests {
     use rand::RngExt;
     use upm_core::random::Streams;
 
-    /// A free body in time steps, whose point at the edge is stopped by an impulse in each: true if it topples, and true
-    /// if an impulse was both downward and forward, which neither table nor ledge can give.
+    /// A free body in time steps, whose point at the edge is stopped by an impulse in each: true if it topples, and
+    /// true if an impulse was both downward and forward, which neither table nor ledge can give.
     fn stepped(behind_m: f64, above_m: f64, gyration_m2: f64, speed_mps: f64) -> [bool; 2] {
         const STEPS: f64 = 4_000.0;
         let step_s = (above_m.min(behind_m) / GRAVITY_MPS2).sqrt() / STEPS;
@@ -111,7 +111,6 @@ mod tests {
         [false, pulls]
     }
 
-    /// Moments of inertia over the mass are those of the tables.
     #[test]
     #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
     fn closed_form_of_random_blocks_and_cylinders_is_that_of_time_steps() {

@@ -68,9 +68,10 @@ impl Pivot {
 }
 
 impl Pivot {
-    /// Sine of the angle at which the centre is above the edge, and the least one for which the edge only pushes at a part
-    /// that rises at the critical speed. Of the force along and normal to the table that Eq. 2.3 needs at the sine `s`, the
-    /// first is forward below 2/3 and the second downward where `1 + 2 s - 3 s² > I_o/(m r²)`: there the edge would pull.
+    /// Sine of the angle at which the centre is above the edge, and the least one for which the edge only pushes at a
+    /// part that rises at the critical speed. Of the force along and normal to the table that Eq. 2.3 needs at the sine
+    /// `s`, the first is forward below 2/3 and the second downward where `1 + 2 s - 3 s² > I_o/(m r²)`: there the edge
+    /// would pull.
     pub fn rise(&self) -> [f64; 2] {
         let arm_m2 = self.behind_m.powi(2) + self.above_m.powi(2);
         let under_root = 1.0 - 3.0 * self.gyration_m2 / arm_m2;
