@@ -119,9 +119,8 @@ impl Rocking<'_> {
             let step_s =
                 if happens(next) { bisect([0.0, step_s], HALVINGS, |t_s| happens(after(t_s)))[1] } else { step_s };
             let (next, is_peak) = (after(step_s), peaks(after(step_s)));
-            let until_here_s = at_s + step_s;
             // a step below the clock's resolution must not stop it
-            self.t_s = if until_here_s > at_s { until_here_s } else { until_s };
+            self.t_s = (at_s + step_s).max(at_s * (1.0 + f64::EPSILON)).min(until_s);
             let weight_here_mps2 = weight_mps2(self.t_s);
             self.turn = next;
             if !self.presses(weight_here_mps2) {
