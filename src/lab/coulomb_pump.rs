@@ -6,6 +6,8 @@
 
 use std::f64::consts::PI;
 
+use super::numerics::runge_kutta;
+
 /// Acceleration `A w` of the plate, in units of μ g, from which the pump carries a part forwards. Between the sticking
 /// threshold, 0.57, and this value a part that sticks for some of the cycle creeps backwards. Found by simulation and
 /// checked by a test.
@@ -34,14 +36,8 @@ pub(super) fn time_to(speed: f64) -> f64 {
 /// Speeds of a part that starts from rest, at `count` instants `step` apart, the first at zero: Runge-Kutta's fourth
 /// order.
 pub(super) fn speeds(step: f64, count: usize) -> Vec<f64> {
-    let next = |u: f64| {
-        let k1 = mean_force(u);
-        let k2 = mean_force(u + 0.5 * step * k1);
-        let k3 = mean_force(u + 0.5 * step * k2);
-        let k4 = mean_force(u + step * k3);
-        u + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-    };
-    std::iter::successors(Some(0.0), |&u| Some(next(u))).take(count).collect()
+    let next = |u: &f64| Some(runge_kutta([*u], step, |[u], _| [mean_force(u)])[0]);
+    std::iter::successors(Some(0.0), next).take(count).collect()
 }
 
 /// Largest acceleration of the plate, in units of A w: the maximum of `|sin 2a - sin a|`, where `4 cos² a - cos a = 2`.

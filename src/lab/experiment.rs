@@ -103,11 +103,12 @@ const RIG_SETTINGS: &[Setting<LabRig>] = &[
     .about("noise of a sample of the accelerometers"),
 ];
 
+/// Those that act on a part, and those that act on a plate without parts.
+const PART_SETTINGS: &[Setting<LabRig>] = RIG_SETTINGS.split_at(2).0;
+const BARE_SETTINGS: &[Setting<LabRig>] = RIG_SETTINGS.split_at(1).1;
+
 /// The procedure of an experiment on the simulated plate of a rig.
 macro_rules! on_rig {
-    ($make:path) => {
-        on_rig!($make, RIG_SETTINGS)
-    };
     ($make:path, $settings:expr) => {
         &Procedure {
             settings: $settings,
@@ -135,36 +136,46 @@ pub const EXPERIMENTS: &[Experiment] = &[
     Experiment::on_rig(
         "cor-steering",
         "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
-        on_rig!(super::cor_steering),
+        on_rig!(super::cor_steering, BARE_SETTINGS),
     ),
     Experiment::on_rig(
         WAVEFORM_FIT,
         "one pulse, the accelerometers' trace of it and the motion read from that",
-        on_rig!(super::waveform_fit),
+        on_rig!(super::waveform_fit, BARE_SETTINGS),
     ),
     Experiment::on_rig(
         "force-curve",
         "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
-        on_rig!(super::force_curve),
+        on_rig!(super::force_curve, PART_SETTINGS),
     ),
     Experiment::on_rig(
         "pulse-law",
         "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
-        on_rig!(super::pulse_law),
+        on_rig!(super::pulse_law, PART_SETTINGS),
     )
     .strong(),
-    Experiment::on_rig("race-track", "snapshots of three coins on one rotation field", on_rig!(super::race_track))
-        .strong(),
+    Experiment::on_rig(
+        "field-span",
+        "how many dimensions rigid rotations span, and how many the fields of as many centres",
+        on_rig!(super::field_span, PART_SETTINGS),
+    )
+    .strong(),
+    Experiment::on_rig(
+        "race-track",
+        "snapshots of three coins on one rotation field",
+        on_rig!(super::race_track, PART_SETTINGS),
+    )
+    .strong(),
     Experiment::on_rig(
         "two-parts",
         "two coins, four centres of rotation: the error of one large step and of several",
-        on_rig!(super::two_parts),
+        on_rig!(super::two_parts, PART_SETTINGS),
     )
     .strong(),
     Experiment::on_rig(
         "cor-map",
         "every centre of a calibrated library, as read and as it truly is",
-        on_rig!(super::cor_map),
+        on_rig!(super::cor_map, BARE_SETTINGS),
     ),
     Experiment::on_rig(
         VISION,

@@ -8,7 +8,7 @@ mod part;
 mod plate;
 mod published;
 
-use self::closed_form::{feed_rate_mps, quasi_static_mps, saturation, viscosity_nspm};
+use self::closed_form::{quasi_static_mps, viscosity_nspm};
 use self::part::Sliding;
 use self::plate::PlateCycle;
 pub use self::published::reproduce;
@@ -20,10 +20,6 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
 const DYN_N: f64 = 1e-5;
-/// Duty above which the viscosity under ±15 dyn differs from the closed form: the force drives the part into
-/// saturation.
-const VISCOUS_BELOW: f64 = 0.55;
-
 /// A plate and the part on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feeder {
@@ -77,10 +73,6 @@ impl Feeder {
         }
         Ok(())
     }
-
-    fn saturates(&self) -> bool {
-        self.plate.duty > saturation(self.plate.accel_mps2, self.friction)
-    }
 }
 
 /// The feed rate of one feeder, compared with the closed form where there is one.
@@ -91,36 +83,39 @@ impl Feeder {
 pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     feeder.check()?;
     let Feeder { plate, friction, mass_kg, force_n } = *feeder;
-    let cycle = feeder.sliding().settled(&plate)?;
+    let sliding = feeder.sliding();
+    let cycle = sliding.settled(&plate)?;
     let rate_mps = cycle.way_m / plate.period_s;
     let viscosity = viscosity_nspm(&plate, friction, mass_kg);
-    let exact_mps = feed_rate_mps(&plate, friction);
-    let rate_against = |closed_form_mps: f64, source: &str| {
-        Figure::against("feed rate", "mm/s", mm_from_m(rate_mps), mm_from_m(closed_form_mps), source)
-    };
-    let rate = match (force_n == 0.0, feeder.saturates()) {
-        (true, true) => rate_against(exact_mps, "Impulse paper, Eq. 7"),
-        (true, false) => rate_against(exact_mps, "Impulse paper, Eq. 3"),
-        (false, false) => rate_against(exact_mps + force_n / viscosity, "Impulse paper, Eqs. 3 and 4"),
-        (false, true) => Figure::alone("feed rate", "mm/s", mm_from_m(rate_mps), "simulated; no closed form for it"),
+    let saturation = sliding.saturation(plate.accel_mps2);
+    let (is_forced, saturates) = (force_n != 0.0, plate.duty > saturation);
+    let source = match (is_forced, saturates) {
+        (false, false) => "Impulse paper, Eq. 3",
+        (true, false) => "Impulse paper, Eqs. 3 and 4",
+        (false, true) => "Impulse paper, Eq. 7",
+        (true, true) => "as Impulse paper, Eq. 7, with the force",
     };
     let alone = Figure::alone::<&str>;
+    let exact_mps = sliding.rate_mps(&plate);
     let figures = vec![
-        rate,
+        alone("feed rate", "mm/s", mm_from_m(rate_mps), source).with(exact_mps.map(mm_from_m)),
         alone("quasi-static feed rate", "mm/s", mm_from_m(quasi_static_mps(&plate)), "Impulse paper, Eq. 3 and below"),
-        alone("duty at which the part saturates", "1", saturation(plate.accel_mps2, friction), "Impulse paper, Eq. 5"),
+        alone("duty at which the part saturates", "1", saturation, "Impulse paper, Eq. 5"),
         alone("viscosity K", "dyn s/cm", viscosity / (DYN_N / 0.01), "Impulse paper, Eq. 4"),
         alone("largest speed of the plate", "mm/s", mm_from_m(plate.peak_mps()), "(a T/2)(d - sqrt(2 d - 1))"),
         alone("stroke of the plate", "mm", mm_from_m(plate.stroke_m()), "(a T²/4)(1 - d)²"),
     ];
-    let notes = if force_n != 0.0 && plate.duty > VISCOUS_BELOW {
-        vec![format!(
-            "duty {}: forces of the order of friction leave the closed form of K above {VISCOUS_BELOW}",
-            plate.duty
-        )]
-    } else {
-        Vec::new()
-    };
+    let mut notes = Vec::new();
+    if exact_mps.is_none() {
+        notes.push(format!(
+            "no closed form: the part rides along on a flank of the plate's velocity up to accel_mps2 = {:.3}",
+            sliding.least_accel_mps2()
+        ));
+    } else if is_forced && saturates {
+        notes.push(format!(
+            "K describes the rate under this force up to duty = {saturation:.4}, where the part saturates"
+        ));
+    }
     let (chart, series) = cycle_chart(&plate, &cycle.events);
     Ok(ExperimentResult { figures, notes, charts: vec![chart], series, ..ExperimentResult::default() })
 }
@@ -149,6 +144,8 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) 
 mod tests {
     use super::*;
     use crate::settings::{SettingAssignment, assigned};
+    use rand::RngExt;
+    use upm_core::random::Streams;
 
     fn set(text: &str) -> Result<ExperimentResult, LabFault> {
         let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
@@ -168,12 +165,91 @@ mod tests {
     }
 
     #[test]
-    fn figure_has_a_reference_where_there_is_a_closed_form_alone() {
-        for text in ["duty=0.55", "duty=0.9", "duty=0.55 force_dyn=5"] {
-            let figure = &set(text).unwrap().figures[0];
-            assert!(figure.relative_error().unwrap().abs() < 1e-4, "{text}: {figure:?}");
+    fn rate_has_a_reference_wherever_a_closed_form_holds_and_notes_say_where_it_ends() {
+        for (text, notes) in [
+            ("duty=0.55", 0),
+            ("duty=0.9", 0),
+            ("duty=0.55 force_dyn=5", 0),
+            ("duty=0.9 force_dyn=5", 1),
+            ("duty=0.53 friction=0.5 accel_mps2=100 period_ms=10 force_dyn=45", 1),
+        ] {
+            let outcome = set(text).unwrap();
+            assert!(outcome.figures[0].relative_error().unwrap().abs() < 1e-4, "{text}: {:?}", outcome.figures[0]);
+            assert_eq!(outcome.notes.len(), notes, "{text}: {:?}", outcome.notes);
         }
-        let forced = set("duty=0.9 force_dyn=5").unwrap();
-        assert!(forced.figures[0].reference.is_none() && forced.notes.len() == 1);
+        let riding = set("accel_mps2=12 force_dyn=50").unwrap();
+        assert_eq!(riding.figures[0].reference, None);
+        assert!(riding.notes[0].ends_with("up to accel_mps2 = 14.807"), "{:?}", riding.notes);
+    }
+
+    /// Rate of a part that is stepped in time, its plate's velocity a straight line in each step: friction acts against
+    /// the slip, and from the moment when that vanishes removes it as far as μ g suffices.
+    fn stepped_rate_mps(feeder: &Feeder) -> f64 {
+        const STEPS: usize = 100;
+        let Feeder { plate: PlateCycle { accel_mps2, period_s, duty }, friction, mass_kg, force_n } = *feeder;
+        let (drag_mps2, push_mps2) = (friction * GRAVITY_MPS2, force_n / mass_kg);
+        let forwards_s = duty * period_s;
+        let flank_s = 0.5 * (forwards_s - period_s * (2.0 * duty - 1.0).sqrt());
+        let (top, bottom) = (accel_mps2 * flank_s, -0.5 * accel_mps2 * (period_s - forwards_s));
+        let corners = [
+            [0.0, 0.0],
+            [flank_s, top],
+            [forwards_s - flank_s, top],
+            [0.5 * (forwards_s + period_s), bottom],
+            [period_s, 0.0],
+        ];
+        let between = |from: [f64; 2], to: [f64; 2], i: usize| {
+            [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * i as f64 / STEPS as f64)
+        };
+        let steps: Vec<[[f64; 2]; 2]> = corners
+            .windows(2)
+            .flat_map(|pair| (0..STEPS).map(move |i| [i, i + 1].map(|i| between(pair[0], pair[1], i))))
+            .collect();
+        let mut speed_mps = 0.0;
+        for _ in 0..20_000 {
+            let (from_mps, mut way_m) = (speed_mps, 0.0);
+            for [[from_s, from_mps], [to_s, to_mps]] in &steps {
+                let (step_s, slip_mps) = (to_s - from_s, from_mps - speed_mps);
+                let slope = (to_mps - from_mps) / step_s;
+                let sliding = push_mps2 + drag_mps2.copysign(slip_mps);
+                let meets_s = slip_mps / (sliding - slope);
+                let first_s = if meets_s < 0.0 { step_s } else { meets_s.min(step_s) };
+                let held = push_mps2 + (slope - push_mps2).clamp(-drag_mps2, drag_mps2);
+                for (accel, time_s) in [(sliding, first_s), (held, step_s - first_s)] {
+                    way_m += (speed_mps + 0.5 * accel * time_s) * time_s;
+                    speed_mps += accel * time_s;
+                }
+            }
+            if (speed_mps - from_mps).abs() < 1e-10 * accel_mps2 * period_s {
+                return way_m / period_s;
+            }
+        }
+        f64::NAN
+    }
+
+    #[test]
+    #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
+    fn references_of_forty_random_feeders_are_those_of_time_steps() {
+        let mut rng = Streams::new(43).stream("feeders");
+        let (mut compared, mut worst) = (0, 0.0f64);
+        for i in 0..40 {
+            let accel_mps2 = 10f64.powf(rng.random_range(0.5..3.0));
+            let plate =
+                PlateCycle { accel_mps2, period_s: rng.random_range(1e-3..0.1), duty: rng.random_range(0.5..0.98) };
+            let friction = (accel_mps2 / GRAVITY_MPS2 * 10f64.powf(rng.random_range(-1.5..-0.02))).min(10.0);
+            let mass_kg = 10f64.powf(rng.random_range(-5.0..-2.0));
+            let share = if i % 4 == 0 { 0.0 } else { rng.random_range(-0.95..0.95) };
+            let feeder = Feeder { plate, friction, mass_kg, force_n: share * friction * GRAVITY_MPS2 * mass_kg };
+            let outcome = measure(&feeder, &|_| ()).unwrap();
+            let Some(reference) = outcome.figures[0].reference else {
+                assert!(outcome.notes[0].starts_with("no closed form"), "{feeder:?}");
+                continue;
+            };
+            let stepped = mm_from_m(stepped_rate_mps(&feeder));
+            println!("{i:2} {:?} {share:+.2}: {reference:.4} {stepped:.4} mm/s", plate);
+            (compared, worst) = (compared + 1, worst.max((stepped / reference - 1.0).abs()));
+        }
+        println!("{compared} compared, largest error {worst:.1e}");
+        assert!(compared >= 25 && worst < 1e-3, "{compared} {worst}");
     }
 }

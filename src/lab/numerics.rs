@@ -19,6 +19,20 @@ pub(super) fn bisect([mut low, mut high]: [f64; 2], halvings: usize, mut is_high
     [low, high]
 }
 
+/// `state` after `step` by the fourth-order Runge-Kutta method; `slope` has the state and the time since the beginning.
+pub(super) fn runge_kutta<const N: usize>(
+    state: [f64; N],
+    step: f64,
+    slope: impl Fn([f64; N], f64) -> [f64; N],
+) -> [f64; N] {
+    let along = |slope: [f64; N], time: f64| std::array::from_fn(|i| state[i] + slope[i] * time);
+    let k1 = slope(state, 0.0);
+    let k2 = slope(along(k1, 0.5 * step), 0.5 * step);
+    let k3 = slope(along(k2, 0.5 * step), 0.5 * step);
+    let k4 = slope(along(k3, step), step);
+    along(std::array::from_fn(|i| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0), step)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,8 @@ pub struct Figure {
     pub unit: String,
     /// The value measured here.
     pub measured: f64,
-    /// Reference value from a closed form or the paper.
+    /// Reference value from a closed form or the paper that the measured one is meant to meet; `None` where it does not
+    /// hold.
     pub reference: Option<f64>,
     /// Source of the reference, such as `UPM paper, Eq. 15`.
     pub source: String,
@@ -19,7 +20,12 @@ pub struct Figure {
 impl Figure {
     /// A figure with a reference.
     pub fn against<N: Into<String>>(name: N, unit: &str, measured: f64, reference: f64, source: &str) -> Self {
-        Self { reference: Some(reference), ..Self::alone(name, unit, measured, source) }
+        Self::alone(name, unit, measured, source).with(Some(reference))
+    }
+
+    /// The figure with a reference where one holds.
+    pub fn with(self, reference: Option<f64>) -> Self {
+        Self { reference, ..self }
     }
 
     /// A figure without a reference; `source` gives the method.

@@ -1,11 +1,14 @@
 //! Pulses of rotation about a point, within the limits of a rig's motors.
 
+use std::f64::consts::TAU;
+
+use super::numerics::bisect;
 use super::{LabFault, LabRig, coulomb_pump};
-use upm_core::geometry::{Vec2, cross};
+use upm_core::geometry::{Pose, Vec2, cross};
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_sim::{OpenLoopError, OpenPulse, PartTrajectory, check_pulses};
+use upm_sim::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 
 /// Samples a second of a playback.
 pub(super) const PLAYBACK_HZ: f64 = 60.0;
@@ -28,34 +31,27 @@ pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
     Envelope { attack_s: rig.model.attack_s, sustain_s, rest_s: rig.model.rest_s }
 }
 
+/// The same, on a dynamic plate with flanks of two periods at least. Its motors play the forces of a free mass, which
+/// leave a plate on rods swinging after a shorter flank; its swing carries parts off their way.
+pub(super) fn calm_envelope(rig: &LabRig, mode: PlateMode, sustain_s: f64) -> Envelope {
+    let periods = if mode == PlateMode::Dynamic { 2.0 } else { 0.0 };
+    let flank_s = periods * TAU / rig.model.base_radps;
+    Envelope { attack_s: rig.model.attack_s.max(flank_s), ..envelope(rig, sustain_s) }
+}
+
 /// The largest amplitude of spin about `cor_m` within the limits of the rig's motors, rad/s, by bisection.
 pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault> {
     const DOUBLINGS: usize = 40;
-    const HALVINGS: usize = 40;
+    const HALVINGS: usize = 60;
     let check = |spin_radps: f64| {
         let pulse = OpenPulse::about(cor_m, spin_radps, envelope(rig, 0.0));
-        match check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps) {
-            Ok(()) => Ok(true),
-            Err(OpenLoopError::TooManyCounts { .. } | OpenLoopError::TooMuchForce { .. }) => Ok(false),
-            Err(other) => Err(LabFault::from(other)),
-        }
+        check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps)
     };
-    let (mut played, mut refused) = (0.0, 1.0);
-    for _ in 0..DOUBLINGS {
-        if !check(refused)? {
-            break;
-        }
-        (played, refused) = (refused, 2.0 * refused);
-    }
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (played + refused);
-        if check(middle)? {
-            played = middle;
-        } else {
-            refused = middle;
-        }
-    }
-    Ok(played)
+    check(0.0)?;
+    let refused = |spin_radps: f64| check(spin_radps).is_err();
+    let mut doubled = std::iter::successors(Some(1.0), |spin_radps| Some(2.0 * spin_radps)).take(DOUBLINGS);
+    let highest = doubled.find(|&spin_radps| refused(spin_radps)).unwrap_or(f64::INFINITY);
+    Ok(bisect([0.0, highest], HALVINGS, refused)[0])
 }
 
 /// Rejects a plate that does not carry a part forwards at `radius_m` from its centre of rotation.
@@ -70,6 +66,18 @@ pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Res
          {needed:.2} m/s² there, found {shaken:.2}",
         1e3 * radius_m
     )))
+}
+
+/// Plays `pulses` on this rig's coins at `parts_m`, with `sample_hz` positions a second.
+pub(super) fn play(
+    rig: &LabRig,
+    mode: PlateMode,
+    parts_m: &[Vec2],
+    pulses: &[OpenPulse],
+    sample_hz: f64,
+) -> Result<OpenLoopTrajectories, LabFault> {
+    let parts: Vec<_> = parts_m.iter().map(|&at| (rig.penny, Pose { position_m: at, heading_rad: 0.0 })).collect();
+    Ok(simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz)?)
 }
 
 /// Position number `i` of a trajectory.

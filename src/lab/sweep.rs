@@ -46,7 +46,7 @@ impl Sweep {
     /// Values of the parameter at all points.
     pub fn values(&self) -> Vec<f64> {
         let ([from, to], last) = (self.ends, (self.points - 1) as f64);
-        (0..self.points).map(|i| from + (to - from) * i as f64 / last).collect()
+        (0..self.points).map(|i| (from * (last - i as f64) + to * i as f64) / last).collect()
     }
 
     /// Measures at every value, on all cores, and collects the figures of each in one table. Rows of values at which
@@ -66,10 +66,6 @@ impl Sweep {
             return Err(found.into_iter().find_map(Result::err).unwrap_or(LabFault::Setting("no points".into())));
         };
         let names: Vec<Figure> = names.clone();
-        let notes = values.iter().zip(&found).filter_map(|(value, found)| {
-            let fault = found.as_ref().err()?;
-            Some(format!("{}={value}: {fault}", self.key))
-        });
         let mut sheet = DataSheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
         let mut charts = Vec::new();
         for (i, figure) in names.iter().enumerate() {
@@ -86,12 +82,31 @@ impl Sweep {
         }
         let series = sheet.series();
         Ok(ExperimentResult {
-            notes: notes.collect(),
+            notes: self.notes(&values, &found),
             charts,
             series,
             sheet: Some(sheet),
             ..ExperimentResult::default()
         })
+    }
+
+    /// Notes of the points and reasons of those that fail; neighbours that say the same share a line.
+    fn notes(&self, values: &[f64], found: &[Result<ExperimentResult, LabFault>]) -> Vec<String> {
+        let mut lines: Vec<(String, [usize; 2])> = Vec::new();
+        for (i, found) in found.iter().enumerate() {
+            let said = found.as_ref().map_or_else(|fault| vec![fault.to_string()], |outcome| outcome.notes.clone());
+            for said in said {
+                match lines.iter_mut().find(|(known, [_, last])| *known == said && *last + 1 == i) {
+                    Some((_, [_, last])) => *last = i,
+                    None => lines.push((said, [i, i])),
+                }
+            }
+        }
+        let line = |(said, [first, last]): (String, [usize; 2])| {
+            let to = if last > first { format!(" to {}", values[last]) } else { String::new() };
+            format!("{}={}{to}: {said}", self.key, values[first])
+        };
+        lines.into_iter().map(line).collect()
     }
 
     fn chart(&self, index: usize, figure: &Figure, values: &[f64], column: &[Option<Figure>]) -> Chart {
@@ -165,6 +180,7 @@ mod tests {
             4.0 => Err(LabFault::Setting("four".into())),
             x => Ok(ExperimentResult {
                 figures: vec![Figure::against("square", "mm", x * x, x, "line")],
+                notes: if x < 3.0 { vec!["small".into()] } else { Vec::new() },
                 ..ExperimentResult::default()
             }),
         };
@@ -174,7 +190,7 @@ mod tests {
         assert_eq!(sheet.columns, ["x", "square (mm)", "square (mm): reference"]);
         let squares: Vec<f64> = sheet.rows.iter().map(|row| row[1]).filter(|square| !square.is_nan()).collect();
         assert_eq!(squares, [0.0, 1.0, 4.0, 9.0, 25.0, 36.0, 49.0, 64.0, 81.0]);
-        assert_eq!(outcome.notes, ["x=4: four"]);
+        assert_eq!(outcome.notes, ["x=0 to 2: small", "x=4: four"]);
         let seen = seen.into_inner();
         assert!(seen.len() == 10 && seen.is_sorted() && seen[9] == 1.0, "{seen:?}");
         let all_fail = |_| Err(LabFault::Setting("never".into()));

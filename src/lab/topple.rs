@@ -7,9 +7,9 @@ mod peg;
 mod published;
 mod trials;
 
-use self::peg::{Peg, Shape, ratio_of_orientations};
+use self::peg::{Peg, Pivot, Shape, ratio_of_orientations};
 pub use self::published::reproduce;
-use self::trials::{TrialScatter, band};
+use self::trials::{Band, TrialScatter, band};
 use super::settings::Setting;
 use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, Series};
@@ -30,12 +30,12 @@ pub struct Topple {
 
 /// Parameters of a part and its ledge.
 pub const SETTINGS: &[Setting<Topple>] = &[
-    Setting::<Topple>::count("cylinder", [0.0, 1.0], |topple| &mut topple.cylinder)
-        .about("1 for a standing cylinder, 0 for a block"),
+    Setting::<Topple>::count("cylinder", [0.0, 2.0], |topple| &mut topple.cylinder)
+        .about("0 for a block, 1 for a cylinder that stands, 2 for one on its side along the way"),
     Setting::<Topple>::number("length_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.length_m)
-        .about("length along the way, or diameter"),
+        .about("length along the way; diameter of a cylinder that stands"),
     Setting::<Topple>::number("height_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.height_m)
-        .about("height of the part"),
+        .about("height of the part; diameter of a cylinder on its side"),
     Setting::<Topple>::number("ledge_mm", [0.0, 1e4], 1e-3, |topple| &mut topple.ledge_m).about("height of the ledge"),
     Setting::<Topple>::number("belt_percent", [0.0, 20.0], 1e-2, |topple| &mut topple.scatter.belt)
         .about("standard deviation of the belt's speed"),
@@ -56,13 +56,17 @@ impl Topple {
     }
 
     fn peg(&self) -> Peg {
-        let shape = if self.cylinder == 1 { Shape::Cylinder } else { Shape::Block };
+        let shape = match self.cylinder {
+            0 => Shape::BLOCK,
+            1 => Shape::CYLINDER,
+            _ => Shape::LYING_CYLINDER,
+        };
         Peg { shape, length_m: self.length_m, height_m: self.height_m }
     }
 }
 
-/// Critical speed of one part, in closed form, simulated, and by fifteen trials per speed; for a block also that of its
-/// other orientation.
+/// Critical speed of one part, in closed form, simulated, and by fifteen trials per speed, and the window of speeds
+/// that topple one of its orientations and leave the other (Fig. 2b).
 ///
 /// # Errors
 ///
@@ -71,30 +75,46 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
     let peg = topple.peg();
     let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
-    let band = band(&topple.scatter, simulated_mps, &Streams::new(topple.seed.into()));
-    let against = |name: &str, value: f64| {
-        Figure::against(name, "mm/s", mm_from_m(value), mm_from_m(exact_mps), "Singer and Seering, Eq. 2.3")
-    };
+    let trials = |critical_mps| band(&topple.scatter, critical_mps, &Streams::new(topple.seed.into()));
+    let found = trials(simulated_mps);
+    let holds = |pivot: &Pivot| pivot.rise()[0] >= pivot.rise()[1];
+    let source = "Singer and Seering, Eq. 2.3";
     let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, "15 trials a speed");
     let mut figures = vec![
-        against("least speed that topples the part, simulated", simulated_mps),
-        alone("highest speed at which none fell", "mm/s", mm_from_m(band.none_mps)),
-        alone("lowest speed at which all fell", "mm/s", mm_from_m(band.all_mps)),
-        against("middle of these two", band.middle_mps()),
-        alone("their distance over their middle", "%", 100.0 * band.width()),
+        Figure::alone("least speed that topples the part, simulated", "mm/s", mm_from_m(simulated_mps), source)
+            .with(holds(&pivot).then_some(mm_from_m(exact_mps))),
+        alone("highest speed at which none fell", "mm/s", mm_from_m(found.none_mps)),
+        alone("lowest speed at which all fell", "mm/s", mm_from_m(found.all_mps)),
+        alone("middle of these two", "mm/s", mm_from_m(found.middle_mps())),
+        alone("their distance over their middle", "%", 100.0 * found.width()),
     ];
-    if peg.shape == Shape::Block
-        && let Some(other) = peg.toppled().pivot(topple.ledge_m)
-    {
-        let speed = mm_from_m(other.critical_mps());
-        figures.push(Figure::alone("the same for the other orientation", "mm/s", speed, "Singer and Seering, Eq. 2.3"));
+    let mut bands = vec![("this orientation", pivot, found)];
+    if let Some(other) = peg.toppled().pivot(topple.ledge_m) {
+        let other_mps = other.critical_mps();
+        figures.push(Figure::alone("the same for the other orientation", "mm/s", mm_from_m(other_mps), source));
+        bands.push(("other orientation", other, trials(other_mps)));
+        let [slow, fast] = if other_mps > exact_mps { [0, 1] } else { [1, 0] }.map(|i: usize| &bands[i].2);
+        let source = "Fig. 2b: all of one orientation fall, none of the other";
+        let window = [("from", slow.all_mps), ("to", fast.none_mps)];
+        figures.extend(window.map(|(end, speed_mps)| {
+            Figure::alone(format!("window that tells the two apart, {end}"), "mm/s", mm_from_m(speed_mps), source)
+        }));
     }
-    let chart = trials_chart(&band.shares, exact_mps);
+    let note = |(name, pivot, _): &(&str, Pivot, Band)| {
+        format!(
+            "{name}: Eq. 2.3 does not hold, the ledge would have to hold the part down: its centre is too low for its length, \
+             the angle's sine {:.3} of at least {:.3}",
+            pivot.rise()[0],
+            pivot.rise()[1]
+        )
+    };
+    let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();
+    let shares = &bands[0].2.shares;
     let series = vec![
-        Series::new("belt_mm_s", band.shares.iter().map(|share| mm_from_m(share[0]))),
-        Series::new("share_fallen", band.shares.iter().map(|share| share[1])),
+        Series::new("belt_mm_s", shares.iter().map(|share| mm_from_m(share[0]))),
+        Series::new("share_fallen", shares.iter().map(|share| share[1])),
     ];
-    Ok(ExperimentResult { figures, series, charts: vec![chart], ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures, notes, series, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
 }
 
 fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
@@ -105,16 +125,21 @@ fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
     ))
 }
 
-fn trials_chart(shares: &[[f64; 2]], exact_mps: f64) -> Chart {
-    let exact = mm_from_m(exact_mps);
+/// The velocity line of Fig. 2b: the trials of each orientation about its critical speed.
+fn trials_chart(bands: &[(&str, Pivot, Band)]) -> Chart {
+    let layers = bands.iter().enumerate().flat_map(|(i, (name, pivot, band))| {
+        let exact = mm_from_m(pivot.critical_mps());
+        let shares = band.shares.iter().map(|&[mps, share]| [mm_from_m(mps), share]);
+        [
+            Layer::new(&format!("{name}: Eq. 2.3"), Mark::Dashes, Color::nth(i), [[exact, 0.0], [exact, 1.0]]),
+            Layer::new("", Mark::Dots, Color::nth(i), shares),
+        ]
+    });
     Chart::plot(
         "topple-trials",
-        "Share of fifteen parts that fall at the ledge",
+        "Share of fifteen parts that fall at the ledge (Fig. 2b)",
         ["speed of the belt (mm/s)", "share that falls"],
-        vec![
-            Layer::new("closed form (Eq. 2.3)", Mark::Dashes, Color::Gray, [[exact, 0.0], [exact, 1.0]]),
-            Layer::new("trials", Mark::Dots, Color::Orange, shares.iter().map(|&[mps, share]| [mm_from_m(mps), share])),
-        ],
+        layers.collect(),
     )
 }
 
@@ -135,6 +160,20 @@ mod tests {
         assert!(figure("their distance over their middle") < 1.0, "one step of the speed");
         let slow = set("friction=0.05 friction_sd=0 way_mm=10").unwrap();
         assert!(slow.figures[2].measured.is_nan(), "the belt never gets the part up to the speed");
+    }
+
+    #[test]
+    fn squat_cylinder_has_no_reference_and_its_other_orientation_shares_the_window() {
+        let squat = set("length_mm=20 height_mm=6 ledge_mm=0").unwrap();
+        assert_eq!(squat.figures[0].reference, None);
+        assert!(
+            squat.notes.len() == 1 && squat.notes[0].contains("the angle's sine 0.287 of at least 0.49"),
+            "{:?}",
+            squat.notes
+        );
+        let lying = set("cylinder=2 length_mm=6 height_mm=20 ledge_mm=0").unwrap();
+        let window = |outcome: &ExperimentResult| [6, 7].map(|i| outcome.figures[i].measured);
+        assert_eq!(window(&squat).map(f64::round), window(&lying).map(f64::round));
     }
 
     #[test]

@@ -236,12 +236,21 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
 fn coins_of_the_paper_have_the_figures_of_the_lab_page() {
     let (track, two, vision) = (Figures::of(&["race-track"]), Figures::of(&["two-parts"]), Figures::of(&["vision"]));
     let arc = |coin: &str| track.get(&format!("{coin} coin: arc"), 1.0);
+    let span = Figures::of(&["field-span"]);
+    let dimensions = |kind: &str| span.get(&format!("dimensions, {kind}"), 1.0);
+    let fourth = ["ideal fields", "pulses of a fast plate", "long pulses of a slow plate"]
+        .map(|kind| span.get(&format!("fourth singular value over the first, {kind}"), 1.0));
+    let own = ["1 observation", "2 observations", "4 observations", "8 observations"]
+        .map(|count| two.get(&format!("E of {count}, rig's plate"), 1.0));
     let [two_observations, four, eight] =
-        [2, 4, 8].map(|count| two.reference(&format!("E of {count} observations, strong plate")));
+        [2, 4, 8].map(|count| two.get(&format!("E of {count} observations, ideal field"), 1.0));
     assert_says(
         "docs/lab.md",
         &[
             format!("| {:.0}, {:.0}, {:.0} mm | equal in the ideal field |", arc("inner"), arc("middle"), arc("outer")),
+            format!("| {}, {} | 3, as many as centres |", dimensions("rigid rotations"), dimensions("ideal fields")),
+            format!("| {:.2}, {:.2}, {:.2} | 0 when rigid |", fourth[0], fourth[1], fourth[2]),
+            format!("| {:.1}, {:.1}, {:.1}, {:.1} mm | |", own[0], own[1], own[2], own[3]),
             format!(
                 "| {:.1}, {two_observations:.1}, {four:.1}, {eight:.1} mm | no figure printed",
                 two.get("E of 1 observation, ideal field", 1.0)
@@ -271,6 +280,7 @@ fn other_machines_have_the_figures_of_the_lab_page() {
     // the last figure of that name: the stroke on the path to toppling
     let strokes = rock.all().filter(|figure| figure["name"] == "stroke of the table for it");
     let stroke_mm = strokes.last().unwrap()["measured"].as_f64().unwrap();
+    let [_, speed_mps] = rock.range("largest speed of the table for it").map(|speed_mm_s| 1e-3 * speed_mm_s);
     assert_says(
         "docs/lab.md",
         &[
@@ -283,7 +293,10 @@ fn other_machines_have_the_figures_of_the_lab_page() {
                 "| none fall at {:.1} mm/s, all at {:.1}; the middle {:.2} % below Eq. 2.3, band {:.1} % |",
                 peg("highest speed at which none fell"),
                 peg("lowest speed at which all fell"),
-                100.0 * topple.error("middle of these two"),
+                100.0
+                    * (1.0
+                        - peg("middle of these two")
+                            / topple.reference("least speed that topples the part, simulated")),
                 peg("their distance over their middle")
             ),
             format!(
@@ -309,7 +322,7 @@ fn other_machines_have_the_figures_of_the_lab_page() {
                 rocked("20 x 22 mm, standing: peak after the impact"),
                 rocked("the same block, lying")
             ),
-            format!("table's stroke {stroke_mm:.0} mm |"),
+            format!("table's stroke {stroke_mm:.0} mm, speed up to {speed_mps:.2} m/s |"),
         ],
     );
 }

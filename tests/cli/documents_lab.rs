@@ -17,7 +17,7 @@ fn feeder_and_toppling_have_the_other_figures_of_the_lab_page() {
         ("feed rate off Eqs. 3 and 7", "measured", &[feeder.range("rate off the closed form")[1]]),
         // the numbers of the paper and of its equations are as they stand
         ("viscosity K", "paper", &[1.95, -4.72, 4.0, viscosity("0.548")]),
-        ("the same at d = 0.586", "paper", &[4.0, viscosity("0.586")]),
+        ("the same at d = 0.586", "paper", &[4.0, viscosity("0.548")]),
         ("our two harmonics", "measured", &[feeder.in_table(2, 3), feeder.in_table(2, 2)]),
         ("our two harmonics", "paper", &[feeder.in_table(0, 3), 2.0, feeder.in_table(1, 3), feeder.in_table(1, 0)]),
     ];
@@ -25,6 +25,8 @@ fn feeder_and_toppling_have_the_other_figures_of_the_lab_page() {
         page.cell(MACHINES, label, column, measured);
     }
     page.cell(MACHINES, "a peg twice as thick", "measured", &[topple.in_table(1, 1)]);
+    let window = ["from", "to"].map(|end| topple.get(&format!("window that tells the two apart, {end}"), 1.0));
+    page.cell(MACHINES, "speeds that topple", "measured", &window);
     page.assert_as_measured();
 }
 
@@ -67,7 +69,7 @@ fn two_parts_have_the_figures_of_the_student_page() {
         ": while a coin goes",
         &[two.get("mean step of the parts", 1.0), one_observation],
     );
-    let more_observations = [2, 4, 8].map(|count| two.reference(&format!("E of {count} observations, strong plate")));
+    let more_observations = [2, 4, 8].map(|count| two.get(&format!("E of {count} observations, ideal field"), 1.0));
     page.passage("miss falls to", ": the first halving", &more_observations);
     page.assert_as_measured();
 }

@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use super::closed_form::{feed_rate_mps, quasi_static_mps, saturation, viscosity_nspm};
+use super::closed_form::{quasi_static_mps, viscosity_nspm};
 use super::part::Sliding;
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
@@ -63,16 +63,15 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
 
 /// Feed rates over all duties at one acceleration, simulated and by the closed form.
 fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
-    let Feeder { plate, friction, .. } = Feeder::published();
+    let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
     let duties: Vec<f64> = (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)).collect();
-    let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
     let largest_mps = accel_mps2 * plate.period_s / 16.0;
     let (mut rates_mps, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
     for &duty in &duties {
         let plate = PlateCycle { accel_mps2, duty, ..plate };
         let rate_mps = sliding.settled(&plate)?.way_m / plate.period_s;
-        let off = (rate_mps - feed_rate_mps(&plate, friction)).abs() / largest_mps;
-        let worst = if duty <= saturation(accel_mps2, friction) { &mut before } else { &mut beyond };
+        let off = (rate_mps - sliding.rate_mps(&plate).unwrap_or(f64::NAN)).abs() / largest_mps;
+        let worst = if duty <= sliding.saturation(accel_mps2) { &mut before } else { &mut beyond };
         *worst = worst.max(off);
         rates_mps.push(rate_mps);
     }
@@ -82,7 +81,7 @@ fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut ExperimentRe
         outcome.figures.push(Figure::against(name, "a T/16", worst, 0.0, "Impulse paper, Eqs. 3 and 7"));
     }
     let name = format!("duty at which the part saturates, {at}");
-    let found = saturation(accel_mps2, friction);
+    let found = sliding.saturation(accel_mps2);
     outcome.figures.push(Figure::against(name, "1", found, saturates, "Impulse paper, Eq. 5, to three digits"));
     let label = format!("{:.0}", accel_mps2 / CM);
     if outcome.series.is_empty() {
@@ -113,31 +112,40 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Experimen
     let mass_kg = Feeder::published().mass_kg;
     let cycles = |time_s: f64| (time_s / plate.period_s).round() as usize;
     let forces_dyn: Vec<i32> = (-FORCES_DYN..=FORCES_DYN).collect();
+    let under = |force_dyn: i32| Sliding {
+        drag_mps2: FORCED_FRICTION * GRAVITY_MPS2,
+        push_mps2: f64::from(force_dyn) * DYN_N / mass_kg,
+    };
     let rates_mps = parallel(&forces_dyn, progress, |&force_dyn| {
-        let push_mps2 = f64::from(force_dyn) * DYN_N / mass_kg;
-        let sliding = Sliding { drag_mps2: FORCED_FRICTION * GRAVITY_MPS2, push_mps2 };
-        sliding.mean_mps(&plate, cycles(SETTLING_S), cycles(MEASURED_S))
+        under(force_dyn).mean_mps(&plate, cycles(SETTLING_S), cycles(MEASURED_S))
     });
-    let points: Vec<[f64; 2]> =
-        forces_dyn.iter().zip(&rates_mps).map(|(&force, &rate)| [rate / CM, f64::from(force)]).collect();
+    let points = |rates_mps: &[f64]| -> Vec<[f64; 2]> {
+        forces_dyn.iter().zip(rates_mps).map(|(&force, &rate)| [rate / CM, f64::from(force)]).collect()
+    };
+    let exact_mps: Vec<f64> =
+        forces_dyn.iter().map(|&force| under(force).rate_mps(&plate).unwrap_or(f64::NAN)).collect();
+    let (points, [exact_intercept, exact_slope]) = (points(&rates_mps), line_through(&points(&exact_mps)));
     let [intercept, slope] = line_through(&points);
-    let viscosity = viscosity_nspm(&plate, FORCED_FRICTION, mass_kg) / VISCOSITY;
-    let free = feed_rate_mps(&plate, FORCED_FRICTION) / CM;
     let at = format!("at d = {duty}, ±{FORCES_DYN} dyn");
     let is_papers = duty == FORCED.duty;
-    let paper = |value: f64| if is_papers { format!("; the paper's fit has {value}") } else { String::new() };
-    let source = |what: &str, value: f64| format!("{what}{}", paper(value));
+    let source = |paper: f64| {
+        if is_papers {
+            format!("Eqs. 3 and 4; the paper's fit has {paper}")
+        } else {
+            "line through Eqs. 3, 4 and 7".into()
+        }
+    };
     let figures = &mut outcome.figures;
     let name = format!("slope of force over rate, K, {at}");
-    figures.push(Figure::against(name, "dyn s/cm", slope, viscosity, &source("Impulse paper, Eq. 4", PAPER_SLOPE)));
+    figures.push(Figure::against(name, "dyn s/cm", slope, exact_slope, &source(PAPER_SLOPE)));
     let name = format!("force at rate zero, -K ν, {at}");
-    let exact = -viscosity * free;
-    figures.push(Figure::against(name, "dyn", intercept, exact, &source("Eqs. 3 and 4", PAPER_INTERCEPT_DYN)));
-    if !is_papers {
+    figures.push(Figure::against(name, "dyn", intercept, exact_intercept, &source(PAPER_INTERCEPT_DYN)));
+    let saturation = under(FORCES_DYN).saturation(plate.accel_mps2);
+    if duty > saturation {
+        let viscosity = viscosity_nspm(&plate, FORCED_FRICTION, mass_kg) / VISCOSITY;
         outcome.notes.push(format!(
-            "at d = {duty} the slope leaves the closed form: +{FORCES_DYN} dyn drives the part into saturation; K is the closed \
-             form's up to d of about {}",
-            super::VISCOUS_BELOW
+            "at d = {duty} the slope is not K of Eq. 4, {viscosity:.3} dyn s/cm: +{FORCES_DYN} dyn drives the part into \
+             saturation from d = {saturation:.3} on"
         ));
     }
     let label = format!("{duty}");
@@ -148,10 +156,10 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Experimen
 
 /// The paper's wave at two duties and the pump's two harmonics, all with the same acceleration and period.
 fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
-    let Feeder { plate, friction, .. } = Feeder::published();
-    let sliding = Sliding { drag_mps2: friction * GRAVITY_MPS2, push_mps2: 0.0 };
+    let feeder = Feeder::published();
+    let (Feeder { plate, friction, .. }, sliding) = (feeder, feeder.sliding());
     let (accel_mps2, period_s) = (plate.accel_mps2, plate.period_s);
-    let saturated = PlateCycle { duty: saturation(accel_mps2, friction), ..plate };
+    let saturated = PlateCycle { duty: sliding.saturation(accel_mps2), ..plate };
     let mut rows = Vec::new();
     for plate in [PlateCycle { duty: DUTY_OPTIMAL, ..plate }, saturated] {
         let rate_mps = sliding.settled(&plate).map_or(f64::NAN, |cycle| cycle.way_m / period_s);
@@ -162,20 +170,21 @@ fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
     let part = PartParams { friction, ..rig.penny };
     let rate_mps = line.carried_mps(part, PUMP_CYCLES, PUMP_CYCLES);
     rows.push(vec![f64::NAN, 0.75 * amplitude_mps / CM, line.stroke_m() / CM, rate_mps / CM]);
-    let source = "our pump's belt A/2, which friction as strong as this falls short of";
+    let source = format!("below the belt's A/2, {:.2}: friction is strong", 0.5 * amplitude_mps / CM);
     let name = "rate of the two harmonics cos wt - ½ cos 2wt";
-    outcome.figures.push(Figure::against(name, "cm/s", rate_mps / CM, 0.5 * amplitude_mps / CM, source));
+    outcome.figures.push(Figure::alone(name, "cm/s", rate_mps / CM, &source));
     let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
     outcome.sheet = Some(DataSheet::new(names, rows));
 }
 
 fn duty_chart(series: &[Series]) -> Chart {
-    let Feeder { plate, friction, .. } = Feeder::published();
+    let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
     let duties = series.first().map_or(&[][..], |duty| &duty.values);
     let mut layers = Vec::new();
     for (i, &accel_mps2) in ACCELS_MPS2.iter().enumerate() {
         let curve = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i));
-        let exact = curve.map(|duty| [duty, feed_rate_mps(&PlateCycle { accel_mps2, duty, ..plate }, friction) / CM]);
+        let exact =
+            curve.filter_map(|duty| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]));
         layers.push(Layer::new(
             &format!("{:.0} cm/s²: closed form", accel_mps2 / CM),
             Mark::Line,

@@ -3,11 +3,12 @@
 
 use super::block::{Block, BlockTilt};
 use super::wave::Wave;
-use crate::numerics::bisect;
+use crate::numerics::{bisect, runge_kutta};
 use upm_core::units::GRAVITY_MPS2;
 
-/// Longest step, s.
+/// Longest step, s, and over the time in which the block's tilt grows by a factor of e.
 const STEP_S: f64 = 1e-4;
+const STEP: f64 = 0.01;
 /// Bisections of a step that contains an event.
 const HALVINGS: usize = 50;
 /// Rise after an impact, rad, below which a block counts as flat.
@@ -56,18 +57,10 @@ pub struct Motion {
 /// State of the block `step_s` later, by the fourth-order Runge-Kutta method; `weight_mps2` is `g + ẍ` as a function of
 /// time from the beginning of the step.
 pub fn stepped(block: &Block, turn: BlockTilt, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> BlockTilt {
-    let slope = |at: BlockTilt, t_s: f64| [at.speed_radps, block.accel_radps2(at.tilt_rad, weight_mps2(t_s))];
-    let along = |[speed, accel]: [f64; 2], t_s: f64| BlockTilt {
-        tilt_rad: turn.tilt_rad + speed * t_s,
-        speed_radps: turn.speed_radps + accel * t_s,
-    };
-    let half_s = 0.5 * step_s;
-    let k1 = slope(turn, 0.0);
-    let k2 = slope(along(k1, half_s), half_s);
-    let k3 = slope(along(k2, half_s), half_s);
-    let k4 = slope(along(k3, step_s), step_s);
-    let mean = |i: usize| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0;
-    along([mean(0), mean(1)], step_s)
+    let slope =
+        |[tilt_rad, speed_radps]: [f64; 2], t_s: f64| [speed_radps, block.accel_radps2(tilt_rad, weight_mps2(t_s))];
+    let [tilt_rad, speed_radps] = runge_kutta([turn.tilt_rad, turn.speed_radps], step_s, slope);
+    BlockTilt { tilt_rad, speed_radps }
 }
 
 impl Release {
@@ -116,7 +109,8 @@ impl Rocking<'_> {
         let block = &self.release.block;
         while self.t_s < until_s {
             let at_s = self.t_s;
-            let step_s = STEP_S.min(until_s - at_s);
+            let growth_s = 1.0 / (block.stiffness_pm() * weight_mps2(at_s).max(GRAVITY_MPS2)).sqrt();
+            let step_s = STEP_S.min(STEP * growth_s).min(until_s - at_s);
             let after = |step_s: f64| stepped(block, self.turn, step_s, |t_s| weight_mps2(at_s + t_s));
             let next = after(step_s);
             let hits = |turn: BlockTilt| turn.tilt_rad <= 0.0;
@@ -125,9 +119,8 @@ impl Rocking<'_> {
             let step_s =
                 if happens(next) { bisect([0.0, step_s], HALVINGS, |t_s| happens(after(t_s)))[1] } else { step_s };
             let (next, is_peak) = (after(step_s), peaks(after(step_s)));
-            let until_here_s = at_s + step_s;
             // a step below the clock's resolution must not stop it
-            self.t_s = if until_here_s > at_s { until_here_s } else { until_s };
+            self.t_s = (at_s + step_s).max(at_s * (1.0 + f64::EPSILON)).min(until_s);
             let weight_here_mps2 = weight_mps2(self.t_s);
             self.turn = next;
             if !self.presses(weight_here_mps2) {

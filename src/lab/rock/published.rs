@@ -7,7 +7,7 @@ use super::block::Block;
 use super::motion::{End, Motion};
 use super::raising::raise;
 use super::selection::{Orientations, Selected};
-use super::{Rock, track_chart, wave_chart};
+use super::{Rock, table_figures, track_chart, wave_chart};
 use crate::sweep::{Progress, parallel};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
@@ -101,8 +101,8 @@ fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
             least_contact([&exact, &high]),
             "Eq. 3.3b, of the weight",
         ),
-        Figure::alone("stroke of the table for them", "mm", mm_from_m(wave.stroke_m()), "twice integrated"),
     ]);
+    outcome.figures.extend(table_figures(&wave, " for them"));
     let both = [("exact start", &exact), ("6 % high", &high)];
     outcome.charts.push(track_chart("rock-square", "Square wave (Figs. 5 and 6)", &both, Some(rock.peak_rad)));
     outcome.charts.push(wave_chart("rock-square-table", &wave));
@@ -124,8 +124,8 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
         Figure::against("ramped wave: start at 0.30 rad comes to", "rad", last_rad, 0.15, "Fig. 8"),
         Figure::alone("within 10 % of that after", "s", settled.map_or(f64::NAN, |peak| peak[0]), "Fig. 8: 0.5 s"),
         Figure::alone("least force on the corner", "1", motion.least_contact, "Eq. 3.3b, of the weight"),
-        Figure::alone("stroke of the table for it", "mm", mm_from_m(ramped.stroke_m()), "twice integrated"),
     ]);
+    outcome.figures.extend(table_figures(&ramped, " for it"));
     outcome.charts.push(track_chart("rock-ramped", "Ramped wave (Fig. 8)", &[("0.30 rad", &motion)], Some(last_rad)));
     outcome.charts.push(wave_chart("rock-ramped-table", &ramped));
     outcome.series.extend(Series::columns(["ramped_t_s", "ramped_tilt_rad"], &motion.track));
@@ -185,8 +185,8 @@ fn raising(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
             raised.motion.least_contact,
             "Eq. 3.3b, of the weight",
         ),
-        Figure::alone("stroke of the table for it", "mm", mm_from_m(raised.wave.stroke_m()), "twice integrated"),
     ]);
+    outcome.figures.extend(table_figures(&raised.wave, " for it"));
     let motion = [("block", &raised.motion)];
     let balance_rad = rock.block.balance_rad();
     let mut chart = track_chart("rock-raised", "Amplitude raised until the block topples", &motion, None);

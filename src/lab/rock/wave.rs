@@ -72,30 +72,33 @@ impl Wave {
         self.stretches.iter().map(|stretch| stretch.length_s).sum()
     }
 
-    /// Stroke of the table from its lowest to its highest position, m, for a periodic motion or one that ends as it
-    /// began: the mean velocity is subtracted, so that it returns.
-    pub fn stroke_m(&self) -> f64 {
-        let way_m = self.motion();
-        let (Some(end), length_s) = (way_m.last(), self.length_s()) else { return 0.0 };
-        let drift_mps = end[1] / length_s;
-        let places = way_m.iter().map(|[t_s, way_m]| way_m - drift_mps * t_s);
-        let (low_m, high_m) = places.fold((0.0, 0.0), |(low, high): (f64, f64), at| (low.min(at), high.max(at)));
-        high_m - low_m
+    /// Stroke of the table from its lowest to its highest position, m, and its largest speed, m/s, for a periodic
+    /// motion or one that ends as it began: the mean velocity is subtracted, so that it returns.
+    pub fn stroke_and_speed(&self) -> [f64; 2] {
+        let motion = self.motion();
+        let drift_mps = motion.last().map_or(0.0, |end| end[1]) / self.length_s();
+        let (mut low_m, mut high_m, mut fastest_mps) = (0.0f64, 0.0f64, 0.0f64);
+        for [t_s, way_m, speed_mps] in motion {
+            let place_m = way_m - drift_mps * t_s;
+            (low_m, high_m) = (low_m.min(place_m), high_m.max(place_m));
+            fastest_mps = fastest_mps.max((speed_mps - drift_mps).abs());
+        }
+        [high_m - low_m, fastest_mps]
     }
 
-    /// Time and position of a table that starts at rest, s and m.
-    fn motion(&self) -> Vec<[f64; 2]> {
+    /// Time, position and speed of a table that starts at rest, s, m and m/s.
+    fn motion(&self) -> Vec<[f64; 3]> {
         let (mut t_s, mut speed_mps, mut place_m) = (0.0, 0.0, 0.0);
-        let mut found = vec![[0.0, 0.0]];
+        let mut found = vec![[0.0; 3]];
         for WaveSegment { length_s, accel_mps2: [first, last] } in &self.stretches {
             let slope = (last - first) / length_s;
             let place = |t: f64| place_m + t * (speed_mps + t * (first / 2.0 + slope * t / 6.0));
+            let speed = |t: f64| speed_mps + t * (first + slope * t / 2.0);
             found.extend((1..=POINTS).map(|i| {
                 let after_s = length_s * i as f64 / POINTS as f64;
-                [t_s + after_s, place(after_s)]
+                [t_s + after_s, place(after_s), speed(after_s)]
             }));
-            place_m = place(*length_s);
-            speed_mps += 0.5 * (first + last) * length_s;
+            (place_m, speed_mps) = (place(*length_s), speed(*length_s));
             t_s += length_s;
         }
         found
@@ -149,8 +152,10 @@ mod tests {
             let ends = [wave.stretches.first(), wave.stretches.last()].map(|end| end.unwrap().accel_mps2);
             assert!(ramp == 0.0 || (ends[0][0] - ends[1][1]).abs() < 1e-12, "{ends:?}");
         }
-        // a T² / 16 between the ends of two parabolas
-        assert!((square.wave().stroke_m() - 10.0 * 0.01 / 16.0).abs() < 1e-5, "{}", square.wave().stroke_m());
-        assert!(square.ramped(0.3).stroke_m() < square.wave().stroke_m());
+        // a T² / 16 between the ends of two parabolas, passed in between at a T / 4
+        let [stroke_m, speed_mps] = square.wave().stroke_and_speed();
+        assert!((stroke_m - 10.0 * 0.01 / 16.0).abs() < 1e-5 && (speed_mps - 0.25).abs() < 1e-12, "{stroke_m}");
+        let [ramped_m, ramped_mps] = square.ramped(0.3).stroke_and_speed();
+        assert!(ramped_m < stroke_m && ramped_mps < speed_mps);
     }
 }

@@ -23,7 +23,7 @@ struct Lying {
 
 impl Lying {
     fn critical_mps(&self, ledge_m: f64) -> f64 {
-        let peg = Peg { shape: Shape::Block, length_m: self.along_m, height_m: self.up_m };
+        let peg = Peg { shape: Shape::BLOCK, length_m: self.along_m, height_m: self.up_m };
         peg.pivot(ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
     }
 

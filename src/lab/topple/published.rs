@@ -92,7 +92,7 @@ fn orientations() -> ExperimentResult {
 /// A cylinder twice as thick as that of `peg` that topples at the same speed.
 fn alike(peg: &Topple) -> Topple {
     let critical = |height_m: f64| {
-        let peg = Peg { shape: Shape::Cylinder, length_m: TWICE * peg.length_m, height_m };
+        let peg = Peg { shape: Shape::CYLINDER, length_m: TWICE * peg.length_m, height_m };
         peg.pivot(Topple::published().ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
     };
     let wanted = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());

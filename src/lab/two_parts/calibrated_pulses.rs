@@ -4,12 +4,12 @@
 
 use std::f64::consts::TAU;
 
-use super::super::pulses::{FINER, PLAYBACK_HZ, check_carries, envelope, place, saturation, turn};
+use super::super::pulses::{FINER, PLAYBACK_HZ, calm_envelope, check_carries, place, play, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, PartPositions};
-use upm_core::geometry::{Pose, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
-use upm_sim::{OpenLoopTrajectories, OpenPulse, simulate};
+use upm_sim::{OpenLoopTrajectories, OpenPulse};
 
 /// Sustains measured, from the shortest to the longest one used.
 const SUSTAINS: usize = 17;
@@ -96,7 +96,7 @@ impl<'a> CalibratedPulses<'a> {
 
     /// Largest saturation of a part at `reference_m` by the shortest pulses.
     pub fn saturation(&self, reference_m: Vec2) -> f64 {
-        let outline = envelope(self.rig, self.shortest_s());
+        let outline = calm_envelope(self.rig, self.mode, self.shortest_s());
         let of = |(spin_radps, center): (&f64, &Vec2)| {
             saturation(self.rig, *spin_radps, (reference_m - center).norm(), &outline)
         };
@@ -128,14 +128,12 @@ impl<'a> CalibratedPulses<'a> {
     }
 
     fn pulse(&self, center: usize, sense: f64, sustain_s: f64) -> OpenPulse {
-        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], envelope(self.rig, sustain_s))
+        let outline = calm_envelope(self.rig, self.mode, sustain_s);
+        OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], outline)
     }
 
     fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
-        let parts: Vec<_> =
-            parts_m.iter().map(|&part| (self.rig.penny, Pose { position_m: part, heading_rad: 0.0 })).collect();
-        let sample_hz = PLAYBACK_HZ * FINER as f64;
-        Ok(simulate(&self.rig.sim, self.mode, &parts, pulses, self.rig.model.base_radps, sample_hz)?)
+        play(self.rig, self.mode, parts_m, pulses, PLAYBACK_HZ * FINER as f64)
     }
 
     /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns their

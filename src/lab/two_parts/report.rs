@@ -32,7 +32,7 @@ pub fn outcome(
     let [ideal, strong, own] = runs;
     let mut figures = of_one_observation(task, ideal, side_results);
     for (run, i) in [(strong, 0), (own, 1)] {
-        figures.extend(of_plate(run, ideal, side_results.shortest_m[i], side_results.saturation[i]));
+        figures.extend(of_plate(run, side_results.shortest_m[i], side_results.saturation[i]));
     }
     let spin = side_results.spin_radps.into_iter().fold(f64::INFINITY, f64::min);
     figures.extend([
@@ -65,35 +65,30 @@ fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, side_results: &
         ));
     }
     // each observation corrects the error of the previous ones; the second-order error of its own step remains
-    let second = "second order of each observation's own step is left";
+    let second = "2 for small steps: the second order of each is left";
     let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
     let [.., coarse, fine] = OBSERVATIONS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
-    figures.extend([
-        Figure::alone("E of 1 observation, ideal field", "mm", measured(1), "UPM paper, Eq. 3; it prints no figure"),
-        Figure::against("order at which E falls with observations, ideal field", "1", order, 2.0, second),
-    ]);
+    figures.extend(misses_of(ideal, "UPM paper, Eq. 3; it prints no figure"));
+    figures.push(Figure::alone("order at which E falls with observations, ideal field", "1", order, second));
     figures
 }
 
-fn of_plate(run: &StepSeries, ideal: &StepSeries, shortest_m: f64, saturation: f64) -> Vec<Figure> {
+fn misses_of<'a>(run: &'a StepSeries, source: &'a str) -> impl Iterator<Item = Figure> + 'a {
+    run.ways.iter().map(move |(observations, way)| {
+        let name = format!("E of {}, {}", counted(*observations), run.name);
+        Figure::alone(name, "mm", 1e3 * way.miss_m, source)
+    })
+}
+
+fn of_plate(run: &StepSeries, shortest_m: f64, saturation: f64) -> Vec<Figure> {
     let name = run.name;
     let source = "one period at full height; ways below half of it are left out";
     let mut figures = vec![
         Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * shortest_m, source),
         Figure::alone(format!("saturation, {name}"), "1", saturation, SATURATION),
     ];
-    for (observations, way) in &run.ways {
-        let label = format!("E of {}, {name}", counted(*observations));
-        let exact = 1e3 * ideal.miss_m(*observations).unwrap_or(f64::NAN);
-        figures.push(Figure::against(
-            label,
-            "mm",
-            1e3 * way.miss_m,
-            exact,
-            "the ideal field's E in as many observations",
-        ));
-    }
+    figures.extend(misses_of(run, "beside the ideal field's E"));
     for (observations, fault) in &run.failed {
         figures.push(Figure::alone(
             format!("failed try, {name}"),
