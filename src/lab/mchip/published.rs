@@ -201,7 +201,7 @@ fn bouncing(summaries: &[Summary], how: &str) -> Vec<Figure> {
         STROBE_HZ * (orders - orders.round()).abs()
     });
     vec![
-        hz("line of the bouncing", |of| of.bounce_line[0], 360.0, [270.0, 450.0]),
+        hz("line of the bouncing", |of| of.bounce_line[0], 360.0, [240.0, 480.0]),
         alone("distance of that line from a harmonic of 25 Hz", "Hz", off_harmonic, "lines 1 Hz apart; by chance 6"),
         hz("line of the drive", |of| of.drive_line[0], 5_000.0, [4_990.0, 5_010.0]),
         alone("the first over the second", "1", ratio, "5 of the paper's line at 360 Hz"),
