@@ -73,8 +73,8 @@ impl Device {
         }
     }
 
-    /// The array on soft, lightly damped rods, driven above their natural frequency: the spring of the paper's height and
-    /// its free bouncing are reproduced, but the rate is three times as large, and nothing bounces twice or jams.
+    /// The array on soft, lightly damped rods, driven above their natural frequency: the paper's spring and its free
+    /// bouncing are reproduced, but the rate is three times as large, and nothing bounces twice or jams.
     pub fn soft() -> Self {
         Self { natural_hz: 4_000.0, damping_ratio: 0.5, ..Self::published() }
     }
