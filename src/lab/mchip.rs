@@ -4,6 +4,7 @@
 mod batch;
 mod belt;
 mod bounce;
+mod claim;
 mod contact;
 mod device;
 mod drive;

@@ -117,6 +117,13 @@ pub fn mean(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
     if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
 }
 
+/// Median of a figure over several runs.
+pub fn median(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
+    let mut values: Vec<f64> = summaries.iter().map(of).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
 /// Mean over several runs of a figure of one cluster.
 pub fn of_cluster(summaries: &[Summary], cluster: usize, of: fn(&Cluster) -> f64) -> f64 {
     let present = |summary: &Summary| {

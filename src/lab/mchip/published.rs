@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::batch::{Batch, BatchJob, Summary, jams, mean, of_cluster};
+use super::batch::{Batch, BatchJob, Summary, jams, mean, median, of_cluster};
 use super::belt::Belt;
 use super::device::Device;
 use super::drive::{ResonatorDrive, Strobe};
@@ -29,6 +29,10 @@ const SHORT_DUTY: f64 = 0.36;
 const OFFSETS: [f64; 4] = [0.125, 0.25, 0.5, 0.75];
 /// Compared times for which the strobing turns a row off, in cycles.
 const TURNS: [usize; 5] = [20, 37, 50, 75, 100];
+/// Frequency with which the strobing of λ = 4 and γ = 50 repeats at 5 kHz, Hz.
+const STROBE_HZ: f64 = 25.0;
+/// Thickness of 55 µg of silicon with the length and width of the paper's box, m.
+const THIN_M: f64 = 51e-6;
 /// Points of the curve of the belt's displacement.
 const BELT_POINTS: usize = 100;
 /// Table I of the Impulse paper, 1e-5 dyn cm: mean and standard deviation of LinX, LinY, LinZ, AngX, AngY, AngZ, PotZ.
@@ -39,18 +43,19 @@ const TABLE_J: f64 = 1e-12;
 
 /// Ranges of the runs of each kind among the summaries.
 struct RunRanges {
+    /// Runs that end before the first jam.
     plain: Range<usize>,
+    plain_long: Range<usize>,
     short_duty: Range<usize>,
     strobed: Range<usize>,
     strobed_short_duty: Range<usize>,
-    plain_long: Range<usize>,
-    short_duty_long: Range<usize>,
-    strobed_long: Range<usize>,
     offsets: Vec<Range<usize>>,
     turns: Vec<Range<usize>>,
     nominal: [Range<usize>; 2],
     algebraic: Range<usize>,
-    solid: [Range<usize>; 3],
+    soft: Range<usize>,
+    /// A part as thick as 55 µg of silicon, strobed.
+    thin: Range<usize>,
 }
 
 /// Reproduces all figures.
@@ -70,7 +75,9 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     outcome.figures.extend(impacts(of(&places.strobed), "50 % duty, strobed"));
     outcome.figures.extend(short_duty(of(&places.short_duty), of(&places.strobed_short_duty)));
     outcome.figures.extend(feed(&places, &of));
-    outcome.figures.extend(bouncing(of(&places.strobed)));
+    outcome.figures.extend(bouncing(of(&places.strobed), "strobed"));
+    outcome.figures.extend(bouncing(of(&places.plain_long), "every row alike"));
+    outcome.figures.extend(bouncing(of(&places.soft), "soft rods"));
     outcome.sheet = Some(energies(of(&places.strobed)));
     sweeps.report(&of, &mut outcome);
     outcome.figures.extend(beside(&places, &of));
@@ -87,28 +94,24 @@ fn at_duty(duty: f64, drive: ResonatorDrive) -> Setup {
 impl RunRanges {
     fn new(batch: &mut Batch) -> Self {
         let (plain, strobed) = (Setup::published(ResonatorDrive::plain()), Setup::published(ResonatorDrive::strobed()));
-        let short_duty = at_duty(SHORT_DUTY, ResonatorDrive::plain());
         let offset = |row_delay| Setup::published(ResonatorDrive { row_delay, ..ResonatorDrive::plain() });
         let turn = |cycles| ResonatorDrive { strobe: Some(Strobe { spacing: 4, cycles }), ..ResonatorDrive::plain() };
         let nominal =
             |duty| Setup { device: Device::nominal(), sample_s: 1e-4, ..at_duty(duty, ResonatorDrive::plain()) };
-        let solid = |duty| Setup { device: Device::solid(), ..at_duty(duty, ResonatorDrive::plain()) };
+        let soft = Setup { device: Device::soft(), ..plain.clone() };
+        let mut thin = strobed.clone();
+        thin.part.half_m.z = 0.5 * THIN_M;
         Self {
             plain: batch.add(&plain, STARTS, SHORT_S),
-            short_duty: batch.add(&short_duty, STARTS, SHORT_S),
-            strobed: batch.add(&strobed, STARTS, SHORT_S),
-            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::strobed()), STARTS, SHORT_S),
             plain_long: batch.add(&plain, STARTS, LONG_S),
-            short_duty_long: batch.add(&short_duty, STARTS, LONG_S),
-            strobed_long: batch.add(&strobed, STARTS, LONG_S),
+            short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::plain()), STARTS, LONG_S),
+            strobed: batch.add(&strobed, STARTS, LONG_S),
+            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::strobed()), FEW, LONG_S),
             offsets: OFFSETS.map(|row_delay| batch.add(&offset(row_delay), FEW, LONG_S)).to_vec(),
             turns: TURNS.map(|cycles| batch.add(&Setup::published(turn(cycles)), FEW, 2.0 * SHORT_S)).to_vec(),
             nominal: [0.5, SHORT_DUTY].map(|duty| batch.add(&nominal(duty), FEW, 2.0 * SHORT_S)),
-            solid: [
-                batch.add(&solid(0.5), FEW, SHORT_S),
-                batch.add(&solid(SHORT_DUTY), FEW, SHORT_S),
-                batch.add(&solid(0.5), FEW, LONG_S),
-            ],
+            soft: batch.add(&soft, FEW, LONG_S),
+            thin: batch.add(&thin, FEW, LONG_S),
             algebraic: batch.add(&Setup { law: ImpactLaw::Algebraic, ..plain }, FEW, SHORT_S),
         }
     }
@@ -117,13 +120,13 @@ impl RunRanges {
 /// Times between contacts, and differences between double bounces and the others.
 fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
     const SOURCE: &str = "M-Chip paper, Fig. 7";
-    let gap = |cluster: usize, name: &str, paper_ms: f64| {
+    let gap = |cluster: usize, name: &str, paper_ms: f64, accepted: [f64; 2]| {
         let gap_ms = 1e3 * of_cluster(summaries, cluster, |of| of.gap_s);
-        Figure::against(format!("{how}: {name}"), "ms", gap_ms, paper_ms, SOURCE)
+        Figure::against(format!("{how}: {name}"), "ms", gap_ms, paper_ms, SOURCE).judged(accepted)
     };
-    let ratio = |name: &str, of: fn(&super::measures::Cluster) -> f64, paper: &str| {
+    let ratio = |name: &str, of: fn(&super::measures::Cluster) -> f64, paper: &str, accepted: [f64; 2]| {
         let value = of_cluster(summaries, 0, of) / of_cluster(summaries, 2, of);
-        Figure::alone(format!("{how}: {name}"), "1", value, paper)
+        Figure::alone(format!("{how}: {name}"), "1", value, paper).judged(accepted)
     };
     let share = |cluster: usize, name: &str| {
         let value = mean(summaries, |summary| summary.clusters[cluster].share);
@@ -131,14 +134,14 @@ fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
     };
     let backward = of_cluster(summaries, 0, |of| of.backward);
     vec![
-        gap(0, "gap before a double bounce", 0.02),
-        gap(1, "gap after one", 0.18),
-        gap(2, "gap of bounces once a cycle", 0.2),
+        gap(0, "gap before a double bounce", 0.02, [0.015, 0.03]),
+        gap(1, "gap after one", 0.18, [0.165, 0.195]),
+        gap(2, "gap of bounces once a cycle", 0.2, [0.195, 0.205]),
         share(0, "double bounces"),
         share(2, "bounces once a cycle"),
-        ratio("angle at a double bounce over that of others", |of| of.angle_rad, "M-Chip paper: lower"),
-        ratio("angular speed at one over that of others", |of| of.speed_radps, "M-Chip paper: much lower"),
-        Figure::alone(format!("{how}: double bounces that push backward"), "1", backward, "M-Chip paper: most"),
+        ratio("angle at a double bounce over that of others", |of| of.angle_rad, "lower", [0.0, 0.995]),
+        ratio("angular speed at one over that of others", |of| of.speed_radps, "much lower", [0.0, 0.5]),
+        Figure::alone(format!("{how}: double bounces that push backward"), "1", backward, "most").judged([0.5, 1.0]),
     ]
 }
 
@@ -147,8 +150,10 @@ fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
     let [doubles, strobed] = [plain, strobed].map(|of| mean(of, |summary| summary.clusters[0].share));
     let backward = of_cluster(plain, 2, |of| of.backward);
     vec![
-        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles, 0.0, "M-Chip paper: none"),
-        Figure::alone("36 % duty: contacts once a cycle that push backward", "1", backward, "M-Chip paper: about half"),
+        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles, 0.0, "M-Chip paper: none")
+            .judged([0.0, 0.02]),
+        Figure::alone("36 % duty: contacts once a cycle that push backward", "1", backward, "M-Chip paper: about half")
+            .judged([0.4, 0.6]),
         Figure::alone("36 % duty, strobed: double bounces, of all contacts", "1", strobed, "parked rows brake"),
     ]
 }
@@ -158,44 +163,49 @@ fn feed<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) ->
     let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
     let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
     let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s());
-    let (plain, strobed, short) = (of(&places.plain_long), of(&places.strobed_long), of(&places.short_duty_long));
+    let (plain, strobed, short) = (of(&places.plain_long), of(&places.strobed), of(&places.short_duty));
     let offsets: f64 = places.offsets.iter().map(|range| jams(of(range), JAM_S)).sum();
-    let gain = |with: &Range<usize>, without: &Range<usize>| 100.0 * (rate(of(with)) / rate(of(without)) - 1.0);
-    let percent = |name: &str, value: f64| Figure::alone(name, "%", value, "M-Chip paper: 20 to 40 %");
+    let gain = |with: f64, without: f64| 100.0 * (with / without - 1.0);
+    let percent = |name: &str, value: f64| Figure::alone(name, "%", value, "20 to 40 %").judged([20.0, 40.0]);
     let turns: Vec<f64> = places.turns.iter().map(|range| rate(of(range))).collect();
     let best = TURNS.iter().zip(&turns).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(turn, _)| *turn as f64);
+    let against = |name: &str, unit: &str, value: f64, paper: f64, accepted: [f64; 2]| {
+        Figure::against(name, unit, value, paper, "M-Chip paper, III").judged(accepted)
+    };
     vec![
-        Figure::against("50 % duty: rate while it moves", "mm/s", moving(plain), 0.8, "M-Chip paper, section III"),
-        Figure::against("starts that jam within 1 s, of ten", "1", jams(plain, JAM_S), STARTS as f64, "M-Chip paper"),
+        against("50 % duty: rate while it moves", "mm/s", moving(plain), 0.8, [0.6, 1.0]),
+        against("starts that jam within 1 s, of ten", "1", jams(plain, JAM_S), STARTS as f64, [8.0, 10.0]),
         Figure::alone("longest jam", "ms", longest_ms(plain), "runs of 1.05 s"),
-        Figure::against(
-            "starts that jam with offsets between rows, of 12",
-            "1",
-            offsets,
-            (OFFSETS.len() as u64 * FEW) as f64,
-            "M-Chip paper: they do not help",
-        ),
-        Figure::against("strobed, λ = 4, γ = 50: rate", "mm/s", rate(strobed), 0.8, "M-Chip paper, section III"),
-        Figure::against("strobed: starts that jam, of ten", "1", jams(strobed, JAM_S), 0.0, "M-Chip paper"),
-        Figure::alone("strobed: longest stop", "ms", longest_ms(strobed), "M-Chip paper: short stops"),
-        Figure::alone("strobed: γ with the highest rate, of 20 to 100", "1", best, "M-Chip paper: 50"),
-        Figure::against("36 % duty: rate while it moves", "mm/s", moving(short), 1.05, "M-Chip paper: 1.0 to 1.1"),
-        percent("gain of rate by 36 % duty, first 0.2 s", gain(&places.short_duty, &places.plain)),
-        percent("the same, strobed", gain(&places.strobed_short_duty, &places.strobed)),
+        against("starts that jam with offsets between rows, of 12", "1", offsets, 12.0, [9.0, 12.0]),
+        against("strobed, λ = 4, γ = 50: rate", "mm/s", rate(strobed), 0.8, [0.6, 1.0]),
+        against("strobed: starts that jam, of ten", "1", jams(strobed, JAM_S), 0.0, [0.0, 1.0]),
+        Figure::alone("strobed: longest stop", "ms", longest_ms(strobed), "M-Chip paper: short").judged([0.0, 100.0]),
+        against("strobed: γ with the highest rate, of 20 to 100", "1", best, 50.0, [37.0, 63.0]),
+        against("36 % duty: rate while it moves", "mm/s", moving(short), 1.05, [0.75, 1.38]),
+        percent("gain of rate by 36 % duty while it moves", gain(moving(short), moving(plain))),
+        percent("the same, strobed", gain(rate(of(&places.strobed_short_duty)), rate(strobed))),
     ]
 }
 
 /// The part's height and its spectrum.
-fn bouncing(strobed: &[Summary]) -> Vec<Figure> {
-    const FIG_9: &str = "M-Chip paper, Fig. 9";
-    let line = |of: fn(&Summary) -> f64| mean(strobed, of);
-    let hz = |name: &str, of: fn(&Summary) -> f64, paper_hz| Figure::against(name, "Hz", line(of), paper_hz, FIG_9);
-    let ratio = mean(strobed, |summary| summary.bounce_line[1] / summary.drive_line[1]);
+fn bouncing(summaries: &[Summary], how: &str) -> Vec<Figure> {
+    const FIG_9: &str = "M-Chip paper, IV-A";
+    let ratio = median(summaries, |summary| summary.bounce_line[1] / summary.drive_line[1]);
+    let hz = |name: &str, of: fn(&Summary) -> f64, paper_hz, accepted| {
+        Figure::against(format!("{how}: {name}"), "Hz", median(summaries, of), paper_hz, FIG_9).judged(accepted)
+    };
+    let alone =
+        |name: &str, unit: &str, value: f64, source: &str| Figure::alone(format!("{how}: {name}"), unit, value, source);
+    let off_harmonic = median(summaries, |summary| {
+        let orders = summary.bounce_line[0] / STROBE_HZ;
+        STROBE_HZ * (orders - orders.round()).abs()
+    });
     vec![
-        hz("strobed: line of the bouncing", |of| of.bounce_line[0], 360.0),
-        hz("strobed: line of the drive", |of| of.drive_line[0], 5_000.0),
-        Figure::against("strobed: the first over the second", "1", ratio, 5.0, FIG_9),
-        Figure::alone("strobed: height above rest", "µm", 1e6 * line(|of| of.height_m.mean), "9.3 by PotZ at 550 µg"),
+        hz("line of the bouncing", |of| of.bounce_line[0], 360.0, [240.0, 480.0]),
+        alone("distance of that line from a harmonic of 25 Hz", "Hz", off_harmonic, "lines 1 Hz apart; by chance 6"),
+        hz("line of the drive", |of| of.drive_line[0], 5_000.0, [4_990.0, 5_010.0]),
+        alone("the first over the second", "1", ratio, "5 of the paper's line at 360 Hz"),
+        alone("height above rest", "µm", 1e6 * mean(summaries, |of| of.height_m.mean), "9.3 by PotZ at 550 µg"),
     ]
 }
 
@@ -207,28 +217,26 @@ fn energies(summaries: &[Summary]) -> DataSheet {
         "here, sd",
         "paper, mean",
         "paper, sd",
+        "reproduced within a factor of 3: 1, else 0",
     ];
     let scaled = |of: &dyn Fn(&Summary) -> f64| mean(summaries, of) / TABLE_J;
+    let row = |i: usize, mean: f64, sd: f64| {
+        let [paper, paper_sd] = TABLE[i];
+        let is_near = (paper / 3.0..=paper * 3.0).contains(&mean);
+        vec![(i + 1) as f64, mean, sd, paper, paper_sd, f64::from(u8::from(is_near))]
+    };
     let mut rows: Vec<Vec<f64>> = (0..6)
-        .map(|i| {
-            let (mean, sd) = (scaled(&|of| of.energies.jitter[i].mean), scaled(&|of| of.energies.jitter[i].sd));
-            vec![(i + 1) as f64, mean, sd, TABLE[i][0], TABLE[i][1]]
-        })
+        .map(|i| row(i, scaled(&|of| of.energies.jitter[i].mean), scaled(&|of| of.energies.jitter[i].sd)))
         .collect();
-    let potential = [scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)];
-    rows.push(vec![7.0, potential[0], potential[1], TABLE[6][0], TABLE[6][1]]);
-    rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN]);
+    rows.push(row(6, scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)));
+    rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN, f64::NAN]);
     DataSheet::new(columns, rows)
 }
 
 /// Other models and devices, for comparison.
 fn beside<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
     let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
-    let rate_against = |name: &str, range: &Range<usize>, paper_mm_s: f64, source: &str| {
-        Figure::against(name, "mm/s", rate(range), paper_mm_s, source)
-    };
     let rate_alone = |name: &str, range: &Range<usize>, source: &str| Figure::alone(name, "mm/s", rate(range), source);
-    let solid_jams = jams(of(&places.solid[2]), JAM_S);
     let belt = Belt::published();
     let strobed = of(&places.strobed);
     let share = mean(strobed, |summary| {
@@ -236,26 +244,30 @@ fn beside<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) 
         let others = energies.drift_j + energies.jitter.iter().map(|one| one.mean).sum::<f64>();
         energies.potential.mean / (energies.potential.mean + others)
     });
-    let angular = |i: usize| mean(strobed, |summary| summary.energies.jitter[i].mean);
+    let roll = |summaries: &[Summary], i: usize| {
+        let angular = |i: usize| mean(summaries, |summary| summary.energies.jitter[i].mean);
+        angular(i) / angular(4)
+    };
     let paper_share = TABLE[6][0] / TABLE.iter().map(|row| row[0]).sum::<f64>();
     let [sinks, bounces] = [1e6 * belt.depth_m(), belt.bounce_hz()];
     let slope = mm_from_m(belt.slope_mpspn()) * DYN_N;
     let nominal = "the designers' device, 1 kHz and 2°: no figure";
-    let jams_at_new_rows = "M-Chip paper: jams at new rows";
-    let under_force = "Impulse paper, rates under force";
+    let soft_jams = jams(of(&places.soft), JAM_S);
+    let table = "Impulse paper, Table I";
     vec![
-        Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, "Impulse paper, Table I"),
-        Figure::alone("AngX over AngY, strobed", "1", angular(3) / angular(4), "Impulse paper: 1.03"),
-        Figure::alone("AngZ over AngY, strobed", "1", angular(5) / angular(4), "Impulse paper: 0.013"),
+        Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, table).judged([0.8, 1.0]),
+        Figure::against("AngX over AngY, strobed", "1", roll(strobed, 3), 1.03, table).judged([0.5, 2.0]),
+        Figure::against("the same, part of 51 µm", "1", roll(of(&places.thin), 3), 1.03, table).judged([0.5, 2.0]),
+        Figure::against("AngZ over AngY, strobed", "1", roll(strobed, 5), 0.013, table).judged([0.0, 0.05]),
         rate_alone("nominal device, 50 % duty: rate", &places.nominal[0], nominal),
         rate_alone("nominal device, 36 % duty: rate", &places.nominal[1], nominal),
-        rate_against("solid slabs, 50 % duty: rate", &places.solid[0], 0.8, "M-Chip paper, section III"),
-        rate_against("solid slabs, 36 % duty: rate", &places.solid[1], 1.05, "M-Chip paper: 1.0 to 1.1"),
-        Figure::against("solid slabs: starts that jam, of three", "1", solid_jams, FEW as f64, jams_at_new_rows),
+        Figure::against("soft rods: rate", "mm/s", rate(&places.soft), 0.8, "M-Chip paper, III").judged([0.6, 1.0]),
+        Figure::against("soft rods: starts that jam, of three", "1", soft_jams, 3.0, "M-Chip paper, III")
+            .judged([2.0, 3.0]),
         rate_alone("rate with algebraic impacts", &places.algebraic, "friction by the first slip alone"),
         Figure::against("belt of Fig. 11: bouncing", "Hz", bounces, 370.0, "294 dyn/cm and 55 µg"),
         Figure::alone("belt of Fig. 11: depth of the part", "µm", sinks, "294 dyn/cm and 55 µg"),
-        Figure::against("belt of Fig. 11: slope of the rate over force", "mm/s/dyn", slope, 19.6, under_force),
+        Figure::against("belt of Fig. 11: slope of the rate over force", "mm/s/dyn", slope, 19.6, table),
     ]
 }
 
@@ -285,7 +297,7 @@ fn charts(streams: &Streams) -> Vec<Chart> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::assert_sources_are_short;
+    use crate::testing::{assert_sources_are_short, lab_rig};
 
     /// The whole reproduction takes minutes of one core: this test covers a few short runs.
     #[test]
@@ -298,16 +310,30 @@ mod tests {
         ];
         let found = batch.summaries(&Streams::new(3), &|_| ());
         let [plain, strobed, short] = ranges.map(|range| &found[range]);
-        let figures =
-            [impacts(plain, "50 %"), impacts(strobed, "strobed"), short_duty(short, strobed), bouncing(strobed)];
+        let figures = [
+            impacts(plain, "50 %"),
+            impacts(strobed, "strobed"),
+            short_duty(short, strobed),
+            bouncing(strobed, "strobed"),
+        ];
         let figures = figures.concat();
         assert_sources_are_short(&ExperimentResult { figures: figures.clone(), ..ExperimentResult::default() });
         let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap().measured;
         assert!(figure("50 %: double bounces that push backward") > 0.9);
         assert!(figure("50 %: angular speed at one over that of others") < 0.4);
         assert!(figure("36 % duty: double bounces, of all contacts") < 0.01);
-        assert!((300.0..450.0).contains(&figure("strobed: line of the bouncing")));
         let table = energies(strobed);
         assert!(table.rows.len() == 8 && table.rows[6][1] > 10.0 * table.rows[2][1], "most energy is potential");
+    }
+
+    #[test]
+    #[ignore = "long: `cargo test -- --ignored` runs it"]
+    fn classes_of_the_figures_hold_for_other_seeds() {
+        let classes = |seed| {
+            let outcome = reproduce(&LabRig { seed, ..lab_rig("upm-1") }, &|_| ()).unwrap();
+            assert_sources_are_short(&outcome);
+            outcome.figures.into_iter().map(|figure| [figure.name, figure.source]).collect::<Vec<_>>()
+        };
+        assert_eq!(classes(1), classes(12));
     }
 }

@@ -17,11 +17,16 @@ use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 /// Starts at each value, and length of a run, s.
 const STARTS: u64 = 4;
 const TIME_S: f64 = 0.2;
-/// Masses, µg; positions of the ridge and its heights, µm; forces along the feed, dyn.
+/// Masses, µg; positions of the ridge and its heights, µm; forces along the feed, dyn, over the first four of which the
+/// rate is about linear.
 const MASSES_UG: [f64; 8] = [15.0, 25.0, 40.0, 55.0, 70.0, 95.0, 120.0, 160.0];
 const PLACES_UM: [f64; 8] = [-140.0, -135.0, -130.0, -125.0, -120.0, -115.0, -110.0, -100.0];
 const HEIGHTS_UM: [f64; 7] = [2.0, 5.0, 8.0, 12.0, 16.0, 20.0, 30.0];
-const FORCES_DYN: [f64; 4] = [0.0, -0.005, -0.01, -0.015];
+const FORCES_DYN: [f64; 6] = [0.0, -0.005, -0.01, -0.015, -0.025, -0.05];
+/// Forces, dyn, and rates, mm/s, of Table I of the Impulse paper.
+const TABLE: [[f64; 2]; 6] = [[0.0, 1.1], [-0.025, 0.6], [-0.05, 0.06], [-0.06, 0.0], [-0.075, -0.36], [-0.1, -0.88]];
+/// Mass that the closed form of single bounces stops at the table's 0.056 dyn, kg: `F (1 + q)/(μ g (1 - q))`.
+const HEAVY_KG: f64 = 207e-9;
 /// Duties of the sweeps: that of mass and position, that of height and force.
 const DUTY: f64 = 0.5;
 const SHORT_DUTY: f64 = 0.36;
@@ -29,10 +34,11 @@ const SHORT_DUTY: f64 = 0.36;
 /// Ranges of the sweeps' runs among the summaries.
 pub struct Sweeps {
     masses: Vec<Range<usize>>,
-    light: Vec<Range<usize>>,
+    soft: Vec<Range<usize>>,
     places: Vec<Range<usize>>,
     heights: Vec<Range<usize>>,
     forces: Vec<Range<usize>>,
+    heavy: Vec<Range<usize>>,
 }
 
 impl Sweeps {
@@ -47,14 +53,18 @@ impl Sweeps {
             values.iter().map(at).collect::<Vec<_>>()
         };
         let mass = |setup: &mut Setup, value: f64| setup.part.mass_kg = 1e-9 * value;
-        let light = Setup { device: Device::light(), ..setup(DUTY) };
-        let (masses, light) = (sweep(&MASSES_UG, &setup(DUTY), mass), sweep(&MASSES_UG, &light, mass));
+        let soft = Setup { device: Device::soft(), ..setup(DUTY) };
+        let (masses, soft) = (sweep(&MASSES_UG, &setup(DUTY), mass), sweep(&MASSES_UG, &soft, mass));
         let place = |setup: &mut Setup, value: f64| setup.device.ridge_place_m = 1e-6 * value;
         let height = |setup: &mut Setup, value: f64| setup.device.ridge_height_m = 1e-6 * value;
         let places = sweep(&PLACES_UM, &setup(DUTY), place);
         let heights = sweep(&HEIGHTS_UM, &setup(SHORT_DUTY), height);
-        let pushed = |force: f64| batch.add_pushed(&setup(SHORT_DUTY), STARTS, TIME_S, force * DYN_N);
-        Self { masses, light, places, heights, forces: FORCES_DYN.map(pushed).to_vec() }
+        let mut heavy = setup(SHORT_DUTY);
+        heavy.part.mass_kg = HEAVY_KG;
+        let mut pushed = |setup: &Setup, force: f64| batch.add_pushed(setup, STARTS, TIME_S, force * DYN_N);
+        let forces = FORCES_DYN.map(|force| pushed(&setup(SHORT_DUTY), force)).to_vec();
+        let heavy = TABLE.map(|[force, _]| pushed(&heavy, force)).to_vec();
+        Self { masses, soft, places, heights, forces, heavy }
     }
 
     /// Adds figures, curves and charts.
@@ -68,26 +78,30 @@ impl Sweeps {
         let (rates, heights) = (rate(&self.masses), height(&self.masses));
         let fastest_um = at_peak(&PLACES_UM, &speed(&self.places));
         let feeding_um = at_peak(&PLACES_UM, &rate(&self.places));
-        let nearer = "Impulse paper: nearer the axis than that";
+        let nearer = "Impulse paper: nearer the axis";
+        let mass_ug = at_peak(&MASSES_UG, &rates);
         outcome.figures.extend([
-            Figure::against("mass with the highest rate", "µg", at_peak(&MASSES_UG, &rates), 55.0, "Impulse paper"),
+            Figure::against("mass with the highest rate", "µg", mass_ug, 55.0, "Impulse paper").judged([40.0, 70.0]),
             spring("spring by the height against the mass", &heights),
-            spring("the same with light slabs", &height(&self.light)),
-            Figure::against("ridge distance with the highest angular speed", "µm", fastest_um, -125.0, "Impulse paper"),
-            Figure::alone("ridge distance with the highest rate", "µm", feeding_um, nearer),
+            spring("the same on soft rods", &height(&self.soft)),
+            Figure::against("ridge distance with the highest angular speed", "µm", fastest_um, -125.0, "Impulse paper")
+                .judged([-130.0, -120.0]),
+            Figure::alone("ridge distance with the highest rate", "µm", feeding_um, nearer).judged([-125.0, -110.0]),
             collapse(&rate(&self.heights)),
         ]);
         outcome.figures.extend(self.force(&rate(&self.forces), of));
+        outcome.figures.extend(heavy(&rate(&self.heavy)));
         for (name, x, values, ranges) in [
             ("mass", "mass (µg)", &MASSES_UG[..], &self.masses),
             ("ridge-distance", "place of the ridge (µm)", &PLACES_UM[..], &self.places),
             ("ridge-height", "height of the ridge (µm)", &HEIGHTS_UM[..], &self.heights),
             ("force", "force along the feed (dyn)", &FORCES_DYN[..], &self.forces),
+            ("force-heavy", "force along the feed, 207 µg (dyn)", &TABLE.map(|[force, _]| force)[..], &self.heavy),
         ] {
             let (rates, heights, speeds) = (rate(ranges), height(ranges), speed(ranges));
             let key = name.replace('-', "_");
             let mut chart = chart(name, x, values, &rates, &heights);
-            if name == "force" {
+            if name.starts_with("force") {
                 chart.layers.push(belt());
             }
             outcome.charts.push(chart);
@@ -101,23 +115,57 @@ impl Sweeps {
         }
     }
 
-    /// Slope of the rate over the force, and the force that stops the part, compared with the closed form of single
-    /// bounces.
+    /// Rates of the paper's part under force, compared with Table I and the closed form of single bounces.
     fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
-        let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
-        let [intercept, slope] = line_through(&points);
         let setup = Setup::published(ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() });
         let height_m = self.forces.first().map_or(f64::NAN, |range| mean(of(range), |summary| summary.height_m.mean));
         // the number of ridges under the part does not enter the force
         let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;
-        let slope_source = "Impulse paper, rates under force";
-        let stall_source = "μ M g (1 - q)/(1 + q), closed form";
-        vec![
-            Figure::against("slope of the rate over force, 36 % duty", "mm/s/dyn", slope, 19.6, slope_source),
-            Figure::against("opposing force that stops it", "dyn", intercept / slope, 0.056, "Impulse paper"),
-            Figure::against("the same beside single bounces", "dyn", intercept / slope, stall_dyn, stall_source),
-        ]
+        let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
+        let mut figures = line_figures("", &points[..4]);
+        let (stall_source, at) = ("μ M g (1 - q)/(1 + q), closed form", points[5]);
+        figures.push(Figure::against(
+            "the same beside single bounces",
+            "dyn",
+            figures[1].measured,
+            stall_dyn,
+            stall_source,
+        ));
+        figures.push(Figure::against("rate at -0.05 dyn", "mm/s", at[1], 0.06, TABLE_SOURCE).judged([-0.16, 0.28]));
+        figures
     }
+}
+
+const TABLE_SOURCE: &str = "Impulse paper, Table I";
+
+/// Slope of the rate, mm/s, over the force, dyn, and the force that stops the part.
+fn line_figures(which: &str, points: &[[f64; 2]]) -> Vec<Figure> {
+    let [intercept, slope] = line_through(points);
+    vec![
+        Figure::against(
+            format!("slope of the rate over force, 36 % duty{which}"),
+            "mm/s/dyn",
+            slope,
+            19.6,
+            TABLE_SOURCE,
+        )
+        .judged([14.7, 24.5]),
+        Figure::against(format!("opposing force that stops it{which}"), "dyn", intercept / slope, 0.056, TABLE_SOURCE)
+            .judged([0.042, 0.07]),
+    ]
+}
+
+/// Rates of the heavier part under the forces of Table I.
+fn heavy(rates: &[f64]) -> Vec<Figure> {
+    let points: Vec<[f64; 2]> = TABLE.iter().zip(rates).map(|(&[force, _], &rate)| [force, rate]).collect();
+    let mut figures = line_figures(", 207 µg", &points);
+    figures.extend(points.iter().zip(&TABLE).map(|([force, rate], [_, paper])| {
+        let name = format!("rate at {force} dyn, 207 µg");
+        // a fifth of the rate without a force
+        let accepted = [paper - 0.22, paper + 0.22].map(|limit| (100.0 * limit).round() / 100.0);
+        Figure::against(name, "mm/s", *rate, *paper, TABLE_SOURCE).judged(accepted)
+    }));
+    figures
 }
 
 /// Value at which `curve` is highest.
@@ -131,15 +179,15 @@ fn spring(name: &str, heights_um: &[f64]) -> Figure {
     let [_, slope] = line_through(&points);
     // N/m from µg over µm
     let stiffness = -1e-9 * GRAVITY_MPS2 / (1e-6 * slope);
-    Figure::against(name, "dyn/cm", 1e3 * stiffness, 294.0, "Impulse paper; its text's kdyn is a slip")
+    Figure::against(name, "dyn/cm", 1e3 * stiffness, 294.0, "Impulse paper").judged([196.0, 392.0])
 }
 
 /// Rate at the ridge height at which the paper's drops, over that one step lower.
 fn collapse(rates: &[f64]) -> Figure {
     let at =
         |um: f64| HEIGHTS_UM.iter().zip(rates).find(|(height, _)| **height == um).map_or(f64::NAN, |(_, rate)| *rate);
-    let source = "Impulse paper: drops sharply, unexplained";
-    Figure::alone("rate at a ridge of 16 µm over that at 12 µm", "1", at(16.0) / at(12.0), source)
+    Figure::alone("rate at a ridge of 16 µm over that at 12 µm", "1", at(16.0) / at(12.0), "Impulse paper: drops")
+        .judged([0.0, 0.8])
 }
 
 /// Rate of a part on the belt of Fig. 11.
