@@ -22,6 +22,7 @@ mod library_output;
 mod lost_tests;
 mod pace_check;
 mod paced;
+mod planner_forecast;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;

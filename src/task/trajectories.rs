@@ -29,7 +29,7 @@ pub struct PathParams {
 }
 
 /// Parameters of parts on paths.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct TrajectoriesParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,

@@ -108,20 +108,29 @@ fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBu
 }
 
 #[test]
-fn time_figure_is_in_plan_and_report_only_for_jobs_with_targets() {
-    let file = root().join("configs/arrange-2.json");
-    let bound_s = number(&planned(&file, 0)["plan"]["bound_s"]);
-    assert!((0.5..60.0).contains(&bound_s), "{bound_s}");
-    let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 0);
-    let line = said.lines().find(|line| line.trim_start().starts_with("time figure")).unwrap();
-    assert!(line.contains(&format!("{bound_s:.1} s by rotations (relaxed program at the start; no bound)")), "{line}");
+fn speed_that_can_be_held_is_in_the_plan_and_a_faster_one_is_told_by_the_run() {
     let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "plus-sign-upm-2.json", |job| {
+        let path = json!({"circle": {"radius_mm": 40}, "speed_mm_s": 500, "repeat": 2});
+        job["task"] = json!({"type": "trajectories", "paths": [path]});
+    });
+    let speed = planned(&file, 0)["plan"]["speed_mm_s"].clone();
+    let (said, _) = status(&["check", file.to_str().unwrap(), "--plan"], 0);
+    assert!(said.contains(" mm/s can be held, 500.0 asked, laps will be late"), "{said}");
     let out = folder.path().to_str().unwrap();
-    let (report, _) = status(&["run", file.to_str().unwrap(), "--out", out, "--rerun", "off", "--json"], 0);
-    let of_run_s = number(&serde_json::from_str::<Value>(&report).unwrap()["bound_s"]);
-    assert!((of_run_s / bound_s - 1.0).abs() < 0.05, "from measured places: {of_run_s} {bound_s}");
-    let plan = planned(&root().join("configs/trajectories.json"), 0)["plan"].clone();
-    assert!(plan.get("bound_s").is_none(), "{plan}");
+    let (report, warnings) = status(&["run", file.to_str().unwrap(), "--out", out, "--rerun", "off", "--json"], 0);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    let (held, forecast) = (number(&report["speed_held_mm_s"]), number(&speed["can_be_held"]));
+    assert!((held / forecast - 1.0).abs() < 0.1, "{held} {forecast}");
+    assert!(warnings.contains("lap 1 took") && report["reason"].as_str().unwrap().contains("% of the speed asked"));
+}
+
+#[test]
+fn corridor_narrower_than_can_be_held_is_refused_with_the_one_that_can() {
+    let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "plus-sign-upm-2.json", |job| job["task"]["corridor_mm"] = json!(0.05));
+    let (_, refused) = status(&["check", file.to_str().unwrap()], 2);
+    assert!(refused.contains("task.corridor_mm: expected 0.14 or more") && refused.contains("found 0.05"), "{refused}");
 }
 
 #[test]

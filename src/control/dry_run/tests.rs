@@ -9,8 +9,8 @@ use upm_cor_library::{DisplacementModel, FieldResponse, testing};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{TwistHarmonic, TwistWave};
 use upm_core::{job::Outcome, random::Streams, rig::PartKind};
-use upm_planner::{FieldPulse, PartState, PlannedPulse, PlannerParams, PlanningMethod, Rotation};
-use upm_task::{PathParams, Trajectories};
+use upm_planner::{Corridor, FieldPulse, PartState, PlannedPulse, PlannerParams, PlanningMethod, Rotation};
+use upm_task::{PathParams, Trajectories, TrajectoriesParams};
 
 const HALF_M: f64 = 0.1;
 const RADIUS_M: f64 = 0.01;
@@ -86,7 +86,11 @@ fn dry_run_params(starts_m: &[Vec2], number: u64) -> DryRunParams {
 /// Trajectories of each part straight to its target.
 fn to(targets_m: &[Vec2]) -> Trajectories {
     let path = |&target_m: &Vec2| PathParams { waypoints_m: vec![target_m], speed_mps: 0.1, repeat: 1 };
-    Trajectories::new(targets_m.iter().map(path).collect(), 0.008, ARRIVE_M)
+    let (half_side_m, paths) = (0.1016, targets_m.iter().map(path).collect());
+    let (lead_m, stride_m, arrive_m, corridor_m) = (0.008, 0.008, ARRIVE_M, 0.001);
+    let params =
+        TrajectoriesParams { half_side_m, paths, lead_m, stride_m, arrive_m, corridor_m, ..Default::default() };
+    Trajectories::new(params)
 }
 
 fn play(library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams, how: &DryRunParams) -> DryRun {
@@ -268,7 +272,7 @@ fn parts_that_meet_push_each_other_aside() {
 struct Along(Vec2);
 
 impl PulsePlanner for Along {
-    fn plan(&mut self, _: &[PartState]) -> Plan {
+    fn plan(&mut self, _: &[PartState], _: &[Option<Corridor>]) -> Plan {
         Plan::default()
     }
 
@@ -310,7 +314,7 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
 struct ByWave;
 
 impl PulsePlanner for ByWave {
-    fn plan(&mut self, _: &[PartState]) -> Plan {
+    fn plan(&mut self, _: &[PartState], _: &[Option<Corridor>]) -> Plan {
         Plan::default()
     }
 

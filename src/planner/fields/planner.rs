@@ -41,9 +41,9 @@ const LONGEST: f64 = 1.8;
 const FLANK: f64 = 1.2;
 /// Amplitude of a shaken part's sway about its path, m.
 const SWAY_M: f64 = 0.25e-3;
-/// For parts in corridors: factor of the rounds of improvement, starts tried in all, share of the steps left below which
-/// no other is tried, and shortest steps for a pulse of full length relative to other tasks. Their speed is given, so
-/// pulses need not be as short as possible.
+/// For parts in corridors: factor of the rounds of improvement, starts tried in all, share of the steps left below
+/// which no other is tried, and shortest steps for a pulse of full length relative to other tasks. Their speed is
+/// given, so pulses need not be as short as possible.
 const CAREFUL: usize = 3;
 const CAREFUL_STARTS: usize = 12;
 const CAREFUL_LEFT: f64 = 0.1;

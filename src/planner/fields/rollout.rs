@@ -215,8 +215,8 @@ impl Group {
         self.states.iter().zip(steps).map(share).fold(SimdF64::ONE, SimdF64::min)
     }
 
-    /// Adds the slopes of a length by the plate's velocity in every phase (x, y, spin), given its slopes by position and
-    /// by velocity after `steps`.
+    /// Adds the slopes of a length by the plate's velocity in every phase (x, y, spin), given its slopes by position
+    /// and by velocity after `steps`.
     fn adjoint(
         &self,
         (mut by_place, mut by_speed): ([SimdF64; 2], [SimdF64; 2]),

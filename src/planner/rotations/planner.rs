@@ -23,6 +23,8 @@ const LEAVE: f64 = 0.3;
 /// Residual allowed near the goal, root mean square, m, for one part and for several.
 const NEAR_ALONE_M: f64 = 0.02e-3;
 const NEAR_M: f64 = 0.15e-3;
+/// Share of a corridor's half width that a sequence may leave: its end is the beginning of the next.
+const END: f64 = 0.3;
 /// Largest fraction of the steps that a sequence near the goal may leave.
 const NEAREST: f64 = 0.5;
 /// Factor of the program's residual to the sequence's, since ordering and rounding add to it.
@@ -108,8 +110,8 @@ impl RotationPlanner {
         (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
     }
 
-    /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target. Parts with a corridor
-    /// keep to it along the whole sequence where they can.
+    /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target. Parts with a
+    /// corridor keep to it along the whole sequence where they can.
     pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
         let finite = |p: &PartState| {
             let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
@@ -228,6 +230,7 @@ impl RotationPlanner {
         let alone = parts.len() == 1;
         let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
+        let want_m = room.corridors().map(|(_, corridor)| END * corridor.half_width_m).fold(want_m, f64::min);
         let pulses = self.program(parts, &steps_m, room, (want_m, scale))?;
         let motions: Vec<_> = pulses.iter().map(|&pulse| self.motion_set.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();

@@ -162,8 +162,8 @@ impl Linear {
 
     /// The best changes of the pulses' lengths at this damping, mm; `None` where the solver finds none.
     ///
-    /// Variables are the changes, the residuals they leave to the subgoals, and the slacks of limits and corridors. Rows
-    /// are the definition of the residuals, the longest and shortest lengths, the slacks' signs, and the limits.
+    /// Variables are the changes, the residuals they leave to the subgoals, and the slacks of limits and corridors.
+    /// Rows are the definition of the residuals, the longest and shortest lengths, the slacks' signs, and the limits.
     fn step(&self, motion_set: &MotionSet, pulses: &[Pulse], damping: f64) -> Option<Vec<f64>> {
         let (n, m) = (pulses.len(), self.left_mm.len());
         let (first_bound, slack_row, first_limit) = (m, m + 2 * n, m + 2 * n + 2);

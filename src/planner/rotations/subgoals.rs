@@ -13,8 +13,8 @@ const SUBGOAL_ROOM: f64 = 1.5;
 /// Fractions of the clearance from others and from the edge that a pulse about to be played must still keep.
 const PLAYED_GAP: f64 = 0.6;
 const PLAYED_EDGE: f64 = 0.5;
-/// Share of a corridor's half width that a candidate pulse may take up, for one part and for several: pulses of one part
-/// go straight, those of several cross the corridor to and fro.
+/// Share of a corridor's half width that a candidate pulse may take up, for one part and for several: pulses of one
+/// part go straight, those of several cross the corridor to and fro.
 const STRAIGHT: f64 = 0.5;
 const CROSSING: f64 = 1.0;
 

@@ -12,8 +12,9 @@ const SCATTER_M: f64 = 0.035e-3;
 /// Number of standard deviations of sensing and scatter that are allowed for.
 const DEVIATIONS: f64 = 3.0;
 
-/// Narrowest half width of a corridor for `parts` parts, m: a part's own sway, plus three standard deviations of sensing
-/// and scatter. A shaken part is pulled one way by friction for half a period at most and sways by `μ g T²/32`.
+/// Narrowest half width of a corridor for `parts` parts, m: a part's own sway, plus three standard deviations of
+/// sensing and scatter. A shaken part is pulled one way by friction for half a period at most and sways by `μ g
+/// T²/32`.
 fn narrowest_m(rig: &RigSpec, parts: usize, planner: PlannerChoice) -> f64 {
     let fields = rig.model.fields.filter(|_| match planner {
         PlannerChoice::SynthesizedField => true,

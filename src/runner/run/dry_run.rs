@@ -21,7 +21,7 @@ const FASTEST_MPS: f64 = 1.0;
 /// Most dry runs of a job.
 const DRY_RUNS: u64 = 5;
 /// Limit on the modelled computing time of all dry runs, ms; at least one is made.
-const WORK_MS: f64 = 1900.0;
+pub(super) const WORK_MS: f64 = 1900.0;
 /// Allowance for the computing time of another dry run, relative to the mean of the previous ones.
 const MARGIN: f64 = 1.3;
 
@@ -182,23 +182,6 @@ pub fn dry_run(
     })
 }
 
-/// Plate time of `job` by one dry run, s; `None` where it does not reach the goal.
-pub(super) fn predicted_time_s(job: &JobSpec, library: &Arc<Library>) -> Option<f64> {
-    let RunSetup { params, placed, model, .. } = RunSetup::new(job, library).ok()?;
-    let planner = FreshPlanner::new(params.method, library, params.planner);
-    let dry_run = DryRunParams {
-        starts_m: named(&placed, &params),
-        frame_hz: model.frame_hz,
-        friction_spread: 0.0,
-        streams: Streams::new(job.seed()),
-        number: 0,
-        most_work_ms: WORK_MS,
-    };
-    let mut task = setup::task(job, library, &placed, params.method);
-    let done = control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, &mut |_, _| {});
-    is_completed(&done).then_some(done.plate_time_s)
-}
-
 /// Speed asked of parts on paths, and the speed that the slowest of them holds when all go as fast as they can: one
 /// pass by `dry_run`, m/s.
 fn speed_mps(job: &JobSpec, dry_run: impl Fn(&JobSpec, &mut dyn FnMut(PlateTime, f64)) -> DryRun) -> Option<[f64; 2]> {
@@ -231,7 +214,7 @@ fn affordable(work_ms: f64, done: u64) -> u64 {
 
 /// Start of each part in the order of the names that control will give: of one kind, parts without a given place are
 /// named from left to right.
-fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
+pub(super) fn named(placed: &[PlacedPart], params: &ControlParams) -> Vec<Vec2> {
     let mut starts_m: Vec<Vec2> = placed.iter().map(|part| part.position_m).collect();
     for kind in 0..params.kinds.len() {
         let anywhere = |i: &usize| params.parts[*i].kind == kind && params.parts[*i].expected_m.is_none();
@@ -312,7 +295,7 @@ impl Forecast {
     }
 }
 
-fn is_completed(dry_run: &DryRun) -> bool {
+pub(super) fn is_completed(dry_run: &DryRun) -> bool {
     dry_run.ending.outcome == Outcome::Completed
 }
 

@@ -104,7 +104,7 @@ mod tests {
             let left_mm = left_alone_mm(seed);
             assert!(left_mm > 2.0, "seed {seed}: {left_mm} mm off, four times the tolerance at least");
             let (job, library) = hold_4(seed);
-            let RunSetup { mut rig, truth, model, mut task, params, placed, faults, streams } =
+            let RunSetup { mut rig, truth, model, mut task, params, placed, faults, streams, .. } =
                 RunSetup::new(&job, &library).unwrap();
             let mut rig = Faulty::new(&mut rig, &faults, streams, &std::thread::sleep);
             let mut sink = Corrections::default();

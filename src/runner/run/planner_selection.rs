@@ -1,16 +1,11 @@
 use std::fmt;
-use std::sync::Arc;
 
-use super::dry_run::predicted_time_s;
-use crate::config::{JobSpec, PlannerChoice, TaskSpec};
-use upm_cor_library::Library;
+use crate::config::{JobSpec, PlannerChoice};
 use upm_planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
 /// Number of parts from which on one motion for all of them is faster than rotations one after another.
 const SEVERAL: usize = 2;
-/// Most parts for which rotations can be as fast, so that dry runs of both planners decide.
-const NEAR: usize = 4;
 
 /// Planner of a job, the reason for it, and the other planners that its rig supports.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,26 +56,6 @@ impl PlannerSelection {
         let is_other =
             |other: &PlanningMethod| *other != method && (has_fields || *other != PlanningMethod::SynthesizedField);
         Self { method, reason, alternatives: possible.into_iter().filter(is_other).collect() }
-    }
-
-    /// Selects the planner of `job`; where several parts could go either way, by a dry run of each.
-    pub fn with_forecast(job: &JobSpec, library: &Arc<Library>) -> Self {
-        let selection = Self::of(job);
-        let SelectionReason::SeveralParts { parts } = selection.reason else { return selection };
-        let has_targets = matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. });
-        if parts > NEAR || !has_targets {
-            return selection;
-        }
-        let time_s = |planner| predicted_time_s(&job.clone().with_planner(planner), library);
-        let by_fields_s = time_s(PlannerChoice::SynthesizedField).unwrap_or(f64::INFINITY);
-        match time_s(PlannerChoice::CorSequence) {
-            Some(time_s) if time_s < by_fields_s => {
-                let reason = SelectionReason::Forecast { plate_time_s: [time_s, by_fields_s] };
-                let named = Self::of(&job.clone().with_planner(PlannerChoice::CorSequence));
-                Self { reason, ..named }
-            }
-            _ => selection,
-        }
     }
 
     /// The planner's name in a job file.

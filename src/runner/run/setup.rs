@@ -56,10 +56,13 @@ pub struct RunSetup<R = SimRig> {
 }
 
 impl RunSetup {
-    /// Places the parts and builds rig, task and parameters. `Err` if the parts find no places.
-    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Diagnostic> {
+    /// Places the parts and builds rig, task and parameters for `planner`. `Err` if the parts find no places.
+    pub(super) fn planned_by(
+        job: &JobSpec,
+        library: &Arc<Library>,
+        planner: PlannerSelection,
+    ) -> Result<Self, Diagnostic> {
         let (rig, placed) = simulated_rig(job)?;
-        let planner = PlannerSelection::with_forecast(job, library);
         let (kinds, kind_of_part) = kinds_present(job, &placed);
         let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
             ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
