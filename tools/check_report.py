@@ -6,7 +6,7 @@ usage: check_report.py REPORT.json...
 import json
 import sys
 
-BARS = {"sensing_rms_error_mm": 0.10, "cross_track_rms_mm": 1.0}
+BARS = {"sensing_rms_error_mm": 0.10, "cross_track_rms_mm": 0.20, "cross_track_max_mm": 0.6, "travel_ratio": 1.03}
 
 
 def faults(report):

@@ -43,6 +43,8 @@ export class Watched {
       guards: guards(report.guards),
       'worst error': number('max_error_mm', ' mm'),
       'RMS error': number('rms_error_mm', ' mm'),
+      'off the path at most': number('cross_track_max_mm', ' mm'),
+      'speed held': number('speed_held_mm_s', ` of ${report.speed_asked_mm_s} mm/s`, 1),
       'plate time': number('plate_time_s', ' s', 1),
       'wall time': number('wall_time_s', ' s', 1),
       'behind real time': report.behind_s > 0 ? number('behind_s', ' s', 1) : undefined,
