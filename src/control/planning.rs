@@ -70,6 +70,7 @@ impl<'a> Planning<'a> {
         mut tried: impl FnMut(&Plan, bool) -> OrEnd,
     ) -> OrEnd<Plan> {
         let mut stopped_by = String::new();
+        self.planner.limit_stride(wanted.stride_m);
         for attempt in fallbacks(whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&attempt.parts);
             tried(&plan, attempt.is_part)?;
