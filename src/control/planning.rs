@@ -72,6 +72,7 @@ impl<'a> Planning<'a> {
         let corridor = |path: &PathStretch| Corridor { line: path.line.clone(), half_width_m: path.corridor_m };
         let corridors: Vec<_> = wanted.paths.iter().map(|path| path.as_ref().map(corridor)).collect();
         let mut stopped_by = String::new();
+        self.planner.limit_stride(wanted.stride_m);
         for attempt in fallbacks(whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&attempt.parts, &corridors);
             tried(&plan, attempt.is_part)?;

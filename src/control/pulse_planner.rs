@@ -18,6 +18,9 @@ pub(super) trait PulsePlanner {
         false
     }
 
+    /// Bounds the displacement of a part in one sequence, m.
+    fn limit_stride(&mut self, _stride_m: Option<f64>) {}
+
     /// Forecast positions of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
     fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
 }
@@ -69,6 +72,12 @@ impl PulsePlanner for AnyPlanner {
             Self::Rotations(planner) => planner.plan(parts, corridors),
             Self::PseudoInverse { planner, .. } => planner.plan(parts),
             Self::Fields(planner) => planner.plan(parts, corridors),
+        }
+    }
+
+    fn limit_stride(&mut self, stride_m: Option<f64>) {
+        if let Self::Rotations(planner) = self {
+            planner.limit_stride(stride_m);
         }
     }
 

@@ -15,6 +15,7 @@ mod order;
 mod planner;
 mod refine;
 mod rollout;
+mod stride;
 mod subgoals;
 
 #[cfg(test)]

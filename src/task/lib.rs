@@ -47,6 +47,8 @@ pub struct Setpoints {
     pub targets_m: Vec<Vec2>,
     /// Present activity, in words: `lap 2 of 3: branch +x, outwards`.
     pub phase: String,
+    /// Bound of a part's displacement in one sequence of rotations, m, where the task has one.
+    pub stride_m: Option<f64>,
     /// Completed fraction of the whole task, 0 to 1; stays 0 on endless paths.
     pub progress: f64,
     /// Laps completed.

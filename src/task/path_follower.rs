@@ -26,6 +26,11 @@ const REPLAN_AFTER: usize = 16;
 /// it.
 const STAGE_LEFT: f64 = 0.4;
 
+/// Bound of the stride of rotations, relative to the mean distance of a place from its nearest neighbour. To draw parts
+/// together takes the more time the closer they are: terms of second order in the steps, and the part of them that a
+/// sequence leaves, would be made up for where that is dearest.
+const STRIDE_BY_SPACING: f64 = 0.5;
+
 /// Other assignments tried for parts that are blocked.
 const EXCHANGES: usize = 3;
 
@@ -106,7 +111,11 @@ impl PathFollower {
             at_first_m: 0.0,
             progress: 0.0,
         };
-        steering.place_of = steering.best_assignment(&steering.seen_m, &[]);
+        steering.place_of = steering.best_assignment(&steering.seen_m, &steering.places_m, &[]);
+        let spacing_m = spacing_m(&steering.places_m);
+        if let Motions::Rotations { stride_m, .. } = &mut steering.motions {
+            *stride_m = stride_m.min(STRIDE_BY_SPACING * spacing_m);
+        }
         if let Motions::Rotations { effort, .. } = motions {
             steering.place_of = steering.turning_assignment(effort.as_ref());
         }
@@ -161,6 +170,10 @@ impl PathFollower {
             progress: self.progress,
             cross_track_m: vec![0.0; self.seen_m.len()],
             blocked: self.blocked.clone(),
+            stride_m: match self.motions {
+                Motions::Independent => None,
+                Motions::Rotations { stride_m, .. } => Some(stride_m),
+            },
             ..Setpoints::default()
         }
     }
@@ -190,11 +203,11 @@ impl PathFollower {
         self.seen_m.iter().zip(&self.place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm())
     }
 
-    /// Assignment with the least sum of squared distances from `starts_m`.
-    fn best_assignment(&self, starts_m: &[Vec2], never: &[(usize, usize)]) -> Vec<usize> {
-        assign(starts_m.len(), self.places_m.len(), |part, place| {
+    /// Assignment with the least sum of squared distances from `starts_m` to `places_m`.
+    fn best_assignment(&self, starts_m: &[Vec2], places_m: &[Vec2], never: &[(usize, usize)]) -> Vec<usize> {
+        assign(starts_m.len(), places_m.len(), |part, place| {
             if self.may((part, &place), never) {
-                (starts_m[part] - self.places_m[place]).norm_squared()
+                (starts_m[part] - places_m[place]).norm_squared()
             } else {
                 f64::INFINITY
             }
@@ -217,7 +230,7 @@ impl PathFollower {
     /// Adopts a clearly better assignment; on a route round other parts only when the new one can be reached straight,
     /// so that exchanges terminate.
     fn exchange_places(&mut self) {
-        let better = self.best_assignment(&self.seen_m, &[]);
+        let better = self.best_assignment(&self.seen_m, &self.places_m, &[]);
         if self.cost_m2(&better) >= CLEARLY_BETTER * self.cost_m2(&self.place_of) {
             return;
         }
@@ -280,7 +293,7 @@ impl PathFollower {
     }
 
     fn turning_assignment(&self, effort: &dyn Effort) -> Vec<usize> {
-        let assign = |starts_m: &[Vec2]| self.best_assignment(starts_m, &[]);
+        let assign = |starts_m: &[Vec2], places_m: &[Vec2]| self.best_assignment(starts_m, places_m, &[]);
         let problem = self.problem(&self.place_of);
         RigidMotionProblem { problem: &problem, starts_m: &self.seen_m, effort }.assignment(&self.places_m, assign)
     }
@@ -318,7 +331,7 @@ impl PathFollower {
         let mut never = Vec::new();
         for _ in 0..EXCHANGES {
             never.extend(best.blocked.iter().map(|&part| (part, self.place_of[part])));
-            let other = self.best_assignment(&self.seen_m, &never);
+            let other = self.best_assignment(&self.seen_m, &self.places_m, &never);
             if best.blocked.is_empty() || other.iter().enumerate().any(|pair| !self.may(pair, &never)) {
                 break;
             }
@@ -330,6 +343,15 @@ impl PathFollower {
         self.round = best.round;
         (self.blocked, self.stages_m) = (best.blocked, best.places_m);
     }
+}
+
+/// Mean distance of a place from its nearest neighbour, m; infinite for a single place.
+fn spacing_m(places_m: &[Vec2]) -> f64 {
+    let nearest_m = |(i, at_m): (usize, &Vec2)| {
+        let others_m = places_m.iter().enumerate().filter(|&(j, _)| j != i);
+        others_m.map(|(_, other_m)| (other_m - at_m).norm()).fold(f64::INFINITY, f64::min)
+    };
+    places_m.iter().enumerate().map(nearest_m).sum::<f64>() / places_m.len() as f64
 }
 
 fn is_finite(p: Vec2) -> bool {

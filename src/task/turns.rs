@@ -4,6 +4,8 @@
 //! many centres. Paths are therefore searched in a frame that moves with the parts: the rigid motion nearest to that of
 //! all parts together.
 
+use std::f64::consts::PI;
+
 use super::least_effort::{Effort, JointPath, ROUGH_ROUNDS, ROUNDS, eased, effort_of};
 use super::multi_disc::MultiDiscProblem;
 use super::routes::{PLANNED_GAP_M, PrioritizedPlanner};
@@ -26,6 +28,11 @@ const EITHER_WAY_RAD: f64 = 1.2;
 /// Angles from which assignments are searched, and number of times the frame is refitted to each.
 const ANGLES: usize = 12;
 const REFITS: usize = 3;
+/// Directions in which targets are drawn out, shifts of two targets against each other relative to their distance
+/// across, and number of such layouts by way of which paths are searched.
+const DIRECTIONS: usize = 6;
+const SHEARS: [f64; 4] = [-3.0, -1.5, 1.5, 3.0];
+const THROUGH: usize = 2;
 /// Gap between rims on an acceptable path, m: slightly less than that of routes in the frame.
 const LEAST_GAP_M: f64 = PLANNED_GAP_M - 0.3e-3;
 
@@ -103,6 +110,9 @@ impl RigidMotionProblem<'_> {
         for frame in &frames {
             ways.extend(self.round_each_other_in(frame, rng).into_iter().map(|way_m| (way_m, true)));
         }
+        let mut through: Vec<(f64, JointPath)> = self.through_drawn_out().collect();
+        through.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ways.extend(through.into_iter().take(THROUGH).map(|(_, way_m)| (way_m, false)));
         let roughly = |(way_m, round): (JointPath, bool)| {
             let (way_m, cost) = eased(way_m, self.problem, self.effort, ROUGH_ROUNDS);
             (way_m, cost, round)
@@ -128,38 +138,68 @@ impl RigidMotionProblem<'_> {
         Some(StagedPaths { cost, places_m: fine(&way_m), blocked: Vec::new(), round })
     }
 
-    /// Effort of straight paths in the frame of all parts, ignoring collisions.
+    /// Least effort of straight paths in the frame of all parts and of those by way of drawn-out targets, ignoring
+    /// collisions.
     pub(super) fn straight_effort(&self) -> f64 {
         let frame = RigidRotation::between(self.starts_m, self.problem.targets_m());
-        effort_of(&self.straight_in(&frame), self.effort)
+        let straight = effort_of(&self.straight_in(&frame), self.effort);
+        self.through_drawn_out().map(|(cost, _)| cost).fold(straight, f64::min)
+    }
+
+    /// Paths by way of the drawn-out targets that leave room, each with its effort.
+    fn through_drawn_out(&self) -> impl Iterator<Item = (f64, JointPath)> {
+        drawn_out(self.problem.targets_m()).filter_map(|layout_m| self.through(&layout_m))
+    }
+
+    /// Path straight to `layout_m` in the frame of all parts and straight on from there, with its effort; `None` where
+    /// that leaves no room.
+    fn through(&self, layout_m: &[Vec2]) -> Option<(f64, JointPath)> {
+        let targets_m = self.problem.targets_m();
+        let inside = |(part, at): (usize, &Vec2)| at.amax() < self.problem.reach_m(part);
+        if !layout_m.iter().enumerate().all(inside) || !self.problem.is_clear(layout_m, targets_m, PLANNED_GAP_M) {
+            return None;
+        }
+        let problem = self.problem.with_targets(layout_m.to_vec());
+        let frame = RigidRotation::between(self.starts_m, layout_m);
+        let mut way_m = RigidMotionProblem { problem: &problem, ..*self }.straight_in(&frame);
+        let still = RigidRotation::default();
+        way_m.extend(RigidMotionProblem { starts_m: layout_m, ..*self }.straight_in(&still).into_iter().skip(1));
+        Some((effort_of(&way_m, self.effort), way_m))
     }
 
     /// Assignment to `places_m` with the least effort of straight paths. Candidates are the nearest places (least sum
-    /// of squares, by `assign`) of parts that are turned by one of a few angles and shifted over the places.
-    pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2]) -> Vec<usize>) -> Vec<usize> {
-        let chosen_m = |place_of: &[usize]| -> Vec<Vec2> { place_of.iter().map(|&place| places_m[place]).collect() };
+    /// of squares, by `assign`) of parts that are turned by one of a few angles and shifted over the places or over a
+    /// drawn-out layout of them.
+    pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2], &[Vec2]) -> Vec<usize>) -> Vec<usize> {
+        let chosen_m = |places_m: &[Vec2], place_of: &[usize]| -> Vec<Vec2> {
+            place_of.iter().map(|&place| places_m[place]).collect()
+        };
         let effort = |place_of: &[usize]| {
-            let problem = self.problem.with_targets(chosen_m(place_of));
+            let problem = self.problem.with_targets(chosen_m(places_m, place_of));
             RigidMotionProblem { problem: &problem, ..*self }.straight_effort()
         };
-        let mut best = assign(self.starts_m);
+        let mut best = assign(self.starts_m, places_m);
         let mut least = effort(&best);
         let mut tried = vec![best.clone()];
-        let over = RigidRotation::between(self.starts_m, places_m);
-        for k in 0..ANGLES {
-            let mut frame = RigidRotation { angle_rad: std::f64::consts::TAU * k as f64 / ANGLES as f64, ..over };
-            for _ in 0..REFITS {
-                let turned_m: Vec<Vec2> = self.starts_m.iter().map(|&start| frame.carry(start, 1.0)).collect();
-                let place_of = assign(&turned_m);
-                frame = RigidRotation::between(self.starts_m, &chosen_m(&place_of));
-                if tried.contains(&place_of) {
-                    continue;
+        let whole = self.problem.with_targets(places_m.to_vec());
+        let roomy = |layout_m: &Vec<Vec2>| whole.is_clear(layout_m, places_m, PLANNED_GAP_M);
+        for layout_m in std::iter::once(places_m.to_vec()).chain(drawn_out(places_m).filter(roomy)) {
+            let over = RigidRotation::between(self.starts_m, &layout_m);
+            for k in 0..ANGLES {
+                let mut frame = RigidRotation { angle_rad: std::f64::consts::TAU * k as f64 / ANGLES as f64, ..over };
+                for _ in 0..REFITS {
+                    let turned_m: Vec<Vec2> = self.starts_m.iter().map(|&start| frame.carry(start, 1.0)).collect();
+                    let place_of = assign(&turned_m, &layout_m);
+                    frame = RigidRotation::between(self.starts_m, &chosen_m(&layout_m, &place_of));
+                    if tried.contains(&place_of) {
+                        continue;
+                    }
+                    let cost = effort(&place_of);
+                    if cost < least {
+                        (best, least) = (place_of.clone(), cost);
+                    }
+                    tried.push(place_of);
                 }
-                let cost = effort(&place_of);
-                if cost < least {
-                    (best, least) = (place_of.clone(), cost);
-                }
-                tried.push(place_of);
             }
         }
         best
@@ -224,4 +264,15 @@ fn fine(way_m: &[Vec<Vec2>]) -> Vec<Vec<Vec2>> {
         places_m.extend((1..=steps as usize).map(at));
     }
     places_m
+}
+
+/// The places drawn out in several directions by shearing them. Flows about centres are free of divergence: to draw a
+/// crowd together takes many pulses, to gather a line along itself and to shear it few.
+fn drawn_out(places_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
+    let center_m = places_m.iter().sum::<Vec2>() / places_m.len().max(1) as f64;
+    let ways = (0..DIRECTIONS).flat_map(|k| SHEARS.map(|shear| (PI * k as f64 / DIRECTIONS as f64, shear)));
+    ways.map(move |(angle_rad, shear)| {
+        let along = Vec2::new(angle_rad.cos(), angle_rad.sin());
+        places_m.iter().map(|p| p + along * (shear * along.perp(&(p - center_m)))).collect()
+    })
 }

@@ -225,7 +225,7 @@ fn dense_job_by_fields_takes_the_predicted_time() {
 #[test]
 fn planner_is_named_with_its_reason_and_the_other_ones() {
     let planner = |name: &str| planned(&root().join("configs").join(name), 0)["plan"]["planner"].clone();
-    let auto = planner("sort-8.json");
+    let auto = planner("arrange-8.json");
     assert_eq!((&auto["name"], &auto["chosen"]), (&json!("synthesized_field"), &json!("auto")));
     assert_eq!(
         (&auto["code"], &auto["alternatives"]),

@@ -14,6 +14,8 @@ const LEVELS_M: [f64; 13] =
 pub(super) enum PulseScale {
     /// Pulses up to the length of the steps: least time.
     Coarse,
+    /// Between the two: fine pulses move parts a third as far in the same time.
+    Medium,
     /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together
     /// nearly cancel, and the second-order terms of long pulses exceed the remainder.
     Fine,
@@ -25,6 +27,7 @@ impl PulseScale {
     fn longest(self) -> f64 {
         match self {
             Self::Coarse => 1.4,
+            Self::Medium => 0.6,
             Self::Fine => 0.35,
         }
     }
@@ -33,6 +36,7 @@ impl PulseScale {
     fn shortest_m(self) -> (f64, f64) {
         match self {
             Self::Coarse => (0.7e-3, 1.3e-3),
+            Self::Medium => (0.4e-3, 0.9e-3),
             Self::Fine => (0.2e-3, 0.4e-3),
         }
     }
@@ -41,7 +45,7 @@ impl PulseScale {
     fn nearest_radii(self) -> f64 {
         match self {
             Self::Coarse => 0.8,
-            Self::Fine => 0.0,
+            Self::Medium | Self::Fine => 0.0,
         }
     }
 }

@@ -13,10 +13,8 @@ use upm_core::geometry::Vec2;
 
 /// Pulses played before the parts are observed and the rest is corrected.
 const CHUNK: usize = 4;
-/// Longest displacement of a part in one sequence, m: this over the number of parts, within bounds.
-const WAY_M: f64 = 160e-3;
-const WAYS_M: (f64, f64) = (16e-3, 40e-3);
-const LEAST_REACH_M: f64 = 2e-3;
+/// Least bound of the longest displacement of a part in one sequence, m.
+pub(super) const LEAST_REACH_M: f64 = 2e-3;
 /// Fraction of the steps that a sequence may leave, for one part and for several.
 const LEAVE_ALONE: f64 = 0.05;
 const LEAVE: f64 = 0.3;
@@ -29,9 +27,10 @@ const END: f64 = 0.3;
 const NEAREST: f64 = 0.5;
 /// Factor of the program's residual to the sequence's, since ordering and rounding add to it.
 const TIGHTER: f64 = 0.8;
-/// Sequences tried in one cycle. The second has finer pulses; each further one goes half as far as the one before or,
-/// where the steps are small (root mean square), leaves less of them.
-const ATTEMPTS: usize = 5;
+/// Sequences tried in one cycle, each with finer pulses than the one before. Those beyond the scales have the finest,
+/// and go half as far as the one before or, where the steps are small (root mean square), leave less of them.
+const ATTEMPTS: usize = 6;
+const SCALES: [PulseScale; 3] = [PulseScale::Coarse, PulseScale::Medium, PulseScale::Fine];
 const SMALL_M: f64 = 2e-3;
 const TIGHTEN: f64 = 0.4;
 /// A sequence that leaves more than this fraction is tried again, with finer pulses or over a shorter distance.
@@ -67,13 +66,15 @@ const MOVED: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct RotationPlanner {
     library: Arc<Library>,
-    params: PlannerParams,
+    pub(super) params: PlannerParams,
     pub(super) motion_set: Arc<MotionSet>,
     /// Prices of the last program, s/mm.
     prices: Vec<f64>,
     /// Longest displacement of a part in the next sequence, m.
     reach_m: Option<f64>,
     running: Option<PlayedSequence>,
+    /// Bound of that displacement by the task, m.
+    pub(super) stride_m: f64,
 }
 
 /// A sequence that is being played.
@@ -102,12 +103,7 @@ impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
         let motion_set = Arc::new(MotionSet::new(&library, &params));
-        Self { library, params, motion_set, prices: Vec::new(), reach_m: None, running: None }
-    }
-
-    /// Longest displacement of a part in one sequence with `parts` parts, m.
-    pub fn longest_path_m(parts: usize) -> f64 {
-        (WAY_M / parts.max(1) as f64).clamp(WAYS_M.0, WAYS_M.1)
+        Self { library, params, motion_set, prices: Vec::new(), reach_m: None, running: None, stride_m: f64::INFINITY }
     }
 
     /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target. Parts with a
@@ -174,13 +170,14 @@ impl RotationPlanner {
 
     /// A new sequence towards `targets_m`, over the full distance of a sequence or, where that fails, a shorter one.
     fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Clearance) -> Result<Sequence, Limit> {
-        let usual_m = Self::longest_path_m(parts.len());
-        let mut reach_m = self.reach_m.unwrap_or(usual_m);
+        let usual_m = self.usual_m(parts.len());
+        let mut reach_m = self.reach_m.unwrap_or(usual_m).min(usual_m);
         let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
         let mut share = (reach_m / largest_m).min(1.0);
         let (mut best, mut limit): (Option<Sequence>, _) = (None, Limit::Unreachable);
-        let (mut tightened, mut scale) = (1.0, PulseScale::Coarse);
-        for _ in 0..ATTEMPTS {
+        let mut tightened = 1.0;
+        for attempt in 0..ATTEMPTS {
+            let scale = SCALES[attempt.min(SCALES.len() - 1)];
             let mut subgoals_m: Vec<Vec2> = parts.iter().map(|p| p.position_m + p.step_m * share).collect();
             room.spread_out(&mut subgoals_m, targets_m);
             let rms_m = rms_m(parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m));
@@ -204,9 +201,10 @@ impl RotationPlanner {
                     break;
                 }
             }
-            if scale == PulseScale::Coarse {
-                scale = PulseScale::Fine;
-            } else if rms_m < SMALL_M {
+            if attempt + 1 < SCALES.len() {
+                continue;
+            }
+            if rms_m < SMALL_M {
                 tightened *= TIGHTEN;
             } else {
                 share *= 0.5;
@@ -228,7 +226,8 @@ impl RotationPlanner {
         let steps_m: Vec<Vec2> = parts.iter().zip(&subgoals_m).map(|(p, goal)| goal - p.position_m).collect();
         let rms_m = rms_m(steps_m.iter().copied());
         let alone = parts.len() == 1;
-        let (most, near_m) = if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE, NEAR_M) };
+        let (most, near_m) =
+            if alone { (LEAVE_ALONE, NEAR_ALONE_M) } else { (LEAVE * self.stride_share(parts.len()).powi(2), NEAR_M) };
         let want_m = tightened * near_m.min(NEAREST * rms_m).max(most * rms_m);
         let want_m = room.corridors().map(|(_, corridor)| END * corridor.half_width_m).fold(want_m, f64::min);
         let pulses = self.program(parts, &steps_m, room, (want_m, scale))?;

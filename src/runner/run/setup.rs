@@ -231,7 +231,7 @@ fn motions(job: &JobSpec, library: &Library, method: PlanningMethod) -> Motions 
     let parts = job.parts.iter().map(|group| group.count).sum();
     match method {
         PlanningMethod::CorSequence => Motions::Rotations {
-            stride_m: RotationPlanner::longest_path_m(parts),
+            stride_m: RotationPlanner::longest_path_m(parts, 0.5 * library.plate_side_m),
             effort: Arc::new(RotationEffort(FlowEffort::new(library))),
         },
         PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField => Motions::Independent,

@@ -38,7 +38,8 @@ macro_rules! shipped {
 /// The jobs of `configs/`.
 const JOBS: &[(&str, &str)] = shipped! {
     "arrange-2" "arrange-4" "arrange-4-cor" "arrange-8" "arrange-16" "arrange-24" "ballet-8" "bowtie-3"
-    "circle-turns" "hold-4" "letters-16" "line-10" "plus-sign" "plus-sign-endless" "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-cor" "sort-12" "swap-2" "trajectories"
+    "circle-turns" "hold-4" "letters-16" "line-10" "plus-sign" "plus-sign-endless" "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-fields" "sort-12"
+    "sort-12-fields" "swap-2" "trajectories"
     "trajectories-cor"
 };
 
@@ -190,8 +191,8 @@ mod tests {
     fn examples_are_summarized_by_task_parts_and_planner() {
         let examples = examples();
         let of = |name| examples.iter().find(|example| example.name == name).map(|example| example.what.as_str());
-        assert_eq!(of("sort-12"), Some("sort, 12 parts"));
+        assert_eq!(of("sort-12"), Some("sort, 12 parts, cor_sequence"));
         assert_eq!(of("plus-sign"), Some("plus sign, 1 part"));
-        assert_eq!(of("sort-8-cor"), Some("sort, 8 parts, cor_sequence"));
+        assert_eq!(of("sort-8-fields"), Some("sort, 8 parts, synthesized_field"));
     }
 }
