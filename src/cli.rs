@@ -104,7 +104,6 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => schema::schema(&args),
         Command::Client(command) => daemon::client_command(&command, common),
-        Command::SupportBundle(args) => daemon::support_bundle(&args, common),
         Command::Token(args) => token::token(&args, common),
         Command::Man(args) => man::man(&args),
         Command::Completions(args) => {

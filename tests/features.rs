@@ -49,7 +49,7 @@ fn help_lists_a_command_only_where_the_build_has_it() {
     let help = upm(&["--help"]).1;
     let lists = |command: &str| help.lines().any(|line| line.split_whitespace().next() == Some(command));
     assert!(lists("run") && lists("verify"));
-    for (feature, commands) in [("daemon", &["serve", "submit", "estop", "support-bundle"][..]), ("lab", &["lab"])] {
+    for (feature, commands) in [("daemon", &["serve", "submit", "estop"][..]), ("lab", &["lab"])] {
         for command in commands {
             assert_eq!(lists(command), !missing().contains(&feature), "{command}: {help}");
         }
@@ -59,11 +59,10 @@ fn help_lists_a_command_only_where_the_build_has_it() {
 #[test]
 fn missing_command_names_the_feature_it_needs() {
     let picture = root().join("target/never-written.svg").display().to_string();
-    let cases: [(&str, &[&str]); 8] = [
+    let cases: [(&str, &[&str]); 7] = [
         ("daemon", &["serve"]),
         ("daemon", &["submit", "configs/plus-sign.json"]),
         ("daemon", &["estop"]),
-        ("daemon", &["support-bundle"]),
         ("lab", &["lab", "cor-steering"]),
         ("lab", &["locate", "--reference", "assets/missing.png"]),
         ("lab", &["render", "--scene", "clean", "--out", "/nowhere/frame.png"]),

@@ -72,9 +72,6 @@ pub enum Command {
     /// Commands sent to a daemon.
     #[command(flatten)]
     Client(ClientCommand),
-    /// Collect a daemon's configuration, logs and recent runs for a bug report, without its secrets
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
-    SupportBundle(BundleArgs),
     /// Daemon: make a token file, for the daemon and its clients; never overwrites one
     #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Token(TokenArgs),
@@ -167,20 +164,6 @@ pub enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
-}
-
-/// `upm support-bundle`.
-#[derive(Args, Debug)]
-pub struct BundleArgs {
-    /// Daemon file; a faulty one is accepted
-    #[arg(long, value_name = "FILE.json", default_value = "configs/daemon.json")]
-    pub config: PathBuf,
-    /// Data folder in place of the file's, as the daemon was given it: /var/lib/upm with the shipped unit
-    #[arg(long, value_name = "DIR")]
-    pub data: Option<PathBuf>,
-    /// Where the bundle goes [default: upm-support-TIME.tar]
-    #[arg(long, value_name = "FILE.tar")]
-    pub out: Option<PathBuf>,
 }
 
 /// `upm man`.

@@ -1,6 +1,5 @@
-//! Commands of the daemon: `upm serve`, the client commands, the support bundle.
+//! Commands of the daemon: `upm serve`, the client commands.
 
-mod bundle;
 mod client;
 mod job_id;
 mod jobs;
@@ -14,7 +13,6 @@ use super::args::Common;
 use super::client_args::ClientCommand;
 use super::output::Failure;
 
-pub(super) use bundle::support_bundle;
 pub(super) use serve::{hold_back_signals, serve};
 
 /// Runs a client command.

@@ -1,6 +1,6 @@
 //! Stand-ins for the commands of the daemon, in a build without it.
 
-use super::args::{BundleArgs, Common, ServeArgs};
+use super::args::{Common, ServeArgs};
 use super::client_args::ClientCommand;
 use super::features::{DAEMON, lacking};
 use super::output::Failure;
@@ -14,8 +14,4 @@ pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {
 
 pub(super) fn client_command(command: &ClientCommand, _: Common) -> Result<u8, Failure> {
     Err(lacking(DAEMON, &format!("upm {}", command.name())))
-}
-
-pub(super) fn support_bundle(_: &BundleArgs, _: Common) -> Result<u8, Failure> {
-    Err(lacking(DAEMON, "upm support-bundle"))
 }

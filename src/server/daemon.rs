@@ -1,8 +1,7 @@
 //! The daemon's assembly: store, plates and the HTTP service in front of them, plus the parts for unattended operation:
-//! metrics, readiness, the operator page and the support bundle.
+//! metrics, readiness and the operator page.
 
 mod backend;
-mod bundle;
 mod convert;
 mod data_watch;
 mod estop;
@@ -21,7 +20,6 @@ mod systemd;
 #[cfg(test)]
 mod tests;
 
-pub use bundle::{Bundle, BundleSources, bundle};
 pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, keep_files_private, prepare};
 pub use start::{Daemon, ExitReport, StartFault, TokenReload};

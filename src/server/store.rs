@@ -12,7 +12,6 @@ mod handle;
 mod held;
 mod history;
 mod ids;
-mod inspect;
 mod job_store;
 mod jobs;
 mod layout;
@@ -40,7 +39,6 @@ pub use ages::Clocks;
 pub use handle::Store;
 pub use held::{DisplacedFile, PathObject, WatchedPath};
 pub use ids::JobId;
-pub use inspect::{InspectLimits, StoreSnapshot, inspect};
 pub use job_store::{JobStore, MakeFolder, Publish};
 #[cfg(test)]
 pub use memory::InMemoryJobStore;

@@ -11,7 +11,7 @@ use upm_core::time::PlateTime;
 /// Events written between two counts of all events.
 const COUNT_EVERY: u64 = 256;
 
-const EVENT: &str = "seq, at, plate_ns, kind, body";
+pub(super) const EVENT: &str = "seq, at, plate_ns, kind, body";
 
 impl WriteTx<'_> {
     /// Stores an event under the job's next number; `None` when there is no such job.
@@ -80,14 +80,8 @@ pub(super) fn replay(connection: &Connection, id: &JobId, after: u64, most: usiz
     Ok(Some(Replay { oldest: oldest.cast_unsigned(), last: last.cast_unsigned(), events }))
 }
 
-/// The last `most` events of the newest jobs, newest first.
-pub(super) fn newest_events(connection: &Connection, most: usize) -> rusqlite::Result<Vec<(JobId, StoredEvent)>> {
-    let sql = format!("SELECT job, {EVENT} FROM events ORDER BY job DESC, seq DESC LIMIT ?1");
-    rows(connection, &sql, [sql_limit(most)], |row| Ok((row.get(0)?, event_of(row, 1)?)))
-}
-
 /// The event whose columns begin at index `first`.
-fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
+pub(super) fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
     Ok(StoredEvent {
         seq: row.get::<_, i64>(first)?.cast_unsigned(),
         at: row.get::<_, Micros>(first + 1)?.0,
@@ -95,12 +89,6 @@ fn event_of(row: &Row<'_>, first: usize) -> rusqlite::Result<StoredEvent> {
         kind: row.get(first + 3)?,
         body: row.get(first + 4)?,
     })
-}
-
-/// The last `most` entries of the audit log, newest first.
-pub(super) fn audit_tail(connection: &Connection, most: usize) -> rusqlite::Result<Vec<AuditRow>> {
-    let sql = "SELECT id, at, plate, act, operator, reason, remote, token_name FROM audit ORDER BY id DESC LIMIT ?1";
-    rows(connection, sql, [sql_limit(most)], audit_row_of)
 }
 
 /// The audit entry in a row of `id`, `at` and the entry's columns.

@@ -4,8 +4,8 @@ mod deletion;
 mod events;
 mod forgotten;
 mod full_disk;
-mod inspect;
 mod queue;
+mod reads;
 mod recordings;
 mod standing;
 mod sweeping;
@@ -23,8 +23,8 @@ use jiff::Timestamp;
 use super::retention::SweepReport;
 use super::write_queue::{WriteRequest, task};
 use super::{
-    AuditEntry, AuditRow, ClaimedJob, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore,
-    NewEvent, NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
+    AuditEntry, ClaimedJob, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore, NewEvent,
+    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
     SubmitOutcome, history,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
@@ -49,24 +49,6 @@ impl Store {
         }));
         stopped.recv_timeout(TIMEOUT).unwrap();
         let_go
-    }
-
-    /// The last events of the newest jobs, newest first.
-    fn newest_events(
-        &self,
-        most: usize,
-        done: impl FnOnce(Result<Vec<(JobId, StoredEvent)>, StoreFault>) + Send + 'static,
-    ) {
-        self.readers.ask(move |connection| history::newest_events(connection, most), done);
-    }
-
-    /// The last entries of the audit log, newest first.
-    pub(crate) fn audit_tail(
-        &self,
-        most: usize,
-        done: impl FnOnce(Result<Vec<AuditRow>, StoreFault>) + Send + 'static,
-    ) {
-        self.readers.ask(move |connection| history::audit_tail(connection, most), done);
     }
 
     /// Deletes run folders that are too old or too large in total, and waits for that.
