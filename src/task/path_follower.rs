@@ -112,11 +112,9 @@ impl PathFollower {
             progress: 0.0,
         };
         steering.place_of = steering.best_assignment(&steering.seen_m, &steering.places_m, &[]);
-        let spacing_m = spacing_m(&steering.places_m);
-        if let Motions::Rotations { stride_m, .. } = &mut steering.motions {
-            *stride_m = stride_m.min(STRIDE_BY_SPACING * spacing_m);
-        }
-        if let Motions::Rotations { effort, .. } = motions {
+        if let Motions::Rotations { stride_m, effort } = motions {
+            let stride_m = stride_m.min(STRIDE_BY_SPACING * spacing_m(&steering.places_m));
+            steering.motions = Motions::Rotations { stride_m, effort: Arc::clone(effort) };
             steering.place_of = steering.turning_assignment(effort.as_ref());
         }
         steering.at_first_m = steering.distances_m().sum();

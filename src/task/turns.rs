@@ -162,8 +162,8 @@ impl RigidMotionProblem<'_> {
         let problem = self.problem.with_targets(layout_m.to_vec());
         let frame = RigidRotation::between(self.starts_m, layout_m);
         let mut way_m = RigidMotionProblem { problem: &problem, ..*self }.straight_in(&frame);
-        let still = RigidRotation::default();
-        way_m.extend(RigidMotionProblem { starts_m: layout_m, ..*self }.straight_in(&still).into_iter().skip(1));
+        let on = RigidMotionProblem { starts_m: layout_m, ..*self }.straight_in(&RigidRotation::default());
+        way_m.extend(on.into_iter().skip(1));
         Some((effort_of(&way_m, self.effort), way_m))
     }
 
@@ -171,9 +171,7 @@ impl RigidMotionProblem<'_> {
     /// of squares, by `assign`) of parts that are turned by one of a few angles and shifted over the places or over a
     /// drawn-out layout of them.
     pub(super) fn assignment(&self, places_m: &[Vec2], assign: impl Fn(&[Vec2], &[Vec2]) -> Vec<usize>) -> Vec<usize> {
-        let chosen_m = |places_m: &[Vec2], place_of: &[usize]| -> Vec<Vec2> {
-            place_of.iter().map(|&place| places_m[place]).collect()
-        };
+        let chosen_m = |at_m: &[Vec2], of: &[usize]| -> Vec<Vec2> { of.iter().map(|&place| at_m[place]).collect() };
         let effort = |place_of: &[usize]| {
             let problem = self.problem.with_targets(chosen_m(places_m, place_of));
             RigidMotionProblem { problem: &problem, ..*self }.straight_effort()

@@ -13,8 +13,8 @@ impl RotationPlanner {
         half_side_m * (WAY / parts.max(1) as f64).clamp(WAYS.0, WAYS.1)
     }
 
-    /// Bounds that displacement by the task's stride, m; sequences then leave less of the steps, too, by the square as with
-    /// terms of second order.
+    /// Bounds that displacement by the task's stride, m. Sequences then leave less of the steps, too: by the square, as
+    /// their terms of second order.
     pub fn limit_stride(&mut self, stride_m: Option<f64>) {
         self.stride_m = stride_m.unwrap_or(f64::INFINITY);
     }

@@ -39,8 +39,7 @@ macro_rules! shipped {
 const JOBS: &[(&str, &str)] = shipped! {
     "arrange-2" "arrange-4" "arrange-4-cor" "arrange-8" "arrange-16" "arrange-24" "ballet-8" "bowtie-3"
     "circle-turns" "hold-4" "letters-16" "line-10" "plus-sign" "plus-sign-endless" "plus-sign-upm-2" "ring-6" "sort-8" "sort-8-fields" "sort-12"
-    "sort-12-fields" "swap-2" "trajectories"
-    "trajectories-cor"
+    "sort-12-fields" "swap-2" "trajectories" "trajectories-cor"
 };
 
 /// The rigs of `configs/rigs/` that jobs name.
