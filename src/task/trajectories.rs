@@ -254,7 +254,7 @@ impl CurveFollower {
         let lap = Polyline::new(corners);
         let last_m = if is_closed { lap.length_m() } else { last_waypoint_at_m };
         let end_m = match path.repeat {
-            0 if lap.length_m() > 0.0 => f64::INFINITY,
+            0 => f64::INFINITY,
             repeat => f64::from(repeat.saturating_sub(1)) * lap.length_m() + last_m,
         };
         let speed_mps = if path.speed_mps.is_finite() { path.speed_mps.max(0.0) } else { 0.0 };
