@@ -48,6 +48,9 @@ const CAREFUL: usize = 3;
 const CAREFUL_STARTS: usize = 12;
 const CAREFUL_LEFT: f64 = 0.1;
 const CAREFUL_NEAR: f64 = 0.5;
+/// Least sustain for parts in corridors, in attack times: quicker pulses beat with the plate's suspension, which neither
+/// the forecast nor the comparison of pictures with the drive knows.
+const CAREFUL_SUSTAIN: f64 = 1.75;
 /// Share of a motion's error that the next one repeats: consecutive motions along a path are nearly the same.
 const REPEATED: f64 = 0.8;
 /// Share of its distance from the edge that a part keeps from the edge of the shaken plate.
@@ -200,7 +203,8 @@ impl FieldPlanner {
             parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
-        let envelope = self.envelope(self.sustain_s(wanted_m));
+        let least_s = if corridors.is_empty() { 0.0 } else { CAREFUL_SUSTAIN * self.attack_s };
+        let envelope = self.envelope(self.sustain_s(wanted_m).max(least_s).min(self.params.max_sustain_s));
         let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = ShootingProblem {
             basis: &self.basis,
