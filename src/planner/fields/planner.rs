@@ -48,8 +48,8 @@ const CAREFUL: usize = 3;
 const CAREFUL_STARTS: usize = 12;
 const CAREFUL_LEFT: f64 = 0.1;
 const CAREFUL_NEAR: f64 = 0.5;
-/// Least sustain for parts in corridors, in attack times: quicker pulses beat with the plate's suspension, which neither
-/// the forecast nor the comparison of pictures with the drive knows.
+/// Least sustain for parts in corridors, in attack times: quicker pulses beat with the plate's suspension, which
+/// neither the forecast nor the comparison of pictures with the drive knows.
 const CAREFUL_SUSTAIN: f64 = 1.75;
 /// Share of a motion's error that the next one repeats: consecutive motions along a path are nearly the same.
 const REPEATED: f64 = 0.8;

@@ -24,8 +24,7 @@ use super::retention::SweepReport;
 use super::write_queue::{WriteRequest, task};
 use super::{
     AuditEntry, ClaimedJob, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore, NewEvent,
-    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, StoredEvent,
-    SubmitOutcome, history,
+    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, SubmitOutcome,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_fixtures::wait::eventually;
