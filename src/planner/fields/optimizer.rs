@@ -37,6 +37,9 @@ const SOFTEN: f64 = 0.8;
 /// Relative remaining error at which the search ends early.
 const GOOD: f64 = 0.02;
 
+/// Share of a corridor's half width within which a part may sway: motions without sway have high harmonics alone, whose
+/// displacement of the plate disappears beside the swing of its suspension.
+const FREE: f64 = 0.5;
 /// Instants of a pulse at which the distance from a corridor's line is observed; it counts as an error at the end does.
 const INSTANTS: usize = 9;
 
@@ -89,6 +92,7 @@ struct OffLine {
     part: usize,
     /// Unit vector away from the line.
     normal: Vec2,
+    /// Distance beyond the free share of the corridor, m.
     off_m: f64,
 }
 
@@ -97,7 +101,7 @@ impl Iterate {
     pub fn corridor_excess(&self, corridors: &[Option<Corridor>]) -> Option<(usize, f64)> {
         let excess = |off: &OffLine| {
             let half_width_m = corridors.get(off.part)?.as_ref()?.half_width_m;
-            Some((off.part, off.off_m - half_width_m)).filter(|(_, by_m)| *by_m > 0.0)
+            Some((off.part, off.off_m - (1.0 - FREE) * half_width_m)).filter(|(_, by_m)| *by_m > 0.0)
         };
         self.course.iter().filter_map(excess).max_by(|a, b| a.1.total_cmp(&b.1))
     }
@@ -134,8 +138,8 @@ impl ShootingProblem<'_> {
             places.filter_map(move |(part, (place_m, corridor))| {
                 let corridor = corridor.as_ref()?;
                 let off = corridor.off(place_m);
-                let (normal, off_m) = (off.try_normalize(0.0)?, off.norm());
-                Some(OffLine { step, part, normal, off_m })
+                let (normal, off_m) = (off.try_normalize(0.0)?, off.norm() - FREE * corridor.half_width_m);
+                (off_m > 0.0).then_some(OffLine { step, part, normal, off_m })
             })
         };
         (1..=instants).flat_map(at).collect()
