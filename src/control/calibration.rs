@@ -145,6 +145,7 @@ fn measure(
     let mut library = Library {
         rig: session.model.name.clone(),
         fingerprint: fingerprint.to_owned(),
+        motor_arrangement: session.model.motor_arrangement,
         plate_side_m: session.model.plate_side_m,
         base_radps: session.model.base_radps,
         attack_s: session.model.attack_s,

@@ -61,7 +61,7 @@ impl Library {
         let answer = MotorResponse::of(own);
         let mut entries = self.entries.iter().enumerate();
         let (i, entry, expected) = entries.find_map(|(i, entry)| {
-            let expected = answer.velocity(entry);
+            let expected = answer.velocity_from_counts * self.axis_counts(entry);
             let off = (velocity(entry, answer.reach_m) - expected).norm();
             // written so that NaN is refused too
             let agrees = off <= SIGMAS * answer.scatter_mps + SHARE * expected.norm();
@@ -129,26 +129,19 @@ impl MotorResponse {
         let reach_m = 0.5 * library.plate_side_m;
         let (mut products, mut normal) = (Matrix3::zeros(), Matrix3::zeros());
         for entry in &library.entries {
-            let counts = axis_counts(entry);
+            let counts = library.axis_counts(entry);
             products += velocity(entry, reach_m) * counts.transpose();
             normal += counts * counts.transpose();
         }
         let inverse = normal.pseudo_inverse(SINGULAR * normal.norm()).unwrap_or_else(|_| Matrix3::zeros());
         let velocity_from_counts = products * inverse;
-        let off = |entry: &Entry| (velocity(entry, reach_m) - velocity_from_counts * axis_counts(entry)).norm_squared();
+        let off = |entry: &Entry| {
+            (velocity(entry, reach_m) - velocity_from_counts * library.axis_counts(entry)).norm_squared()
+        };
         let sum: f64 = library.entries.iter().map(off).sum();
         let scatter_mps = (sum / library.entries.len().max(1) as f64).sqrt();
         Self { velocity_from_counts, scatter_mps, reach_m }
     }
-
-    fn velocity(&self, entry: &Entry) -> Vector3<f64> {
-        self.velocity_from_counts * axis_counts(entry)
-    }
-}
-
-fn axis_counts(entry: &Entry) -> Vector3<f64> {
-    let [x1, x2, y1, y2] = entry.amplitudes.map(f64::from);
-    Vector3::new(x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2))
 }
 
 fn velocity(entry: &Entry, reach_m: f64) -> Vector3<f64> {

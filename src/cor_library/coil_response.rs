@@ -2,15 +2,20 @@
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use super::Library;
+use super::{Entry, Library};
 use upm_core::signal::{MOTORS, TwistHarmonic};
 
 /// Velocity phasors of the pump wave `cos wt' - ½ cos 2wt'`, `wt' = wt - π/2`, which the waveforms of x, y and spin
 /// produce: that of a free mass under `cos wt - sin 2wt` (Eq. 5 and 8).
 const PUMP_PHASORS: [Complex<f64>; 2] = [Complex::new(0.0, -1.0), Complex::new(0.5, 0.0)];
 
-/// Axis amplitudes fx, fy and s of one count of the motors X1, X2, Y1, Y2 (Eq. 7).
-const AXES_FROM_MOTOR: [[f64; 3]; MOTORS] = [[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]];
+/// Axis amplitudes fx, fy and s of one count of the motors X1, X2, Y1, Y2 around the plate (Eq. 7).
+const AXES_FROM_MOTOR: [Vector3<f64>; MOTORS] = [
+    Vector3::new(1.0, 0.0, -1.0),
+    Vector3::new(-1.0, 0.0, -1.0),
+    Vector3::new(0.0, 1.0, 1.0),
+    Vector3::new(0.0, -1.0, 1.0),
+];
 
 /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt` on
 /// that coil alone, times from the start of the pulse.
@@ -19,7 +24,7 @@ pub type CoilResponse = [Vec<TwistHarmonic>; MOTORS];
 impl Library {
     /// Response of the plate to each coil in a synthesised motion; `None` where the rig has no synthesised motions.
     pub fn field_coils(&self) -> Option<CoilResponse> {
-        self.fields.as_ref().map(|fields| coil_response(&fields.twist_from_counts))
+        self.fields.as_ref().map(|fields| self.coil_response(&fields.twist_from_counts))
     }
 
     /// Response of the plate to each coil in a rotation, by least squares over the entries' pumps and with the axes'
@@ -27,8 +32,7 @@ impl Library {
     pub fn rotation_coils(&self) -> Option<CoilResponse> {
         let (mut normal, mut projected) = (Matrix3::zeros(), Matrix3::zeros());
         for entry in &self.entries {
-            let coils = entry.amplitudes.iter().zip(AXES_FROM_MOTOR);
-            let axes: Vector3<f64> = coils.map(|(&counts, axes)| Vector3::from(axes) * f64::from(counts)).sum();
+            let axes = self.axis_counts(entry);
             normal += axes * axes.transpose();
             projected += entry.pump.vector() * axes.transpose();
         }
@@ -38,23 +42,30 @@ impl Library {
                 PUMP_PHASORS[k] * pump_from_counts[(row, axis)] / self.shapes[axis].0[k].phasor()
             })
         };
-        Some(coil_response(&[response(0), response(1)]))
+        Some(self.coil_response(&[response(0), response(1)]))
     }
-}
 
-fn coil_response(twist_from_counts: &[Matrix3<Complex<f64>>]) -> CoilResponse {
-    AXES_FROM_MOTOR.map(|axes| {
-        let counts = Vector3::from(axes).map(Complex::from);
-        twist_from_counts.iter().map(|response| TwistHarmonic::from_phasor(&(response * counts))).collect()
-    })
+    /// Axis amplitudes fx, fy and s of an entry, counts.
+    pub(crate) fn axis_counts(&self, entry: &Entry) -> Vector3<f64> {
+        let counts = self.motor_arrangement.turned(entry.amplitudes);
+        AXES_FROM_MOTOR.iter().zip(counts).map(|(axes, counts)| axes * f64::from(counts)).sum()
+    }
+
+    fn coil_response(&self, twist_from_counts: &[Matrix3<Complex<f64>>]) -> CoilResponse {
+        self.motor_arrangement.turned(AXES_FROM_MOTOR).map(|axes| {
+            let counts = axes.map(Complex::from);
+            twist_from_counts.iter().map(|response| TwistHarmonic::from_phasor(&(response * counts))).collect()
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AxisShape, DisplacementModel, Entry, FieldResponse, PlateResponse, drive_for};
+    use crate::{AxisShape, DisplacementModel, FieldResponse, PlateResponse, drive_for};
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
+    use upm_core::signal::MotorArrangement::Around;
     use upm_core::signal::{Drive, Envelope, Harmonic, TwistWave};
 
     const BASE_RADPS: f64 = 377.0;
@@ -71,6 +82,7 @@ mod tests {
         Library {
             rig: String::new(),
             fingerprint: String::new(),
+            motor_arrangement: Around,
             plate_side_m: 0.3,
             base_radps: BASE_RADPS,
             attack_s: 0.03,
@@ -132,7 +144,7 @@ mod tests {
             // all axes equally late: only then is the sum of the three a pump wave for any crosstalk
             let shapes = [shape(0.98, -0.05, -0.19, -0.97); 3];
             let library = library(&plate, shapes, &AMPLITUDES);
-            let drive = drive_for(AMPLITUDES[entry], &shapes, &PlateResponse::default(), BASE_RADPS, ENVELOPE);
+            let drive = drive_for(Around, AMPLITUDES[entry], &shapes, &PlateResponse::default(), BASE_RADPS, ENVELOPE);
             // the squeeze that the drive leaves out moves nothing
             let found = together(&drive, &library.rotation_coils().unwrap(), t_s);
             let quarter_s = std::f64::consts::FRAC_PI_2 / BASE_RADPS;

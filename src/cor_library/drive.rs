@@ -1,25 +1,28 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::{AxisShape, FieldResponse, Library, PlateResponse};
-use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, Shaping, TwistHarmonic, TwistWave};
+use upm_core::signal::{Drive, Envelope, Harmonic, MOTORS, MotorArrangement, Shaping, TwistHarmonic, TwistWave};
 
 /// Relative difference below which two base frequencies are equal.
 const SAME: f64 = 1e-6;
 
-/// The drive that plays the motor amplitudes X1, X2, Y1, Y2 (counts) with the waveforms of x, y and spin, such that the
-/// displacement of a plate with the response `plate` follows the envelope ([`Shaping::Displacement`]).
+/// The drive that plays the amplitudes X1, X2, Y1, Y2 (counts) of motors that stand as `arrangement` says with the
+/// waveforms of x, y and spin, such that the displacement of a plate with the response `plate` follows the envelope
+/// ([`Shaping::Displacement`]).
 ///
-/// The four amplitudes are three axis amplitudes (Eq. 7), `f_x = X1 - X2`, `f_y = Y1 - Y2`, `S = (Y1 + Y2) - (X1 + X2)`
-/// (torque over lever arm), and a fourth combination `X1 + X2 + Y1 + Y2` that only squeezes the plate and makes no net
-/// force or torque. Each axis plays its own waveform; the squeeze is dropped, so that no motor spends counts on it.
+/// The four amplitudes are three axis amplitudes, of motors around the plate `f_x = X1 - X2`, `f_y = Y1 - Y2` and
+/// `S = (Y1 + Y2) - (X1 + X2)` (torque over lever arm, Eq. 7), and a fourth combination `X1 + X2 + Y1 + Y2` that only
+/// squeezes the plate and makes no net force or torque. Each axis plays its own waveform; the squeeze is dropped, so
+/// that no motor spends counts on it.
 pub fn drive_for(
+    arrangement: MotorArrangement,
     amplitudes: [i32; 4],
     shapes: &[AxisShape; 3],
     plate: &PlateResponse,
     base_radps: f64,
     envelope: Envelope,
 ) -> Drive {
-    let [x1, x2, y1, y2] = amplitudes.map(f64::from);
+    let [x1, x2, y1, y2] = arrangement.turned(amplitudes).map(f64::from);
     let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
     let mut drive = Drive { base_radps, envelope, ..Drive::default() };
     let mut flanks: [[Vec<Harmonic>; 2]; MOTORS] = Default::default();
@@ -29,7 +32,8 @@ pub fn drive_for(
         let force = Vector3::from_fn(|axis, _| counts(axis));
         let slope = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[0]);
         let curvature = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[1]);
-        let [force, slope, curvature] = [force, slope, curvature].map(|counts| motor_harmonics(&counts));
+        let [force, slope, curvature] =
+            [force, slope, curvature].map(|counts| arrangement.turned(motor_harmonics(&counts)));
         for motor in 0..MOTORS {
             drive.motors[motor].push(force[motor]);
             flanks[motor][0].push(slope[motor]);
@@ -64,7 +68,7 @@ impl Library {
         let entry = self.entries.get(entry)?;
         let envelope = Envelope { attack_s: self.attack_s, sustain_s, rest_s };
         let plate = self.plate.unwrap_or_default();
-        Some(drive_for(entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
+        Some(drive_for(self.motor_arrangement, entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
     }
 
     /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: velocity `env(t) · wave(t)`,
@@ -80,7 +84,7 @@ impl Library {
         let mut motors: [Vec<Harmonic>; MOTORS] = Default::default();
         for (harmonic, twist_from_counts) in wave.harmonics.iter().zip(&fields.twist_from_counts) {
             let counts = axis_counts(twist_from_counts, harmonic)?;
-            for (motor, harmonic) in motors.iter_mut().zip(motor_harmonics(&counts)) {
+            for (motor, harmonic) in motors.iter_mut().zip(self.motor_arrangement.turned(motor_harmonics(&counts))) {
                 motor.push(harmonic);
             }
         }
@@ -118,7 +122,8 @@ fn axis_counts(twist_from_counts: &Matrix3<Complex<f64>>, velocity: &TwistHarmon
     twist_from_counts.lu().solve(&velocity.phasor())
 }
 
-/// Amplitudes of the motors X1, X2, Y1, Y2 for these axis amplitudes; opposite motors share the force equally (Eq. 7).
+/// Amplitudes X1, X2, Y1, Y2 of motors around the plate for these axis amplitudes; the two motors of an axis share the
+/// force equally (Eq. 7).
 pub fn motor_harmonics(axis_counts: &Vector3<Complex<f64>>) -> [Harmonic; MOTORS] {
     let (x, y, turn) = (axis_counts.x * 0.5, axis_counts.y * 0.5, axis_counts.z * 0.25);
     [x - turn, -x - turn, y + turn, -y + turn].map(Harmonic::from_phasor)
@@ -130,6 +135,7 @@ mod tests {
     use crate::testing;
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
+    use upm_core::signal::MotorArrangement::Around;
 
     const FREE: PlateResponse = PlateResponse { natural_radps: [0.0; 3], damping_ratio: [0.0; 3] };
     const ENVELOPE: Envelope = Envelope { attack_s: 0.0, sustain_s: 1.0, rest_s: 0.0 };
@@ -146,10 +152,10 @@ mod tests {
 
     #[test]
     fn equal_shapes_remove_only_the_common_part_of_the_amplitudes() {
-        let drive = drive_for([-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
+        let drive = drive_for(Around, [-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
         let kept = drive.motors.each_ref().map(|harmonics| harmonics[0].cos);
         assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");
-        let squeezed = drive_for([-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
+        let squeezed = drive_for(Around, [-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
         assert_eq!(squeezed, drive, "a common part of 100 counts moves nothing");
     }
 
@@ -170,7 +176,7 @@ mod tests {
         fn each_axis_plays_its_own_waveform(amplitudes: [i16; 4], t_s in 0.001..0.9f64, tilt in -0.3..0.3f64) {
             let amplitudes = amplitudes.map(i32::from);
             let shapes = [shape(1.0, tilt, 0.1, -1.1), shape(0.9, 0.0, tilt, -1.0), shape(1.2, -tilt, 0.0, -0.8)];
-            let drive = drive_for(amplitudes, &shapes, &FREE, 377.0, ENVELOPE);
+            let drive = drive_for(Around, amplitudes, &shapes, &FREE, 377.0, ENVELOPE);
             let [x1, x2, y1, y2] = amplitudes.map(f64::from);
             let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
             for ((got, axis), shape) in wrench(&drive, t_s).iter().zip(axes).zip(shapes) {

@@ -4,6 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{Library, RawFieldResponse, RawLibrary};
+use upm_core::signal::MotorArrangement;
 use upm_document::{Diagnostic, parse, text_of};
 
 impl Library {
@@ -15,6 +16,9 @@ impl Library {
         let mut out = String::from("{\n");
         for (key, value) in [("rig", json(&raw.rig)), ("fingerprint", json(&raw.fingerprint))] {
             let _ = writeln!(out, "  \"{key}\": {value},");
+        }
+        if raw.motor_arrangement != MotorArrangement::default() {
+            let _ = writeln!(out, "  \"motor_arrangement\": {},", json(&raw.motor_arrangement));
         }
         let numbers = [
             ("plate_side_mm", raw.plate_side_mm),
@@ -129,9 +133,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn comes_back_from_its_file(more in proptest::collection::vec(entry(), 0..20), base_hz in 10.0..200.0f64) {
+        fn comes_back_from_its_file(
+            more in proptest::collection::vec(entry(), 0..20), base_hz in 10.0..200.0f64, beside: bool,
+        ) {
+            let motor_arrangement = MotorArrangement::ALL[usize::from(beside)];
             let entries = three().into_iter().chain(more).collect();
-            let saved = Library { base_radps: TAU * base_hz, ..library(entries) };
+            let saved = Library { base_radps: TAU * base_hz, motor_arrangement, ..library(entries) };
             let text = saved.to_json();
             let read = Library::from_json(&text, "l.json").unwrap();
             for (a, b) in saved.entries.iter().zip(&read.entries) {
@@ -140,6 +147,7 @@ mod tests {
                 prop_assert!(off.velocity_mps.norm() < 1e-6 && off.spin_radps.abs() <= 0.51e-5);
             }
             prop_assert!((saved.base_radps - read.base_radps).abs() < 1e-5);
+            prop_assert_eq!(saved.motor_arrangement, read.motor_arrangement);
             prop_assert_eq!(saved.entries.len(), read.entries.len());
             prop_assert_eq!(read.to_json(), text, "reading and writing again changes no byte");
         }
@@ -187,7 +195,7 @@ mod tests {
             (
                 "\"rest_s\"",
                 "\"color\": 1, \"rest_s\"",
-                "color: expected one of accelerometer_gain, attack_s, base_hz, displacement, entries, fields, fingerprint, plate, plate_side_mm, rest_s, rig, shapes, found unknown key \"color\"",
+                "color: expected one of accelerometer_gain, attack_s, base_hz, displacement, entries, fields, fingerprint, motor_arrangement, plate, plate_side_mm, rest_s, rig, shapes, found unknown key \"color\"",
             ),
             ("\"rest_s\": 0.03,", "", "rest_s: expected a number from 0 to 100, found nothing"),
             (

@@ -33,7 +33,8 @@ impl Library {
                 (self.rotation_coils()?, self.base_radps, self.attack_s, self.rest_s, f64::from(strongest))
             }
         };
-        let unit = motor_harmonics(&Vector3::from(AXES));
+        let motors = |axes: &Vector3<Complex<f64>>| self.motor_arrangement.turned(motor_harmonics(axes));
+        let unit = motors(&Vector3::from(AXES));
         let largest = unit.iter().map(|harmonic| harmonic.cos.hypot(harmonic.sin)).fold(0.0, f64::max);
         let corner_mps2 = self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| harmonic.phasor()))?;
         let counts = (CORNER_MPS2 / corner_mps2).min(MOST_DRIVE * limit_counts / largest);
@@ -42,11 +43,11 @@ impl Library {
         let plate = self.plate.unwrap_or_default();
         let [slope, curvature] = [0, 1].map(|flank| {
             let factors = Vector3::from_fn(|axis, _| force[axis] * plate.flank_factors(axis, base_radps)[flank]);
-            motor_harmonics(&factors).map(|harmonic| vec![harmonic])
+            motors(&factors).map(|harmonic| vec![harmonic])
         });
         let drive = Drive {
             base_radps,
-            motors: motor_harmonics(&force).map(|harmonic| vec![harmonic]),
+            motors: motors(&force).map(|harmonic| vec![harmonic]),
             shaping: Shaping::Displacement(std::array::from_fn(|motor| {
                 [slope[motor].clone(), curvature[motor].clone()]
             })),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{CHANNELS, Harmonic};
+use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::SchemaKey;
 
@@ -44,6 +44,9 @@ pub struct RawLibrary {
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
+    /// Where its motors stand.
+    #[serde(default, skip_serializing_if = "is_around")]
+    pub motor_arrangement: MotorArrangement,
     /// Side of that rig's plate.
     #[schemars(range(min = PLATE_SIDE_MM.0, max = PLATE_SIDE_MM.1))]
     pub plate_side_mm: f64,
@@ -165,6 +168,10 @@ pub struct RawAxes {
     pub spin: f64,
 }
 
+fn is_around(arrangement: &MotorArrangement) -> bool {
+    *arrangement == MotorArrangement::Around
+}
+
 /// `value` rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.
 fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
@@ -210,6 +217,7 @@ impl From<&Library> for RawLibrary {
             schema: SchemaKey,
             rig: library.rig.clone(),
             fingerprint: library.fingerprint.clone(),
+            motor_arrangement: library.motor_arrangement,
             plate_side_mm: rounded(mm_from_m(library.plate_side_m), 6),
             base_hz: rounded(library.base_radps / TAU, 6),
             attack_s: rounded(library.attack_s, 6),
@@ -256,6 +264,7 @@ impl RawLibrary {
             }
         };
         Library {
+            motor_arrangement: self.motor_arrangement,
             plate_side_m: m_from_mm(self.plate_side_mm),
             base_radps: TAU * self.base_hz,
             attack_s: self.attack_s,

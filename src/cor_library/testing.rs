@@ -14,6 +14,7 @@ pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
         base_radps: TAU * 60.0,
         attack_s: 0.01,
         rest_s: 0.03,
+        motor_arrangement: Default::default(),
         accelerometer_gain: [1.0; 4],
         shapes: [AxisShape::FREE_MASS; 3],
         entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),

@@ -1,7 +1,7 @@
 use nalgebra::{Complex, Matrix3};
 
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{CHANNELS, Harmonic};
+use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 
 /// One motion of the rig.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +56,8 @@ pub struct Library {
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
+    /// Where its motors stand.
+    pub motor_arrangement: MotorArrangement,
     /// Side of that rig's plate, m.
     pub plate_side_m: f64,
     /// Base frequency, rad/s.
@@ -101,7 +103,7 @@ pub struct FieldResponse {
     /// Largest sample that a motor may play, counts.
     pub limit_counts: f64,
     /// For harmonic k at index `k - 1` the velocity phasors of x (m/s), y (m/s) and spin (rad/s), row by row, for one
-    /// count of each axis amplitude `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)`, column by column: a force
+    /// count of each axis amplitude fx, fy and s ([`MotorArrangement`]), column by column: a force
     /// `f(t) = Re(f e^{jkwt})` makes the plate move as `v(t) = Re(G f e^{jkwt})`, times from the start of the pulse.
     pub twist_from_counts: Vec<Matrix3<Complex<f64>>>,
 }

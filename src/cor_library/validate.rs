@@ -26,7 +26,7 @@ impl TryFrom<RawLibrary> for Library {
     fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
         let mut faults = Diagnostics::of("");
         check_head(&raw, &mut faults);
-        check_entries(&raw.entries, &mut faults);
+        check_entries(&raw, &mut faults);
         check_displacement(&raw.displacement, &mut faults);
         raw.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
         raw.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
@@ -151,7 +151,7 @@ fn check_head(raw: &RawLibrary, faults: &mut Diagnostics) {
     }
 }
 
-fn check_entries(entries: &[RawEntry], faults: &mut Diagnostics) {
+fn check_entries(RawLibrary { entries, motor_arrangement: arrangement, .. }: &RawLibrary, faults: &mut Diagnostics) {
     faults.require(
         entries.len() >= MIN_ENTRIES,
         "entries",
@@ -159,8 +159,9 @@ fn check_entries(entries: &[RawEntry], faults: &mut Diagnostics) {
         format!("at least {MIN_ENTRIES}"),
     );
     for (i, RawEntry { amplitudes, velocity_mm_s: [vx, vy], spin_rad_s }) in entries.iter().enumerate() {
-        // by Eq. 7 four equal amplitudes only squeeze the plate: no net force, no torque
-        let moves = amplitudes.iter().any(|&amplitude| amplitude != amplitudes[0]);
+        // by Eq. 7 four equal amplitudes around the plate only squeeze it: no net force, no torque
+        let around = arrangement.turned(*amplitudes);
+        let moves = around.iter().any(|&amplitude| amplitude != around[0]);
         let allowed = "four that make a force or a torque, not all the same";
         faults.require(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
         let is_moved = [vx, vy, spin_rad_s].iter().any(|&&v| v != 0.0);

@@ -5,7 +5,7 @@
 mod interlock;
 
 use crate::geometry::{Lens, Vec2};
-use crate::signal::{AccelTrace, Drive, Frame};
+use crate::signal::{AccelTrace, Drive, Frame, MotorArrangement};
 use crate::time::PlateTime;
 
 pub use interlock::{Interlock, InterlockGuard, StopTimes, Trip};
@@ -30,6 +30,8 @@ pub struct RigModel {
     pub plate_side_m: f64,
     /// Distance of the motors' lines of action from the plate's centre, m (r in Eq. 7).
     pub lever_arm_m: f64,
+    /// Where the motors stand.
+    pub motor_arrangement: MotorArrangement,
     /// Mass of the moving plate, kg, as weighed.
     pub plate_mass_kg: f64,
     /// Moment of inertia of the moving plate about its centre, kg m², from its drawing.

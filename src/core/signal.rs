@@ -2,10 +2,12 @@
 
 mod drive;
 mod envelope;
+mod motors;
 mod sensors;
 mod twist_wave;
 
-pub use drive::{Drive, Harmonic, MOTORS, Motor, Shaping};
+pub use drive::{Drive, Harmonic, Shaping};
 pub use envelope::Envelope;
+pub use motors::{MOTORS, Motor, MotorArrangement};
 pub use sensors::{AccelTrace, CHANNEL_NAMES, CHANNELS, Frame, MISSING_SAMPLE, RecordedPulse};
 pub use twist_wave::{TwistHarmonic, TwistWave};

@@ -3,7 +3,7 @@ use nalgebra::Vector2;
 use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Chart, Color, Layer, Mark};
-use upm_cor_library::{Entry, drive_for};
+use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
@@ -30,7 +30,7 @@ pub fn cor_map(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
     let arm_m = lab.model.accelerometer_in_plate_m.norm();
     let read = |entry: &Entry| {
-        let drive = drive_for(entry.amplitudes, &axes.shapes, &lab.plate_response(), lab.model.base_radps, envelope);
+        let drive = lab.drive_around(lab.model.motor_arrangement.turned(entry.amplitudes), &axes.shapes, envelope);
         ReadCenter { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
     };
     let read: Vec<ReadCenter> = entries.iter().map(read).collect();

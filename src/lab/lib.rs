@@ -48,8 +48,9 @@ pub use two_parts::two_parts;
 pub use vision::{vision, vision_of};
 pub use waveform_fit::waveform_fit;
 
-use upm_cor_library::PlateResponse;
+use upm_cor_library::{AxisShape, PlateResponse, drive_for};
 use upm_core::rig::RigModel;
+use upm_core::signal::{Drive, Envelope};
 use upm_sim::{PartParams, SimParams};
 
 /// The rig on which an experiment runs.
@@ -72,6 +73,12 @@ impl LabRig {
             natural_radps: self.sim.plate.resonance_hz.map(|hz| std::f64::consts::TAU * hz),
             damping_ratio: self.sim.plate.damping_ratio,
         }
+    }
+
+    /// The drive of amplitudes (counts) that the papers give for motors around the plate (Fig. 4a).
+    fn drive_around(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], envelope: Envelope) -> Drive {
+        let (arrangement, base_radps) = (self.model.motor_arrangement, self.model.base_radps);
+        drive_for(arrangement, arrangement.turned(amplitudes), shapes, &self.plate_response(), base_radps, envelope)
     }
 }
 

@@ -8,7 +8,7 @@ use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
-use upm_cor_library::{AxisShape, drive_for};
+use upm_cor_library::AxisShape;
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{AxisPhasors, TwistFit, nearest_pump};
@@ -66,9 +66,7 @@ fn drive(lab: &LabRig, shapes: &[AxisShape; 3]) -> Drive {
     const TRIAL: i32 = 1000;
     let sustain_s = SUSTAIN_S.min(lab.model.max_sustain_s);
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s, rest_s: lab.model.rest_s };
-    let of = |unit: i32| {
-        drive_for(AMPLITUDES.map(|a| a * unit), shapes, &lab.plate_response(), lab.model.base_radps, envelope)
-    };
+    let of = |unit: i32| lab.drive_around(AMPLITUDES.map(|a| a * unit), shapes, envelope);
     let unit = f64::from(TRIAL) * EFFORT * lab.model.count_limit / of(TRIAL).peak_counts();
     of(unit as i32)
 }
@@ -109,8 +107,7 @@ fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> Complex<f64
     let amplitudes =
         [[1, -1, 0, 0], [0, 0, 1, -1], [-1, -1, 1, 1]][axis].map(|a| a * (lab.model.count_limit * 0.4) as i32);
     let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: SUSTAIN_S, rest_s: 0.0 };
-    let motion: [AxisPhasors; 3] =
-        steady_motion(lab, &drive_for(amplitudes, shapes, &lab.plate_response(), lab.model.base_radps, envelope));
+    let motion: [AxisPhasors; 3] = steady_motion(lab, &lab.drive_around(amplitudes, shapes, envelope));
     motion[axis].harmonic_ratio().unwrap_or_default()
 }
 

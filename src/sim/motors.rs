@@ -173,16 +173,16 @@ impl Motors {
             let wanted = filtered.position * params.newtons_per_count * (1.0 + params.gain_error[motor]);
             *force = (wanted * self.faults.gain[motor]).max(-params.force_limit_n).min(params.force_limit_n);
         }
-        wrench_of_forces(forces_n, params.lever_arm_m)
+        wrench_of_forces(params.arrangement.turned(forces_n), params.lever_arm_m)
     }
 }
 
-/// The wrench of the motors' forces (N, order of [`upm_core::signal::Motor::ALL`]) on the plate (Eq. 7).
+/// The wrench of forces (N, order of [`upm_core::signal::Motor::ALL`]) of motors around the plate (Eq. 7).
 pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
     Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
 }
 
-/// The weakest forces with the given wrench: the inverse of Eq. 7.
+/// The weakest forces of motors around the plate with the given wrench: the inverse of Eq. 7.
 pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
     let (half, turn) = (wrench.force_n * 0.5, wrench.torque_nm / (4.0 * lever_arm_m));
     [half.x - turn, -half.x - turn, half.y + turn, -half.y + turn]
@@ -192,10 +192,11 @@ pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use upm_core::signal::{Envelope, Harmonic};
+    use upm_core::signal::{Envelope, Harmonic, MotorArrangement};
 
     const PARAMS: MotorParams = MotorParams {
         lever_arm_m: 0.05,
+        arrangement: MotorArrangement::Around,
         newtons_per_count: 0.02,
         gain_error: [0.0; 4],
         sample_hz: 20_000.0,
@@ -218,6 +219,21 @@ mod tests {
             let wrench = wrench_of_forces(forces, 0.05);
             assert_eq!((wrench.force_n.x, wrench.force_n.y), (3.0 * fx, 3.0 * fy));
             assert!((wrench.torque_nm - 0.15 * turn).abs() < 1e-15);
+        }
+    }
+
+    /// Fig. 4(b): X2 and Y2 push along +x and +y on the same lines, so that their torques change sign, too.
+    #[test]
+    fn motors_beside_each_other_push_alike_and_turn_against_each_other() {
+        let params = MotorParams { arrangement: MotorArrangement::Beside, ..PARAMS };
+        for (motor, (fx, fy, turn)) in
+            [(1.0, 0.0, -1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (0.0, 1.0, -1.0)].into_iter().enumerate()
+        {
+            let mut motors = Motors::new(&params, 5e-5);
+            motors.held_counts[motor] = 100.0;
+            let wrench = (0..2000).map(|_| motors.step()).last().unwrap();
+            assert!((wrench.force_n - Vec2::new(2.0 * fx, 2.0 * fy)).norm() < 1e-9);
+            assert!((wrench.torque_nm - 0.1 * turn).abs() < 1e-9);
         }
     }
 

@@ -246,7 +246,7 @@ fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTO
         force_n: acceleration.velocity_mps * plate.mass_kg,
         torque_nm: acceleration.spin_radps * plate.inertia_kgm2,
     };
-    forces_of_wrench(wrench, motors.lever_arm_m).map(|n| n / motors.newtons_per_count)
+    motors.arrangement.turned(forces_of_wrench(wrench, motors.lever_arm_m)).map(|n| n / motors.newtons_per_count)
 }
 
 /// Samples trajectories at exact instants from steps of another length.

@@ -1,6 +1,7 @@
 use nalgebra::Vector3;
 
 use upm_core::geometry::{Lens, Vec2};
+use upm_core::signal::MotorArrangement;
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +40,8 @@ pub struct PlateParams {
 pub struct MotorParams {
     /// Distance of the lines of action from the centre, m.
     pub lever_arm_m: f64,
+    /// Where the motors stand.
+    pub arrangement: MotorArrangement,
     /// Force of one count, N.
     pub newtons_per_count: f64,
     /// Relative error of each motor's force.

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::*;
 use upm_core::geometry::{Lens, Pose, Twist, Vec2};
 use upm_core::job::PlateMode;
-use upm_core::signal::{Envelope, TwistHarmonic, TwistWave};
+use upm_core::signal::{Envelope, MotorArrangement, TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 
 const MU: f64 = 0.3;
@@ -26,6 +26,7 @@ pub(super) fn rig_params() -> SimParams {
         },
         motors: MotorParams {
             lever_arm_m: 0.0508,
+            arrangement: MotorArrangement::Around,
             newtons_per_count: 0.1,
             gain_error: [0.02, -0.01, 0.01, -0.02],
             sample_hz: 20_000.0,

@@ -220,6 +220,7 @@ mod tests {
             name: "test".to_owned(),
             plate_side_m: params.plate.side_m,
             lever_arm_m: params.motors.lever_arm_m,
+            motor_arrangement: params.motors.arrangement,
             plate_mass_kg: params.plate.mass_kg,
             plate_inertia_kgm2: params.plate.inertia_kgm2,
             newtons_per_count: params.motors.newtons_per_count,

@@ -10,7 +10,7 @@ use super::{CalibrationFault, CalibrationParams, MiswiredChannel};
 use upm_cor_library::AxisShape;
 use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
-use upm_core::signal::{CHANNELS, Harmonic};
+use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
 
 /// Number of passes that measure and correct the pre-compensation; the last one only confirms.
@@ -33,7 +33,7 @@ const CHANNEL_MISFIT: f64 = 0.05;
 pub struct Axes {
     /// Waveforms that make every axis move as `A (sin wt + ½ cos 2wt)`, A per count equal to that of a free mass.
     pub shapes: [AxisShape; 3],
-    /// Twist (m/s, m/s, rad/s) from axis amplitudes `fx = X1-X2`, `fy = Y1-Y2`, `s = (Y1+Y2)-(X1+X2)` in counts.
+    /// Twist (m/s, m/s, rad/s) from axis amplitudes fx, fy and s in counts.
     pub twist_from_counts: Matrix3<f64>,
     /// Gain of each accelerometer channel relative to the others: its reading for a true 1.
     pub accelerometer_gain: [f64; CHANNELS],
@@ -50,12 +50,13 @@ impl Axes {
 }
 
 /// Amplitudes X1, X2, Y1, Y2 that act on one axis alone (Eq. 7), and the axis amplitude they make.
-fn axis_amplitudes(axis: usize, counts: i32) -> ([i32; 4], f64) {
-    match axis {
+fn axis_amplitudes(arrangement: MotorArrangement, axis: usize, counts: i32) -> ([i32; 4], f64) {
+    let (around, amplitude) = match axis {
         0 => ([counts, -counts, 0, 0], 2.0 * f64::from(counts)),
         1 => ([0, 0, counts, -counts], 2.0 * f64::from(counts)),
         _ => ([-counts, -counts, counts, counts], 4.0 * f64::from(counts)),
-    }
+    };
+    (arrangement.turned(around), amplitude)
 }
 
 pub(super) fn measure(
@@ -63,6 +64,7 @@ pub(super) fn measure(
     params: &CalibrationParams,
 ) -> Result<Axes, CalibrationFault> {
     let sustain_s = session.read_sustain_s(params.read_sustain_s.max(0.25));
+    let arrangement = session.model.motor_arrangement;
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
     let mut shown = Vec::new();
@@ -71,9 +73,9 @@ pub(super) fn measure(
         let mut responses = [AxisPhasors::default(); 3];
         for axis in 0..3 {
             session.report("axes", 3 * pass + axis, 3 * PASSES);
-            let headroom = session.headroom(axis_amplitudes(axis, TRIAL_COUNTS).0, &shapes);
+            let headroom = session.headroom(axis_amplitudes(arrangement, axis, TRIAL_COUNTS).0, &shapes);
             let counts = EFFORT * params.effort * headroom * f64::from(TRIAL_COUNTS);
-            let (amplitudes, amplitude) = axis_amplitudes(axis, counts as i32);
+            let (amplitudes, amplitude) = axis_amplitudes(arrangement, axis, counts as i32);
             let drive = session.drive(amplitudes, &shapes, sustain_s);
             let (pulse, [there, back]) = AxisPulse::play(session, axis, drive)?;
             shown.push(pulse.shown);

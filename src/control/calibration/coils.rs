@@ -11,7 +11,7 @@ use super::axis_pulse::AxisPulse;
 use super::{CalibrationFault, CoilFault};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
-use upm_core::signal::{MOTORS, Motor};
+use upm_core::signal::{MOTORS, Motor, MotorArrangement};
 use upm_perception::estimation::{AccelerometerPair, twist_from_corners};
 
 /// A coil below this share of its nominal force is dead.
@@ -29,7 +29,7 @@ const SWAPPED_MISFIT: f64 = 0.15;
 /// Motors whose force has the sign of the pulse: X1 for x, Y1 for y and spin.
 const X1: usize = 0;
 const Y1: usize = 2;
-/// Motor forces, in counts, of the three pulses.
+/// Motor forces, in counts, of the three pulses, for motors around the plate.
 const PLAYED: Matrix4x3<f64> = Matrix4x3::new(1.0, 0.0, -1.0, -1.0, 0.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0);
 /// Wrench of the motors along x, along y and about the centre (over the lever arm), in counts (Eq. 7).
 const WRENCH: Matrix3x4<f64> = Matrix3x4::new(1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0);
@@ -43,6 +43,7 @@ pub(super) struct CoilGains {
     gain: [f64; MOTORS],
     /// Share of `wrench`, root mean square, that these gains leave unexplained.
     misfit: f64,
+    arrangement: MotorArrangement,
 }
 
 impl CoilGains {
@@ -52,14 +53,15 @@ impl CoilGains {
         [0, 1].map(|harmonic| {
             let columns = [(0, X1), (1, Y1), (2, Y1)];
             let columns = columns.map(|(axis, motor)| answer(&pulses[axis], harmonic, motor, sensors, model));
-            Self::of(real_part(&Matrix3::from_fn(|row, column| columns[column][row])))
+            let wrench = real_part(&Matrix3::from_fn(|row, column| columns[column][row]));
+            Self::of(wrench, model.motor_arrangement)
         })
     }
 
-    fn of(wrench: Matrix3<f64>) -> Self {
+    fn of(wrench: Matrix3<f64>, arrangement: MotorArrangement) -> Self {
         let gain = gains_of(&wrench);
         let explained = WRENCH * Matrix4::from_diagonal(&gain.into()) * PLAYED;
-        Self { wrench, gain, misfit: part_left(&wrench, &explained) }
+        Self { wrench, gain, misfit: part_left(&wrench, &explained), arrangement }
     }
 
     /// Refuses two exchanged coils, and dead or reversed ones, where that explains the readings.
@@ -117,8 +119,10 @@ impl CoilGains {
     fn swapped(&self) -> ([Motor; 2], f64) {
         let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
         let of_pair = |[a, b]: [usize; 2]| {
-            let mut played = PLAYED;
+            let signs = Matrix4::from_diagonal(&self.arrangement.turned([1.0; MOTORS]).into());
+            let mut played = signs * PLAYED;
             played.swap_rows(a, b);
+            let played = signs * played;
             let expected = WRENCH * played;
             let scale = self.wrench.dot(&expected) / expected.norm_squared();
             ([Motor::ALL[a], Motor::ALL[b]], part_left(&self.wrench, &(expected * scale.max(0.0))))

@@ -50,7 +50,7 @@ pub enum CoilFault {
     },
     /// The coil plays another coil's signal, and the other plays its signal.
     #[error(
-        "expected each coil on its own amplifier, found it exchanged with coil {other:?} (check the plugs of both)"
+        "expected each coil on its own amplifier, found it exchanged with coil {other:?} (check the plugs of all four)"
     )]
     Swapped {
         /// The other coil.

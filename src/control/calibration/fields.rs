@@ -61,7 +61,7 @@ fn pulse(session: &CalibrationSession<'_>, fields: &FieldDriveModel, k: usize, a
     let sustain_s = SUSTAIN_S.max(read_s).min(session.model.max_sustain_s);
     let envelope = Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s };
     let axis_counts = Vector3::from_fn(|i, _| Complex::from(if i == axis { counts } else { 0.0 }));
-    let forces = motor_harmonics(&axis_counts);
+    let forces = session.model.motor_arrangement.turned(motor_harmonics(&axis_counts));
     if k == 1 {
         let motors = forces.map(|force| vec![force]);
         return Drive { base_radps: fields.base_radps, motors, envelope, ..Drive::default() };

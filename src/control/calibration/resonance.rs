@@ -9,7 +9,7 @@ use super::CalibrationFault;
 use super::session::CalibrationSession;
 use upm_cor_library::{PlateResponse, motor_harmonics};
 use upm_core::rig::RigModel;
-use upm_core::signal::{Drive, Envelope};
+use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
@@ -92,7 +92,7 @@ fn average(
             accel.iter_mut().zip(&lines[axis]).for_each(|(sum, line)| *sum += line * share);
         }
     }
-    let force = axis_force(drive, axis);
+    let force = axis_force(session.model.motor_arrangement, drive, axis);
     let fit = fit_oscillator(drive.base_radps, &force, &accel).map_err(fault)?;
     let responses = force.iter().zip(&accel).map(|(force, accel)| accel / force);
     let lines = (1..).zip(responses).map(|(k, response)| (f64::from(k) * drive.base_radps, response)).collect();
@@ -117,7 +117,7 @@ fn multisine(session: &CalibrationSession<'_>, axis: usize) -> Drive {
         let k = k as f64;
         let line = Complex::from_polar(k, -PI * k * k / LINES as f64);
         let counts = Vector3::from_fn(|i, _| if i == axis { line } else { Complex::default() });
-        for (motor, harmonic) in unit.motors.iter_mut().zip(motor_harmonics(&counts)) {
+        for (motor, harmonic) in unit.motors.iter_mut().zip(model.motor_arrangement.turned(motor_harmonics(&counts))) {
             motor.push(harmonic);
         }
     }
@@ -146,15 +146,15 @@ fn free_accel_mps2(axis: usize, model: &RigModel) -> f64 {
 }
 
 /// Phasors of the axis amplitude that `drive` plays, counts (Eq. 7).
-fn axis_force(drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
-    let [x1, x2, y1, y2] = drive.motors.each_ref();
-    let signs: [(f64, &Vec<_>); 4] = match axis {
-        0 => [(1.0, x1), (-1.0, x2), (0.0, y1), (0.0, y2)],
-        1 => [(0.0, x1), (0.0, x2), (1.0, y1), (-1.0, y2)],
-        _ => [(-1.0, x1), (-1.0, x2), (1.0, y1), (1.0, y2)],
+fn axis_force(arrangement: MotorArrangement, drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
+    let around = match axis {
+        0 => [1.0, -1.0, 0.0, 0.0],
+        1 => [0.0, 0.0, 1.0, -1.0],
+        _ => [-1.0, -1.0, 1.0, 1.0],
     };
-    let phasor = |k: usize| signs.iter().map(|(sign, motor)| motor[k].phasor() * *sign).sum();
-    (0..x1.len()).map(phasor).collect()
+    let signs = arrangement.turned(around);
+    let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
+    (0..drive.motors[0].len()).map(phasor).collect()
 }
 
 #[cfg(test)]
@@ -178,7 +178,7 @@ mod tests {
             let motors = motor_harmonics(&counts).map(|harmonic| vec![harmonic]);
             let drive = Drive { base_radps: 20.0, motors, ..Drive::default() };
             for other in 0..3 {
-                let found = axis_force(&drive, other)[0];
+                let found = axis_force(MotorArrangement::Around, &drive, other)[0];
                 let expected = if other == axis { wanted } else { Complex::default() };
                 assert!((found - expected).norm() < 1e-9);
             }

@@ -49,7 +49,7 @@ impl<'a> CalibrationSession<'a> {
     /// The pulse with these motor amplitudes in counts.
     pub fn drive(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], sustain_s: f64) -> Drive {
         let envelope = Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s };
-        drive_for(amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
+        drive_for(self.model.motor_arrangement, amplitudes, shapes, &self.plate, self.model.base_radps, envelope)
     }
 
     /// `wanted_s`, or as near to it as the rig and the reading of an accelerometer trace allow: three periods of the

@@ -7,6 +7,7 @@ use super::session::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
 use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::signal::MotorArrangement;
 
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +57,7 @@ fn play(
     counts: Vector3<f64>,
     top_mps: f64,
 ) -> Result<Entry, CalibrationFault> {
+    let amplitudes = |counts| amplitudes(session.model.motor_arrangement, counts);
     let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
     let strongest = trial * (params.effort * session.headroom(amplitudes(trial), &axes.shapes));
     let expected = axes.twist_from_counts * strongest;
@@ -69,10 +71,11 @@ fn play(
     Ok(Entry { amplitudes, pump: (there.pump - back.pump) * 0.5 })
 }
 
-/// Whole motor amplitudes for axis amplitudes fx, fy, s in counts; opposite motors share the work.
-fn amplitudes(axis_counts: Vector3<f64>) -> [i32; 4] {
+/// Whole motor amplitudes for axis amplitudes fx, fy, s in counts; the two motors of an axis share the work.
+fn amplitudes(arrangement: MotorArrangement, axis_counts: Vector3<f64>) -> [i32; 4] {
     let [fx, fy, s] = [axis_counts.x, axis_counts.y, axis_counts.z];
-    [fx / 2.0 - s / 4.0, -fx / 2.0 - s / 4.0, fy / 2.0 + s / 4.0, -fy / 2.0 + s / 4.0].map(|a| a.round() as i32)
+    let around = [fx / 2.0 - s / 4.0, -fx / 2.0 - s / 4.0, fy / 2.0 + s / 4.0, -fy / 2.0 + s / 4.0];
+    arrangement.turned(around).map(|a| a.round() as i32)
 }
 
 /// Deviation of `found` from the direction `wanted`, both scaled alike, as a twist vector. Spin is weighted by the
@@ -125,7 +128,7 @@ mod tests {
 
     #[test]
     fn amplitudes_add_up_to_the_axes() {
-        let [x1, x2, y1, y2] = amplitudes(Vector3::new(100.0, -60.0, 400.0)).map(f64::from);
+        let [x1, x2, y1, y2] = amplitudes(MotorArrangement::Around, Vector3::new(100.0, -60.0, 400.0)).map(f64::from);
         assert_eq!([x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)], [100.0, -60.0, 400.0]);
     }
 

@@ -1,27 +1,6 @@
 use nalgebra::Complex;
 
-use super::Envelope;
-
-/// Number of voice coils.
-pub const MOTORS: usize = 4;
-
-/// The voice coils, in the order of every array of motors (UPM paper, Fig. 4a).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Motor {
-    /// Pushes along +x; its line passes on the +y side of the centre, so that a push turns the plate clockwise.
-    X1,
-    /// Pushes along -x from the other side; a push turns the plate clockwise.
-    X2,
-    /// Pushes along +y; a push turns the plate counter-clockwise.
-    Y1,
-    /// Pushes along -y from the other side; a push turns the plate counter-clockwise.
-    Y2,
-}
-
-impl Motor {
-    /// All four coils, in order.
-    pub const ALL: [Self; MOTORS] = [Self::X1, Self::X2, Self::Y1, Self::Y2];
-}
+use super::{Envelope, MOTORS};
 
 /// One harmonic of a motor's waveform, in amplitude counts of the waveform generator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +22,15 @@ impl Harmonic {
     #[inline]
     pub fn from_phasor(phasor: Complex<f64>) -> Self {
         Self { cos: phasor.re, sin: -phasor.im }
+    }
+}
+
+impl std::ops::Neg for Harmonic {
+    type Output = Self;
+
+    #[inline]
+    fn neg(self) -> Self {
+        Self { cos: -self.cos, sin: -self.sin }
     }
 }
 
@@ -77,7 +65,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The sample of `motor` (index into [`Motor::ALL`]) at `t_s` after the start, counts, before rounding.
+    /// The sample of `motor` (index into [`Motor::ALL`](super::Motor::ALL)) at `t_s` after the start, counts, before rounding.
     #[inline]
     pub fn counts_at(&self, motor: usize, t_s: f64) -> f64 {
         let envelope = &self.envelope;

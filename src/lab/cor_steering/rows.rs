@@ -4,7 +4,7 @@ use super::vectors::Vectors;
 use crate::shaken::BarePlate;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
-use upm_cor_library::{AxisShape, drive_for};
+use upm_cor_library::AxisShape;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::INCH_M;
@@ -68,8 +68,7 @@ pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
     let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<ReadRow>, LabFault> {
         ROWS.iter()
             .map(|row| {
-                let amplitudes = row.amplitudes.map(|a| a * unit);
-                let drive = drive_for(amplitudes, shapes, &lab.plate_response(), lab.model.base_radps, envelope(lab));
+                let drive = lab.drive_around(row.amplitudes.map(|a| a * unit), shapes, envelope(lab));
                 let trace = plate.play(&drive)?;
                 let what = || format!("row {}", row.name);
                 let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
@@ -92,8 +91,7 @@ fn envelope(lab: &LabRig) -> Envelope {
 /// The paper's unit, or the largest with which every row stays within the motors' limit, with both waveforms.
 fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
     let peak = |row: &TableRow, shapes: &[AxisShape; 3]| {
-        drive_for(row.amplitudes.map(|a| a * UNIT), shapes, &lab.plate_response(), lab.model.base_radps, envelope(lab))
-            .peak_counts()
+        lab.drive_around(row.amplitudes.map(|a| a * UNIT), shapes, envelope(lab)).peak_counts()
     };
     let peaks = ROWS.iter().flat_map(|row| [peak(row, &axes.shapes), peak(row, &[AxisShape::FREE_MASS; 3])]);
     let room = EFFORT * lab.model.count_limit / peaks.fold(f64::MIN_POSITIVE, f64::max);

@@ -6,6 +6,7 @@ use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::raw_simulation::RawSimulation;
+use upm_core::signal::MotorArrangement;
 use upm_document::SchemaKey;
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
@@ -104,6 +105,9 @@ pub struct RawMotors {
     /// Distance of the motors' lines of action from the plate's centre, mm.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub lever_arm_mm: f64,
+    /// Where the coils stand.
+    #[serde(default, skip_serializing_if = "is_around")]
+    pub arrangement: MotorArrangement,
     /// Force of one count, N.
     #[schemars(range(min = 1e-6, max = 1000.0))]
     pub newtons_per_count: f64,
@@ -125,6 +129,11 @@ pub struct RawMotors {
     /// Force at which a coil's amplifier saturates, N.
     #[schemars(range(min = 1e-3, max = 1e5))]
     pub force_limit_n: f64,
+}
+
+/// Left out where it is the default, so that fingerprints of rig files written before it stay as they are.
+fn is_around(arrangement: &MotorArrangement) -> bool {
+    *arrangement == MotorArrangement::Around
 }
 
 fn motor_sample_hz() -> f64 {

@@ -148,6 +148,7 @@ fn sim_params(raw: &RawRig) -> SimParams {
         },
         motors: MotorParams {
             lever_arm_m: m_from_mm(motors.lever_arm_mm),
+            arrangement: motors.arrangement,
             newtons_per_count: motors.newtons_per_count,
             gain_error: motors.gain_error,
             sample_hz: motors.sample_hz,
@@ -197,6 +198,7 @@ fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
         name: raw.name.clone(),
         plate_side_m: sim.plate.side_m,
         lever_arm_m: sim.motors.lever_arm_m,
+        motor_arrangement: sim.motors.arrangement,
         plate_mass_kg: sim.plate.mass_kg,
         plate_inertia_kgm2: sim.plate.inertia_kgm2,
         newtons_per_count: sim.motors.newtons_per_count,

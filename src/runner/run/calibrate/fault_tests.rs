@@ -4,7 +4,7 @@ use super::tests::small;
 use super::*;
 use upm_control::calibration::{CoilFault, MiswiredChannel, RigComponent};
 use upm_core::rig::{Rig, RigFault};
-use upm_core::signal::{AccelTrace, Drive, Frame, Motor, Shaping};
+use upm_core::signal::{AccelTrace, Drive, Frame, Motor, MotorArrangement, Shaping};
 use upm_core::time::PlateTime;
 
 /// Alteration of a drive before it is played, or of a trace or frame before it is read.
@@ -100,7 +100,12 @@ impl Rig for AlteredRig {
 }
 
 fn made(alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
-    let (rig, params) = small();
+    made_with(MotorArrangement::Around, alteration, from_s)
+}
+
+fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
+    let (mut rig, params) = small();
+    (rig.model.motor_arrangement, rig.sim.motors.arrangement) = (arrangement, arrangement);
     let mut altered = AlteredRig { rig: simulated(&rig, 1).unwrap(), from_s, alteration, last: None };
     let stop = AtomicBool::new(false);
     calibration::calibrate(&mut altered, &rig.model, &rig.fingerprint, &params, &stop, &mut |_| ())
@@ -110,9 +115,16 @@ fn refusal(alteration: Alteration, from_s: f64) -> CalibrationFault {
     made(alteration, from_s).unwrap_err()
 }
 
+/// "Kinematically equivalent" (UPM paper, section 3.1).
 #[test]
-fn healthy_rig_is_calibrated() {
-    assert!(made(Alteration::Nothing, 0.0).is_ok());
+fn libraries_of_both_motor_arrangements_differ_in_signs_alone() {
+    let [around, mut beside] =
+        MotorArrangement::ALL.map(|arrangement| made_with(arrangement, Alteration::Nothing, 0.0).unwrap());
+    for entry in &mut beside.entries {
+        let [x1, x2, y1, y2] = entry.amplitudes;
+        entry.amplitudes = [x1, -x2, y1, -y2];
+    }
+    assert_eq!(Library { motor_arrangement: MotorArrangement::Around, ..beside }, around);
 }
 
 #[test]
@@ -139,12 +151,21 @@ fn reversed_coil_is_refused_by_name() {
 
 #[test]
 fn swapped_coils_are_refused_by_their_names() {
-    for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
-        match refusal(Alteration::Swap(a, b), 0.0) {
-            CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } } => {
-                assert_eq!([coil, other], [Motor::ALL[a], Motor::ALL[b]]);
+    for arrangement in MotorArrangement::ALL {
+        for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            match made_with(arrangement, Alteration::Swap(a, b), 0.0).unwrap_err() {
+                CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } } => {
+                    // beside each other X2 and Y1, exchanged, act on each axis as X1 and Y2 do
+                    let alike = arrangement == MotorArrangement::Beside && a + b == 3;
+                    let pair = [coil, other].map(|coil| coil as usize);
+                    assert!(pair == [a, b] || alike && pair[0] + pair[1] == 3, "{pair:?} {a} {b}");
+                }
+                // beside each other they push alike: exchanged, the pulse of spin only squeezes the plate
+                CalibrationFault::Still { axis: "axis spin", .. } if arrangement == MotorArrangement::Beside => {
+                    assert!(b == a + 1 && a % 2 == 0, "{a} {b}");
+                }
+                fault => panic!("{fault}"),
             }
-            fault => panic!("{fault}"),
         }
     }
 }
