@@ -24,14 +24,23 @@ pub fn drive_for(
 ) -> Drive {
     let [x1, x2, y1, y2] = arrangement.turned(amplitudes).map(f64::from);
     let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
+    let force = |k: usize| Vector3::from_fn(|axis, _| shapes[axis].0[k].phasor() * axes[axis]);
+    shaped_drive(arrangement, plate, [force(0), force(1)], base_radps, envelope)
+}
+
+/// The drive of the axis amplitudes (counts) of each harmonic, from the first up, such that the displacement of a plate
+/// with the response `plate` follows the envelope.
+pub(crate) fn shaped_drive(
+    arrangement: MotorArrangement,
+    plate: &PlateResponse,
+    forces: impl IntoIterator<Item = Vector3<Complex<f64>>>,
+    base_radps: f64,
+    envelope: Envelope,
+) -> Drive {
     let mut drive = Drive { base_radps, envelope, ..Drive::default() };
     let mut flanks: [[Vec<Harmonic>; 2]; MOTORS] = Default::default();
-    for k in 0..2 {
-        let rate_radps = (k + 1) as f64 * base_radps;
-        let counts = |axis: usize| shapes[axis].0[k].phasor() * axes[axis];
-        let force = Vector3::from_fn(|axis, _| counts(axis));
-        let slope = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[0]);
-        let curvature = Vector3::from_fn(|axis, _| counts(axis) * plate.flank_factors(axis, rate_radps)[1]);
+    for (k, force) in (1..).zip(forces) {
+        let [slope, curvature] = plate.flank_forces(&force, f64::from(k) * base_radps);
         let [force, slope, curvature] =
             [force, slope, curvature].map(|counts| arrangement.turned(motor_harmonics(&counts)));
         for motor in 0..MOTORS {
@@ -47,12 +56,18 @@ pub fn drive_for(
 impl PlateResponse {
     /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Multiplied by the phasor of a
     /// steady force they are the factors of the envelope's slope and curvature.
-    pub(crate) fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
+    fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
         let (natural_radps, ratio) = (self.natural_radps[axis], self.damping_ratio[axis]);
         let s = Complex::new(0.0, rate_radps);
         let damping = 2.0 * ratio * natural_radps;
         let inverse = (s * s + s * damping + natural_radps * natural_radps).inv();
         [(s * 2.0 + damping) * inverse, inverse]
+    }
+
+    /// The forces on the envelope's slope (counts·s) and curvature (counts·s²) of x, y and spin beside the steady
+    /// `force` (counts) at `rate_radps`; see [`Shaping::Displacement`].
+    pub fn flank_forces(&self, force: &Vector3<Complex<f64>>, rate_radps: f64) -> [Vector3<Complex<f64>>; 2] {
+        [0, 1].map(|i| Vector3::from_fn(|axis, _| force[axis] * self.flank_factors(axis, rate_radps)[i]))
     }
 }
 
@@ -71,7 +86,7 @@ impl Library {
         Some(drive_for(self.motor_arrangement, entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
     }
 
-    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: velocity `env(t) · wave(t)`,
+    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: displacement `env(t) · ∫ wave`,
     /// times from the start of the pulse. `None` without a field response, with more harmonics than were measured or
     /// another base frequency. [`Drive::peak_counts`] determines whether the motors can play it.
     pub fn field_drive(&self, wave: &TwistWave, sustain_s: f64) -> Option<Drive> {
@@ -81,15 +96,11 @@ impl Library {
         if !measured || (wave.base_radps - base_radps).abs() > SAME * base_radps {
             return None;
         }
-        let mut motors: [Vec<Harmonic>; MOTORS] = Default::default();
-        for (harmonic, twist_from_counts) in wave.harmonics.iter().zip(&fields.twist_from_counts) {
-            let counts = axis_counts(twist_from_counts, harmonic)?;
-            for (motor, harmonic) in motors.iter_mut().zip(self.motor_arrangement.turned(motor_harmonics(&counts))) {
-                motor.push(harmonic);
-            }
-        }
+        let harmonics = wave.harmonics.iter().zip(&fields.twist_from_counts);
+        let forces = harmonics.map(|(harmonic, twist_from_counts)| axis_counts(twist_from_counts, harmonic));
+        let forces: Vec<_> = forces.collect::<Option<_>>()?;
         let envelope = Envelope { attack_s, sustain_s, rest_s };
-        Some(Drive { base_radps, motors, shaping: Shaping::Velocity, envelope })
+        Some(shaped_drive(self.motor_arrangement, &self.plate.unwrap_or_default(), forces, base_radps, envelope))
     }
 
     /// Delay of a pulse's envelope on the plate against its wave, s: the delay of the motors. The waveforms of x, y and

@@ -2,9 +2,10 @@
 
 use nalgebra::{Complex, Vector3};
 
+use super::drive::shaped_drive;
 use super::{CoilResponse, Library, motor_harmonics};
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{Drive, Envelope, MOTORS, Shaping};
+use upm_core::signal::{Drive, Envelope, MOTORS};
 
 /// Force phasors of x, y and spin. The spin is a quarter period ahead, so that all coils play equal amplitudes.
 const AXES: [Complex<f64>; 3] = [Complex::new(1.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 2.0)];
@@ -33,26 +34,15 @@ impl Library {
                 (self.rotation_coils()?, self.base_radps, self.attack_s, self.rest_s, f64::from(strongest))
             }
         };
-        let motors = |axes: &Vector3<Complex<f64>>| self.motor_arrangement.turned(motor_harmonics(axes));
-        let unit = motors(&Vector3::from(AXES));
+        let unit = self.motor_arrangement.turned(motor_harmonics(&Vector3::from(AXES)));
         let largest = unit.iter().map(|harmonic| harmonic.cos.hypot(harmonic.sin)).fold(0.0, f64::max);
         let corner_mps2 = self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| harmonic.phasor()))?;
         let counts = (CORNER_MPS2 / corner_mps2).min(MOST_DRIVE * limit_counts / largest);
         let force = Vector3::from(AXES) * Complex::from(counts);
         let sustain_s = LEAST_SUSTAIN_S.max(PERIODS * std::f64::consts::TAU / base_radps);
+        let envelope = Envelope { attack_s, sustain_s, rest_s };
         let plate = self.plate.unwrap_or_default();
-        let [slope, curvature] = [0, 1].map(|flank| {
-            let factors = Vector3::from_fn(|axis, _| force[axis] * plate.flank_factors(axis, base_radps)[flank]);
-            motors(&factors).map(|harmonic| vec![harmonic])
-        });
-        let drive = Drive {
-            base_radps,
-            motors: motors(&force).map(|harmonic| vec![harmonic]),
-            shaping: Shaping::Displacement(std::array::from_fn(|motor| {
-                [slope[motor].clone(), curvature[motor].clone()]
-            })),
-            envelope: Envelope { attack_s, sustain_s, rest_s },
-        };
+        let drive = shaped_drive(self.motor_arrangement, &plate, [force], base_radps, envelope);
         Some((drive, coils))
     }
 

@@ -1,7 +1,6 @@
 //! Motions that are searched: sums of harmonics on x, y and spin, sampled over one period.
 
 use std::f64::consts::TAU;
-use std::ops::Mul;
 
 pub(super) use wide::f64x8 as SimdF64;
 
@@ -43,14 +42,28 @@ pub(super) struct PlateInstant {
     pub turn_rad: f64,
 }
 
-impl Mul<f64> for PlateInstant {
-    type Output = Self;
+/// Slopes of one quantity of each of eight parts by the plate's velocity and by its displacement, along x, along y and
+/// in spin, in every phase of a period.
+#[derive(Clone, Debug)]
+pub(super) struct PlateSlopes {
+    pub by_velocity: [Vec<SimdF64>; 3],
+    pub by_displacement: [Vec<SimdF64>; 3],
+}
 
+impl PlateSlopes {
+    pub fn new(basis: &HarmonicBasis) -> Self {
+        let zeros = || [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
+        Self { by_velocity: zeros(), by_displacement: zeros() }
+    }
+}
+
+impl PlateInstant {
+    /// Under an envelope of `height` and `slope` (1/s), which the displacement follows: `d/dt (env x) = env v + env' x`.
     #[inline]
-    fn mul(self, height: f64) -> Self {
+    pub fn shaped(&self, height: f64, slope: f64) -> Self {
         Self {
-            velocity_mps: self.velocity_mps * height,
-            spin_radps: self.spin_radps * height,
+            velocity_mps: self.velocity_mps * height + self.offset_m * slope,
+            spin_radps: self.spin_radps * height + self.turn_rad * slope,
             offset_m: self.offset_m * height,
             turn_rad: self.turn_rad * height,
         }
@@ -59,7 +72,16 @@ impl Mul<f64> for PlateInstant {
 
 impl HarmonicBasis {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
-        let samples = (STEPS * harmonics).max(FEWEST) * STRIDE + 1;
+        Self::sampled(base_radps, harmonics, half_side_m, STEPS)
+    }
+
+    /// The same motions in steps half as long.
+    pub fn finer(&self) -> Self {
+        Self::sampled(self.base_radps, self.harmonics, self.half_side_m, 2 * STEPS)
+    }
+
+    fn sampled(base_radps: f64, harmonics: usize, half_side_m: f64, steps: usize) -> Self {
+        let samples = (steps * harmonics).max(FEWEST) * STRIDE + 1;
         let phase = |q: usize| TAU * q as f64 / samples as f64;
         let row = |q: usize| {
             (1..=harmonics).map(move |k| {
@@ -166,16 +188,20 @@ impl HarmonicBasis {
         (0..self.harmonics).map(projection).collect()
     }
 
-    /// Slopes, by the coefficients, of one quantity of each of eight parts, from its slopes by the plate's velocity (x,
-    /// y, spin) in every phase.
-    #[inline]
-    pub fn slopes(&self, by_motion: &[Vec<SimdF64>; 3]) -> impl Iterator<Item = SimdF64> {
+    /// Slopes, by the coefficients, of one quantity of each of eight parts, from its slopes by the plate's motion.
+    pub fn slopes(&self, by_plate: &PlateSlopes) -> impl Iterator<Item = SimdF64> {
         let scales = [1.0, 1.0, 1.0 / self.half_side_m];
-        let [x, y, spin] = by_motion.each_ref().map(|series| self.projections(series));
-        [x, y, spin]
-            .into_iter()
-            .zip(scales)
-            .flat_map(|(axis, scale)| axis.into_iter().flatten().map(move |slope| slope * SimdF64::splat(scale)))
+        let of_axis = move |axis: usize| {
+            let by_velocity = self.projections(&by_plate.by_velocity[axis]);
+            let by_displacement = self.projections(&by_plate.by_displacement[axis]);
+            let of_harmonic = |(k, ([cos, sin], by_integral)): (usize, ([SimdF64; 2], [SimdF64; 2]))| {
+                // the integrals of cos and of sin, see `Self::integral`
+                let [of_cos, of_sin] = by_integral.map(|slope| slope / (k as f64 * self.base_radps));
+                [cos + of_sin, sin - of_cos].map(|slope| slope * scales[axis])
+            };
+            (1..).zip(by_velocity.into_iter().zip(by_displacement)).map(of_harmonic).flatten().collect::<Vec<_>>()
+        };
+        [0, 1, 2].into_iter().flat_map(of_axis)
     }
 
     /// Index of the phase in which cosines equal those of phase `q` and sines are opposite.

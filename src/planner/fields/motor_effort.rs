@@ -4,8 +4,8 @@ use nalgebra::{Complex, Matrix3, Vector3};
 use wide::f64x4;
 
 use super::harmonic_basis::{HarmonicBasis, SimdF64};
-use upm_cor_library::{FieldResponse, motor_harmonics};
-use upm_core::signal::Envelope;
+use upm_cor_library::{Library, motor_harmonics};
+use upm_core::signal::{Envelope, Harmonic, MOTORS};
 
 /// Fraction of the motors' limit that a motion fills. The peak is sampled at least 32 times in the period of the
 /// highest harmonic; between two samples it rises by half a percent at most.
@@ -16,6 +16,8 @@ const EFFORT: f64 = 0.99;
 pub(super) struct MotorEffort {
     /// Axis amplitudes (counts) from velocity phasors (m/s; spin as the speed half a side out), for each harmonic.
     counts_from_motion: Vec<Matrix3<Complex<f64>>>,
+    /// Forces on the envelope's slope and curvature for one of x, y and spin, for each harmonic.
+    flanks: Vec<[Vector3<Complex<f64>>; 2]>,
     limit_counts: f64,
     /// Envelope of a pulse; its flanks are the same for every sustain.
     envelope: Envelope,
@@ -24,8 +26,10 @@ pub(super) struct MotorEffort {
 }
 
 impl MotorEffort {
-    /// Effort under the response `fields`; `None` when a harmonic moves the plate along fewer than three axes.
-    pub fn new(basis: &HarmonicBasis, fields: &FieldResponse, half_side_m: f64) -> Option<Self> {
+    /// Effort under the responses in `library`; `None` without fields and when a harmonic moves the plate along fewer
+    /// than three axes.
+    pub fn new(basis: &HarmonicBasis, library: &Library, half_side_m: f64) -> Option<Self> {
+        let (fields, plate) = (library.fields.as_ref()?, library.plate.unwrap_or_default());
         let scaled = |response: &Matrix3<Complex<f64>>| {
             let mut response = *response;
             response.row_mut(2).scale_mut(half_side_m);
@@ -39,7 +43,9 @@ impl MotorEffort {
         };
         let weights = (0..basis.len()).map(price).collect();
         let envelope = Envelope { attack_s: fields.attack_s, ..Envelope::default() };
-        Some(Self { counts_from_motion, limit_counts: fields.limit_counts, envelope, weights })
+        let unit = Vector3::repeat(Complex::from(1.0));
+        let flanks = (1..=basis.harmonics).map(|k| plate.flank_forces(&unit, k as f64 * fields.base_radps)).collect();
+        Some(Self { counts_from_motion, flanks, limit_counts: fields.limit_counts, envelope, weights })
     }
 
     /// `sqrt(Σ weight c²)`.
@@ -64,32 +70,39 @@ impl MotorEffort {
         let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
                 |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
-            let motors = motor_harmonics(&(counts * Vector3::new(phasor(0), phasor(1), phasor(2))));
-            let forces = motors.map(|harmonic| [harmonic.cos, harmonic.sin]);
-            let momenta = forces.map(|force| basis.integral(force, k));
+            let force = counts * Vector3::new(phasor(0), phasor(1), phasor(2));
+            let [slope, curvature] = self.flanks[k - 1].map(|flank| flank.component_mul(&force));
+            let [force, slope, curvature] = [force, slope, curvature].map(|counts| motor_harmonics(&counts));
+            let parts = |of_motors: [Harmonic; MOTORS], i: usize| of_motors.map(|h| [h.cos, h.sin][i]);
             [0, 1].map(|i| {
-                let [[a, b, c, d], [e, f, g, h]] = [forces, momenta].map(|of_motors| of_motors.map(|parts| parts[i]));
-                SimdF64::from([a, b, c, d, e, f, g, h])
+                let [[a, b, c, d], [e, f, g, h]] = [parts(force, i), parts(slope, i)];
+                let [j, k, l, m] = parts(curvature, i);
+                [SimdF64::from([a, b, c, d, e, f, g, h]), SimdF64::from([j, k, l, m, 0.0, 0.0, 0.0, 0.0])]
             })
         };
-        let factors: Vec<[SimdF64; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
-        basis.sums(&factors).into_iter().fold(0.0, |peak, sums| self.higher_peak(peak, sums))
+        let factors: Vec<[[SimdF64; 2]; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
+        let sums = |which: usize| {
+            let of: Vec<_> = factors.iter().map(|[cos, sin]| [cos[which], sin[which]]).collect();
+            basis.sums(&of)
+        };
+        sums(0).into_iter().zip(sums(1)).fold(0.0, |peak, (first, second)| self.higher_peak(peak, first, second))
     }
 
-    /// The larger of `peak` and the highest count that a sample with these four forces and four momenta can reach,
-    /// counts.
-    fn higher_peak(&self, peak: f64, forces_and_momenta: SimdF64) -> f64 {
-        let [a, b, c, d, e, f, g, h] = forces_and_momenta.to_array();
-        let (forces, momenta) = ([a, b, c, d], [e, f, g, h]);
+    /// The larger of `peak` and the highest count that a sample can reach whose four forces, their shares of the
+    /// envelope's slope and their shares of its curvature are these, counts.
+    fn higher_peak(&self, peak: f64, forces_and_slopes: SimdF64, curvatures: SimdF64) -> f64 {
+        let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
+        let [j, k, l, m, ..] = curvatures.to_array();
+        let (forces, slopes, curvatures) = ([a, b, c, d], [e, f, g, h], [j, k, l, m]);
         // upper bound over all flanks, which spares most samples the exact evaluation
         let force = f64x4::from(forces).abs();
-        let momentum = f64x4::from(momenta).abs() / self.envelope.attack_s;
-        let bound = (force + momentum).max(0.5 * force + 2.0 * momentum);
+        let slope = f64x4::from(slopes).abs() / self.envelope.attack_s;
+        let curvature = f64x4::from(curvatures).abs() * 4.0 / (self.envelope.attack_s * self.envelope.attack_s);
+        let bound = (force + slope).max(0.5 * force + 2.0 * slope) + curvature;
         if bound.simd_le(f64x4::splat(peak)).all() {
             return peak;
         }
-        let exact =
-            forces.into_iter().zip(momenta).map(|(force, momentum)| self.envelope.largest(force, momentum, 0.0));
+        let exact = (0..MOTORS).map(|motor| self.envelope.largest(forces[motor], slopes[motor], curvatures[motor]));
         exact.fold(peak, f64::max)
     }
 }

@@ -37,9 +37,9 @@ const SOFTEN: f64 = 0.8;
 /// Relative remaining error at which the search ends early.
 const GOOD: f64 = 0.02;
 
-/// Share of a corridor's half width within which a part may sway: motions without sway have high harmonics alone, whose
-/// displacement of the plate disappears beside the swing of its suspension.
-const FREE: f64 = 0.5;
+/// Share of a corridor's half width within which a part may sway: the low harmonics, which carry parts fastest, sway
+/// them, too.
+const FREE: f64 = 0.2;
 /// Instants of a pulse at which the distance from a corridor's line is observed; it counts as an error at the end does.
 const INSTANTS: usize = 9;
 

@@ -46,13 +46,8 @@ const SWAY_M: f64 = 0.25e-3;
 /// given, so pulses need not be as short as possible.
 const CAREFUL: usize = 3;
 const CAREFUL_STARTS: usize = 12;
-const CAREFUL_LEFT: f64 = 0.1;
+const CAREFUL_LEFT: f64 = 0.05;
 const CAREFUL_NEAR: f64 = 0.5;
-/// Least sustain for parts in corridors, in attack times: quicker pulses beat with the plate's suspension, which
-/// neither the forecast nor the comparison of pictures with the drive knows.
-const CAREFUL_SUSTAIN: f64 = 1.75;
-/// Share of a motion's error that the next one repeats: consecutive motions along a path are nearly the same.
-const REPEATED: f64 = 0.8;
 /// Share of its distance from the edge that a part keeps from the edge of the shaken plate.
 const LEAST_SHARE: f64 = 0.3;
 /// Instants per period at which the limits are checked.
@@ -65,6 +60,8 @@ pub struct FieldPlanner {
     attack_s: f64,
     rest_s: f64,
     basis: HarmonicBasis,
+    /// For parts in corridors: coarse steps err to the side by a few hundredths of a step.
+    fine_basis: HarmonicBasis,
     effort: MotorEffort,
     seeds: SeedLibrary,
     friction: f64,
@@ -93,7 +90,7 @@ impl FieldPlanner {
         let fields = library.fields.as_ref()?;
         let half_side_m = params.half_side_m;
         let basis = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
-        let effort = MotorEffort::new(&basis, fields, half_side_m)?;
+        let effort = MotorEffort::new(&basis, library, half_side_m)?;
         let seeds = SeedLibrary::new(&basis, half_side_m);
         let friction = friction_of(library)?;
         let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
@@ -101,6 +98,7 @@ impl FieldPlanner {
             params,
             attack_s,
             rest_s,
+            fine_basis: basis.finer(),
             basis,
             effort,
             seeds,
@@ -129,7 +127,6 @@ impl FieldPlanner {
             return ended(PlanStatus::NothingToDo);
         }
         let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
-        let parts = &self.corrected(parts, corridors)[..];
         self.judge_last(parts, rms_m);
         let mut wanted_m = rms_m.min(self.reach_m);
         let (mut stopped_by, mut again) = (Limit::Unreachable, None);
@@ -141,16 +138,6 @@ impl FieldPlanner {
             }
         }
         ended(PlanStatus::Infeasible(stopped_by))
-    }
-
-    /// The parts, those in corridors with the repetition of the last motion's error taken off their steps.
-    fn corrected(&self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Vec<PartState> {
-        let mut parts = parts.to_vec();
-        if !corridors.is_empty() && self.promised_m.len() == parts.len() {
-            let moving = parts.iter_mut().zip(&self.promised_m).filter(|(part, _)| part.step_m != Vec2::zeros());
-            moving.for_each(|(part, promised_m)| part.step_m -= (part.position_m - promised_m) * REPEATED);
-        }
-        parts
     }
 
     /// Decides whether the last motion is a good start: not when most of the remaining distance is that motion's own
@@ -203,11 +190,10 @@ impl FieldPlanner {
             parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
         let steps_m = DVector::from_iterator(2 * steps.len(), steps.iter().flat_map(|s| [s.x, s.y]));
         let discs = self.discs(parts);
-        let least_s = if corridors.is_empty() { 0.0 } else { CAREFUL_SUSTAIN * self.attack_s };
-        let envelope = self.envelope(self.sustain_s(wanted_m).max(least_s).min(self.params.max_sustain_s));
+        let envelope = self.envelope(self.sustain_s(wanted_m));
         let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = ShootingProblem {
-            basis: &self.basis,
+            basis: if corridors.is_empty() { &self.basis } else { &self.fine_basis },
             effort: &self.effort,
             discs: &discs,
             steps_m: &steps_m,
@@ -239,7 +225,7 @@ impl FieldPlanner {
         let clearances = Clearances::of(parts, &self.params);
         let mut penalties = free.penalties.to_vec();
         for tried in 0.. {
-            let Some(limit) = self.broken(&clearances, &iterate.rollout, parts) else { break };
+            let Some(limit) = self.broken(free.basis, &clearances, &iterate.rollout, parts) else { break };
             if tried == MOST_GUARDED {
                 return Err(limit);
             }
@@ -263,35 +249,45 @@ impl FieldPlanner {
         }
     }
 
-    /// Improves the last motion and a few of the seed library, then the best of them further.
+    /// Improves the last motion and a few of the seed library, then the best of them further; for parts in corridors one
+    /// after another, the last motion first, until one leaves little of the steps.
     fn best_iterate(&self, problem: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let is_careful = !problem.corridors.is_empty();
-        let (count, rounds) = if is_careful { (CAREFUL_STARTS, CAREFUL * ROUNDS) } else { (STARTS, ROUNDS) };
+        let count = if is_careful { CAREFUL_STARTS } else { STARTS };
         let starts = self.seeds.best(&self.basis, &positions, steps, self.passed_over + count);
+        let starts = self.last.iter().chain(starts.iter().skip(self.passed_over));
         let better = |a: Iterate, b: Iterate| {
             let (better, other) = if b.left(problem.steps_m) < a.left(problem.steps_m) { (b, a) } else { (a, b) };
             self.pool.keep(other);
             better
         };
         let first = |start: &Vec<f64>| problem.improved(problem.regularized_step(start), FIRST_ROUNDS);
-        let mut others = starts.iter().skip(self.passed_over);
-        let best = self.last.iter().chain(others.by_ref().take(STARTS)).map(first).reduce(better);
-        let mut best = problem.improved(best.unwrap_or_else(|| problem.iterate(&vec![0.0; self.basis.len()])), rounds);
-        for start in others {
+        let still = || problem.iterate(&vec![0.0; self.basis.len()]);
+        if !is_careful {
+            return problem.improved(starts.map(first).reduce(better).unwrap_or_else(still), ROUNDS);
+        }
+        let mut best = still();
+        for start in starts {
+            best = better(best, problem.improved(first(start), CAREFUL * ROUNDS));
             if best.left(problem.steps_m) < CAREFUL_LEFT {
                 break;
             }
-            best = better(best, problem.improved(first(start), rounds));
         }
         best
     }
 
     /// The first limit broken along the rollout, or at its end, where sway no longer applies.
-    fn broken(&self, clearances: &Clearances, rollout: &Rollout, parts: &[PartState]) -> Option<Limit> {
+    fn broken(
+        &self,
+        basis: &HarmonicBasis,
+        clearances: &Clearances,
+        rollout: &Rollout,
+        parts: &[PartState],
+    ) -> Option<Limit> {
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
-        let every = self.basis.steps_a_period() / OBSERVATIONS;
+        let every = basis.steps_a_period() / OBSERVATIONS;
         for places_m in rollout.places_m(every) {
             if let Some(limit) = clearances.broken_after(&start_m, &before_m, &places_m, SWAY_M) {
                 return Some(limit);

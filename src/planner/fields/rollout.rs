@@ -12,20 +12,20 @@
 //! for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
-//! the cost of one rollout. They leave out that the plate's offset also changes with the coefficients, 1 to 3 % of a
-//! slope.
+//! the cost of one rollout.
 
 use nalgebra::DMatrix;
 
-use super::harmonic_basis::{HarmonicBasis, PlateInstant, SimdF64};
+use super::harmonic_basis::{HarmonicBasis, PlateInstant, PlateSlopes, SimdF64};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 
 /// κ, see the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
 const KAPPA: f64 = 0.388;
-/// ε, slip below which friction is smoothed to zero, m/s.
-const EPSILON_MPS: f64 = 1e-3;
+/// ε, slip below which friction is smoothed to zero, as a share of the speed that friction changes in a step: with less
+/// the slip of a part at rest on the plate would jump over zero from step to step.
+const EPSILON: f64 = 0.65;
 /// Least distance of a centre from the edge of the plate at rest that shares are taken of, m.
 const EDGE_M: f64 = 1e-3;
 /// SIMD lanes: parts integrated side by side.
@@ -53,8 +53,9 @@ pub(super) struct Rollout {
 #[derive(Clone, Copy, Debug)]
 struct PlateStep {
     phase: usize,
-    /// Height of the envelope.
+    /// Height of the envelope and its slope, 1/s.
     height: f64,
+    slope: f64,
     plate: PlateInstant,
 }
 
@@ -91,8 +92,9 @@ impl Rollout {
         let count = (envelope.driven_s() / dt).round() as usize;
         self.steps.clear();
         self.steps.extend(basis.phases().take(count).enumerate().map(|(k, phase)| {
-            let height = envelope.at((k as f64 + 0.5) * dt);
-            PlateStep { phase, height, plate: motion[phase] * height }
+            let t_s = (k as f64 + 0.5) * dt;
+            let (height, slope) = (envelope.at(t_s), envelope.slope(t_s));
+            PlateStep { phase, height, slope, plate: motion[phase].shaped(height, slope) }
         }));
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
@@ -134,15 +136,14 @@ impl Rollout {
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
     pub fn slopes(&self, basis: &HarmonicBasis) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
-        let mut by_motion = [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
         for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
             for axis in 0..2 {
-                by_motion.iter_mut().for_each(|series| series.fill(SimdF64::ZERO));
+                let mut by_plate = PlateSlopes::new(basis);
                 let mut by_place = [SimdF64::ZERO; 2];
                 by_place[axis] = SimdF64::ONE;
                 let by_state = (by_place, group.coasting_slope(axis));
-                group.adjoint(by_state, &self.steps, basis.step_s(), &mut by_motion);
-                for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
+                group.adjoint(by_state, &self.steps, basis.step_s(), &mut by_plate);
+                for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
                     ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
                 }
@@ -156,12 +157,12 @@ impl Rollout {
     pub fn slopes_at(&self, basis: &HarmonicBasis, step: usize, normals: &[Vec2]) -> DMatrix<f64> {
         let mut slopes = DMatrix::zeros(basis.len(), normals.len());
         for ((group, normals), first) in self.groups.iter().zip(normals.chunks(LANES)).zip((0..).step_by(LANES)) {
-            let mut by_motion = [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
+            let mut by_plate = PlateSlopes::new(basis);
             let lanes =
                 |axis: usize| SimdF64::from(std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[axis])));
             let by_state = ([lanes(0), lanes(1)], [SimdF64::ZERO; 2]);
-            group.adjoint(by_state, &self.steps[..step], basis.step_s(), &mut by_motion);
-            for (j, of_parts) in basis.slopes(&by_motion).enumerate() {
+            group.adjoint(by_state, &self.steps[..step], basis.step_s(), &mut by_plate);
+            for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
                 let parts = (first..first + normals.len()).zip(of_parts.to_array());
                 parts.for_each(|(part, slope)| slopes[(j, part)] = slope);
             }
@@ -178,6 +179,7 @@ impl Group {
         };
         let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
         let pull_mps = friction_mps2 * dt;
+        let least_mps = pull_mps * EPSILON;
         let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);
         let coasting = 0.5 / friction_mps2;
         let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
@@ -188,7 +190,7 @@ impl Group {
             let arm_m = [x - plate.offset_m.x, y - plate.offset_m.y];
             let slip = [plate.velocity_mps.x - vx - arm_m[1] * spin, plate.velocity_mps.y - vy + arm_m[0] * spin];
             let square = slip[0] * slip[0] + slip[1] * slip[1] + turning_m2 * (spin * spin);
-            let inverse = 1.0 / (square + EPSILON_MPS * EPSILON_MPS).sqrt();
+            let inverse = 1.0 / (square + least_mps * least_mps).sqrt();
             let pull = slip.map(|slip| slip * inverse);
             vx += pull[0] * pull_mps;
             vy += pull[1] * pull_mps;
@@ -215,17 +217,18 @@ impl Group {
         self.states.iter().zip(steps).map(share).fold(SimdF64::ONE, SimdF64::min)
     }
 
-    /// Adds the slopes of a length by the plate's velocity in every phase (x, y, spin), given its slopes by position
-    /// and by velocity after `steps`.
+    /// Adds the slopes of a length by the plate's motion in every phase, given its slopes by position and by velocity
+    /// after `steps`.
     fn adjoint(
         &self,
         (mut by_place, mut by_speed): ([SimdF64; 2], [SimdF64; 2]),
         steps: &[PlateStep],
         dt: f64,
-        by_motion: &mut [Vec<SimdF64>; 3],
+        by_plate: &mut PlateSlopes,
     ) {
-        let [by_x, by_y, by_spin] = by_motion;
-        for (state, &PlateStep { phase, height, plate }) in self.states[..steps.len()].iter().zip(steps).rev() {
+        let PlateSlopes { by_velocity: [by_x, by_y, by_spin], by_displacement: [by_offset_x, by_offset_y, by_turn] } =
+            by_plate;
+        for (state, &PlateStep { phase, height, slope, plate }) in self.states[..steps.len()].iter().zip(steps).rev() {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
             let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];
@@ -234,7 +237,11 @@ impl Group {
             let by_turning = pull * self.turning_m2 * state.inverse * along * spin;
             by_x[phase] += across[0] * height;
             by_y[phase] += across[1] * height;
-            by_spin[phase] += (across[1] * state.arm_m[0] - across[0] * state.arm_m[1] - by_turning) * height;
+            let turning = across[1] * state.arm_m[0] - across[0] * state.arm_m[1] - by_turning;
+            by_spin[phase] += turning * height;
+            by_offset_x[phase] += across[0] * slope - across[1] * (spin * height);
+            by_offset_y[phase] += across[1] * slope + across[0] * (spin * height);
+            by_turn[phase] += turning * slope;
             by_speed = [by_speed[0] - across[0], by_speed[1] - across[1]];
             by_place = [by_place[0] + across[1] * spin, by_place[1] - across[0] * spin];
         }

@@ -18,7 +18,7 @@ use super::motor_effort::MotorEffort;
 use super::rollout::{Rollout, RolloutDisc};
 use crate::fixture::PENNY_M;
 use upm_cor_library::Library;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{Envelope, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 
@@ -41,7 +41,7 @@ fn upm_2_basis() -> HarmonicBasis {
 }
 
 fn upm_2_effort(basis: &HarmonicBasis) -> MotorEffort {
-    MotorEffort::new(basis, upm_2().fields.as_ref().unwrap(), HALF_SIDE_M).unwrap()
+    MotorEffort::new(basis, &upm_2(), HALF_SIDE_M).unwrap()
 }
 
 fn upm_2_envelope(sustain_s: f64) -> Envelope {
@@ -80,14 +80,21 @@ const FINE_S: f64 = 10e-6;
 /// slip, or just enough to stay at the plate's speed when that is less. The plate's offset is integrated step by step.
 fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
     let most_mps = friction * GRAVITY_MPS2 * FINE_S;
-    let (mut p, mut v, mut center) = (position_m, Vec2::zeros(), Vec2::zeros());
+    let displacement = |t_s: f64| {
+        (1..).zip(&wave.harmonics).fold(Twist::ZERO, |sum, (k, harmonic)| {
+            let radps = f64::from(k) * wave.base_radps;
+            let (sin, cos) = (radps * t_s).sin_cos();
+            sum + (harmonic.cos * sin - harmonic.sin * cos) * radps.recip()
+        })
+    };
+    let (mut p, mut v) = (position_m, Vec2::zeros());
     for k in 0..(envelope.driven_s() / FINE_S).round() as usize {
         let t_s = (k as f64 + 0.5) * FINE_S;
-        let plate = wave.at(t_s) * envelope.at(t_s);
-        let slip = plate.velocity_at(p - center) - v;
+        let offset = displacement(t_s);
+        let plate = wave.at(t_s) * envelope.at(t_s) + offset * envelope.slope(t_s);
+        let slip = plate.velocity_at(p - offset.velocity_mps * envelope.at(t_s)) - v;
         v += slip * (most_mps / slip.norm().max(most_mps));
         p += v * FINE_S;
-        center += plate.velocity_mps * FINE_S;
     }
     p + v * (v.norm() / (2.0 * friction * GRAVITY_MPS2))
 }

@@ -99,6 +99,15 @@ struct Sequence {
     gain_mps: f64,
 }
 
+impl Sequence {
+    /// Of those that gain, the one that leaves the corridors less is better; of those, the one that gains more.
+    fn is_better(&self, other: &Self) -> bool {
+        let excess_m = |of: &Self| if of.gain_mps > 0.0 { of.refined.excess_m() } else { f64::INFINITY };
+        let order = excess_m(other).total_cmp(&excess_m(self));
+        order.then(self.gain_mps.total_cmp(&other.gain_mps)).is_gt()
+    }
+}
+
 impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
@@ -188,11 +197,11 @@ impl RotationPlanner {
                 if let (false, Some(shortfall)) = (whole, candidate.refined.shortfall) {
                     limit = shortfall.limit;
                 }
-                let gains = candidate.gain_mps > 0.0;
-                if best.as_ref().is_none_or(|best| candidate.gain_mps > best.gain_mps) {
+                let (gains, keeps) = (candidate.gain_mps > 0.0, candidate.refined.excess_m() == 0.0);
+                if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                     best = Some(candidate);
                 }
-                if whole && left < POOR && gains {
+                if whole && left < POOR && gains && keeps {
                     reach_m *= match left {
                         left if left < GROW.0 => GROW.1,
                         left if left > SHRINK.0 => SHRINK.1,

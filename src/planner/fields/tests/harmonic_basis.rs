@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 
-use super::super::harmonic_basis::SimdF64;
+use super::super::harmonic_basis::{PlateInstant, PlateSlopes, SimdF64};
 use super::*;
 
 const BASE_RADPS: f64 = TAU * 30.0;
@@ -58,15 +58,18 @@ proptest! {
         let basis = basis(harmonics);
         let mut rng = upm_core::random::Streams::new(seed).stream("slopes");
         let mut any = || SimdF64::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
-        let by_motion = [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<SimdF64>>());
+        let mut series = || [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<SimdF64>>());
+        let by_plate = PlateSlopes { by_velocity: series(), by_displacement: series() };
         let motion = basis.motion(&coefficients);
-        let velocities = [
-            motion.iter().map(|plate| plate.velocity_mps.x).collect(),
-            motion.iter().map(|plate| plate.velocity_mps.y).collect(),
-            motion.iter().map(|plate| plate.spin_radps).collect::<Vec<f64>>(),
-        ];
-        let forth: SimdF64 = by_motion.iter().flatten().zip(velocities.iter().flatten()).map(|(a, b)| *a * *b).sum();
-        let slopes: Vec<SimdF64> = basis.slopes(&by_motion).collect();
+        let of = |quantity: fn(&PlateInstant) -> f64| motion.iter().map(quantity).collect::<Vec<f64>>();
+        let velocities =
+            [of(|plate| plate.velocity_mps.x), of(|plate| plate.velocity_mps.y), of(|plate| plate.spin_radps)];
+        let displacements = [of(|plate| plate.offset_m.x), of(|plate| plate.offset_m.y), of(|plate| plate.turn_rad)];
+        let dot = |slopes: &[Vec<SimdF64>; 3], motion: &[Vec<f64>; 3]| -> SimdF64 {
+            slopes.iter().flatten().zip(motion.iter().flatten()).map(|(a, b)| *a * *b).sum()
+        };
+        let forth = dot(&by_plate.by_velocity, &velocities) + dot(&by_plate.by_displacement, &displacements);
+        let slopes: Vec<SimdF64> = basis.slopes(&by_plate).collect();
         prop_assert_eq!(slopes.len(), coefficients.len());
         let back: SimdF64 = slopes.iter().zip(&coefficients).map(|(a, b)| *a * *b).sum();
         prop_assert!((forth - back).to_array().iter().all(|off| off.abs() < 1e-9), "{forth} {back}");

@@ -29,7 +29,7 @@ proptest! {
         let mut library = Library::clone(&upm_2());
         let fields = library.fields.as_mut().unwrap();
         fields.attack_s = periods * TAU / fields.base_radps;
-        let effort = MotorEffort::new(&basis, fields, HALF_SIDE_M).unwrap();
+        let effort = MotorEffort::new(&basis, &library, HALF_SIDE_M).unwrap();
         let mut filled: Vec<f64> = coefficients.iter().map(|c| c * 10f64.powf(before)).collect();
         effort.fill(&basis, &mut filled);
         let ratio = filled[0] / coefficients[0];
@@ -64,7 +64,7 @@ fn a_still_motion_stays_still() {
 
 #[test]
 fn a_plate_that_cannot_be_turned_has_no_strength() {
-    let mut fields = upm_2().fields.clone().unwrap();
-    fields.twist_from_counts[3].row_mut(2).fill(Default::default());
-    assert!(MotorEffort::new(&upm_2_basis(), &fields, HALF_SIDE_M).is_none());
+    let mut library = Library::clone(&upm_2());
+    library.fields.as_mut().unwrap().twist_from_counts[3].row_mut(2).fill(Default::default());
+    assert!(MotorEffort::new(&upm_2_basis(), &library, HALF_SIDE_M).is_none());
 }
