@@ -38,7 +38,7 @@ impl PathStats {
 
     /// Takes the position of a part in a frame.
     pub fn frame(&mut self, at: PlateTime, part: usize, position_m: Vec2) {
-        let Some(path) = self.paths.get(part).and_then(Option::as_ref) else { return };
+        let Some(path) = self.paths.get(part).and_then(Option::as_ref).filter(|path| !path.is_over) else { return };
         let (along_m, off_m) = path.nearest(position_m);
         self.cross_track.push(off_m);
         if self.in_phase && path.lap_m > 0.0 {
@@ -97,7 +97,15 @@ mod tests {
     #[test]
     fn deviation_between_observations_counts() {
         let line = Polyline::new(vec![Vec2::zeros(), Vec2::new(0.1, 0.0)]);
-        let path = PathStretch { line, from_m: 0.2, reference_m: 0.2, speed_mps: 0.02, lap_m: 0.5, corridor_m: 0.001 };
+        let path = PathStretch {
+            line,
+            from_m: 0.2,
+            reference_m: 0.2,
+            speed_mps: 0.02,
+            lap_m: 0.5,
+            corridor_m: 0.001,
+            is_over: false,
+        };
         let mut stats = PathStats::default();
         assert_eq!(stats.report(), PathReport::default());
         let wanted = Setpoints { paths: vec![None, Some(path)], phase_error: vec![0.0; 2], ..Setpoints::default() };

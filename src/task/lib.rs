@@ -84,6 +84,8 @@ pub struct PathStretch {
     pub lap_m: f64,
     /// Largest distance from the line, m.
     pub corridor_m: f64,
+    /// True for a part that waits at the end of its path.
+    pub is_over: bool,
 }
 
 impl PathStretch {

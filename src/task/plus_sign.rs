@@ -205,6 +205,7 @@ impl PlusSign {
         let line = Polyline::new(vec![before_m, self.segment.from_m, self.segment.to_m]);
         let from_m = self.gone_m - (self.segment.from_m - before_m).norm();
         PathStretch {
+            is_over: false,
             line,
             from_m,
             reference_m: self.gone_m,

@@ -317,13 +317,14 @@ impl CurveFollower {
 
     fn stretch(&self, part_m: Vec2, params: &TrajectoriesParams) -> Option<PathStretch> {
         let TrajectoriesParams { lead_m: beyond_m, arrive_m, corridor_m, .. } = *params;
-        if self.lap_m() == 0.0 || self.finished(part_m, arrive_m) {
+        if self.lap_m() == 0.0 {
             return None;
         }
         let from_m = (self.along_m - beyond_m).max(0.0);
         let line = self.lap.stretch(from_m, (self.ahead_m.max(self.along_m) + beyond_m).min(self.end_m));
         let (reference_m, speed_mps) = (self.reference_m, self.speed_mps);
-        Some(PathStretch { line, from_m, reference_m, speed_mps, lap_m: self.lap_m(), corridor_m })
+        let is_over = self.finished(part_m, arrive_m);
+        Some(PathStretch { line, from_m, reference_m, speed_mps, lap_m: self.lap_m(), corridor_m, is_over })
     }
 }
 

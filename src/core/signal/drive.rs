@@ -65,7 +65,8 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The sample of `motor` (index into [`Motor::ALL`](super::Motor::ALL)) at `t_s` after the start, counts, before rounding.
+    /// The sample of `motor` (index into [`Motor::ALL`](super::Motor::ALL)) at `t_s` after the start, counts, before
+    /// rounding.
     #[inline]
     pub fn counts_at(&self, motor: usize, t_s: f64) -> f64 {
         let envelope = &self.envelope;

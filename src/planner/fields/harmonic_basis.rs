@@ -58,7 +58,7 @@ impl PlateSlopes {
 }
 
 impl PlateInstant {
-    /// Under an envelope of `height` and `slope` (1/s), which the displacement follows: `d/dt (env x) = env v + env' x`.
+    /// Under an envelope of `height` and `slope` (1/s) that the displacement follows: `d/dt (env x) = env v + env' x`.
     #[inline]
     pub fn shaped(&self, height: f64, slope: f64) -> Self {
         Self {

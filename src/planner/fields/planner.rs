@@ -249,8 +249,8 @@ impl FieldPlanner {
         }
     }
 
-    /// Improves the last motion and a few of the seed library, then the best of them further; for parts in corridors one
-    /// after another, the last motion first, until one leaves little of the steps.
+    /// Improves the last motion and a few of the seed library, then the best of them further; for parts in corridors
+    /// one after another, the last motion first, until one leaves little of the steps.
     fn best_iterate(&self, problem: &ShootingProblem<'_>, parts: &[PartState], steps: &[Vec2]) -> Iterate {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let is_careful = !problem.corridors.is_empty();

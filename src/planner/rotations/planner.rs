@@ -267,7 +267,7 @@ impl RotationPlanner {
         (want_m, scale): (f64, PulseScale),
     ) -> Option<Vec<Pulse>> {
         let rms_m = rms_m(steps_m.iter().copied());
-        let steps_mm = steps_mm(steps_m.iter().copied());
+        let steps_mm: Vec<f64> = steps_m.iter().flat_map(|step| [1e3 * step.x, 1e3 * step.y]).collect();
         let leave_mm = TIGHTER * 1e3 * want_m * (parts.len() as f64).sqrt();
         let columns = DisplacementMatrix::all(&self.motion_set, parts, room, (rms_m, scale));
         let first = LeastTime::solve(&columns, &steps_mm, leave_mm, &self.prices)?;
@@ -388,10 +388,6 @@ fn safe(refined: &Refined, room: &Clearance) -> usize {
     let (rollout, played): (&SequenceRollout, Clearance) = (&refined.rollout, room.for_playing());
     let breaks = |k: &usize| played.shortfall(rollout.at(*k), rollout.at(k + 1)).is_some();
     (0..rollout.pulses()).find(breaks).unwrap_or(rollout.pulses())
-}
-
-fn steps_mm(steps_m: impl Iterator<Item = Vec2>) -> Vec<f64> {
-    steps_m.flat_map(|step| [1e3 * step.x, 1e3 * step.y]).collect()
 }
 
 fn rms_m(steps_m: impl ExactSizeIterator<Item = Vec2>) -> f64 {

@@ -59,8 +59,8 @@ proptest! {
         prop_assert_eq!(&planner().plan(&parts, &[]), &plan, "the same again");
     }
 
-    /// Alone, a part goes straight: no place after a pulse, nor halfway through one, is outside the corridor. Rarely only
-    /// half of a step is possible so.
+    /// Alone, a part goes straight: no place after a pulse, nor halfway through one, is outside the corridor. Rarely
+    /// only half of a step is possible so.
     #[test]
     fn one_part_stays_in_its_corridor(x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, way in 1.0..12.0f64) {
         let part = penny(mm(x, y), mm(way * angle.cos(), way * angle.sin()));
