@@ -66,7 +66,7 @@ mod tests {
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
     use upm_core::signal::MotorArrangement::Around;
-    use upm_core::signal::{Drive, Envelope, Harmonic, TwistWave};
+    use upm_core::signal::{Drive, Envelope, Follows, Harmonic, TwistWave};
 
     const BASE_RADPS: f64 = 377.0;
     const ENVELOPE: Envelope = Envelope { attack_s: 0.03, sustain_s: 0.1, rest_s: 0.04 };
@@ -134,7 +134,7 @@ mod tests {
             let [a, b, c, d, e, f] = parts;
             let harmonic = TwistHarmonic { cos: Twist::new(a, b, c), sin: Twist::new(d, e, f) };
             let wave = TwistWave { base_radps: BASE_RADPS, harmonics: vec![harmonic; 3] };
-            let drive = library.field_drive(&wave, 0.1).unwrap();
+            let drive = library.field_drive(&wave, Follows::Velocity, 0.1).unwrap();
             prop_assert!(gap(together(&drive, &library.field_coils().unwrap(), t_s), wave.at(t_s)) < 1e-9);
         }
 

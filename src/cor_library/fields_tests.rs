@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::{DisplacementModel, FieldResponse, Library, RigFacts, testing};
 use upm_core::geometry::Twist;
 use upm_core::rig::FieldDriveModel;
-use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
+use upm_core::signal::{Drive, Follows, TwistHarmonic, TwistWave};
 
 const BASE_RADPS: f64 = TAU * 30.0;
 
@@ -71,7 +71,7 @@ proptest! {
         let responses = responses(late_rad, cross);
         let library = library(responses.clone());
         let wave = TwistWave { base_radps: BASE_RADPS, harmonics };
-        let drive = library.field_drive(&wave, 0.2).unwrap();
+        let drive = library.field_drive(&wave, Follows::Velocity, 0.2).unwrap();
         let (found, wanted) = (answer(&drive, &responses, t_s), wave.at(t_s));
         let wanted = wanted.vector();
         prop_assert!((found - wanted).norm() < 1e-9, "{found} {wanted}");
@@ -101,11 +101,14 @@ proptest! {
 fn unmeasured_wave_has_no_drive() {
     let one = TwistWave { base_radps: BASE_RADPS, harmonics: vec![TwistHarmonic::default(); 5] };
     let measured = library(responses(0.1, [0.0; 6]));
-    assert_eq!(measured.field_drive(&one, 0.1), None, "five harmonics of four");
+    assert_eq!(measured.field_drive(&one, Follows::Velocity, 0.1), None, "five harmonics of four");
     let other = TwistWave { base_radps: 1.001 * BASE_RADPS, harmonics: Vec::new() };
-    assert_eq!(measured.field_drive(&other, 0.1), None);
+    assert_eq!(measured.field_drive(&other, Follows::Velocity, 0.1), None);
     let bare = Library { fields: None, ..measured };
-    assert_eq!(bare.field_drive(&TwistWave { base_radps: BASE_RADPS, harmonics: Vec::new() }, 0.1), None);
+    assert_eq!(
+        bare.field_drive(&TwistWave { base_radps: BASE_RADPS, harmonics: Vec::new() }, Follows::Velocity, 0.1),
+        None
+    );
 }
 
 #[test]

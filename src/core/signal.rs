@@ -6,7 +6,7 @@ mod motors;
 mod sensors;
 mod twist_wave;
 
-pub use drive::{Drive, Harmonic, Shaping};
+pub use drive::{Drive, Follows, Harmonic, Shaping};
 pub use envelope::Envelope;
 pub use motors::{MOTORS, Motor, MotorArrangement};
 pub use sensors::{AccelTrace, CHANNEL_NAMES, CHANNELS, Frame, MISSING_SAMPLE, RecordedPulse};

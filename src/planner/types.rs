@@ -1,6 +1,6 @@
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_core::signal::{Drive, TwistWave};
+use upm_core::signal::{Drive, Follows, TwistWave};
 
 /// State of one part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +70,7 @@ impl PlannedPulse {
             Self::Rotation(rotation) => library
                 .drive_with_rest(rotation.entry, rotation.sustain_s, rotation.rest_s)
                 .map(|drive| drive.scaled(rotation.amplitude.copysign(rotation.distance_m))),
-            Self::Field(field) => library.field_drive(&field.wave, field.sustain_s),
+            Self::Field(field) => library.field_drive(&field.wave, field.follows, field.sustain_s),
         }
     }
 }
@@ -96,6 +96,8 @@ pub struct Rotation {
 pub struct FieldPulse {
     /// The plate's velocity at full height.
     pub wave: TwistWave,
+    /// What follows the envelope.
+    pub follows: Follows,
     /// Time at full height, between attack and decay, s.
     pub sustain_s: f64,
 }

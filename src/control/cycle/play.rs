@@ -261,7 +261,7 @@ mod tests {
     fn field(harmonics: usize) -> PlannedPulse {
         let harmonic = TwistHarmonic { cos: Twist::new(0.1, 0.0, 0.0), sin: Twist::ZERO };
         let wave = TwistWave { base_radps: BASE_RADPS, harmonics: vec![harmonic; harmonics] };
-        PlannedPulse::Field(FieldPulse { wave, sustain_s: 0.1 })
+        PlannedPulse::Field(FieldPulse { wave, follows: Default::default(), sustain_s: 0.1 })
     }
 
     #[test]

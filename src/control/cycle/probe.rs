@@ -39,7 +39,11 @@ impl ControlCycle<'_> {
 
     fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitFault>> {
         let drive = expected.drive;
-        let planned = PlannedPulse::Field(FieldPulse { wave: expected.wave(), sustain_s: drive.envelope.sustain_s });
+        let planned = PlannedPulse::Field(FieldPulse {
+            wave: expected.wave(),
+            follows: upm_core::signal::Follows::Displacement,
+            sustain_s: drive.envelope.sustain_s,
+        });
         let (started_at, before_m) = (self.rig.now(), self.perception.positions_m());
         self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
         flow(self.rig.play(drive))?;

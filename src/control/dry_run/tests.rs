@@ -289,7 +289,8 @@ fn a_field_carries_parts_as_forecast_with_their_own_friction() {
         FieldResponse { base_radps: 200.0, attack_s: 0.06, rest_s: 0.07, limit_counts: 1.0, twist_from_counts: vec![] };
     made.fields = Some(fields);
     let (starts_m, way_m) = ([Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.0)], Vec2::new(0.0, 0.01));
-    let pulse = PlannedPulse::Field(FieldPulse { wave: Default::default(), sustain_s: 0.1 });
+    let pulse =
+        PlannedPulse::Field(FieldPulse { wave: Default::default(), follows: Default::default(), sustain_s: 0.1 });
     let made = Arc::new(made);
     let mut scattered = Vec::new();
     for number in 0..400 {
@@ -335,7 +336,7 @@ fn plate_is_off_its_command_by_the_same_share_in_every_pulse() {
     let pulse = |x: f64| {
         let harmonic = TwistHarmonic { cos: Twist::new(x, 0.0, 0.0), sin: Twist::ZERO };
         let wave = TwistWave { base_radps, harmonics: vec![harmonic] };
-        PlannedPulse::Field(FieldPulse { wave, sustain_s: 0.1 })
+        PlannedPulse::Field(FieldPulse { wave, follows: Default::default(), sustain_s: 0.1 })
     };
     let mut squares = 0.0;
     for number in 0..200 {

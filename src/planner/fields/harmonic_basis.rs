@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 pub(super) use wide::f64x8 as SimdF64;
 
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{TwistHarmonic, TwistWave};
+use upm_core::signal::{Follows, TwistHarmonic, TwistWave};
 
 /// Steps in the period of the highest harmonic.
 const STEPS: usize = 8;
@@ -23,6 +23,8 @@ const STRIDE: usize = 4;
 pub(super) struct HarmonicBasis {
     base_radps: f64,
     half_side_m: f64,
+    /// What follows the envelope of a motion.
+    pub follows: Follows,
     /// Number of harmonics.
     pub harmonics: usize,
     /// Phases of a period.
@@ -58,7 +60,8 @@ impl PlateSlopes {
 }
 
 impl PlateInstant {
-    /// Under an envelope of `height` and `slope` (1/s) that the displacement follows: `d/dt (env x) = env v + env' x`.
+    /// Under an envelope of `height` and, where the displacement follows it, `slope` (1/s): `d/dt (env x) = env v + env'
+    /// x`.
     #[inline]
     pub fn shaped(&self, height: f64, slope: f64) -> Self {
         Self {
@@ -75,9 +78,11 @@ impl HarmonicBasis {
         Self::sampled(base_radps, harmonics, half_side_m, STEPS)
     }
 
-    /// The same motions in steps half as long.
-    pub fn finer(&self) -> Self {
-        Self::sampled(self.base_radps, self.harmonics, self.half_side_m, 2 * STEPS)
+    /// The same motions, played and forecast more exactly: the displacement follows the envelope, and steps are half as
+    /// long, since longer ones err to the side by a few hundredths of a part's step.
+    pub fn for_paths(&self) -> Self {
+        let fine = Self::sampled(self.base_radps, self.harmonics, self.half_side_m, 2 * STEPS);
+        Self { follows: Follows::Displacement, ..fine }
     }
 
     fn sampled(base_radps: f64, harmonics: usize, half_side_m: f64, steps: usize) -> Self {
@@ -90,7 +95,7 @@ impl HarmonicBasis {
             })
         };
         let table = (0..=samples / 2).flat_map(row).collect();
-        Self { base_radps, half_side_m, harmonics, samples, table }
+        Self { base_radps, half_side_m, follows: Follows::Velocity, harmonics, samples, table }
     }
 
     /// Coefficients of one axis.

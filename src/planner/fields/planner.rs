@@ -13,7 +13,7 @@ use crate::friction::friction_of;
 use crate::{Corridor, FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_core::signal::Envelope;
+use upm_core::signal::{Envelope, Follows};
 
 /// Motions of the seed library that are tried beside the last one; rounds of improvement of each, and of the best of
 /// them.
@@ -60,8 +60,8 @@ pub struct FieldPlanner {
     attack_s: f64,
     rest_s: f64,
     basis: HarmonicBasis,
-    /// For parts in corridors: coarse steps err to the side by a few hundredths of a step.
-    fine_basis: HarmonicBasis,
+    /// For parts in corridors.
+    path_basis: HarmonicBasis,
     effort: MotorEffort,
     seeds: SeedLibrary,
     friction: f64,
@@ -98,7 +98,7 @@ impl FieldPlanner {
             params,
             attack_s,
             rest_s,
-            fine_basis: basis.finer(),
+            path_basis: basis.for_paths(),
             basis,
             effort,
             seeds,
@@ -171,8 +171,9 @@ impl FieldPlanner {
     /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
         let mut rollout = Rollout::default();
-        let coefficients = self.basis.coefficients(&pulse.wave);
-        rollout.run(&self.basis, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
+        let basis = if pulse.follows == Follows::Velocity { &self.basis } else { &self.path_basis };
+        let coefficients = basis.coefficients(&pulse.wave);
+        rollout.run(basis, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
         rollout.ends_m
     }
 
@@ -193,7 +194,7 @@ impl FieldPlanner {
         let envelope = self.envelope(self.sustain_s(wanted_m));
         let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = ShootingProblem {
-            basis: if corridors.is_empty() { &self.basis } else { &self.fine_basis },
+            basis: if corridors.is_empty() { &self.basis } else { &self.path_basis },
             effort: &self.effort,
             discs: &discs,
             steps_m: &steps_m,
@@ -212,7 +213,8 @@ impl FieldPlanner {
         let predicted_m = vec![iterate.rollout.ends_m.clone()];
         self.promised_m.clone_from(&iterate.rollout.ends_m);
         let wave = self.basis.wave(&iterate.coefficients);
-        let pulse = PlannedPulse::Field(FieldPulse { wave, sustain_s: envelope.sustain_s });
+        let pulse =
+            PlannedPulse::Field(FieldPulse { wave, follows: free.basis.follows, sustain_s: envelope.sustain_s });
         let corridor_excess = iterate.corridor_excess(corridors);
         self.learn_reach(wanted_m, left, !corridors.is_empty());
         self.last = Some(iterate.coefficients.clone());

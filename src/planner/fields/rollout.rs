@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 
 use super::harmonic_basis::{HarmonicBasis, PlateInstant, PlateSlopes, SimdF64};
 use upm_core::geometry::Vec2;
-use upm_core::signal::Envelope;
+use upm_core::signal::{Envelope, Follows};
 use upm_core::units::GRAVITY_MPS2;
 
 /// κ, see the module: `f(1) = 1/sqrt(1 + κ) = 8/(3π)`.
@@ -53,7 +53,7 @@ pub(super) struct Rollout {
 #[derive(Clone, Copy, Debug)]
 struct PlateStep {
     phase: usize,
-    /// Height of the envelope and its slope, 1/s.
+    /// Height of the envelope and, where the displacement follows it, its slope, 1/s.
     height: f64,
     slope: f64,
     plate: PlateInstant,
@@ -93,7 +93,8 @@ impl Rollout {
         self.steps.clear();
         self.steps.extend(basis.phases().take(count).enumerate().map(|(k, phase)| {
             let t_s = (k as f64 + 0.5) * dt;
-            let (height, slope) = (envelope.at(t_s), envelope.slope(t_s));
+            let height = envelope.at(t_s);
+            let slope = if basis.follows == Follows::Displacement { envelope.slope(t_s) } else { 0.0 };
             PlateStep { phase, height, slope, plate: motion[phase].shaped(height, slope) }
         }));
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);

@@ -19,7 +19,7 @@ use super::rollout::{Rollout, RolloutDisc};
 use crate::fixture::PENNY_M;
 use upm_cor_library::Library;
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{Envelope, TwistWave};
+use upm_core::signal::{Envelope, Follows, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
 
 /// Half the side of upm-2's plate, m.
@@ -78,7 +78,7 @@ const FINE_S: f64 = 10e-6;
 
 /// Position where a point started at `position_m` comes to rest under Coulomb's law: friction of `μ m g` against the
 /// slip, or just enough to stay at the plate's speed when that is less. The plate's offset is integrated step by step.
-fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
+fn point_end(wave: &TwistWave, follows: Follows, envelope: &Envelope, position_m: Vec2, friction: f64) -> Vec2 {
     let most_mps = friction * GRAVITY_MPS2 * FINE_S;
     let displacement = |t_s: f64| {
         (1..).zip(&wave.harmonics).fold(Twist::ZERO, |sum, (k, harmonic)| {
@@ -91,7 +91,8 @@ fn point_end(wave: &TwistWave, envelope: &Envelope, position_m: Vec2, friction: 
     for k in 0..(envelope.driven_s() / FINE_S).round() as usize {
         let t_s = (k as f64 + 0.5) * FINE_S;
         let offset = displacement(t_s);
-        let plate = wave.at(t_s) * envelope.at(t_s) + offset * envelope.slope(t_s);
+        let slope = if follows == Follows::Displacement { envelope.slope(t_s) } else { 0.0 };
+        let plate = wave.at(t_s) * envelope.at(t_s) + offset * slope;
         let slip = plate.velocity_at(p - offset.velocity_mps * envelope.at(t_s)) - v;
         v += slip * (most_mps / slip.norm().max(most_mps));
         p += v * FINE_S;

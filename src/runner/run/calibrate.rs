@@ -70,7 +70,7 @@ mod tests {
     use std::f64::consts::TAU;
     use std::path::PathBuf;
     use upm_core::geometry::Twist;
-    use upm_core::signal::{Drive, TwistHarmonic, TwistWave};
+    use upm_core::signal::{Drive, Follows, TwistHarmonic, TwistWave};
     use upm_sim::Plant;
 
     /// A small calibration of a shipped rig under a camera with a quarter of the pixels: nine centres on the plate, a
@@ -201,7 +201,7 @@ mod tests {
             };
             let harmonics = (1..=8).map(&mut harmonic).collect();
             let wave = TwistWave { base_radps: fields.base_radps, harmonics };
-            let drive = library.field_drive(&wave, 0.25).unwrap();
+            let drive = library.field_drive(&wave, Follows::Velocity, 0.25).unwrap();
             assert!(drive.peak_counts() < fields.limit_counts, "{}", drive.peak_counts());
             let found = true_velocity(&rig, &drive);
             for (k, (found, wanted)) in found.iter().zip(&wave.harmonics).enumerate() {

@@ -107,7 +107,7 @@ mod tests {
     fn field_is_described_by_harmonics_sustain_and_strongest_speed() {
         // ½ + 1 of the amplitude at the corner farthest from the centre, half a period after the start
         let wave = TwistWave::pump(Twist::about(Vec2::new(0.1, 0.1), 2.0), std::f64::consts::TAU * 30.0);
-        let words = field(&FieldPulse { wave, sustain_s: 0.12 }, 0.1);
+        let words = field(&FieldPulse { wave, follows: Default::default(), sustain_s: 0.12 }, 0.1);
         assert_eq!(words, "a field of 2 harmonics of 30.0 Hz for 120 ms, up to 0.85 m/s");
     }
 }

@@ -10,7 +10,7 @@ use upm_core::signal::Drive;
 const EFFORT: f64 = 0.99;
 
 fn drive(basis: &HarmonicBasis, coefficients: &[f64], sustain_s: f64) -> Drive {
-    upm_2().field_drive(&basis.wave(coefficients), sustain_s).unwrap()
+    upm_2().field_drive(&basis.wave(coefficients), basis.follows, sustain_s).unwrap()
 }
 
 fn limit_counts() -> f64 {
@@ -23,9 +23,9 @@ proptest! {
     /// For any initial scale and any flanks, the strongest sample of the drive equals the motion's share of the limit.
     #[test]
     fn a_filled_motion_plays_up_to_its_share_of_the_limit(
-        coefficients in motion(8), before in -3.0..3.0f64, periods in 0.5..3.0f64,
+        coefficients in motion(8), before in -3.0..3.0f64, periods in 0.5..3.0f64, on_path: bool,
     ) {
-        let basis = upm_2_basis();
+        let basis = if on_path { upm_2_basis().for_paths() } else { upm_2_basis() };
         let mut library = Library::clone(&upm_2());
         let fields = library.fields.as_mut().unwrap();
         fields.attack_s = periods * TAU / fields.base_radps;
@@ -35,7 +35,7 @@ proptest! {
         let ratio = filled[0] / coefficients[0];
         prop_assert!(ratio > 0.0, "the motion is made larger or smaller, not another");
         prop_assert!(filled.iter().zip(&coefficients).all(|(f, c)| (f - c * ratio).abs() < 1e-9 * ratio));
-        let drive = library.field_drive(&basis.wave(&filled), 0.1).unwrap();
+        let drive = library.field_drive(&basis.wave(&filled), basis.follows, 0.1).unwrap();
         let share = drive.peak_counts() / limit_counts();
         prop_assert!(share > 0.999 * EFFORT && share < 1.006 * EFFORT, "{share}");
     }

@@ -103,7 +103,7 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
     };
     assert_eq!(plan.status, PlanStatus::Solved);
     assert!((0.0..=limits.max_sustain_s).contains(&pulse.sustain_s), "{}", pulse.sustain_s);
-    let peak_counts = library.field_drive(&pulse.wave, pulse.sustain_s).unwrap().peak_counts();
+    let peak_counts = library.field_drive(&pulse.wave, pulse.follows, pulse.sustain_s).unwrap().peak_counts();
     assert!(peak_counts <= library.fields.as_ref().unwrap().limit_counts, "{peak_counts}");
 
     let forecast_m = planner.forecast(parts, pulse);

@@ -176,7 +176,7 @@ proptest! {
 #[test]
 fn points_end_as_coulombs_law_in_fine_steps_predicts() {
     use rand::RngExt as _;
-    for (basis, most, most_m) in [(upm_2_basis(), 0.012, 0.4e-3), (upm_2_basis().finer(), 0.007, 0.25e-3)] {
+    for (basis, most, most_m) in [(upm_2_basis(), 0.012, 0.3e-3), (upm_2_basis().for_paths(), 0.007, 0.25e-3)] {
         let mut rng = upm_core::random::Streams::new(1).stream("points");
         let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
         for _ in 0..48 {
@@ -186,7 +186,7 @@ fn points_end_as_coulombs_law_in_fine_steps_predicts() {
             let discs = [0; 4].map(|_| point(Vec2::new(rng.random_range(-0.14..0.14), rng.random_range(-0.14..0.14))));
             let wave = basis.wave(&coefficients);
             for (end_m, disc) in ends(&basis, &coefficients, &envelope, &discs).iter().zip(discs) {
-                let fine_m = point_end(&wave, &envelope, disc.position_m, FRICTION);
+                let fine_m = point_end(&wave, basis.follows, &envelope, disc.position_m, FRICTION);
                 off_sq += (end_m - fine_m).norm_squared();
                 went_sq += (fine_m - disc.position_m).norm_squared();
                 worst_m = worst_m.max((end_m - fine_m).norm());
