@@ -94,8 +94,8 @@ fn shipped_jobs_complete_and_no_guard_fires() {
     assert!(results().len() >= 19, "jobs are where they are looked for");
     for (name, JobResult { report, .. }) in results() {
         assert_eq!(report["outcome"], "completed", "{name}: {}", report["reason"]);
-        // a hold whose plate is not knocked, every 1.5 s on average, would complete without any pulse
-        assert!(name != "`hold-4`" || report["pulses"].as_u64() > Some(10), "{}", report["pulses"]);
+        // a hold whose plate is not knocked would complete without any pulse
+        assert!(name != "`hold-4`" || report["pulses"].as_u64() > Some(20), "{}", report["pulses"]);
         assert!([&Value::Null, &json!([])].contains(&&report["guards"]), "{name}: {}", report["guards"]);
     }
 }

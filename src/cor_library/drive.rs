@@ -10,7 +10,7 @@ const SAME: f64 = 1e-6;
 
 /// The drive that plays the amplitudes X1, X2, Y1, Y2 (counts) of motors that stand as `arrangement` says with the
 /// waveforms of x, y and spin, such that the displacement of a plate with the response `plate` follows the envelope
-/// ([`Shaping::Flanks`]).
+/// ([`Shaping::Displacement`]).
 ///
 /// The four amplitudes are three axis amplitudes, of motors around the plate `f_x = X1 - X2`, `f_y = Y1 - Y2` and
 /// `S = (Y1 + Y2) - (X1 + X2)` (torque over lever arm, Eq. 7), and a fourth combination `X1 + X2 + Y1 + Y2` that only
@@ -27,8 +27,7 @@ pub fn drive_for(
     let [x1, x2, y1, y2] = arrangement.turned(amplitudes).map(f64::from);
     let axes = [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)];
     let force = |k: usize| Vector3::from_fn(|axis, _| shapes[axis].0[k].phasor() * axes[axis]);
-    let part =
-        |force: Vector3<Complex<f64>>, k: f64| (force, plate.flanks(Follows::Displacement, &force, k * base_radps));
+    let part = |force: Vector3<Complex<f64>>, k: f64| (force, plate.flanks(&force, k * base_radps));
     let parts = [part(force(0), 1.0), part(force(1), 2.0)];
     shaped_drive(arrangement, parts, base_radps, envelope)
 }
@@ -52,48 +51,25 @@ pub(crate) fn shaped_drive(
             flanks[motor][1].push(curvature[motor]);
         }
     }
-    drive.shaping = Shaping::Flanks(flanks);
+    drive.shaping = Shaping::Displacement(flanks);
     drive
 }
 
 impl PlateResponse {
-    /// Z(s) = s² + 2ζω₀s + ω₀² of `axis`.
-    fn impedance(&self, axis: usize, s: Complex<f64>) -> Complex<f64> {
-        let natural_radps = self.natural_radps[axis];
-        s * s + s * (2.0 * self.damping_ratio[axis] * natural_radps) + natural_radps * natural_radps
-    }
-
-    /// Z'(s)/Z(s) and 1/Z(s) at `s = j rate`. Multiplied by the phasor of a steady force they are the factors of the
-    /// envelope's slope and curvature with which the displacement follows it: `Z(d/dt)(env x)`.
+    /// With Z(s) = s² + 2ζω₀s + ω₀² of `axis` at `s = j rate`: Z'(s)/Z(s) and 1/Z(s). Multiplied by the phasor of a
+    /// steady force they are the factors of the envelope's slope and curvature.
     pub(crate) fn flank_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
+        let (natural_radps, ratio) = (self.natural_radps[axis], self.damping_ratio[axis]);
         let s = Complex::new(0.0, rate_radps);
-        let damping = 2.0 * self.damping_ratio[axis] * self.natural_radps[axis];
-        let inverse = self.impedance(axis, s).inv();
+        let damping = 2.0 * ratio * natural_radps;
+        let inverse = (s * s + s * damping + natural_radps * natural_radps).inv();
         [(s * 2.0 + damping) * inverse, inverse]
     }
 
-    /// The same for a velocity that follows the envelope. The displacement is then `∫ env v = env x - env' x/s + env''
-    /// x/s²`, but for the corners of the slope, so the factors are `(s - ω₀²/s)/Z(s)` and `ω₀²/(s² Z(s))`. The motion
-    /// keeps its shape on the flanks, and with it the direction of the pull, which does not depend on its size.
-    fn velocity_factors(&self, axis: usize, rate_radps: f64) -> [Complex<f64>; 2] {
-        let s = Complex::new(0.0, rate_radps);
-        let (spring, inverse) = (self.natural_radps[axis].powi(2), self.impedance(axis, s).inv());
-        [(s - s.inv() * spring) * inverse, inverse * spring / (s * s)]
-    }
-
     /// The forces on the envelope's slope (counts·s) and curvature (counts·s²) of x, y and spin beside the steady
-    /// `force` (counts) at `rate_radps`; see [`Shaping::Flanks`].
-    pub fn flanks(
-        &self,
-        follows: Follows,
-        force: &Vector3<Complex<f64>>,
-        rate_radps: f64,
-    ) -> [Vector3<Complex<f64>>; 2] {
-        let factors = |axis: usize| match follows {
-            Follows::Velocity => self.velocity_factors(axis, rate_radps),
-            Follows::Displacement => self.flank_factors(axis, rate_radps),
-        };
-        [0, 1].map(|i| Vector3::from_fn(|axis, _| force[axis] * factors(axis)[i]))
+    /// `force` (counts) at `rate_radps`; see [`Shaping::Displacement`].
+    pub fn flanks(&self, force: &Vector3<Complex<f64>>, rate_radps: f64) -> [Vector3<Complex<f64>>; 2] {
+        [0, 1].map(|i| Vector3::from_fn(|axis, _| force[axis] * self.flank_factors(axis, rate_radps)[i]))
     }
 }
 
@@ -127,9 +103,9 @@ impl Library {
         let forces = harmonics.map(|(harmonic, twist_from_counts)| axis_counts(twist_from_counts, harmonic));
         let forces: Vec<_> = forces.collect::<Option<_>>()?;
         let (plate, envelope) = (self.plate.unwrap_or_default(), Envelope { attack_s, sustain_s, rest_s });
-        let parts =
-            (1..).zip(forces).map(|(k, force)| (force, plate.flanks(follows, &force, f64::from(k) * base_radps)));
-        Some(shaped_drive(self.motor_arrangement, parts, base_radps, envelope))
+        let parts = (1..).zip(forces).map(|(k, force)| (force, plate.flanks(&force, f64::from(k) * base_radps)));
+        let drive = shaped_drive(self.motor_arrangement, parts, base_radps, envelope);
+        Some(if follows == Follows::Velocity { Drive { shaping: Shaping::Velocity, ..drive } } else { drive })
     }
 
     /// Delay of a pulse's envelope on the plate against its wave, s: the delay of the motors. The waveforms of x, y and

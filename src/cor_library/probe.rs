@@ -5,7 +5,7 @@ use nalgebra::{Complex, Vector3};
 use super::drive::shaped_drive;
 use super::{CoilResponse, Library, motor_harmonics};
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{Drive, Envelope, Follows, MOTORS};
+use upm_core::signal::{Drive, Envelope, MOTORS};
 
 /// Force phasors of x, y and spin. The spin is a quarter period ahead, so that all coils play equal amplitudes.
 const AXES: [Complex<f64>; 3] = [Complex::new(1.0, 0.0), Complex::new(1.0, 0.0), Complex::new(0.0, 2.0)];
@@ -42,12 +42,8 @@ impl Library {
         let sustain_s = LEAST_SUSTAIN_S.max(PERIODS * std::f64::consts::TAU / base_radps);
         let envelope = Envelope { attack_s, sustain_s, rest_s };
         let plate = self.plate.unwrap_or_default();
-        let drive = shaped_drive(
-            self.motor_arrangement,
-            [(force, plate.flanks(Follows::Displacement, &force, base_radps))],
-            base_radps,
-            envelope,
-        );
+        let drive =
+            shaped_drive(self.motor_arrangement, [(force, plate.flanks(&force, base_radps))], base_radps, envelope);
         Some((drive, coils))
     }
 

@@ -96,7 +96,7 @@ pub struct Rotation {
 pub struct FieldPulse {
     /// The plate's velocity at full height.
     pub wave: TwistWave,
-    /// What follows the envelope.
+    /// The quantity that follows the envelope.
     pub follows: Follows,
     /// Time at full height, between attack and decay, s.
     pub sustain_s: f64,

@@ -41,18 +41,18 @@ pub enum Shaping {
     /// periods leaves no offset behind; a shorter one does, which decays in a swing on the rods.
     #[default]
     Velocity,
-    /// The displacement or the velocity of the plate on its rods: the motors play `env f + env' g + env'' c`, for each
-    /// motor the harmonics of g (counts·s) and of c (counts·s²). With Z(s) = m s² + b s + k (UPM paper, Eq. 33) and the
-    /// steady displacement x under f, the displacement follows the envelope with g = Z'(d/dt) x and `c = m x`, by
-    /// `Z(d/dt)(env x)`; the plate is then at rest after the pulse, however short the flank.
-    Flanks([[Vec<Harmonic>; 2]; MOTORS]),
+    /// The displacement of the plate on its rods. With Z(s) = m s² + b s + k (UPM paper, Eq. 33) and the steady
+    /// displacement x under f the motors play `Z(d/dt)(env x) = env f + env' g + env'' c`, with g = Z'(d/dt) x and
+    /// `c = m x`: for each motor the harmonics of g (counts·s) and of c (counts·s²). The plate is at rest after the
+    /// pulse, however short the flank.
+    Displacement([[Vec<Harmonic>; 2]; MOTORS]),
 }
 
-/// What follows the envelope of a synthesised motion.
+/// The quantity of a synthesised motion that follows the envelope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Follows {
-    /// The plate's velocity: the motion keeps its shape on the flanks, and with it the direction of the pull, which does
-    /// not depend on its size.
+    /// The plate's velocity: the motion keeps its shape on the flanks, and with it the direction of the pull, which
+    /// does not depend on its size.
     #[default]
     Velocity,
     /// Its displacement: the plate stays about its place and is at rest there after the pulse, so that a forecast is
@@ -100,7 +100,7 @@ impl Drive {
         let harmonics = &self.motors[motor];
         match &self.shaping {
             Shaping::Velocity => [sum_at(harmonics, sin_cos), self.momentum_at(harmonics, sin_cos), 0.0],
-            Shaping::Flanks(flanks) => {
+            Shaping::Displacement(flanks) => {
                 let [slope, curvature] = &flanks[motor];
                 [harmonics, slope, curvature].map(|of| sum_at(of, sin_cos))
             }
@@ -138,7 +138,7 @@ impl Drive {
             *harmonic = Harmonic { cos: factor * harmonic.cos, sin: factor * harmonic.sin };
         };
         self.motors.iter_mut().flatten().for_each(scale);
-        if let Shaping::Flanks(flanks) = &mut self.shaping {
+        if let Shaping::Displacement(flanks) = &mut self.shaping {
             flanks.iter_mut().flatten().flatten().for_each(scale);
         }
         self

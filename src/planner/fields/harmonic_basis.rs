@@ -23,7 +23,7 @@ const STRIDE: usize = 4;
 pub(super) struct HarmonicBasis {
     base_radps: f64,
     half_side_m: f64,
-    /// What follows the envelope of a motion.
+    /// The quantity that follows the envelope.
     pub follows: Follows,
     /// Number of harmonics.
     pub harmonics: usize,
@@ -60,8 +60,8 @@ impl PlateSlopes {
 }
 
 impl PlateInstant {
-    /// Under an envelope of `height` and, where the displacement follows it, `slope` (1/s): `d/dt (env x) = env v + env'
-    /// x`.
+    /// Under an envelope of `height` and, where the displacement follows it, of `slope` (1/s):
+    /// `d/dt (env x) = env v + env' x`.
     #[inline]
     pub fn shaped(&self, height: f64, slope: f64) -> Self {
         Self {
@@ -114,6 +114,12 @@ impl HarmonicBasis {
     #[inline]
     pub fn step_s(&self) -> f64 {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
+    }
+
+    /// Slip below which friction is smoothed to zero, m/s: about two thirds of the speed that friction changes in a step.
+    #[inline]
+    pub fn smoothing_mps(&self) -> f64 {
+        if self.follows == Follows::Velocity { 1e-3 } else { 0.5e-3 }
     }
 
     /// Index of the phase at every step, from the first on.

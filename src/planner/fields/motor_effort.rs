@@ -5,7 +5,7 @@ use wide::f64x4;
 
 use super::harmonic_basis::{HarmonicBasis, SimdF64};
 use upm_cor_library::{Library, motor_harmonics};
-use upm_core::signal::{Envelope, Follows, Harmonic, MOTORS};
+use upm_core::signal::{Envelope, Follows, MOTORS};
 
 /// Fraction of the motors' limit that a motion fills. The peak is sampled at least 32 times in the period of the
 /// highest harmonic; between two samples it rises by half a percent at most.
@@ -17,8 +17,7 @@ pub(super) struct MotorEffort {
     /// Axis amplitudes (counts) from velocity phasors (m/s; spin as the speed half a side out), for each harmonic.
     counts_from_motion: Vec<Matrix3<Complex<f64>>>,
     /// Forces on the envelope's slope and curvature for one of x, y and spin, for each harmonic.
-    velocity_flanks: Vec<[Vector3<Complex<f64>>; 2]>,
-    displacement_flanks: Vec<[Vector3<Complex<f64>>; 2]>,
+    flanks: Vec<[Vector3<Complex<f64>>; 2]>,
     limit_counts: f64,
     /// Envelope of a pulse; its flanks are the same for every sustain.
     envelope: Envelope,
@@ -45,18 +44,8 @@ impl MotorEffort {
         let weights = (0..basis.len()).map(price).collect();
         let envelope = Envelope { attack_s: fields.attack_s, ..Envelope::default() };
         let unit = Vector3::repeat(Complex::from(1.0));
-        let flanks = |follows: Follows| {
-            (1..=basis.harmonics).map(|k| plate.flanks(follows, &unit, k as f64 * fields.base_radps)).collect()
-        };
-        let [velocity_flanks, displacement_flanks] = [Follows::Velocity, Follows::Displacement].map(flanks);
-        Some(Self {
-            counts_from_motion,
-            velocity_flanks,
-            displacement_flanks,
-            limit_counts: fields.limit_counts,
-            envelope,
-            weights,
-        })
+        let flanks = (1..=basis.harmonics).map(|k| plate.flanks(&unit, k as f64 * fields.base_radps)).collect();
+        Some(Self { counts_from_motion, flanks, limit_counts: fields.limit_counts, envelope, weights })
     }
 
     /// `sqrt(Σ weight c²)`.
@@ -78,20 +67,21 @@ impl MotorEffort {
     /// Largest sample of any motor in a pulse, its flanks included, counts.
     fn peak_counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> f64 {
         let n = basis.per_axis();
-        let flanks = match basis.follows {
-            Follows::Velocity => &self.velocity_flanks,
-            Follows::Displacement => &self.displacement_flanks,
-        };
         let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
                 |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
             let force = counts * Vector3::new(phasor(0), phasor(1), phasor(2));
-            let [slope, curvature] = flanks[k - 1].map(|flank| flank.component_mul(&force));
-            let [force, slope, curvature] = [force, slope, curvature].map(|counts| motor_harmonics(&counts));
-            let parts = |of_motors: [Harmonic; MOTORS], i: usize| of_motors.map(|h| [h.cos, h.sin][i]);
+            let [slope, curvature] = self.flanks[k - 1].map(|flank| flank.component_mul(&force));
+            let forces_of = |counts: Vector3<Complex<f64>>| motor_harmonics(&counts).map(|h| [h.cos, h.sin]);
+            let [force, slope, curvature] = [force, slope, curvature].map(forces_of);
+            let momentum = force.map(|force| basis.integral(force, k));
+            let (slope, curvature) = match basis.follows {
+                Follows::Velocity => (momentum, [[0.0; 2]; MOTORS]),
+                Follows::Displacement => (slope, curvature),
+            };
             [0, 1].map(|i| {
-                let [[a, b, c, d], [e, f, g, h]] = [parts(force, i), parts(slope, i)];
-                let [j, k, l, m] = parts(curvature, i);
+                let [[a, b, c, d], [e, f, g, h]] = [force, slope].map(|of_motors| of_motors.map(|parts| parts[i]));
+                let [j, k, l, m] = curvature.map(|parts| parts[i]);
                 [SimdF64::from([a, b, c, d, e, f, g, h]), SimdF64::from([j, k, l, m, 0.0, 0.0, 0.0, 0.0])]
             })
         };

@@ -35,7 +35,7 @@ fn abrupt(sustain_s: f64) -> Envelope {
 /// Largest difference between the slopes of the ends and central differences, as a part of the largest slope.
 fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> f64 {
     const H_MPS: f64 = 1e-6;
-    let basis = upm_2_basis();
+    let basis = upm_2_basis().for_paths();
     let mut rollout = Rollout::default();
     rollout.run(&basis, coefficients, envelope, discs);
     let (mut largest, mut worst) = (0.0f64, 0.0f64);
@@ -80,7 +80,7 @@ proptest! {
     /// Slopes of places under way are those of the ends of the same steps, less the coasting: by central differences.
     #[test]
     fn slopes_under_way_are_central_differences(coefficients in motion(8), discs in many_coins(), half in 0.2..0.9f64) {
-        let (basis, envelope) = (upm_2_basis(), upm_2_envelope(0.1));
+        let (basis, envelope) = (upm_2_basis().for_paths(), upm_2_envelope(0.1));
         let coefficients = full(&basis, &coefficients);
         let run = |coefficients: &[f64]| {
             let mut rollout = Rollout::default();
@@ -155,7 +155,8 @@ proptest! {
         }
     }
 
-    /// Twice the friction under twice the speeds on a plate twice as large gives the same course twice as large.
+    /// Twice the friction under twice the speeds on a plate twice as large gives the same course twice as large, except
+    /// for the fixed slip ε of the friction law.
     #[test]
     fn frictions_scale(coefficients in motion(8), p in place(), sustain_s in 0.0..0.2f64, scale in 0.5..2.0f64) {
         let small = upm_2_basis();
@@ -168,7 +169,7 @@ proptest! {
         let went_m = ends(&small, &coefficients, &envelope, &[one])[0] - p;
         let other_went_m = ends(&large, &faster, &envelope, &[other])[0] - p * scale;
         let off_m = (other_went_m / scale - went_m).norm();
-        prop_assert!(off_m < 1e-9, "{went_m} {other_went_m}");
+        prop_assert!(off_m < 0.25e-3, "{went_m} {other_went_m}");
     }
 }
 

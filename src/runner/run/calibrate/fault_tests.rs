@@ -38,7 +38,7 @@ impl AlteredRig {
 fn scale_coil(drive: &mut Drive, coil: usize, factor: f64) {
     let Drive { motors, shaping, .. } = drive;
     let flanks = match shaping {
-        Shaping::Flanks(flanks) => &mut flanks[coil][..],
+        Shaping::Displacement(flanks) => &mut flanks[coil][..],
         Shaping::Velocity => &mut [],
     };
     for harmonic in motors[coil].iter_mut().chain(flanks.iter_mut().flatten()) {
@@ -48,7 +48,7 @@ fn scale_coil(drive: &mut Drive, coil: usize, factor: f64) {
 
 fn swap_coils(drive: &mut Drive, a: usize, b: usize) {
     drive.motors.swap(a, b);
-    if let Shaping::Flanks(flanks) = &mut drive.shaping {
+    if let Shaping::Displacement(flanks) = &mut drive.shaping {
         flanks.swap(a, b);
     }
 }
