@@ -116,7 +116,7 @@ impl HarmonicBasis {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
     }
 
-    /// Slip below which friction is smoothed to zero, m/s: about two thirds of the speed that friction changes in a step.
+    /// Slip below which friction is smoothed to zero, m/s: two thirds of the speed that friction changes in a step.
     #[inline]
     pub fn smoothing_mps(&self) -> f64 {
         if self.follows == Follows::Velocity { 1e-3 } else { 0.5e-3 }
