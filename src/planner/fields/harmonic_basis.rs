@@ -210,7 +210,7 @@ impl HarmonicBasis {
                 let [of_cos, of_sin] = by_integral.map(|slope| slope / (k as f64 * self.base_radps));
                 [cos + of_sin, sin - of_cos].map(|slope| slope * scales[axis])
             };
-            (1..).zip(by_velocity.into_iter().zip(by_displacement)).map(of_harmonic).flatten().collect::<Vec<_>>()
+            (1..).zip(by_velocity.into_iter().zip(by_displacement)).flat_map(of_harmonic).collect::<Vec<_>>()
         };
         [0, 1, 2].into_iter().flat_map(of_axis)
     }
