@@ -4,7 +4,6 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{Library, RawFieldResponse, RawLibrary};
-use upm_core::signal::MotorArrangement;
 use upm_document::{Diagnostic, parse, text_of};
 
 impl Library {
@@ -17,7 +16,7 @@ impl Library {
         for (key, value) in [("rig", json(&raw.rig)), ("fingerprint", json(&raw.fingerprint))] {
             let _ = writeln!(out, "  \"{key}\": {value},");
         }
-        if raw.motor_arrangement != MotorArrangement::default() {
+        if !raw.motor_arrangement.is_default() {
             let _ = writeln!(out, "  \"motor_arrangement\": {},", json(&raw.motor_arrangement));
         }
         let numbers = [
@@ -109,6 +108,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::TAU;
     use upm_core::geometry::Twist;
+    use upm_core::signal::MotorArrangement;
 
     fn library(entries: Vec<Entry>) -> Library {
         let displacement = DisplacementModel {

@@ -45,7 +45,7 @@ pub struct RawLibrary {
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
     /// Where its motors stand.
-    #[serde(default, skip_serializing_if = "is_around")]
+    #[serde(default, skip_serializing_if = "MotorArrangement::is_default")]
     pub motor_arrangement: MotorArrangement,
     /// Side of that rig's plate.
     #[schemars(range(min = PLATE_SIDE_MM.0, max = PLATE_SIDE_MM.1))]
@@ -166,10 +166,6 @@ pub struct RawAxes {
     pub y: f64,
     /// About the centre.
     pub spin: f64,
-}
-
-fn is_around(arrangement: &MotorArrangement) -> bool {
-    *arrangement == MotorArrangement::Around
 }
 
 /// `value` rounded to `decimals`, so that files stay small and a saved library loads to the same bytes again.

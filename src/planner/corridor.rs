@@ -1,5 +1,8 @@
 use upm_core::geometry::{Polyline, Vec2};
 
+/// Distance beyond a corridor at which a part still counts as inside, m: three times what the camera scatters.
+pub(crate) const UNSEEN_M: f64 = 0.01e-3;
+
 /// A line that a part follows, and the largest distance from it: a limit on the whole course of every pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corridor {

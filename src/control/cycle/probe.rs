@@ -9,6 +9,7 @@ use crate::condition::Condition;
 use crate::guards::MotionFinding;
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
+use upm_core::signal::Follows;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planner::{FieldPulse, PlannedPulse};
 
@@ -41,7 +42,7 @@ impl ControlCycle<'_> {
         let drive = expected.drive;
         let planned = PlannedPulse::Field(FieldPulse {
             wave: expected.wave(),
-            follows: upm_core::signal::Follows::Displacement,
+            follows: Follows::Displacement,
             sustain_s: drive.envelope.sustain_s,
         });
         let (started_at, before_m) = (self.rig.now(), self.perception.positions_m());

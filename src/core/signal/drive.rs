@@ -48,7 +48,7 @@ pub enum Shaping {
     Displacement([[Vec<Harmonic>; 2]; MOTORS]),
 }
 
-/// The quantity of a synthesised motion that follows the envelope.
+/// The quantity of a synthesised motion that is to follow the envelope, from which its [`Shaping`] is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Follows {
     /// The plate's velocity: the motion keeps its shape on the flanks, and with it the direction of the pull, which

@@ -39,6 +39,11 @@ coded_enum! {
 }
 
 impl MotorArrangement {
+    /// True for the default, which files leave out: those written before there was another stay as they are.
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// Values of the motors of this arrangement that act as `of_around` does on [`Self::Around`], where every equation
     /// of the paper holds; and the other way round, as both differ in the signs of X2 and Y2 alone.
     #[inline]

@@ -45,17 +45,18 @@ pub(super) struct PlateInstant {
 }
 
 /// Slopes of one quantity of each of eight parts by the plate's velocity and by its displacement, along x, along y and
-/// in spin, in every phase of a period.
+/// in spin, in every phase of a period. Those by displacement, 1 to 3 % of the whole, are left out where the velocity
+/// follows the envelope.
 #[derive(Clone, Debug)]
 pub(super) struct PlateSlopes {
     pub by_velocity: [Vec<SimdF64>; 3],
-    pub by_displacement: [Vec<SimdF64>; 3],
+    pub by_displacement: Option<[Vec<SimdF64>; 3]>,
 }
 
 impl PlateSlopes {
     pub fn new(basis: &HarmonicBasis) -> Self {
         let zeros = || [(); 3].map(|()| vec![SimdF64::ZERO; basis.samples]);
-        Self { by_velocity: zeros(), by_displacement: zeros() }
+        Self { by_velocity: zeros(), by_displacement: (basis.follows == Follows::Displacement).then(zeros) }
     }
 }
 
@@ -203,14 +204,14 @@ impl HarmonicBasis {
     pub fn slopes(&self, by_plate: &PlateSlopes) -> impl Iterator<Item = SimdF64> {
         let scales = [1.0, 1.0, 1.0 / self.half_side_m];
         let of_axis = move |axis: usize| {
-            let by_velocity = self.projections(&by_plate.by_velocity[axis]);
-            let by_displacement = self.projections(&by_plate.by_displacement[axis]);
-            let of_harmonic = |(k, ([cos, sin], by_integral)): (usize, ([SimdF64; 2], [SimdF64; 2]))| {
+            let mut slopes = self.projections(&by_plate.by_velocity[axis]);
+            let by_displacement = by_plate.by_displacement.as_ref().map(|series| self.projections(&series[axis]));
+            for (k, ([cos, sin], by_integral)) in (1..).zip(slopes.iter_mut().zip(by_displacement.iter().flatten())) {
                 // the integrals of cos and of sin, see `Self::integral`
-                let [of_cos, of_sin] = by_integral.map(|slope| slope / (k as f64 * self.base_radps));
-                [cos + of_sin, sin - of_cos].map(|slope| slope * scales[axis])
-            };
-            (1..).zip(by_velocity.into_iter().zip(by_displacement)).flat_map(of_harmonic).collect::<Vec<_>>()
+                let [of_cos, of_sin] = by_integral.map(|slope| slope / (f64::from(k) * self.base_radps));
+                (*cos, *sin) = (*cos + of_sin, *sin - of_cos);
+            }
+            slopes.into_iter().flatten().map(move |slope| slope * SimdF64::splat(scales[axis]))
         };
         [0, 1, 2].into_iter().flat_map(of_axis)
     }

@@ -67,30 +67,29 @@ impl MotorEffort {
     /// Largest sample of any motor in a pulse, its flanks included, counts.
     fn peak_counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> f64 {
         let n = basis.per_axis();
-        let factors = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
+        let force = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
                 |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
-            let force = counts * Vector3::new(phasor(0), phasor(1), phasor(2));
-            let [slope, curvature] = self.flanks[k - 1].map(|flank| flank.component_mul(&force));
-            let forces_of = |counts: Vector3<Complex<f64>>| motor_harmonics(&counts).map(|h| [h.cos, h.sin]);
-            let [force, slope, curvature] = [force, slope, curvature].map(forces_of);
-            let momentum = force.map(|force| basis.integral(force, k));
-            let (slope, curvature) = match basis.follows {
-                Follows::Velocity => (momentum, [[0.0; 2]; MOTORS]),
-                Follows::Displacement => (slope, curvature),
-            };
-            [0, 1].map(|i| {
-                let [[a, b, c, d], [e, f, g, h]] = [force, slope].map(|of_motors| of_motors.map(|parts| parts[i]));
-                let [j, k, l, m] = curvature.map(|parts| parts[i]);
-                [SimdF64::from([a, b, c, d, e, f, g, h]), SimdF64::from([j, k, l, m, 0.0, 0.0, 0.0, 0.0])]
-            })
+            counts * Vector3::new(phasor(0), phasor(1), phasor(2))
         };
-        let factors: Vec<[[SimdF64; 2]; 2]> = (1..).zip(&self.counts_from_motion).map(factors).collect();
-        let sums = |which: usize| {
-            let of: Vec<_> = factors.iter().map(|[cos, sin]| [cos[which], sin[which]]).collect();
-            basis.sums(&of)
+        let forces: Vec<_> = (1..).zip(&self.counts_from_motion).map(force).collect();
+        let flanks = |i: usize| -> Vec<_> {
+            let flanks = forces.iter().zip(&self.flanks);
+            flanks.map(|(force, flanks)| motor_forces(&flanks[i].component_mul(force))).collect()
         };
-        sums(0).into_iter().zip(sums(1)).fold(0.0, |peak, (first, second)| self.higher_peak(peak, first, second))
+        let forces: Vec<_> = forces.iter().map(motor_forces).collect();
+        match basis.follows {
+            Follows::Velocity => {
+                let momenta = (1..).zip(&forces).map(|(k, force)| force.map(|force| basis.integral(force, k)));
+                let samples = basis.sums(&side_by_side(&forces, momenta)).into_iter();
+                samples.fold(0.0, |peak, sample| self.higher_peak(peak, sample, SimdF64::ZERO))
+            }
+            Follows::Displacement => {
+                let curvatures = side_by_side(&flanks(1), std::iter::repeat([[0.0; 2]; MOTORS]));
+                let samples = basis.sums(&side_by_side(&forces, flanks(0))).into_iter().zip(basis.sums(&curvatures));
+                samples.fold(0.0, |peak, (sample, curvatures)| self.higher_peak(peak, sample, curvatures))
+            }
+        }
     }
 
     /// The larger of `peak` and the highest count that a sample can reach whose four forces, their shares of the
@@ -110,4 +109,23 @@ impl MotorEffort {
         let exact = (0..MOTORS).map(|motor| self.envelope.largest(forces[motor], slopes[motor], curvatures[motor]));
         exact.fold(peak, f64::max)
     }
+}
+
+/// Coefficients of cos and sin of each motor.
+fn motor_forces(counts: &Vector3<Complex<f64>>) -> [[f64; 2]; MOTORS] {
+    motor_harmonics(counts).map(|harmonic| [harmonic.cos, harmonic.sin])
+}
+
+/// Two quantities of the motors for [`HarmonicBasis::sums`].
+fn side_by_side(
+    first: &[[[f64; 2]; MOTORS]],
+    second: impl IntoIterator<Item = [[f64; 2]; MOTORS]>,
+) -> Vec<[SimdF64; 2]> {
+    let lanes = |(first, second): (&[[f64; 2]; MOTORS], [[f64; 2]; MOTORS])| {
+        [0, 1].map(|i| {
+            let [[a, b, c, d], [e, f, g, h]] = [*first, second].map(|of_motors| of_motors.map(|parts| parts[i]));
+            SimdF64::from([a, b, c, d, e, f, g, h])
+        })
+    };
+    first.iter().zip(second).map(lanes).collect()
 }

@@ -16,6 +16,7 @@ use super::motor_effort::MotorEffort;
 use super::rollout::{Rollout, RolloutDisc};
 use super::separation::SeparationPenalty;
 use crate::Corridor;
+use crate::corridor::UNSEEN_M;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 
@@ -101,7 +102,7 @@ impl Iterate {
     pub fn corridor_excess(&self, corridors: &[Option<Corridor>]) -> Option<(usize, f64)> {
         let excess = |off: &OffLine| {
             let half_width_m = corridors.get(off.part)?.as_ref()?.half_width_m;
-            Some((off.part, off.off_m - (1.0 - FREE) * half_width_m)).filter(|(_, by_m)| *by_m > 0.0)
+            Some((off.part, off.off_m - (1.0 - FREE) * half_width_m)).filter(|(_, by_m)| *by_m > UNSEEN_M)
         };
         self.course.iter().filter_map(excess).max_by(|a, b| a.1.total_cmp(&b.1))
     }

@@ -12,8 +12,7 @@
 //! for `v²/(2 μ g)`.
 //!
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
-//! the cost of one rollout. Only for parts on paths do they have it that the plate's offset changes with the
-//! coefficients, too: 1 to 3 % of a slope.
+//! the cost of one rollout; see [`PlateSlopes`] for what they leave out.
 
 use nalgebra::DMatrix;
 
@@ -68,8 +67,6 @@ struct Group {
     coasting: SimdF64,
     /// State before every step.
     states: Vec<RolloutState>,
-    /// True where slopes have the changes of the plate's offset, too: 1 to 3 % of a slope.
-    is_exact: bool,
     /// Velocity when the motors fall silent, m/s.
     last_mps: [SimdF64; 2],
 }
@@ -100,7 +97,6 @@ impl Rollout {
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
         for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
-            group.is_exact = basis.follows == Follows::Displacement;
             let [x, y] = group.play(&self.steps, (dt, basis.smoothing_mps()), discs).map(SimdF64::to_array);
             self.ends_m.extend(discs.iter().zip(x).zip(y).map(|((_, x), y)| Vec2::new(x, y)));
         }
@@ -227,8 +223,7 @@ impl Group {
         dt: f64,
         by_plate: &mut PlateSlopes,
     ) {
-        let PlateSlopes { by_velocity: [by_x, by_y, by_spin], by_displacement: [by_offset_x, by_offset_y, by_turn] } =
-            by_plate;
+        let PlateSlopes { by_velocity: [by_x, by_y, by_spin], by_displacement } = by_plate;
         for (state, &PlateStep { phase, height, slope, plate }) in self.states[..steps.len()].iter().zip(steps).rev() {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
@@ -240,7 +235,7 @@ impl Group {
             by_y[phase] += across[1] * height;
             let turning = across[1] * state.arm_m[0] - across[0] * state.arm_m[1] - by_turning;
             by_spin[phase] += turning * height;
-            if self.is_exact {
+            if let Some([by_offset_x, by_offset_y, by_turn]) = by_displacement {
                 by_offset_x[phase] += across[0] * slope - across[1] * (spin * height);
                 by_offset_y[phase] += across[1] * slope + across[0] * (spin * height);
                 by_turn[phase] += turning * slope;

@@ -1,6 +1,7 @@
 //! Subgoals of the next sequence, and the clearance that parts keep on their paths there.
 
 use super::motion_set::LibraryMotion;
+use crate::corridor::UNSEEN_M;
 use crate::{Corridor, Limit, PartState, PlannerParams};
 use upm_core::geometry::{Segment, Vec2};
 
@@ -81,7 +82,7 @@ impl Clearance {
     pub fn corridor_excess(&self, places_m: &[Vec2]) -> Option<(usize, f64)> {
         let excess = |(i, corridor): (usize, &Corridor)| {
             let over_m = corridor.off(places_m[i]).norm() - corridor.half_width_m.max(self.off_m[i]);
-            (over_m > 0.0).then_some((i, over_m))
+            (over_m > UNSEEN_M).then_some((i, over_m))
         };
         self.corridors().filter_map(excess).max_by(|a, b| a.1.total_cmp(&b.1))
     }

@@ -106,7 +106,7 @@ pub struct RawMotors {
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub lever_arm_mm: f64,
     /// Where the coils stand.
-    #[serde(default, skip_serializing_if = "is_around")]
+    #[serde(default, skip_serializing_if = "MotorArrangement::is_default")]
     pub arrangement: MotorArrangement,
     /// Force of one count, N.
     #[schemars(range(min = 1e-6, max = 1000.0))]
@@ -129,11 +129,6 @@ pub struct RawMotors {
     /// Force at which a coil's amplifier saturates, N.
     #[schemars(range(min = 1e-3, max = 1e5))]
     pub force_limit_n: f64,
-}
-
-/// Left out where it is the default, so that fingerprints of rig files written before it stay as they are.
-fn is_around(arrangement: &MotorArrangement) -> bool {
-    *arrangement == MotorArrangement::Around
 }
 
 fn motor_sample_hz() -> f64 {

@@ -177,6 +177,25 @@ mod tests {
         sums
     }
 
+    /// Largest distance of the plate's centre from `env(t) ∫ wave` in the pulse and for 0.3 s after it, m.
+    fn off_the_envelope_m(rig: &RigSpec, drive: &Drive, wave: &TwistWave) -> f64 {
+        let mut plant = Plant::new(&rig.sim, &[], &Streams::new(1));
+        plant.play(drive.clone());
+        let steps = ((drive.envelope.driven_s() + 0.3) / rig.sim.step_s) as u32;
+        let off_m = |i: u32| {
+            plant.step();
+            let t_s = f64::from(i) * rig.sim.step_s;
+            let integral = (1..).zip(&wave.harmonics).map(|(k, harmonic)| {
+                let radps = f64::from(k) * wave.base_radps;
+                let (sin, cos) = (radps * t_s).sin_cos();
+                (harmonic.cos.velocity_mps * sin - harmonic.sin.velocity_mps * cos) / radps
+            });
+            let wanted_m = integral.sum::<upm_core::geometry::Vec2>() * drive.envelope.at(t_s);
+            (plant.plate().plate_in_table.position_m - wanted_m).norm()
+        };
+        (1..steps).map(off_m).fold(0.0, f64::max)
+    }
+
     /// Measures the response by the accelerometers alone, then plays a wave of eight random harmonics through it.
     #[test]
     fn a_wave_of_eight_harmonics_comes_out_on_the_plate() {
@@ -190,7 +209,11 @@ mod tests {
         assert_eq!(fields.twist_from_counts.len(), 8);
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let small = Library::load(&folder.join("tests/golden/small-library.json")).unwrap();
-        let library = Library { fields: Some(fields.clone()), ..small };
+        let plate = Some(upm_cor_library::PlateResponse {
+            natural_radps: rig.sim.plate.resonance_hz.map(|hz| TAU * hz),
+            damping_ratio: rig.sim.plate.damping_ratio,
+        });
+        let library = Library { fields: Some(fields.clone()), plate, ..small };
         let mut rng = Streams::new(7).stream("waves");
         for _ in 0..3 {
             let mut amplitude = |most: f64| rng.random_range(-most..most);
@@ -210,6 +233,9 @@ mod tests {
                 let [off, size] = [found - wanted, wanted].map(|v| v.zip_map(&arm, |part, arm| part * arm).norm());
                 assert!(off < 0.002 * size, "harmonic {}: off by {off} of {size}", k + 1);
             }
+            let by_displacement = library.field_drive(&wave, Follows::Displacement, 0.25).unwrap();
+            let [swings_m, follows_m] = [drive, by_displacement].map(|drive| off_the_envelope_m(&rig, &drive, &wave));
+            assert!(follows_m < 0.1 * swings_m, "{follows_m} {swings_m}");
         }
     }
 

@@ -33,19 +33,18 @@ fn abrupt(sustain_s: f64) -> Envelope {
 }
 
 /// Largest difference between the slopes of the ends and central differences, as a part of the largest slope.
-fn slope_error(coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> f64 {
+fn slope_error(basis: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> f64 {
     const H_MPS: f64 = 1e-6;
-    let basis = upm_2_basis().for_paths();
     let mut rollout = Rollout::default();
-    rollout.run(&basis, coefficients, envelope, discs);
+    rollout.run(basis, coefficients, envelope, discs);
     let (mut largest, mut worst) = (0.0f64, 0.0f64);
     let moved = |j: usize, by_mps: f64| {
         let mut changed = coefficients.to_vec();
         changed[j] += by_mps;
-        ends(&basis, &changed, envelope, discs)
+        ends(basis, &changed, envelope, discs)
     };
     let differences: Vec<_> = (0..basis.len()).map(|j| (j, moved(j, H_MPS), moved(j, -H_MPS))).collect();
-    let slopes = rollout.slopes(&basis);
+    let slopes = rollout.slopes(basis);
     assert_eq!(slopes.shape(), (basis.len(), 2 * discs.len()));
     for part in 0..discs.len() {
         for (j, more, less) in &differences {
@@ -70,11 +69,18 @@ fn many_coins() -> impl Strategy<Value = Vec<RolloutDisc>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
+    /// Where the velocity follows the envelope they leave out that a change of the motion also moves the plate's centre,
+    /// about which spin acts: an error of up to 3 % of the largest slope, and none without spin.
     #[test]
-    fn slopes_are_central_differences(coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64) {
-        let coefficients = full(&upm_2_basis(), &coefficients);
-        let error = slope_error(&coefficients, &upm_2_envelope(sustain_s), &discs);
-        prop_assert!(error < 3e-5, "{error:.1e}");
+    fn slopes_are_central_differences(mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64) {
+        let (basis, envelope) = (upm_2_basis(), upm_2_envelope(sustain_s));
+        let error = |basis: &HarmonicBasis, coefficients: &[f64]| {
+            slope_error(basis, &full(basis, coefficients), &envelope, &discs)
+        };
+        let (on_path, elsewhere) = (error(&basis.for_paths(), &coefficients), error(&basis, &coefficients));
+        coefficients[32..].fill(0.0);
+        let without_spin = error(&basis, &coefficients);
+        prop_assert!(on_path < 3e-5 && elsewhere < 0.05 && without_spin < 1e-5, "{on_path} {elsewhere} {without_spin}");
     }
 
     /// Slopes of places under way are those of the ends of the same steps, less the coasting: by central differences.

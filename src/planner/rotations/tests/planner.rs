@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::planner;
+use crate::corridor::UNSEEN_M;
 use crate::fixture::{HALF_SIDE_M, PENNY_M, ends_without_a_plan, library, mm, params, penny, rotations, scene};
 use crate::{Corridor, Limit, PartState, Plan, PlanStatus, RotationPlanner};
 use upm_core::geometry::{Polyline, Vec2};
@@ -59,18 +60,19 @@ proptest! {
         prop_assert_eq!(&planner().plan(&parts, &[]), &plan, "the same again");
     }
 
-    /// Alone, a part goes straight: no place after a pulse, nor halfway through one, is outside the corridor. Rarely
-    /// only half of a step is possible so.
+    /// Alone, a part goes straight: no place after a pulse, nor halfway through one, is outside the corridor. About one
+    /// step in 400 is halved for that, since every sequence over all of it leaves the corridor.
     #[test]
     fn one_part_stays_in_its_corridor(x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, way in 1.0..12.0f64) {
         let part = penny(mm(x, y), mm(way * angle.cos(), way * angle.sin()));
         let plan = planner().plan(&[part], &[straight(&part, 0.3e-3)]);
         prop_assert_eq!((&plan.status, plan.corridor_excess), (&PlanStatus::Solved, None));
-        prop_assert!(left_m(&[part], &plan) < 0.6e-3 * way, "{plan:?}");
+        let left = 1e3 * left_m(&[part], &plan) / way;
+        prop_assert!([0.0, 0.5, 0.75].iter().any(|halved| (left - halved).abs() < 0.1), "{left} {plan:?}");
         for places_m in &plan.predicted_m {
             let along = part.step_m.normalize();
             let off_m = (places_m[0] - part.position_m).perp(&along).abs();
-            prop_assert!(off_m < 0.3e-3, "{off_m}");
+            prop_assert!(off_m < 0.3e-3 + UNSEEN_M, "{off_m}");
         }
     }
 
