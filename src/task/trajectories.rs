@@ -279,8 +279,8 @@ impl CurveFollower {
     fn find(&mut self, part_m: Vec2, searched_m: f64) {
         if self.lap_m() > 0.0 {
             let searched_m = searched_m.min(0.25 * self.lap_m());
-            (self.along_m, self.off_m) = self.lap.nearest_around(part_m, self.reference_m, searched_m);
-            self.along_m = self.along_m.min(self.end_m);
+            let found = self.lap.nearest_around(part_m, self.reference_m, searched_m, self.ahead_m);
+            (self.along_m, self.off_m) = (found.0.clamp(0.0, self.end_m), found.1);
         }
     }
 

@@ -1,5 +1,9 @@
 use super::{Segment, Vec2};
 
+/// Price of a distance along the line from the expected point, as a share of one from the line: it decides only between
+/// passes over the same place.
+const UNEXPECTED: f64 = 1e-3;
+
 /// A chain of straight segments, parametrised by arc length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polyline {
@@ -62,15 +66,20 @@ impl Polyline {
     /// Arc length of the point nearest to `p_m`, m, and its distance from `p_m`, m. Only the stretch between `from_m`
     /// and `to_m` is searched.
     pub fn nearest(&self, p_m: Vec2, from_m: f64, to_m: f64) -> (f64, f64) {
+        self.nearest_by(p_m, (from_m, to_m), |_, off_m| off_m)
+    }
+
+    /// The nearest point by `distance_m` of its arc length and its distance from `p_m`.
+    fn nearest_by(&self, p_m: Vec2, (from_m, to_m): (f64, f64), distance_m: impl Fn(f64, f64) -> f64) -> (f64, f64) {
         let (mut a, mut a_at_m) = (self.at(from_m), from_m.clamp(0.0, self.length_m()));
         let mut nearest = (a_at_m, (p_m - a).norm());
         let corners = self.points_m.iter().zip(&self.reached_m).filter(|(_, s)| (from_m..to_m).contains(*s));
         let end = (self.at(to_m), to_m.clamp(0.0, self.length_m()));
         for (b, b_at_m) in corners.map(|(corner, s)| (*corner, *s)).chain([end]) {
             let foot = Segment { from: a, to: b }.nearest(p_m);
-            let off_m = (p_m - foot).norm();
-            if off_m < nearest.1 {
-                nearest = (a_at_m + (foot - a).norm(), off_m);
+            let (at_m, off_m) = (a_at_m + (foot - a).norm(), (p_m - foot).norm());
+            if distance_m(at_m, off_m) < distance_m(nearest.0, nearest.1) {
+                nearest = (at_m, off_m);
             }
             (a, a_at_m) = (b, b_at_m);
         }
@@ -78,17 +87,19 @@ impl Polyline {
     }
 
     /// The same on a closed line, searched within `reach_m` of arc length `at_m`; the arc length keeps growing from lap
-    /// to lap.
-    pub fn nearest_around(&self, p_m: Vec2, at_m: f64, reach_m: f64) -> (f64, f64) {
+    /// to lap. Where the line runs back over itself the point nearer to `expected_m` along the line is taken.
+    pub fn nearest_around(&self, p_m: Vec2, at_m: f64, reach_m: f64, expected_m: f64) -> (f64, f64) {
         let length_m = self.length_m();
         let (first, last) = ((at_m - reach_m) / length_m, (at_m + reach_m) / length_m);
+        let distance_m = |along_m: f64, off_m: f64| off_m + UNEXPECTED * (along_m - expected_m).abs();
         let mut nearest = (at_m, f64::INFINITY);
         let mut lap = first.floor();
         while lap <= last {
             let begin_m = lap * length_m;
             let (from_m, to_m) = (at_m - reach_m - begin_m, at_m + reach_m - begin_m);
-            let (along_m, off_m) = self.nearest(p_m, from_m.max(0.0), to_m.min(length_m));
-            if off_m < nearest.1 {
+            let within = (from_m.max(0.0), to_m.min(length_m));
+            let (along_m, off_m) = self.nearest_by(p_m, within, |along_m, off_m| distance_m(begin_m + along_m, off_m));
+            if distance_m(begin_m + along_m, off_m) < distance_m(nearest.0, nearest.1) {
                 nearest = (begin_m + along_m, off_m);
             }
             lap += 1.0;
@@ -142,7 +153,7 @@ mod tests {
             ((0.0, 0.02), 0.01, (-0.02, 0.0)),
             ((0.03, -0.01), 1.19, (1.23, 0.01)),
         ] {
-            let (along, off) = square.nearest_around(Vec2::new(p.0, p.1), at, 0.06);
+            let (along, off) = square.nearest_around(Vec2::new(p.0, p.1), at, 0.06, at);
             assert!((along - expected.0).abs() < 1e-12 && (off - expected.1).abs() < 1e-12, "{p:?}: {along}, {off}");
         }
     }

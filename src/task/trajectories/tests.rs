@@ -105,6 +105,17 @@ fn speed_is_held_in_plate_time() {
     }
 }
 
+/// Where a path runs back over itself both passes are equally near: the part is on the one where it is expected.
+#[test]
+fn path_there_and_back_is_followed_round_both_ends() {
+    for (speed_mps, repeat) in [(0.004, 1), (0.01, 2), (0.02, 3), (0.008, 3)] {
+        let path = PathParams { waypoints_m: vec![Vec2::zeros(), Vec2::new(0.06, 0.03)], speed_mps, repeat };
+        let asked_s = f64::from(2 * repeat - 1) * Vec2::new(0.06, 0.03).norm() / speed_mps;
+        let course = run(params(vec![path], false), &[Vec2::new(0.001, -0.02)], |_, _| 1.0);
+        assert!((course.took_s / asked_s - 1.0).abs() < 0.1 && course.off_m < 0.001, "{asked_s}: {course:?}");
+    }
+}
+
 #[test]
 fn speed_that_cannot_be_held_is_reported_with_its_laps() {
     let course = run(params(vec![square_path(0.04, 0.5, 3)], false), &[Vec2::zeros()], |_, _| 1.0);
