@@ -88,9 +88,10 @@ impl Library {
         Some(drive_for(self.motor_arrangement, entry.amplitudes, &self.shapes, &plate, self.base_radps, envelope))
     }
 
-    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: with the velocity `env(t) · wave(t)`
-    /// or the displacement `env(t) · ∫ wave`, times from the start of the pulse. `None` without a field response, with
-    /// more harmonics than were measured or another base frequency. [`Drive::peak_counts`] determines whether the motors can play it.
+    /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: with the velocity
+    /// `env(t) · wave(t)` or the displacement `env(t) · ∫ wave`, times from the start of the pulse. `None` without a
+    /// field response, with more harmonics than were measured or another base frequency. [`Drive::peak_counts`]
+    /// determines whether the motors can play it.
     pub fn field_drive(&self, wave: &TwistWave, follows: Follows, sustain_s: f64) -> Option<Drive> {
         let fields = self.fields.as_ref()?;
         let FieldResponse { base_radps, attack_s, rest_s, .. } = *fields;

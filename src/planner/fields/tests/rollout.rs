@@ -69,8 +69,8 @@ fn many_coins() -> impl Strategy<Value = Vec<RolloutDisc>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Where the velocity follows the envelope they leave out that a change of the motion also moves the plate's centre,
-    /// about which spin acts: an error of up to 3 % of the largest slope, and none without spin.
+    /// Where the velocity follows the envelope they leave out that a change of the motion also moves the plate's
+    /// centre, about which spin acts: an error of up to 3 % of the largest slope, and none without spin.
     #[test]
     fn slopes_are_central_differences(mut coefficients in motion(8), discs in coins(), sustain_s in 0.0..0.3f64) {
         let (basis, envelope) = (upm_2_basis(), upm_2_envelope(sustain_s));
