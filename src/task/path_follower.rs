@@ -30,6 +30,9 @@ const STAGE_LEFT: f64 = 0.4;
 /// together takes the more time the closer they are: terms of second order in the steps, and the part of them that a
 /// sequence leaves, would be made up for where that is dearest.
 const STRIDE_BY_SPACING: f64 = 0.5;
+/// Bound of the stride of rotations as the pulses that a contraction of the places by as much (rms) takes. It binds where
+/// all relative motions are hard, as on the weak rig, however far apart the places are.
+const MOST_DRAWN_PULSES: f64 = 100.0;
 
 /// Other assignments tried for parts that are blocked.
 const EXCHANGES: usize = 3;
@@ -114,6 +117,7 @@ impl PathFollower {
         steering.place_of = steering.best_assignment(&steering.seen_m, &steering.places_m, &[]);
         if let Motions::Rotations { stride_m, effort } = motions {
             let stride_m = stride_m.min(STRIDE_BY_SPACING * spacing_m(&steering.places_m));
+            let stride_m = stride_m.min(MOST_DRAWN_PULSES / drawing_together(&steering.places_m, effort.as_ref()));
             steering.motions = Motions::Rotations { stride_m, effort: Arc::clone(effort) };
             steering.place_of = steering.turning_assignment(effort.as_ref());
         }
@@ -350,6 +354,15 @@ fn spacing_m(places_m: &[Vec2]) -> f64 {
         others_m.map(|(_, other_m)| (other_m - at_m).norm()).fold(f64::INFINITY, f64::min)
     };
     places_m.iter().enumerate().map(nearest_m).sum::<f64>() / places_m.len() as f64
+}
+
+/// Effort of drawing the places together, pulses per metre (rms).
+fn drawing_together(places_m: &[Vec2], effort: &dyn Effort) -> f64 {
+    let count = places_m.len() as f64;
+    let middle_m = places_m.iter().sum::<Vec2>() / count;
+    let arms_m: Vec<Vec2> = places_m.iter().map(|place_m| place_m - middle_m).collect();
+    let rms_m = (arms_m.iter().map(|arm_m| arm_m.norm_squared()).sum::<f64>() / count).sqrt();
+    if rms_m > 0.0 { effort.squared(places_m, &arms_m, None).sqrt() / rms_m } else { 0.0 }
 }
 
 fn is_finite(p: Vec2) -> bool {

@@ -87,7 +87,7 @@ proptest! {
         };
         let (free, bound) = (planner().plan(&parts, &[]), planner().plan(&parts, &corridors));
         prop_assume!(free.status == PlanStatus::Solved && bound.status == PlanStatus::Solved);
-        let excess_m = bound.corridor_excess.map_or(0.0, |(_, by_m)| by_m);
+        let excess_m = bound.corridor_excess.map_or(UNSEEN_M, |(_, by_m)| by_m);
         prop_assert!(off_m(&bound) <= 1e-3 + excess_m + 1e-9);
         prop_assert!(off_m(&bound) <= off_m(&free).max(2e-3), "{} {}", off_m(&bound), off_m(&free));
     }
