@@ -30,7 +30,7 @@ const STAGE_LEFT: f64 = 0.4;
 /// together takes the more time the closer they are: terms of second order in the steps, and the part of them that a
 /// sequence leaves, would be made up for where that is dearest.
 const STRIDE_BY_SPACING: f64 = 0.5;
-/// Bound of the stride of rotations as the pulses that a contraction of the places by as much (rms) takes. It binds where
+/// Bound of the stride of rotations: the pulses that a contraction of the places by as much (rms) takes. It binds where
 /// all relative motions are hard, as on the weak rig, however far apart the places are.
 const MOST_DRAWN_PULSES: f64 = 100.0;
 
