@@ -56,12 +56,4 @@ impl Crates {
         }
         reached
     }
-
-    /// Imports that no longer chain implies, as importing and imported crate.
-    pub fn arrows(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
-        self.imports().flat_map(|(of, imports)| {
-            let implied: BTreeSet<&str> = imports.iter().flat_map(|import| self.reached(import)).collect();
-            imports.iter().filter(move |import| !implied.contains(*import)).map(move |import| (of, *import))
-        })
-    }
 }

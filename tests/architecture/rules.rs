@@ -22,6 +22,18 @@ pub struct Source {
     is_test: bool,
 }
 
+impl Source {
+    /// Its crate, `upm` for the root package.
+    pub fn member(&self) -> &str {
+        member_of(&self.file).unwrap_or("upm")
+    }
+
+    /// Number of its lines with code outside tests.
+    pub fn code_lines(&self) -> usize {
+        if self.is_test { 0 } else { self.scan.code_lines.len() }
+    }
+}
+
 /// A path in a room's source that leads to another room of the workspace or outside.
 struct Import<'a> {
     room: &'a str,

@@ -1,5 +1,7 @@
 //! Scanner for paths in Rust sources; it assumes sources that compile.
 
+use std::collections::BTreeSet;
+
 /// A path in a source, made absolute if it starts with `super`: `crate::geometry::Vec2`.
 #[derive(Debug)]
 pub struct Mention {
@@ -105,6 +107,8 @@ pub struct Scan {
     pub test_modules: Vec<String>,
     /// Names of the items defined in the source.
     pub defined: Vec<String>,
+    /// Lines with code outside tests.
+    pub code_lines: BTreeSet<usize>,
 }
 
 /// Scans a source; `depth` is that of its module: 0 for a crate's root, 1 for `src/sim/plate.rs`.
@@ -168,6 +172,9 @@ pub fn scan(source: &str, depth: usize) -> Scan {
             }
             _ => i + 1,
         };
+        if !(in_test || pending_test) {
+            scan.code_lines.extend(tokens[i..next.min(tokens.len())].iter().map(|token| token.line));
+        }
         let inline = scopes.iter().filter(|s| s.0).count();
         scan.mentions.extend(paths.into_iter().map(|written| Mention {
             line: written.line,

@@ -1,0 +1,32 @@
+//! Ceilings of code for each crate.
+
+use std::collections::BTreeMap;
+
+use super::rules::Source;
+
+/// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
+/// capability is worth it, and lowered when its crate shrinks.
+const CEILINGS: [(&str, usize); 1] = [("core", 0)];
+
+/// Room above a crate's present lines, at most: a twentieth.
+const ROOM: usize = 20;
+
+/// Crates above their ceilings, far below them or without one.
+pub fn faults(sources: &[Source]) -> Vec<String> {
+    let mut lines: BTreeMap<&str, usize> = BTreeMap::new();
+    for source in sources {
+        *lines.entry(source.member()).or_default() += source.code_lines();
+    }
+    let ceilings = BTreeMap::from(CEILINGS);
+    let fault = |(of, lines): (&str, usize)| match ceilings.get(of) {
+        None => Some(format!("`{of}` has {lines} lines of code and no ceiling")),
+        Some(ceiling) if lines > *ceiling => {
+            Some(format!("`{of}` has {lines} lines of code, its ceiling is {ceiling}"))
+        }
+        Some(ceiling) if lines + lines / ROOM < *ceiling => {
+            Some(format!("`{of}` has {lines} lines of code, its ceiling of {ceiling} can be lowered"))
+        }
+        Some(_) => None,
+    };
+    lines.into_iter().filter_map(fault).collect()
+}
