@@ -149,7 +149,6 @@ fn centres_of_rotation_have_the_figures_of_the_documents() {
                 axis("axis x: step by 256 of Y2 - Y1")
             ),
             format!("| ratio {:.2} | ratio 1.12 |", axis("axis y over axis x, X coils stronger")),
-            format!("| {:.3} in at most | on them |", axis("COR off the perpendiculars, largest")),
         ],
     );
 }
@@ -176,13 +175,6 @@ fn read_out_of_pulses_has_the_figures_of_the_documents() {
             format!("| {wrong:.0} wrong | `upm lab waveform-fit` |"),
         ],
     );
-    let [low, high] = ["x", "y", "spin"]
-        .map(|axis| weak.get(&format!("axis {axis}, pre-compensated: second over first"), 1.0))
-        .into_iter()
-        .fold([f64::INFINITY, 0.0], |[low, high], ratio| [low.min(ratio), high.max(ratio)]);
-    assert!(low >= 0.4995 && high < 0.5005, "docs/lab.md says 0.500 of every axis: {low} to {high}");
-    let velocity_mmps = weak.get("velocity integral off Eq. 13, largest", 1e-3);
-    assert_says("docs/lab.md", &[format!("| {velocity_mmps:.2} mm/s rms, of 40 mm/s |")]);
 }
 
 #[test]
@@ -191,7 +183,6 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
     let (force, law) = (Figures::of(&["force-curve"]), Figures::of(&["pulse-law"]));
     let weak = Figures::of(&["pulse-law", "--rig", "configs/rigs/upm-1.json"]);
     let disc = force.range("relative deviation of a disc's ")[1];
-    let wave = force.get("deviation of the general wave's equilibrium speed, largest", 1.0);
     assert_says(
         "docs/results.md",
         &[
@@ -208,17 +199,14 @@ fn forces_and_pulses_have_the_figures_of_the_documents() {
             ["from", "up to"].map(|end| figures.get(&format!("{plate}: within 10 % of that {end} S"), 1.0));
         (low, high, figures.get(&format!("{plate}: displacement over S², largest"), 1.0))
     };
-    let (fast, strong, slow) = (scale(&law, "fast plate"), scale(&law, "this rig"), scale(&weak, "this rig"));
+    let (fast, slow) = (scale(&law, "fast plate"), scale(&weak, "this rig"));
     assert_says(
         "docs/lab.md",
         &[
             format!("| {:.4} μ m g | 0.24 (closed form 0.2386) |", force.get("mean force on a part at rest, f0", 1.0)),
-            format!("| within {} of A | b sin φ |", at_most(wave, 4)),
             format!("| {:.1} ms | the paper prints 35", force.get("initial time constant 1/k2", 1.0)),
-            format!("| {:.3} μ g |", force.get("plate acceleration A w from which this rig's part slides", 1.0)),
             format!("| {:.3} m/s² | ½ f0 (1 + f0) μ g = 0.435 m/s² |", fast.2),
             format!("| {:.0} to {:.0} ms, all | proportional to S² |", fast.0, fast.1),
-            format!("| {:.0} to {:.0} ms, {:.3} m/s² | |", strong.0, strong.1, strong.2),
             format!("| {:.0} to {:.0} ms, {:.3} m/s² | speed gained must stay negligible |", slow.0, slow.1, slow.2),
         ],
     );
@@ -274,7 +262,6 @@ fn other_machines_have_the_figures_of_the_lab_page() {
         &[
             force("0.548"),
             force("0.586"),
-            format!("| {:.3} cm | 0.25 cm |", feeder.get("half stroke of the plate, the paper's x_max", 1.0)),
             format!("| {:.2} cm/s with a stroke of ", feeder.get("rate of the two harmonics cos wt - ½ cos 2wt", 1.0)),
             format!("| 1 + {:.3} δ + {:.3} δ² |", peg(ratio), peg("the same: coefficient of δ²")),
             format!(
