@@ -206,7 +206,7 @@ fn figures_that_a_page_takes_from_another_are_equal() {
     }
     let faults = FigurePage::open("docs/faults.md");
     let runs = faults.text_between("In the newest campaign", "runs broke a rule").trim();
-    let said = readme.text_between("faults drawn by seed", "runs [broke a rule]").trim();
+    let said = readme.text_between("faults drawn by seed,", "runs [broke a rule]").trim();
     assert_eq!(said, runs, "README.md and docs/faults.md");
     let limits = FigurePage::open("docs/limits.md");
     let [stopped, harmless] = numbers(limits.text_between("nothing dangerous happens (", "runs with"))[..] else {
