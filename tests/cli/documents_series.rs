@@ -190,10 +190,8 @@ fn campaign_of_many_coins_has_the_figures_of_the_results_pages() {
         }
     }
     let mut readme = FigurePage::open("README.md");
-    for (label, name, series) in
-        [("8 pennies to random places", "arrange-8", &fields), ("16 pennies", "arrange-16", &turned)]
-    {
-        let [ours, others] = [series, &pseudo_inverse].map(|series| &series[name][..starts]);
+    for (label, name) in [("8 pennies to random places", "arrange-8"), ("16 pennies", "arrange-16")] {
+        let [ours, others] = [&fields, &pseudo_inverse].map(|series| &series[name][..starts]);
         let times_s = plate_times_s(ours, MOST_S);
         assert!(times_s.iter().all(|time_s| time_s.is_finite()), "README.md says that all are done: {name}");
         readme.cell(README, label, "`upm`", &[median(times_s)]);

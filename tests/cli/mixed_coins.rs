@@ -118,7 +118,6 @@ fn mixed_coins_are_named_doubted_or_reported() {
         let found: Value = serde_json::from_str(&searched(folder.path(), &scene, &["--json"])).unwrap();
         let tally = tallied(&scene, &found);
         eprintln!("{:26} {tally:?}", scene.name);
-        compare_row(&mut page, scene.name, tally);
         if scene.name == "foreign coins" {
             let output = searched(folder.path(), &scene, &[]);
             // the last line has times of the computer
@@ -147,8 +146,7 @@ fn mixed_coins_are_named_doubted_or_reported() {
     let mut results = FigurePage::open("docs/results.md");
     let (table, label) = ("| what | measured | command |", "mixed coins in 12 traced pictures");
     assert!(results.row(table, label).cells[0].contains(&format!(", {} coins,", all.coins)), "{all:?}");
-    // the score, and the figures of version 0.1.0, are as they stand
     let [trusted, named] = [all.misnamed_and_trusted, all.named].map(|count| count as f64);
-    results.cell(table, label, "measured", &[trusted, TRUSTED, named, 12.0, TRUSTED, 81.0]);
+    results.cell(table, label, "measured", &[trusted, TRUSTED, named]);
     FigurePage::assert_all([page, results]);
 }
