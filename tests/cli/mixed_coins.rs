@@ -147,7 +147,7 @@ fn mixed_coins_are_named_doubted_or_reported() {
     let mut results = FigurePage::open("docs/results.md");
     let (table, label) = ("| what | measured | command |", "mixed coins in 12 traced pictures");
     assert!(results.row(table, label).cells[0].contains(&format!(", {} coins,", all.coins)), "{all:?}");
-    // the score, and the figures of version 0.1.0, are as they stand
+    // the score and the reference figures 12 and 81 are as they stand
     let [trusted, named] = [all.misnamed_and_trusted, all.named].map(|count| count as f64);
     results.cell(table, label, "measured", &[trusted, TRUSTED, named, 12.0, TRUSTED, 81.0]);
     FigurePage::assert_all([page, results]);

@@ -44,9 +44,9 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
-    /// A newer release wrote its job store, which is left unchanged.
+    /// Its job store has another schema version and is left unchanged.
     #[error("{0}")]
-    NewerStore(StoreFault),
+    OtherStoreVersion(StoreFault),
     /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -97,7 +97,7 @@ impl Daemon {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let at_store = |fault| match fault {
-            StoreFault::Newer { .. } => StartFault::NewerStore(fault),
+            StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
         let repair = |part: &Path, whole: &Path| repair_unless(&prepared.shutdown_requested, part, whole);

@@ -79,8 +79,8 @@ impl WriteTx<'_> {
 
     /// Stores a key, replacing a use that is too old.
     pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
-        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, at, uptime) VALUES (?1, ?2, ?3, ?4, ?5)";
-        self.connection.execute(sql, params![key, body_sha256, id, Micros(self.now), self.ages.now]).map(|_| ())
+        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, uptime) VALUES (?1, ?2, ?3, ?4)";
+        self.connection.execute(sql, params![key, body_sha256, id, self.ages.now]).map(|_| ())
     }
 
     /// Deletes keys whose use is too old.

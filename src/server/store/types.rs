@@ -324,15 +324,15 @@ pub enum StoreFault {
     /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
-    /// A newer release wrote the store.
-    #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
-    Newer {
+    /// The store has another schema version.
+    #[error("{file}: expected a job store of version {expected}, found version {found}: choose another data folder")]
+    OtherVersion {
         /// The database.
         file: String,
         /// Its version.
         found: i32,
-        /// The newest version that this release knows.
-        known: i32,
+        /// The version of this program.
+        expected: i32,
     },
     /// The store was closed; it no longer reads or writes.
     #[error("the job store is closed")]
