@@ -49,10 +49,6 @@ pub struct RawDaemon {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 4096))]
     pub read_token_file: Option<String>,
-    /// Whether a job may bring a library that does not agree with the plate's own. Without it such a job is refused: a
-    /// fingerprint can be copied, and a wrong library drives parts off the plate.
-    #[serde(default)]
-    pub allow_inline_libraries: bool,
     /// Retention of jobs that have ended.
     #[serde(default)]
     pub keep: RawKeep,

@@ -132,7 +132,6 @@ impl Daemon {
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
             live_history_bytes: live_history_of(&spec),
-            allow_inline_libraries: spec.allow_inline_libraries,
         };
         let plates = Arc::new(PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovery_log::log(&recovery);

@@ -236,7 +236,7 @@ impl WriteTx<'_> {
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?17 + 1)"
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?16 + 1)"
     );
     let values = params![
         row.id,
@@ -246,7 +246,6 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.seed.cast_signed(),
         row.pace.code(),
         row.rig_fingerprint,
-        row.library_sha256,
         Micros(row.submitted_at),
         row.started_at.map(Micros),
         row.finished_at.map(Micros),

@@ -141,7 +141,6 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         pace: Pace::RealTime,
         spec_json: String::new(),
         rig_fingerprint: String::new(),
-        library_sha256: String::new(),
         body_sha256: [0; 32],
         key: None,
     };

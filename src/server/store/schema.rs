@@ -29,7 +29,6 @@ CREATE TABLE jobs (
     seed INTEGER NOT NULL,
     pace TEXT NOT NULL,
     rig TEXT NOT NULL,
-    library TEXT NOT NULL,
     submitted_at INTEGER NOT NULL,
     started_at INTEGER,
     finished_at INTEGER,

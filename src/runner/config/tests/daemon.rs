@@ -200,11 +200,7 @@ fn invalid_standing_job_is_reported_in_one_line_with_its_path() {
             json!("upm-2"),
             "plate: expected upm-1 or nothing (it is the standing job of that plate), found \"upm-2\"",
         ),
-        (
-            "/library",
-            json!("x.json"),
-            "library: expected the library itself, or nothing (that of plate upm-1 applies), found a path",
-        ),
+        ("/library", json!("x.json"), "library: expected nothing (plate upm-1 has its library), found a library"),
         ("/task/laps", json!(-1), "task.laps: expected a whole number from 0 to 1000000, found -1"),
         (
             "/parts/0/kind",
