@@ -43,7 +43,7 @@ pub struct DaemonSpec {
     pub reserve_bytes: u64,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// History kept by a live stream for the Rerun viewer, bytes; `None` for no live streams.
+    /// Memory limit of a live stream for the Rerun viewer, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
     /// True to accept jobs with simulated faults.
     pub allow_faults: bool,

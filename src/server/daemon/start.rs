@@ -292,7 +292,7 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
 }
 
-/// Bytes that a live stream keeps; `None` for no live streams. Live streams have no authentication, so there are none
+/// Memory limit of a live stream, bytes; `None` for no live streams. Live streams have no authentication, so there are none
 /// where other machines reach the daemon.
 fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
@@ -329,6 +329,7 @@ mod tests {
         let mut spec = DaemonSpec::load(&file).unwrap();
         spec.listen = listen;
         spec.plates[0].live_port = Some(live_port);
+        spec.live_history_bytes = Some(8_000_000);
         spec
     }
 

@@ -45,7 +45,7 @@ pub struct SharedServices {
     pub watchdog: WatchdogSpec,
     /// Recordings are stopped when fewer bytes than this are free on the disk.
     pub min_free_bytes: u64,
-    /// Bytes that a live stream keeps for later viewers; `None` for no live streams.
+    /// Memory limit of a live stream, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
 }
 

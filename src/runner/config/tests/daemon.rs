@@ -38,13 +38,13 @@ fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
     assert_eq!(spec.default_plate.as_deref(), Some("only"));
     assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
     assert_eq!((spec.min_free_bytes, spec.reserve_bytes), (500_000_000, 16_000_000));
-    assert_eq!((spec.live_history_bytes, spec.listen), (Some(8_000_000), shipped.listen));
+    assert_eq!((spec.live_history_bytes, spec.listen), (None, shipped.listen));
     assert_eq!(daemon(&spec.effective()).unwrap(), spec);
     let mut two = least;
     two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
-    set(&mut two, "/live", json!({"rerun": false}));
+    set(&mut two, "/live", json!({"rerun": true}));
     let spec = daemon(&two).unwrap();
-    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, None));
+    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, Some(8_000_000)));
 }
 
 #[test]
