@@ -34,7 +34,6 @@ class Daemon:
         for plate in spec["plates"]:
             plate.pop("standing_job", None)  # the page is looked at with jobs that are sent
             plate["rig"] = str(ROOT / "configs" / plate["rig"])
-        spec["live"] = {"rerun": False}
         spec["queue"] = 300
         spec["allow_faults"] = True
         if token:

@@ -1,6 +1,5 @@
 //! The COR library: measured motions of a rig, and measured distances of parts under them.
 
-mod agreement;
 mod coil_response;
 mod displacement;
 mod drive;

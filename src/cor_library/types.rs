@@ -76,8 +76,7 @@ pub struct Library {
     pub displacement: DisplacementModel,
     /// Response of the plate to synthesised motions; `None` where the rig has none.
     pub fields: Option<FieldResponse>,
-    /// Resonances of the plate's axes; `None` in libraries written before they were measured, and where the rig's
-    /// longest sustain is too short to determine them.
+    /// Resonances of the plate's axes; `None` where the rig's longest sustain is too short to determine them.
     pub plate: Option<PlateResponse>,
 }
 

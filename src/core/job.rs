@@ -1,6 +1,5 @@
 //! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, bins and the motion of the plate.
 
-pub mod legacy;
 mod stop_cause;
 
 use crate::coded_enum;

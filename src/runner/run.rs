@@ -62,7 +62,7 @@ pub use dry_run::{DryRunProgress, Forecast, PartForecast, PlanVerdict, StartFore
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
-pub use library::{check_job, check_places, job_library, library_faults, load_library, rig_library};
+pub use library::{check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
 pub use pace_check::{PaceCheck, check_pace};
 pub use paced::PacingStats;

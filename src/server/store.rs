@@ -19,7 +19,6 @@ mod layout;
 mod memory;
 mod open;
 mod options;
-mod private;
 mod quarantine;
 mod reader;
 mod recover;

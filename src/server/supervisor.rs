@@ -39,7 +39,6 @@ pub use preview::PreviewPicture;
 pub use setup::{PlateSetup, SharedServices, StandingSetup};
 pub use start::PlateSupervisor;
 pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault};
-pub use validate::fitting_library;
 
 pub use crate::states::{PlateState, StandingState};
 pub use upm_runner::config::{JobLayout, LayoutPart, LayoutPath};

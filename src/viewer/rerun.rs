@@ -50,7 +50,6 @@ mod task_tests;
 mod tests;
 mod titles;
 mod trails;
-mod viewer_proxy;
 mod vision;
 
 pub use experiment::record_experiment;

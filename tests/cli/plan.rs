@@ -39,7 +39,7 @@ fn feasible_job_is_reported_with_its_figures() {
     let plan = &row["plan"];
     let time = |key: &str| number(&plan["predicted_plate_time_s"][key]);
     assert!(0.0 < time("least") && time("least") <= time("median") && time("median") <= time("most"));
-    let dry_runs = plan["rehearsals"].as_array().unwrap();
+    let dry_runs = plan["dry_runs"].as_array().unwrap();
     assert!(dry_runs.len() == 5 && dry_runs.iter().all(|each| each["completed"] == true));
     assert!(number(&plan["smallest_gap"]["gap_mm"]) > 0.0);
     assert_eq!(plan["smallest_gap"]["parts"], json!(["penny-1", "penny-2"]));
@@ -72,7 +72,7 @@ fn missing_direction_makes_the_job_infeasible_and_is_named() {
     let plan = &row["plan"];
     assert_eq!((&row["valid"], &plan["can_be_done"]), (&json!(true), &json!(false)));
     assert_eq!(plan["predicted_plate_time_s"], Value::Null);
-    assert!(plan["rehearsals"].as_array().unwrap().iter().all(|each| each["completed"] == false), "{plan}");
+    assert!(plan["dry_runs"].as_array().unwrap().iter().all(|each| each["completed"] == false), "{plan}");
     assert_eq!(plan["independence"]["weakest_part"], "penny-1");
     assert_eq!(plan["independence"]["weakest_direction_deg"], 90.0);
     assert_eq!(plan["independence"]["share"], 0.0);
@@ -88,7 +88,7 @@ fn infeasible_run_ends_at_its_first_observation_with_part_and_direction() {
     let folder = TempDir::new().unwrap();
     let file = hardly_along_y(folder.path());
     let plan = &planned(&file, 1)["plan"];
-    let reason = plan["rehearsals"][0]["reason"].as_str().unwrap();
+    let reason = plan["dry_runs"][0]["reason"].as_str().unwrap();
     assert!(reason.contains("penny-1 towards 90 deg") && reason.contains("at least 1e-4"), "{reason}");
     let out = folder.path().to_str().unwrap();
     let (report, _) = status(&["run", file.to_str().unwrap(), "--out", out, "--rerun", "off", "--json"], 1);
@@ -265,6 +265,6 @@ fn failed_run_names_its_planner_and_the_alternatives() {
 fn dry_runs_of_twenty_four_coins_end_soon_and_at_the_goal() {
     let plan = &planned(&root().join("configs/arrange-24.json"), 0)["plan"];
     assert_eq!(plan["verdict"], "can_be_done");
-    let dry_runs = plan["rehearsals"].as_array().unwrap();
+    let dry_runs = plan["dry_runs"].as_array().unwrap();
     assert!((1..5).contains(&dry_runs.len()), "their number is bounded by the work of each: {}", dry_runs.len());
 }

@@ -45,7 +45,6 @@ pub fn config() -> Value {
             "no_frame_s": 60, "planning_s": 600, "no_part_s": 60, "blocked_s": 60,
             "late_frames": 1000, "misses_per_s": 1000,
         },
-        "live": {"rerun": false},
     })
 }
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Memory of the daemon over short jobs, one after another.
 
-usage: daemon_memory.py [--jobs 500] [--every 50] [--live off] [--upm target/debug/upm]
+usage: daemon_memory.py [--jobs 500] [--every 50] [--live on] [--upm target/debug/upm]
 
 Jobs are as fast as the machine can, recorded as always, on one plate; before the next is submitted the one before has
 ended. Memory is read after the first 50 and then every 50: resident, proportional and private. Exit status 1 when
@@ -21,7 +21,7 @@ def main():
     parser = parser_of(__doc__)
     parser.add_argument("--jobs", type=int, default=500)
     parser.add_argument("--every", type=int, default=50)
-    parser.add_argument("--live", choices=("on", "off"), default="on", help="the plate's live stream, which keeps a history")
+    parser.add_argument("--live", choices=("on", "off"), default="off", help="the plate's live stream, which keeps a history")
     args = parser.parse_args()
     found, states, begin = {}, {}, time.monotonic()
     with work_folder(args.keep) as folder:

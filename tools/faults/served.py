@@ -22,13 +22,12 @@ class Hangs(Exception):
 
 
 def configuration(plates):
-    """configs/daemon.json with faults allowed, these plates (name: rig object) and without live streams and recordings."""
+    """configs/daemon.json with faults allowed, these plates (name: rig object) and without recordings."""
     spec = json.loads((ROOT / "configs/daemon.json").read_text())
     spec.pop("default_plate")
     spec |= {
         "plates": [{"name": name, "rig": rig} for name, rig in plates.items()],
         "allow_faults": True,
-        "live": {"rerun": False},
         "disk": spec["disk"] | {"min_free_mb": NO_RECORDINGS_MB},
     }
     return spec

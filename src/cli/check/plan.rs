@@ -114,7 +114,7 @@ impl PlanReport {
             },
             "friction_spread": forecast.friction_spread,
             "parts": parts.collect::<Vec<_>>(),
-            "rehearsals": dry_runs.collect::<Vec<_>>(),
+            "dry_runs": dry_runs.collect::<Vec<_>>(),
         })
     }
 }

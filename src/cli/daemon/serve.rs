@@ -204,7 +204,7 @@ fn start_failure(fault: StartFault) -> Failure {
         StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
-        StartFault::NewerStore(_) => Failure::bad_input(fault),
+        StartFault::OtherStoreVersion(_) => Failure::bad_input(fault),
         _ => Failure::failed(fault),
     }
 }

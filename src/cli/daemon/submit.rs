@@ -1,15 +1,12 @@
 use std::path::Path;
 
-use serde_json::Map;
-
 use super::client::{Client, ClientRefusal};
 use super::watch;
 use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
-use upm_cor_library::Library;
 use upm_core::job::Pace;
-use upm_runner::config::{DiagnosticClass, JobSpec, LibrarySource, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
+use upm_runner::config::{DiagnosticClass, JobSpec, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
 use upm_server::api::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
@@ -52,12 +49,6 @@ fn sendable(file: &Path) -> Result<RawJob, Failure> {
     if let Some(RigSource::Inline(rig)) = &job.rig {
         job.rig = Some(RigSource::Inline(Box::new(RawRig { library: None, ..(**rig).clone() })));
     }
-    if let Some(LibrarySource::File(named)) = &job.library {
-        let folder = Origin::of_file(file).folder.unwrap_or_default();
-        let library = Library::load(&folder.join(named)).map_err(Failure::faults)?;
-        let members: Map<_, _> = serde_json::from_str(&library.to_json()).unwrap_or_default();
-        job.library = Some(LibrarySource::Inline(members));
-    }
     Ok(job)
 }
 
@@ -79,7 +70,7 @@ fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
     let body = serde_json::to_string(job).map_err(Failure::failed)?;
     if body.len() as u64 > MOST_BYTES {
         let (file, bytes) = (file.display(), body.len());
-        let fault = format!("{file}: expected up to 1 MiB (1048576 bytes), found {bytes} bytes with rig and library");
+        let fault = format!("{file}: expected up to 1 MiB (1048576 bytes), found {bytes} bytes with the rig");
         return Err(Failure::bad_input(fault));
     }
     Ok(body)

@@ -35,8 +35,6 @@ pub struct DaemonSpec {
     pub token_file: Option<PathBuf>,
     /// File of the token that permits reading and emergency stops only.
     pub read_token_file: Option<PathBuf>,
-    /// True if a job may bring a library that differs from the plate's.
-    pub allow_inline_libraries: bool,
     /// Retention limits for jobs that have ended.
     pub keep: KeepSpec,
     /// Free disk space below which recordings are stopped, bytes.
@@ -45,7 +43,7 @@ pub struct DaemonSpec {
     pub reserve_bytes: u64,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// History kept by a live stream for the Rerun viewer, bytes; `None` for no live streams.
+    /// Memory limit of a live stream for the Rerun viewer, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
     /// True to accept jobs with simulated faults.
     pub allow_faults: bool,
@@ -151,7 +149,6 @@ impl DaemonSpec {
             hosts,
             token_file,
             read_token_file,
-            allow_inline_libraries: raw.allow_inline_libraries,
             keep: keep_of(&raw.keep),
             min_free_bytes: megabytes(raw.disk.min_free_mb),
             reserve_bytes: megabytes(raw.disk.reserve_mb),
@@ -235,7 +232,7 @@ fn standing_of(
     Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
 }
 
-/// Checks that the standing job uses the plate's rig and names neither a library file nor another plate.
+/// Checks that the standing job uses the plate's rig and names neither a library nor another plate.
 fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Diagnostics) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
@@ -243,11 +240,11 @@ fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: 
     let asked = job.plate.as_deref().unwrap_or(name);
     let allowed = format!("{name} or nothing (it is the standing job of that plate)");
     faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
-    let allowed = format!("the library itself, or nothing (that of plate {name} applies)");
-    faults.require(!job.names_library_file(), root.key("library"), "a path", allowed);
+    let allowed = format!("nothing (plate {name} has its library)");
+    faults.require(!job.names_library(), root.key("library"), "a library", allowed);
 }
 
-/// The library that the rig names. A plate needs one, since few jobs include a library.
+/// The library that the rig names. A plate needs one.
 fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
     if rig.library.is_none() {
         let allowed = format!("a path (rig {} names no library)", rig.model.name);

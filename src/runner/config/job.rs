@@ -129,14 +129,14 @@ impl JobSpec {
         self.task.is_endless(self.plate_time_limit_s)
     }
 
-    /// True if the job itself names a library file; its rig may name another.
-    pub(super) fn names_library_file(&self) -> bool {
-        matches!(self.raw.library, Some(LibrarySource::File(_)))
+    /// True if the job itself has a library, by its file or written out; its rig may name another.
+    pub fn names_library(&self) -> bool {
+        self.raw.library.is_some()
     }
 
     /// Key that names the library: the job's or its rig's.
     pub fn library_key(&self) -> String {
-        if self.names_library_file() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
+        if self.names_library() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
     }
 
     /// Seed of all random numbers.
@@ -215,8 +215,7 @@ fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Diagnostics) -> Option
         LibrarySource::File(named) => {
             let path = origin.resolve(named);
             let at = Path::root().key("library");
-            let found = quoted(named);
-            faults.require(path.is_some(), &at, found, "the library itself (files cannot be named here)");
+            faults.require(path.is_some(), &at, quoted(named), "nothing (files cannot be named here)");
             path.map(LibraryRef::File)
         }
     }

@@ -49,10 +49,6 @@ pub struct RawDaemon {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 4096))]
     pub read_token_file: Option<String>,
-    /// Whether a job may bring a library that does not agree with the plate's own. Without it such a job is refused: a
-    /// fingerprint can be copied, and a wrong library drives parts off the plate.
-    #[serde(default)]
-    pub allow_inline_libraries: bool,
     /// Retention of jobs that have ended.
     #[serde(default)]
     pub keep: RawKeep,
@@ -224,22 +220,21 @@ impl Default for RawWatchdog {
     }
 }
 
-/// Live streams for the Rerun viewer, one for each plate. They ask for no token, and so are on the loopback alone and
-/// only while the daemon is, too: any program on this machine may read them. Pages in a browser are refused. Rerun's
-/// own server behind each stream would answer a page; it listens on a random address of 127.0.0.0/8 and a random port
-/// (elsewhere than on Linux on a random port alone).
+/// Live streams for the Rerun viewer, one of Rerun's servers for each plate. They ask for no token, and so are on the
+/// loopback alone and only while the daemon is, too.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawLive {
-    /// Whether there are any.
+    /// Whether there are any. Any program on this machine could reach them, and so could any page in a browser on it.
     pub rerun: bool,
-    /// Memory for what a stream keeps for those who come later, MB of 10⁶ bytes.
+    /// Memory limit of a server for what it keeps for later viewers, MB of 10⁶ bytes. It counts about half of the
+    /// memory that it takes.
     #[schemars(range(min = 1.0, max = 10_000.0))]
     pub history_mb: f64,
 }
 
 impl Default for RawLive {
     fn default() -> Self {
-        Self { rerun: true, history_mb: 8.0 }
+        Self { rerun: false, history_mb: 8.0 }
     }
 }

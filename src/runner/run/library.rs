@@ -9,17 +9,17 @@ use upm_core::random::Streams;
 
 /// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
-    let library = match &job.library {
-        Some(LibraryRef::File(path)) => return load_library(path, &job.library_key(), &job.rig),
+    match &job.library {
+        Some(LibraryRef::File(path)) => load_library(path, &job.library_key(), &job.rig),
         Some(LibraryRef::Inline(members)) => {
-            Library::from_json(&Value::Object(members.clone()).to_string(), &format!("{}: library", job.file))?
+            let file = format!("{}: library", job.file);
+            fitting(Library::from_json(&Value::Object(members.clone()).to_string(), &file)?, &file, &job.rig)
         }
         None => {
             let found = "nothing, in the job and in its rig";
-            return Err(vec![Diagnostic::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")]);
+            Err(vec![Diagnostic::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")])
         }
-    };
-    fitting(library, &file_of(job), &job.rig)
+    }
 }
 
 /// Reads the COR library that `rig` names and checks it against the rig.
@@ -53,25 +53,10 @@ pub fn load_library(path: &Path, named_by: &str, rig: &RigSpec) -> Result<Arc<Li
     library.map_err(|faults| faults.into_iter().map(named).collect())
 }
 
-/// Checks whether `job` can be run with `library`: that the library fits the rig and the parts find places. No picture
-/// is taken and nothing is planned, so the check is cheap enough for every submitted job.
-pub fn check_job(job: &JobSpec, library: &Library) -> Result<(), Vec<Diagnostic>> {
-    let mut faults = library_faults(library, &file_of(job), &job.rig);
-    faults.extend(check_places(job).err());
-    if faults.is_empty() { Ok(()) } else { Err(faults) }
-}
-
-/// The part of [`check_job`] for a library known to fit the rig: whether the parts find places.
+/// Checks whether the parts of `job` find places. No picture is taken and nothing is planned, so the check is cheap
+/// enough for every submitted job.
 pub fn check_places(job: &JobSpec) -> Result<(), Diagnostic> {
     place_parts(job, Streams::new(job.seed())).map(|_| ())
-}
-
-/// Name of the library of `job` for messages.
-fn file_of(job: &JobSpec) -> String {
-    match &job.library {
-        Some(LibraryRef::File(path)) => path.display().to_string(),
-        _ => format!("{}: library", job.file),
-    }
 }
 
 /// All reasons why `library`, read from `file`, cannot be used on `rig`.

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::{RunError, RunSetup, TruthInJobOrder, job_library, play};
 use crate::config::{Diagnostic, JobSpec, Origin, reason};
 use upm_control::{FrameFacts, Sink};
-use upm_core::job::{RecordingEnd, StopCause, legacy};
+use upm_core::job::{RecordingEnd, StopCause};
 use upm_core::time::StoppedClock;
 use upm_recording::{Fanout, Journal};
 
@@ -183,13 +183,11 @@ impl Write for Repetition<'_> {
     }
 }
 
-/// An event of a journal; events of 0.1.0 have no code.
+/// An event of a journal.
 #[derive(Deserialize)]
 struct StoredEventLine<'a> {
     #[serde(rename = "type", borrow)]
     kind: Cow<'a, str>,
-    #[serde(borrow)]
-    text: Cow<'a, str>,
     #[serde(borrow)]
     code: Option<Cow<'a, str>>,
     #[serde(borrow)]
@@ -204,19 +202,12 @@ impl<'a> StoredEventLine<'a> {
 
     /// True for an event about the end of the recording, which depends on the disk and not on the run.
     fn is_of_recording(&self) -> bool {
-        match self.code.as_deref() {
-            Some(code) => RecordingEnd::of_code(code).is_some(),
-            None => self.text.starts_with(legacy::RECORDING_ENDS_EARLY),
-        }
+        self.code.as_deref().and_then(RecordingEnd::of_code).is_some()
     }
 
     /// True for an event of a stop from outside the run.
     fn is_external_stop(&self) -> bool {
-        match (&self.outcome, self.code.as_deref()) {
-            (Some(_), Some(code)) => StopCause::of_code(code).is_some_and(StopCause::is_external),
-            (Some(_), None) => false,
-            (None, _) => legacy::is_external_stop(&self.text),
-        }
+        self.outcome.is_some() && self.code.as_deref().and_then(StopCause::of_code).is_some_and(StopCause::is_external)
     }
 }
 
@@ -254,7 +245,6 @@ mod tests {
         assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
     }
 
-    /// An event as later versions write it, and as 0.1.0 did.
     fn event(text: &str, details: &str) -> String {
         format!("{{\"type\":\"event\",\"at_s\":1.5,\"level\":\"info\",\"text\":\"{text}\"{details}}}\n")
     }
@@ -264,7 +254,6 @@ mod tests {
         for ended in [
             event("whatever it says", r#","code":"recording_failed""#),
             event("whatever it says", r#","code":"recording_stopped""#),
-            event("the recording ends early: no space", ""),
         ] {
             assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
             assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
@@ -280,9 +269,7 @@ mod tests {
         let coded = StopCause::ALL.into_iter().filter(|cause| cause.is_external());
         let coded =
             coded.map(|cause| event("in words", &format!(r#","outcome":"cancelled","code":"{}""#, cause.code())));
-        let by_words =
-            ["stopped from outside, motors at zero", "gave way to another job", "the rig stopped: emergency stop"];
-        for stop in coded.chain(by_words.map(|text| event(text, ""))) {
+        for stop in coded {
             let recorded = format!("a\nb\n{stop}{after}");
             assert_eq!(compare(&recorded, "a\nb\nc\n"), Verification::Equal { lines: 2, stopped: true }, "{stop}");
             assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);

@@ -128,7 +128,7 @@ pub(super) fn refusal(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Full => Refusal::DiskFull(fault.to_string()),
         StoreFault::Busy | StoreFault::Closed => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
-        StoreFault::Io(_) | StoreFault::Corrupt(_) | StoreFault::Newer { .. } => {
+        StoreFault::Io(_) | StoreFault::Corrupt(_) | StoreFault::OtherVersion { .. } => {
             tracing::error!("{fault}");
             Refusal::Broken("the job store cannot be read or written".to_owned())
         }

@@ -73,7 +73,6 @@ mod tests {
             seed: 1,
             pace: Pace::Max,
             rig_fingerprint: String::new(),
-            library_sha256: String::new(),
             submitted_at: jiff::Timestamp::UNIX_EPOCH,
             started_at: None,
             finished_at: None,

@@ -9,12 +9,11 @@ use rustix::fs::{Access, Mode, access};
 use rustix::process::umask;
 
 use crate::http::{Scope, Tokens};
-use crate::supervisor::fitting_library;
 use upm_cor_library::Library;
 use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::Clock;
 use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
-use upm_runner::run::{PaceCheck, check_pace, load_library};
+use upm_runner::run::{PaceCheck, check_pace, check_places, load_library};
 
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
@@ -57,8 +56,7 @@ impl Prepared {
     }
 }
 
-/// From now on files created by this process are accessible to its user alone: folders 0700, files 0600. Existing files
-/// of a data folder become so when its store is opened.
+/// From now on files created by this process are accessible to its user alone: folders 0700, files 0600.
 pub fn keep_files_private() {
     umask(Mode::RWXG | Mode::RWXO);
 }
@@ -68,7 +66,7 @@ pub fn keep_files_private() {
 pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
-    let libraries = spec.plates.iter().filter_map(|plate| taken(fitted_library(plate), &mut faults)).collect();
+    let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
     if !spec.listen.ip().is_loopback() && tokens.is_empty() && faults.is_empty() {
         let allowed =
             "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
@@ -132,17 +130,13 @@ fn secret_in(file: &Path) -> Result<String, String> {
     Ok(text.trim_end().to_owned())
 }
 
-/// The library of a plate; its standing job must be able to run with it.
-fn fitted_library(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
-    let library = library_of(plate)?;
+/// The library of a plate, on which the parts of its standing job must find places.
+fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
+    let library = load_library(&plate.library, &plate.library_key, &plate.rig)?;
     if let Some(standing) = &plate.standing {
-        fitting_library(&standing.job, &library)?;
+        check_places(&standing.job).map_err(|fault| vec![fault])?;
     }
     Ok(library)
-}
-
-fn library_of(plate: &PlateSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
-    load_library(&plate.library, &plate.library_key, &plate.rig)
 }
 
 /// The fault of a data folder that this process cannot write to or create; `None` for a usable one.

@@ -44,9 +44,9 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
-    /// A newer release wrote its job store, which is left unchanged.
+    /// Its job store has another schema version and is left unchanged.
     #[error("{0}")]
-    NewerStore(StoreFault),
+    OtherStoreVersion(StoreFault),
     /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -97,7 +97,7 @@ impl Daemon {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let at_store = |fault| match fault {
-            StoreFault::Newer { .. } => StartFault::NewerStore(fault),
+            StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
         let repair = |part: &Path, whole: &Path| repair_unless(&prepared.shutdown_requested, part, whole);
@@ -132,7 +132,6 @@ impl Daemon {
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
             live_history_bytes: live_history_of(&spec),
-            allow_inline_libraries: spec.allow_inline_libraries,
         };
         let plates = Arc::new(PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovery_log::log(&recovery);
@@ -293,7 +292,7 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
 }
 
-/// Bytes that a live stream keeps; `None` for no live streams. Live streams have no authentication, so there are none
+/// Memory limit of a live stream, bytes; `None` for no live streams. Live streams have no authentication, so there are none
 /// where other machines reach the daemon.
 fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
@@ -330,6 +329,7 @@ mod tests {
         let mut spec = DaemonSpec::load(&file).unwrap();
         spec.listen = listen;
         spec.plates[0].live_port = Some(live_port);
+        spec.live_history_bytes = Some(8_000_000);
         spec
     }
 

@@ -57,7 +57,6 @@ impl SubmitRequest {
             pace: Pace::default(),
             spec_json: String::new(),
             rig_fingerprint: String::new(),
-            library_sha256: String::new(),
             body_sha256: self.sha256(),
             key: Some(key),
         })

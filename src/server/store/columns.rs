@@ -5,7 +5,7 @@ use rusqlite::{Connection, ErrorCode, Params, Row};
 use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
 /// Columns that [`job_of`] reads, in its order.
-pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, library, submitted_at, started_at, finished_at, \
+pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, submitted_at, started_at, finished_at, \
                               progress, reason, report, folder, recording, last_event, standing, turn";
 
 /// The job in a row of [`JOB`].
@@ -18,18 +18,17 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         seed: row.get::<_, i64>(4)?.cast_unsigned(),
         pace: pace(row.get_ref(5)?)?,
         rig_fingerprint: row.get(6)?,
-        library_sha256: row.get(7)?,
-        submitted_at: row.get::<_, Micros>(8)?.0,
-        started_at: row.get::<_, Option<Micros>>(9)?.map(|at| at.0),
-        finished_at: row.get::<_, Option<Micros>>(10)?.map(|at| at.0),
-        progress: row.get(11)?,
-        reason: row.get(12)?,
-        report_json: row.get(13)?,
-        folder: row.get(14)?,
-        recording: row.get(15)?,
-        last_event: row.get::<_, i64>(16)?.cast_unsigned(),
-        standing: row.get(17)?,
-        turn: row.get(18)?,
+        submitted_at: row.get::<_, Micros>(7)?.0,
+        started_at: row.get::<_, Option<Micros>>(8)?.map(|at| at.0),
+        finished_at: row.get::<_, Option<Micros>>(9)?.map(|at| at.0),
+        progress: row.get(10)?,
+        reason: row.get(11)?,
+        report_json: row.get(12)?,
+        folder: row.get(13)?,
+        recording: row.get(14)?,
+        last_event: row.get::<_, i64>(15)?.cast_unsigned(),
+        standing: row.get(16)?,
+        turn: row.get(17)?,
     })
 }
 

@@ -79,8 +79,8 @@ impl WriteTx<'_> {
 
     /// Stores a key, replacing a use that is too old.
     pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
-        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, at, uptime) VALUES (?1, ?2, ?3, ?4, ?5)";
-        self.connection.execute(sql, params![key, body_sha256, id, Micros(self.now), self.ages.now]).map(|_| ())
+        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, uptime) VALUES (?1, ?2, ?3, ?4)";
+        self.connection.execute(sql, params![key, body_sha256, id, self.ages.now]).map(|_| ())
     }
 
     /// Deletes keys whose use is too old.
@@ -236,7 +236,7 @@ impl WriteTx<'_> {
 pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
     let sql = format!(
         "INSERT INTO jobs ({JOB}, first_event)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?17 + 1)"
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?16 + 1)"
     );
     let values = params![
         row.id,
@@ -246,7 +246,6 @@ pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> 
         row.seed.cast_signed(),
         row.pace.code(),
         row.rig_fingerprint,
-        row.library_sha256,
         Micros(row.submitted_at),
         row.started_at.map(Micros),
         row.finished_at.map(Micros),

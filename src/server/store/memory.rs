@@ -210,7 +210,6 @@ mod tests {
             pace: Pace::Max,
             spec_json: "{}".into(),
             rig_fingerprint: String::new(),
-            library_sha256: String::new(),
             body_sha256: [0; 32],
             key: None,
         }

@@ -12,12 +12,11 @@ use super::handle::Store;
 use super::ids::Ids;
 use super::layout::{DataDir, Lock, beside};
 use super::options::OpenOptions;
-use super::private::make_private;
 use super::quarantine::{damage_of, quarantine};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Retention, StartLock, Sweeper, empty_trash};
-use super::schema::{MIGRATIONS, create_as, is_clean, migrate, refuse_newer};
+use super::schema::{create_as, is_clean, refuse_other_version};
 use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
@@ -36,9 +35,9 @@ pub struct OpenOutcome {
 
 impl Store {
     /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left. A damaged
-    /// store is moved aside and a new one made of the readable data; an older one is copied and then migrated. Fails
-    /// when another process has the store open, when the folder is not writable, when its disk is full, and, with
-    /// nothing changed, when a newer release wrote the store.
+    /// store is moved aside and a new one made of the readable data. Fails when another process has the store open, when
+    /// the folder is not writable, when its disk is full, and, with nothing changed, when the store has another schema
+    /// version.
     pub fn open(
         data: &Path,
         plates: &[String],
@@ -48,9 +47,8 @@ impl Store {
     ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
         let folder = dir.lock_folder()?;
-        [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_newer(db))?;
+        [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_other_version(db))?;
         let lock = Lock { folder, file: dir.lock_file()? };
-        make_private(&dir.data);
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut reserve = SpaceReserve::at(&dir.reserve, limits.reserve_bytes);
@@ -145,7 +143,6 @@ impl OpenOptions<'_> {
         found: &mut RecoveryReport,
     ) -> Result<Connection, StoreFault> {
         restart_log(&connection)?;
-        migrate(&mut connection, dir, MIGRATIONS)?;
         found.clean &= found.damage.is_none() && is_clean(&connection)?;
         recover(&mut connection, dir, self, found)?;
         // writes to the database file itself that the store is open now, in case the log is lost

@@ -7,7 +7,7 @@ use rusqlite::{Connection, ErrorCode};
 use super::connection::{empty_log, reading, writing};
 use super::layout::{DataDir, SQLITE_SUFFIXES, beside, remove_all};
 use super::salvage::{from_folders, from_store, have_begun};
-use super::schema::{APPLICATION_ID, OLDEST, VERSION, create, identity};
+use super::schema::{APPLICATION_ID, create, identity};
 use super::{RecoveryReport, StoreFault};
 
 /// Size of the smallest database, bytes. SQLite would take a shorter file for a new database, and discard the log
@@ -38,9 +38,9 @@ pub(super) fn damage_of(path: &Path) -> Result<Option<String>, StoreFault> {
 }
 
 fn check_store(connection: &Connection) -> rusqlite::Result<Option<String>> {
-    let (id, version) = identity(connection)?;
-    if id != APPLICATION_ID || !(OLDEST..=VERSION).contains(&version) {
-        return Ok(Some(format!("upm.db is of kind {id:08x} and version {version}, not of version {VERSION}")));
+    let (id, _) = identity(connection)?;
+    if id != APPLICATION_ID {
+        return Ok(Some(format!("upm.db has the application id {id:08x}, expected {APPLICATION_ID:08x}")));
     }
     let said: String = connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0))?;
     if said != "ok" {

@@ -19,10 +19,9 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
     let Ok(old) = reading(old) else { return Ok(()) };
     let tx = new.unchecked_transaction()?;
     let (mut seen, mut lines) = (BTreeSet::new(), Vec::new());
-    let columns = columns_of(&old);
     // from both ends, since nothing is readable after a broken page
     for order in ["", "DESC"] {
-        let sql = format!("SELECT {columns} FROM jobs NOT INDEXED ORDER BY rowid {order}");
+        let sql = format!("SELECT {JOB} FROM jobs NOT INDEXED ORDER BY rowid {order}");
         for job in readable_rows(&old, &sql, job_of) {
             if seen.insert(job.id) {
                 copy_job(&old, &tx, job)?;
@@ -41,26 +40,17 @@ pub(super) fn from_store(old: &Path, new: &Connection) -> Result<(), StoreFault>
         let values = params![line.id, Micros(line.at), plate, act, operator, reason, entry.remote, entry.token_name];
         tx.execute(sql, values)?;
     }
-    let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?, row.get(3)?));
-    let keys: Vec<(_, _, JobId, Micros)> = readable_rows(&old, "SELECT key, body_sha256, job, at FROM keys", key);
-    for (key, body_sha256, job, at) in keys.into_iter().filter(|(_, _, job, _)| seen.contains(job)) {
-        tx.execute(
-            "INSERT OR IGNORE INTO keys (key, body_sha256, job, at) VALUES (?1, ?2, ?3, ?4)",
-            params![key, body_sha256, job, at],
-        )?;
+    let key = |row: &Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, [u8; 32]>(1)?, row.get(2)?));
+    let keys: Vec<(_, _, JobId)> = readable_rows(&old, "SELECT key, body_sha256, job FROM keys", key);
+    for (key, body_sha256, job) in keys.into_iter().filter(|(_, _, job)| seen.contains(job)) {
+        let sql = "INSERT OR IGNORE INTO keys (key, body_sha256, job, uptime) VALUES (?1, ?2, ?3, 0)";
+        tx.execute(sql, params![key, body_sha256, job])?;
     }
     let spent: Vec<String> = readable_rows(&old, "SELECT key FROM spent_keys", |row| row.get(0));
     for key in spent {
         tx.execute("INSERT OR IGNORE INTO spent_keys (key, uptime) VALUES (?1, 0)", [key])?;
     }
     Ok(tx.commit()?)
-}
-
-/// The columns of [`JOB`]; an older store has no standing jobs, or no turns.
-fn columns_of(old: &Connection) -> String {
-    let is_known = |column: &str| old.prepare(&format!("SELECT {column} FROM jobs")).is_ok();
-    let missing = ["standing", "turn"].into_iter().filter(|column| !is_known(column));
-    missing.fold(JOB.to_owned(), |columns, column| columns.replace(column, "0"))
 }
 
 /// The rows before the first unreadable one.
@@ -151,7 +141,6 @@ fn job_in(folder: &Path, name: String) -> Option<JobRow> {
         pace: Pace::RealTime,
         spec_json: String::new(),
         rig_fingerprint: String::new(),
-        library_sha256: String::new(),
         body_sha256: [0; 32],
         key: None,
     };

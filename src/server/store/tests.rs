@@ -134,7 +134,6 @@ fn new_job(name: &str, plate: &str) -> NewJob {
         pace: Pace::Max,
         spec_json: format!("{{\"name\": {name:?}}}"),
         rig_fingerprint: "0123456789abcdef".into(),
-        library_sha256: "fedcba".into(),
         body_sha256: [7; 32],
         key: None,
     }

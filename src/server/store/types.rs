@@ -28,8 +28,6 @@ pub struct NewJob {
     pub spec_json: String,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
-    /// SHA-256 of the library it was checked against, in hex.
-    pub library_sha256: String,
     /// SHA-256 of the request's body, which a repeated key must match.
     pub body_sha256: [u8; 32],
     /// The request's idempotency key.
@@ -47,7 +45,6 @@ impl NewJob {
             seed: self.seed,
             pace: self.pace,
             rig_fingerprint: self.rig_fingerprint.clone(),
-            library_sha256: self.library_sha256.clone(),
             submitted_at,
             started_at: None,
             finished_at: None,
@@ -80,8 +77,6 @@ pub struct JobRow {
     pub pace: Pace,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
-    /// SHA-256 of the library it was checked against, in hex.
-    pub library_sha256: String,
     /// Time at which it was accepted.
     pub submitted_at: Timestamp,
     /// Time at which its plate took it; not before `submitted_at`.
@@ -324,15 +319,15 @@ pub enum StoreFault {
     /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
-    /// A newer release wrote the store.
-    #[error("{file}: found a job store of version {found}, expected version {known} or older: start a newer release")]
-    Newer {
+    /// The store has another schema version.
+    #[error("{file}: expected a job store of version {expected}, found version {found}: choose another data folder")]
+    OtherVersion {
         /// The database.
         file: String,
         /// Its version.
         found: i32,
-        /// The newest version that this release knows.
-        known: i32,
+        /// The version of this program.
+        expected: i32,
     },
     /// The store was closed; it no longer reads or writes.
     #[error("the job store is closed")]

@@ -14,7 +14,7 @@ use super::{JobId, RecordingStatus, StoreLimits};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct EndStamp {
     pub uptime: Uptime,
-    /// Wall time, to sort those with the same uptime: all that an older release has left.
+    /// Wall time, to sort those with the same uptime: all jobs from a damaged store have the same.
     pub at: Timestamp,
 }
 

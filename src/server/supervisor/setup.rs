@@ -16,7 +16,7 @@ pub struct PlateSetup {
     pub known: bool,
     /// The simulated rig.
     pub rig: RigSpec,
-    /// The library for jobs that bring none.
+    /// The library of the plate.
     pub library: Arc<Library>,
     /// Cause of an initial pause; `None` to start unpaused.
     pub paused: Option<Pause>,
@@ -45,10 +45,8 @@ pub struct SharedServices {
     pub watchdog: WatchdogSpec,
     /// Recordings are stopped when fewer bytes than this are free on the disk.
     pub min_free_bytes: u64,
-    /// Bytes that a live stream keeps for later viewers; `None` for no live streams.
+    /// Memory limit of a live stream, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
-    /// True when a job may bring a library that disagrees with the plate's own.
-    pub allow_inline_libraries: bool,
 }
 
 /// Settings of a standing job.

@@ -189,7 +189,7 @@ fn shared(
     persist_thread: thread::Thread,
     around: &SharedServices,
 ) -> io::Result<PlateInner> {
-    let rules = JobRules::new(&setup, around.allow_inline_libraries);
+    let rules = JobRules::new(&setup);
     let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
     let job = CurrentJob::default();
     let interlock = Interlock::timed(Arc::new(around.clock));

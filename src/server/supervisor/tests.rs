@@ -1,5 +1,4 @@
 mod guards;
-mod libraries;
 mod standing;
 mod stops;
 mod views;
@@ -97,7 +96,6 @@ impl TestPlates {
             watchdog: WATCHDOG,
             min_free_bytes: 0,
             live_history_bytes: None,
-            allow_inline_libraries: false,
         };
         change(&mut around);
         PlateSupervisor::start(vec![setup], &around).unwrap()

@@ -13,7 +13,6 @@ use super::events::{EventDraft, JobEvent};
 use super::run_observer::RunObserver;
 use super::shared::PlateInner;
 use super::standing::Standing;
-use super::validate::library_for;
 use super::{JobLayout, Pause};
 use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
@@ -163,7 +162,6 @@ impl PlateWorker {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
         shared.job.lay_out(JobLayout::of(&job));
-        let library = library_for(&job, &shared.rules.library).map_err(lines)?;
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if folder.state() != FolderState::default() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
@@ -202,7 +200,8 @@ impl PlateWorker {
         let controls = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = self.place.clock;
         let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
-        run_linked(&job, library, folder, &options, &clock, controls, &mut observer).map_err(|error| error.lines())
+        run_linked(&job, Arc::clone(&shared.rules.library), folder, &options, &clock, controls, &mut observer)
+            .map_err(|error| error.lines())
     }
 
     /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.

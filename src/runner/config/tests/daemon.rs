@@ -38,13 +38,13 @@ fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
     assert_eq!(spec.default_plate.as_deref(), Some("only"));
     assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
     assert_eq!((spec.min_free_bytes, spec.reserve_bytes), (500_000_000, 16_000_000));
-    assert_eq!((spec.live_history_bytes, spec.listen), (Some(8_000_000), shipped.listen));
+    assert_eq!((spec.live_history_bytes, spec.listen), (None, shipped.listen));
     assert_eq!(daemon(&spec.effective()).unwrap(), spec);
     let mut two = least;
     two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
-    set(&mut two, "/live", json!({"rerun": false}));
+    set(&mut two, "/live", json!({"rerun": true}));
     let spec = daemon(&two).unwrap();
-    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, None));
+    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, Some(8_000_000)));
 }
 
 #[test]
@@ -200,11 +200,7 @@ fn invalid_standing_job_is_reported_in_one_line_with_its_path() {
             json!("upm-2"),
             "plate: expected upm-1 or nothing (it is the standing job of that plate), found \"upm-2\"",
         ),
-        (
-            "/library",
-            json!("x.json"),
-            "library: expected the library itself, or nothing (that of plate upm-1 applies), found a path",
-        ),
+        ("/library", json!("x.json"), "library: expected nothing (plate upm-1 has its library), found a library"),
         ("/task/laps", json!(-1), "task.laps: expected a whole number from 0 to 1000000, found -1"),
         (
             "/parts/0/kind",

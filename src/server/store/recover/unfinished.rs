@@ -11,7 +11,7 @@ use crate::store::{
     JobEnd, JobRow, JobState, RecordingRepair, RecordingStatus, RecoveryReport, RepairRecording, RunFileFault,
     open_run_file,
 };
-use upm_core::job::{Outcome, RecordingEnd, StopCause, legacy};
+use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::time::PlateTime;
 
 /// Bytes of a journal that are searched at a time.
@@ -62,17 +62,14 @@ fn closed(folder: &Path, known: RecordingStatus) -> RecordingStatus {
 fn ends_early(folder: &Path) -> bool {
     let Some(report) = text_of(&folder.join("report.json")) else { return journal_reports_early_end(folder) };
     let report: Value = serde_json::from_str(&report).unwrap_or_default();
-    let of_0_1_0 = |text: &Value| text.as_str().is_some_and(|text| text.starts_with(legacy::RECORDING_ENDS_EARLY));
-    report["recording"].is_object() || report["warnings"].as_array().is_some_and(|texts| texts.iter().any(of_0_1_0))
+    report["recording"].is_object()
 }
 
 /// Searches a journal for the end of its recording, block by block, since it may be long. False for an unreadable
 /// journal.
 fn journal_reports_early_end(folder: &Path) -> bool {
     let Ok(mut file) = open_run_file(folder, "journal.jsonl") else { return false };
-    let coded = |end: RecordingEnd| format!("\"code\":\"{}\"", end.code());
-    let of_0_1_0 = format!("\"text\":\"{}", legacy::RECORDING_ENDS_EARLY);
-    let signs = [coded(RecordingEnd::RecordingStopped), coded(RecordingEnd::RecordingFailed), of_0_1_0];
+    let signs = RecordingEnd::ALL.map(|end| format!("\"code\":\"{}\"", end.code()));
     let longest = signs.iter().map(String::len).max().unwrap_or(0);
     let mut seen = Vec::new();
     loop {
@@ -88,7 +85,7 @@ fn journal_reports_early_end(folder: &Path) -> bool {
     }
 }
 
-/// The end of a run in its report. Reports of release 0.1.0 have no code for a stop from outside.
+/// The end of a run in its report.
 #[derive(Deserialize)]
 struct ReportedEnd {
     outcome: Outcome,
@@ -107,12 +104,7 @@ struct ReportedStop {
 
 impl ReportedEnd {
     fn stop(&self) -> Option<StopCause> {
-        match (&self.stop, self.outcome) {
-            (Some(stop), _) => StopCause::of_code(&stop.code),
-            (None, Outcome::Cancelled) if self.reason == legacy::DAEMON_ENDED => Some(StopCause::Shutdown),
-            (None, Outcome::Cancelled) => Some(StopCause::Cancelled),
-            (None, Outcome::Completed | Outcome::Failed) => None,
-        }
+        self.stop.as_ref().and_then(|stop| StopCause::of_code(&stop.code))
     }
 }
 
@@ -155,7 +147,6 @@ mod tests {
         for line in [
             r#""text":"whatever it says","code":"recording_stopped""#,
             r#""text":"whatever it says","code":"recording_failed""#,
-            r#""text":"the recording ends early: stopped, the disk is nearly full""#,
         ] {
             for before in [0, block - line.len() / 2, block - 8, block, 2 * block + 5] {
                 fs::write(&journal, ["x".repeat(before).as_str(), line, &"x".repeat(99)].concat()).unwrap();
@@ -164,13 +155,9 @@ mod tests {
         }
         fs::write(folder.path().join("report.json"), "{}").unwrap();
         assert!(!ends_early(folder.path()), "the report knows better");
-        for report in [
-            r#"{"recording": {"code": "recording_failed", "text": "no space"}}"#,
-            r#"{"warnings": ["the recording ends early: no space"]}"#,
-        ] {
-            fs::write(folder.path().join("report.json"), report).unwrap();
-            assert!(ends_early(folder.path()), "{report}");
-        }
+        let report = r#"{"recording": {"code": "recording_failed", "text": "no space"}}"#;
+        fs::write(folder.path().join("report.json"), report).unwrap();
+        assert!(ends_early(folder.path()));
     }
 
     #[test]
@@ -187,16 +174,6 @@ mod tests {
                 r#"{"outcome": "cancelled", "stop": {"code": "shutdown", "text": "whatever it says"}}"#,
                 JobState::Interrupted,
                 Some(StopCause::Shutdown),
-            ),
-            (
-                r#"{"outcome": "cancelled", "reason": "the daemon ended"}"#,
-                JobState::Interrupted,
-                Some(StopCause::Shutdown),
-            ),
-            (
-                r#"{"outcome": "cancelled", "reason": "emergency stop"}"#,
-                JobState::Cancelled,
-                Some(StopCause::Cancelled),
             ),
             ("no report", JobState::Interrupted, Some(StopCause::Shutdown)),
         ] {

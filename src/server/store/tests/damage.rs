@@ -74,14 +74,14 @@ fn garbage_is_moved_aside_and_history_recovered_from_run_folders() {
 }
 
 #[test]
-fn a_store_of_another_version_keeps_all_its_jobs() {
+fn store_with_another_application_id_keeps_all_its_jobs() {
     let (data, ids) = left_behind();
     crate::store::connection::writing(&data.path().join("upm.db"))
         .unwrap()
-        .execute_batch("PRAGMA user_version = 0")
+        .execute_batch("PRAGMA application_id = 0")
         .unwrap();
     let (store, _, damage) = damaged(data.path());
-    assert!(damage.contains("version 0, not of version"), "{damage}");
+    assert!(damage.contains("application id 00000000, expected 75706d31"), "{damage}");
     assert_eq!(ids.map(|id| job(&store, id).state), [JobState::Completed, JobState::Interrupted, JobState::Queued]);
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     assert!(matches!(accept(&store, keyed), Ok(SubmitOutcome::Replayed(row)) if row.id == ids[2]));
@@ -169,7 +169,7 @@ fn moving_aside_cut_short_is_taken_up_again() {
     let version = |data: &Path| {
         crate::store::connection::writing(&data.join("upm.db"))
             .unwrap()
-            .execute_batch("PRAGMA user_version = 0")
+            .execute_batch("PRAGMA application_id = 0")
             .unwrap();
     };
     version(left.path());

@@ -67,7 +67,7 @@ fn key_of_a_deleted_job_stays_spent_when_a_damaged_store_is_replaced() {
     assert!(store.close(TIMEOUT));
     drop(store);
     let database = folder.path().join("upm.db");
-    crate::store::connection::writing(&database).unwrap().execute_batch("PRAGMA user_version = 0").unwrap();
+    crate::store::connection::writing(&database).unwrap().execute_batch("PRAGMA application_id = 0").unwrap();
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert!(recovery.damage.is_some());
     assert_eq!(accept(&store, keyed()), Ok(SubmitOutcome::KeyReused));

@@ -71,7 +71,7 @@ fn run_is_recovered_as_one_job_after_the_store_is_moved_aside() {
     let data = snapshot(folder.path());
     crate::store::connection::writing(&data.path().join("upm.db"))
         .unwrap()
-        .execute_batch("PRAGMA user_version = 0")
+        .execute_batch("PRAGMA application_id = 0")
         .unwrap();
     let OpenOutcome { store, .. } = open(data.path(), limits());
     let rows = all_jobs(&store);
@@ -108,7 +108,7 @@ fn the_text_of_a_job_stays_until_its_folder_has_it() {
     assert_eq!(texts(&store), kept, "a start keeps it, too");
     assert!(store.close(TIMEOUT));
     let version = crate::store::connection::writing(&copy.path().join("upm.db")).unwrap();
-    version.execute_batch("PRAGMA user_version = 0").unwrap();
+    version.execute_batch("PRAGMA application_id = 0").unwrap();
     drop(version);
     let limits = StoreLimits { jobs: 0, runs_bytes: 0, ..limits() };
     let OpenOutcome { store, recovery } = open(copy.path(), limits);

@@ -71,6 +71,20 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
 }
 
 #[test]
+fn job_with_a_library_is_refused() {
+    let plates = TestPlates::new().open(None);
+    let refusal = |value: &str| {
+        let text = TWO_COINS.replace("\"seed\"", &format!(r#""library": {value}, "seed""#));
+        let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
+        refused.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let line = "job: library: expected nothing (plate one has its library), found a library";
+    assert_eq!(refusal(&library().to_json()), [line]);
+    let line = "job: library: expected nothing (files cannot be named here), found \"upm-2.json\"";
+    assert_eq!(refusal("\"upm-2.json\""), [line]);
+}
+
+#[test]
 fn end_by_a_guard_pauses_the_plate_for_an_operator() {
     let test_plates = TestPlates::new();
     let mut wrong = library();
