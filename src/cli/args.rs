@@ -53,7 +53,7 @@ pub enum Command {
     Locate(LocateArgs),
     /// Open loop: given pulses on given parts, true trajectories out
     Simulate(SimulateArgs),
-    /// Make one of the papers' experiments: a table, plots; without a name, list them
+    /// Run an experiment from the papers: a table, plots; without a name, list them
     #[cfg_attr(not(feature = "lab"), command(hide = true))]
     Lab(LabArgs),
     /// Open a run in the Rerun viewer

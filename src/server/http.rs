@@ -45,5 +45,5 @@ pub(crate) fn with_layers(app: Router, hosts: AllowedHosts, limits: Arc<HttpLimi
 
 /// The answer of a handler that panics: an internal error of this request alone.
 fn panicked(_: Box<dyn Any + Send>) -> Response {
-    Problem::new(ProblemKind::Internal, "the handler broke down").into_response()
+    Problem::new(ProblemKind::Internal, "internal error").into_response()
 }

@@ -31,7 +31,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
     }
     router
         .fallback(async || {
-            Problem::new(ProblemKind::NotFound, "there is nothing here; /openapi.json lists what there is")
+            Problem::new(ProblemKind::NotFound, "unknown path; see /openapi.json")
         })
         .method_not_allowed_fallback(async || {
             Problem::new(ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header")
