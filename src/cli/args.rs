@@ -303,9 +303,6 @@ pub struct LabArgs {
     /// One file for all plots, besides the folder
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
-    /// Recording for Rerun: off, save, connect[=URL] or spawn; off by default, since table and plots show most of it
-    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
-    pub rerun: String,
 }
 
 /// `upm check`.
