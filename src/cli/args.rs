@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
 use super::offered::{experiments, rerun_modes, scenes, schemas};
-use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
+use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
 
@@ -72,13 +72,8 @@ pub enum Command {
     /// Commands sent to a daemon.
     #[command(flatten)]
     Client(ClientCommand),
-    /// Daemon: make a token file, for the daemon and its clients; never overwrites one
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
-    Token(TokenArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
-    /// Print the manual page, or write all of them into a folder
-    Man(ManArgs),
 }
 
 impl Command {
@@ -164,14 +159,6 @@ pub enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
-}
-
-/// `upm man`.
-#[derive(Args, Debug)]
-pub struct ManArgs {
-    /// Folder for a page of every command; left out, the program's own page goes to stdout
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
 }
 
 /// `upm calibrate`.
