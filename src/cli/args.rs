@@ -30,7 +30,8 @@ pub struct Common {
     /// Print the machine-readable result alone on stdout
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say more on stderr (-vv: each cycle and its times; -vvv: libraries' messages, too)
+    /// Say more: errors of forecasts and sensing in the summary of a run, and more on stderr (-vv: each cycle and its
+    /// times; -vvv: libraries' messages, too)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing on stderr but errors
