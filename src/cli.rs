@@ -36,7 +36,6 @@ mod lab;
 mod locate;
 mod log_writer;
 mod logs;
-mod man;
 mod offered;
 mod output;
 mod panics;
@@ -54,7 +53,6 @@ mod simulate;
 mod summary;
 #[cfg(test)]
 mod test_buffer;
-mod token;
 mod usage;
 mod verify;
 
@@ -104,8 +102,6 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => schema::schema(&args),
         Command::Client(command) => daemon::client_command(&command, common),
-        Command::Token(args) => token::token(&args, common),
-        Command::Man(args) => man::man(&args),
         Command::Completions(args) => {
             outln!("{}", offered::completions(args.shell, &mut Cli::command()).trim_end())?;
             Ok(0)

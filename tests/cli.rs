@@ -55,8 +55,6 @@ mod rigs;
 mod shapes;
 #[path = "cli/streams.rs"]
 mod streams;
-#[path = "cli/token.rs"]
-mod token;
 
 fn upm() -> Command {
     let mut command = Command::cargo_bin("upm").unwrap();

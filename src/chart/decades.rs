@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use crate::{Axis, AxisScale, Chart, Layer, Mark};
+use crate::{AxisScale, Chart, Layer, Mark};
 
 /// Leading digits of ticks, the densest choice first.
 const LEADS: [&[u32]; 4] = [&[1, 2, 3, 4, 5, 6, 7, 8, 9], &[1, 2, 5], &[1, 3], &[1]];
@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-9;
 impl Chart {
     /// The chart with base-10 logarithms in place of the values of its logarithmic axes. Values that are not positive,
     /// or outside 1e-99 to 1e99, become NaN, a gap. Radii and sides are lengths in decades there.
-    pub fn in_decades(&self) -> Cow<'_, Self> {
+    pub(crate) fn in_decades(&self) -> Cow<'_, Self> {
         let is_log = [&self.x, &self.y].map(|axis| axis.scale == AxisScale::Log);
         if is_log == [false; 2] {
             return Cow::Borrowed(self);
@@ -100,17 +100,10 @@ pub(crate) fn log_tick_text(place: f64) -> String {
     format!("{lead:.0}e{power:.0}")
 }
 
-impl Axis {
-    /// A logarithmic axis that fits the layers; values that are not positive are left out.
-    pub fn log(label: &str) -> Self {
-        Self { scale: AxisScale::Log, ..Self::new(label) }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Color;
+    use crate::{Axis, Color};
     use proptest::prelude::*;
 
     fn numbers(range: [f64; 2], most: usize) -> Vec<String> {

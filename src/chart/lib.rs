@@ -1,16 +1,17 @@
 //! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
 //! draws one as a picture.
 
+#[cfg(feature = "svg")]
 mod decades;
 mod labels;
 mod palette;
 #[cfg(feature = "svg")]
 mod svg;
+#[cfg(feature = "svg")]
 mod ticks;
 
 pub use labels::{LabelPlace, LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
-pub use ticks::{AxisTicks, axis_ticks};
 
 #[cfg(feature = "svg")]
 pub use svg::{svg, svg_page};
@@ -80,6 +81,11 @@ impl Axis {
     /// An axis that fits the layers.
     pub fn new(label: &str) -> Self {
         Self { label: label.to_owned(), range: None, scale: AxisScale::Linear }
+    }
+
+    /// A logarithmic axis that fits the layers; values that are not positive are left out.
+    pub fn log(label: &str) -> Self {
+        Self { scale: AxisScale::Log, ..Self::new(label) }
     }
 }
 
@@ -190,28 +196,6 @@ impl Layer {
         let h = half_side;
         Self::new("plate", Mark::Line, Color::Gray, [[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]])
     }
-}
-
-/// Motion of parts on a plate over plate time, for playback.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Playback {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// Times of the positions, s.
-    pub t_s: Vec<f64>,
-    /// Tracks of the parts.
-    pub tracks: Vec<PlaybackTrack>,
-}
-
-/// The path of one part.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlaybackTrack {
-    /// Name of the part.
-    pub label: String,
-    /// Radius of the part, m.
-    pub radius_m: f64,
-    /// Position at each time, m, table frame.
-    pub positions_m: Vec<[f64; 2]>,
 }
 
 /// Outline of a bin, a rectangle that parts are sorted into: its corners from `min` to `max`, the first one again at

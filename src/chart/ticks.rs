@@ -10,7 +10,7 @@ const PLAIN: Range<f64> = 1e-4..1e6;
 
 /// Labelled ticks of an axis and the lines between them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct AxisTicks {
+pub(crate) struct AxisTicks {
     /// Value and text of each tick, ascending; the values are in decades on a logarithmic axis.
     pub major: Vec<(f64, String)>,
     /// Values of the lines between the ticks, in decades; empty for a linear axis.
@@ -19,7 +19,7 @@ pub struct AxisTicks {
 
 /// At most `most` ticks of an axis over `range`, which is in decades on a logarithmic axis. A logarithmic axis too
 /// short for two decade ticks gets linear ticks at their logarithmic positions. An empty range has no ticks.
-pub fn axis_ticks(scale: AxisScale, range: [f64; 2], most: usize) -> AxisTicks {
+pub(crate) fn axis_ticks(scale: AxisScale, range: [f64; 2], most: usize) -> AxisTicks {
     if scale == AxisScale::Linear {
         return AxisTicks { major: linear_ticks(range, most), minor: Vec::new() };
     }

@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
 use super::offered::{experiments, rerun_modes, scenes, schemas};
-use super::run_args::{ExportArgs, RunFolderArgs, TokenArgs};
+use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
 
@@ -30,7 +30,8 @@ pub struct Common {
     /// Print the machine-readable result alone on stdout
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say more on stderr (-vv: each cycle and its times; -vvv: libraries' messages, too)
+    /// Say more: errors of forecasts and sensing in the summary of a run, and more on stderr (-vv: each cycle and its
+    /// times; -vvv: libraries' messages, too)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing on stderr but errors
@@ -72,13 +73,8 @@ pub enum Command {
     /// Commands sent to a daemon.
     #[command(flatten)]
     Client(ClientCommand),
-    /// Daemon: make a token file, for the daemon and its clients; never overwrites one
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
-    Token(TokenArgs),
     /// Print completions for a shell
     Completions(CompletionsArgs),
-    /// Print the manual page, or write all of them into a folder
-    Man(ManArgs),
 }
 
 impl Command {
@@ -164,14 +160,6 @@ pub enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
-}
-
-/// `upm man`.
-#[derive(Args, Debug)]
-pub struct ManArgs {
-    /// Folder for a page of every command; left out, the program's own page goes to stdout
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
 }
 
 /// `upm calibrate`.
@@ -303,9 +291,6 @@ pub struct LabArgs {
     /// One file for all plots, besides the folder
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
-    /// Recording for Rerun: off, save, connect[=URL] or spawn; off by default, since table and plots show most of it
-    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
-    pub rerun: String,
 }
 
 /// `upm check`.

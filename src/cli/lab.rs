@@ -11,17 +11,15 @@ use std::path::{Path, PathBuf};
 use super::args::{Common, LabArgs};
 use super::output::{Failure, print, print_json};
 use super::progress::{LateProgress, with_progress};
-use super::recording;
 use upm_chart::Chart;
 use upm_lab::{
     EXPERIMENTS, Experiment, ExperimentResult, LabFault, LabRig, Request, VISION, WAVEFORM_FIT, experiment, vision_of,
     waveform_fit_of,
 };
-use upm_recording::RerunMode;
 use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
 
 pub(super) use scene::of_scene;
-use table::{columns, markdown, table};
+use table::{columns, table};
 use track_speed::{TrackTimes, tracking};
 
 /// Name that selects all experiments.
@@ -77,19 +75,13 @@ fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
     Ok(0)
 }
 
-/// Runs an experiment, or evaluates a recorded trace, and writes its plots and its recording.
+/// Runs an experiment, or evaluates a recorded trace, and writes its plots.
 fn make(name: &str, args: &LabArgs, common: Common) -> Result<ExperimentOutput, Failure> {
-    let rerun = recording::checked_mode(&args.rerun)?;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
         None => measure(name, args, common)?,
     };
-    let mut written = write_files(name, &outcome, args)?;
-    if rerun != RerunMode::Off {
-        let path = args.out.join(format!("{name}.rrd"));
-        recording::experiment(&rerun, &path, &page(&format!("{name}, {on}"), &outcome))?;
-        written.push(path);
-    }
+    let written = write_files(name, &outcome, args)?;
     Ok(ExperimentOutput { name: name.to_owned(), on, outcome, written })
 }
 
@@ -254,13 +246,6 @@ fn write_files(name: &str, outcome: &ExperimentResult, args: &LabArgs) -> Result
         fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }
     Ok(files.into_iter().map(|(path, _)| path).collect())
-}
-
-/// The result as data for the viewer.
-fn page(title: &str, outcome: &ExperimentResult) -> upm_viewer::ExperimentView {
-    let figures = markdown(title, outcome);
-    let (charts, motion) = (outcome.charts.clone(), outcome.motion.clone());
-    upm_viewer::ExperimentView { title: title.to_owned(), figures, charts, motion }
 }
 
 /// Refuses SVG output if this build lacks charts.

@@ -4,7 +4,6 @@ use std::io::IsTerminal;
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
 
-use tracing::dispatcher::{self, Dispatch};
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::Targets;
@@ -36,7 +35,7 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
         is_journal: is_journal(stream.as_deref(), file_of_stderr()),
         is_colored: std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
     };
-    let (subscriber, flush_guard) = match daemon.and_then(|format| patient(format, setting)) {
+    let (subscriber, flush_guard) = match daemon.and_then(|_| patient()) {
         Some((writer, flush_guard)) => (subscriber(daemon, setting, writer), Some(flush_guard)),
         None => (subscriber(daemon, setting, std::io::stderr), None),
     };
@@ -49,12 +48,9 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
     flush_guard
 }
 
-/// Non-blocking writer of a daemon's log. The number of dropped lines is written directly, in the same format.
-fn patient(format: LogFormat, setting: LogSettings) -> Option<(LogWriter, FlushGuard)> {
-    let direct = Dispatch::new(subscriber(Some(format), setting, std::io::stderr));
-    let tell_lost =
-        move |lost| dispatcher::with_default(&direct, || tracing::warn!("{lost} lines of the log were lost"));
-    let started = LogWriter::start(std::io::stderr(), tell_lost);
+/// Non-blocking writer of a daemon's log.
+fn patient() -> Option<(LogWriter, FlushGuard)> {
+    let started = LogWriter::start(std::io::stderr());
     started.map_err(|error| errln!("upm: no thread for the log: {error}")).ok()
 }
 

@@ -1,9 +1,9 @@
-//! Rerun recordings of experiments and pictures, which are not runs.
+//! Rerun recordings of pictures, which are not runs.
 
 use std::path::Path;
 
 use upm_recording::{LocalisedRecord, RerunMode};
-use upm_viewer::{ExperimentView, RecordingError, RecordingStats, RerunSink, record_experiment, record_located};
+use upm_viewer::{RerunSink, record_located};
 
 use super::output::Failure;
 
@@ -19,12 +19,6 @@ pub(super) fn checked_mode(text: &str) -> Result<RerunMode, Failure> {
     Ok(mode)
 }
 
-/// Records an experiment into `path` and to the viewer of `mode`.
-#[cfg_attr(not(feature = "lab"), expect(dead_code, reason = "only experiments call it"))]
-pub(super) fn experiment(mode: &RerunMode, path: &Path, experiment: &ExperimentView) -> Result<(), Failure> {
-    ended(mode, path, record_experiment(mode, path, experiment))
-}
-
 /// Records how table and parts, of those kinds, were found in a picture, into `path` and to the viewer of `mode`.
 pub(super) fn located(
     mode: &RerunMode,
@@ -33,10 +27,7 @@ pub(super) fn located(
     found: &LocalisedRecord,
     kinds: &[&str],
 ) -> Result<(), Failure> {
-    ended(mode, path, record_located(mode, path, title, found, kinds))
-}
-
-fn ended(mode: &RerunMode, path: &Path, made: Result<RecordingStats, RecordingError>) -> Result<(), Failure> {
+    let made = record_located(mode, path, title, found, kinds);
     let stats = made.map_err(|error| Failure::failed(format!("recording: {error}")))?;
     let live = matches!(mode, RerunMode::Connect { .. } | RerunMode::Spawn);
     if live && (!stats.viewer_caught_up || stats.viewer_missed > 0) {

@@ -45,7 +45,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     if common.json {
         print_json(&result.report)?;
     } else {
-        print_summary(&job, &result)?;
+        print_summary(&job, &result, common.verbose > 0)?;
     }
     Ok(status_of(&result.report))
 }

@@ -1,4 +1,4 @@
-//! Arguments of the commands on run folders and token files.
+//! Arguments of the commands on run folders.
 
 use std::path::PathBuf;
 
@@ -33,17 +33,4 @@ pub struct ExportArgs {
     /// Folder that the tables go into [default: RUN-tables beside the run folder]
     #[arg(long, value_name = "DIR")]
     pub to: Option<PathBuf>,
-}
-
-/// `upm token`.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "The file holds 64 random hex digits and is for its owner alone (mode 0600). A daemon reads it as \
-                        token_file, or as read_token_file for clients that may only look, and stop; its clients read it by \
-                        --token-file or UPM_TOKEN_FILE. The token itself is never printed."
-)]
-pub struct TokenArgs {
-    /// New file for the token
-    #[arg(value_name = "FILE")]
-    pub file: PathBuf,
 }

@@ -4,11 +4,11 @@ use upm_recording::{CycleError, PathReport, PlannerReport, PredictionError, Repo
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
-/// Prints the result of a run as text.
-pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Failure> {
+/// Prints the result of a run as text; [`rows`] explains `verbose`.
+pub(super) fn print_summary(job: &JobSpec, result: &RunResult, verbose: bool) -> Result<(), Failure> {
     let Report { name, seed, outcome, reason, .. } = &result.report;
     outln!("{name} on {}, seed {seed}: {}: {reason}", job.rig.model.name, outcome.code())?;
-    for (label, text) in rows(&result.report) {
+    for (label, text) in rows(&result.report, verbose) {
         outln!("  {label:15} {text}")?;
     }
     outln!("  {:15} {}", "run folder", result.folder.display())?;
@@ -18,8 +18,8 @@ pub(super) fn print_summary(job: &JobSpec, result: &RunResult) -> Result<(), Fai
     Ok(())
 }
 
-/// Figures of a run with their labels.
-pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
+/// Figures of a run with their labels; `verbose` adds the errors of forecasts, cycles and sensing.
+pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)> {
     let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
     let mut rows = vec![
         (
@@ -49,20 +49,8 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
     if let Some(most) = report.path.phase_error_max {
         rows.push(("phase error", format!("{:.1} % of a period at most", 100.0 * most)));
     }
-    if let Some(PredictionError { library, learned }) = report.prediction_error_mm {
-        rows.push((
-            "prediction",
-            format!("{library:.3} mm rms off by the library, {learned:.3} mm with what was learned"),
-        ));
-    }
-    if let Some(CycleError { mean, max }) = report.cycle_error_mm {
-        rows.push((
-            "cycle error",
-            format!("{mean:.2} mm off the subgoals, {max:.2} mm at most (E, mean of the parts)"),
-        ));
-    }
-    if let Some(rms) = report.sensing_rms_error_mm {
-        rows.push(("sensing error", format!("{rms:.3} mm rms against the truth")));
+    if verbose {
+        rows.extend(loop_errors(report));
     }
     if report.verdict == Some(Verdict::FalseSuccess) {
         rows.push(("false success", "the truth says that a part is not at its place".to_owned()));
@@ -77,6 +65,19 @@ pub(super) fn rows(report: &Report) -> Vec<(&'static str, String)> {
         rows.push(("lost parts", report.lost_parts.to_string()));
     }
     rows
+}
+
+/// Errors of forecasts, cycles and sensing.
+fn loop_errors(report: &Report) -> impl Iterator<Item = (&'static str, String)> {
+    let prediction = report.prediction_error_mm.map(|PredictionError { library, learned }| {
+        ("forecast error", format!("{library:.3} mm rms from calibration, {learned:.3} mm after learning"))
+    });
+    let cycle = report.cycle_error_mm.map(|CycleError { mean, max }| {
+        ("cycle error", format!("{mean:.2} mm off the subgoals, {max:.2} mm at most (E, mean of the parts)"))
+    });
+    let sensing =
+        report.sensing_rms_error_mm.map(|rms| ("sensing error", format!("{rms:.3} mm rms against the truth")));
+    [prediction, cycle, sensing].into_iter().flatten()
 }
 
 /// The planner, the reason for it, and the alternatives on this rig.

@@ -1,4 +1,4 @@
-use upm_chart::{Chart, Playback};
+use upm_chart::Chart;
 use upm_core::signal::RecordedPulse;
 
 /// One numerical result of an experiment.
@@ -103,8 +103,6 @@ pub struct ExperimentResult {
     pub charts: Vec<Chart>,
     /// Table of the points of a sweep, or of several machines.
     pub sheet: Option<DataSheet>,
-    /// Motion of the parts, for playback.
-    pub motion: Option<Playback>,
     /// Findings that need attention, one a line.
     pub notes: Vec<String>,
     /// The trace that was evaluated.

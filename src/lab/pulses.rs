@@ -10,9 +10,9 @@ use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 
-/// Samples a second of a playback.
-pub(super) const PLAYBACK_HZ: f64 = 60.0;
-/// Simulation samples per playback sample, for counting angles and finding the ends of pulses.
+/// Samples a second of a series of positions.
+pub(super) const SERIES_HZ: f64 = 60.0;
+/// Simulation samples for each of these, for counting angles and finding the ends of pulses.
 pub(super) const FINER: usize = 16;
 /// Clearance between a coin's rim and the plate's edge at the start, m: on a rig's plate coins drift.
 pub(super) const EDGE_M: f64 = 10e-3;

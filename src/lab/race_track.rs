@@ -6,11 +6,11 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::pulses::{
-    EDGE_M, FINER, PLAYBACK_HZ, SATURATION, calm_envelope, check_carries, mm, place, places, play, saturation,
+    EDGE_M, FINER, SATURATION, SERIES_HZ, calm_envelope, check_carries, mm, place, places, play, saturation,
     strongest_spin, turn,
 };
 use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
-use upm_chart::{Chart, Color, Layer, Mark, Playback, PlaybackTrack};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
 use upm_sim::{OpenLoopTrajectories, OpenPulse};
@@ -72,13 +72,13 @@ impl RaceCourse {
 
     fn play(&self, rig: &LabRig, pulses: usize) -> Result<OpenLoopTrajectories, LabFault> {
         let pulses = vec![self.pulse.clone(); pulses];
-        play(rig, PlateMode::Dynamic, &self.starts_m, &pulses, PLAYBACK_HZ * FINER as f64)
+        play(rig, PlateMode::Dynamic, &self.starts_m, &pulses, SERIES_HZ * FINER as f64)
     }
 
     /// The last sample before `pulses` pulses and their rests are over.
     fn sample_after(&self, pulses: usize) -> usize {
         const ROUNDING: f64 = 1e-6;
-        (pulses as f64 * self.pulse_s * PLAYBACK_HZ * FINER as f64 + ROUNDING) as usize
+        (pulses as f64 * self.pulse_s * SERIES_HZ * FINER as f64 + ROUNDING) as usize
     }
 
     fn radius_m(&self, coin: usize) -> f64 {
@@ -192,7 +192,6 @@ pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
         figures: figures(rig, &race),
         series: series(&race),
         charts: vec![map(&race), angles(&race)],
-        motion: Some(motion(&race)),
         ..ExperimentResult::default()
     })
 }
@@ -239,19 +238,6 @@ fn series(race: &Race) -> Vec<Series> {
         ]);
     }
     series
-}
-
-fn motion(race: &Race) -> Playback {
-    let track = |(name, lap): (&str, &Lap)| PlaybackTrack {
-        label: name.to_owned(),
-        radius_m: race.course.coin_radius_m,
-        positions_m: lap.positions_m.iter().step_by(FINER).map(|place| [place.x, place.y]).collect(),
-    };
-    Playback {
-        half_side_m: race.course.half_side_m,
-        t_s: race.t_s.iter().step_by(FINER).copied().collect(),
-        tracks: NAMES.into_iter().zip(&race.laps).map(track).collect(),
-    }
 }
 
 fn map(race: &Race) -> Chart {
@@ -327,12 +313,16 @@ mod tests {
             let rig = lab_rig(name);
             let outcome = race_track(&rig).unwrap();
             assert!(figure(&outcome, "least gap between rims") > 0.0);
-            let motion = outcome.motion.unwrap();
-            let reach = motion.half_side_m - rig.penny.radius_m;
-            assert_eq!(motion.tracks.len(), 3);
-            for track in &motion.tracks {
-                assert_eq!(track.positions_m.len(), motion.t_s.len());
-                assert!(track.positions_m.iter().flatten().all(|v| v.abs() < reach), "{name}: {}", track.label);
+            let reach = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m;
+            let places: Vec<&Series> = outcome
+                .series
+                .iter()
+                .filter(|series| series.name.ends_with("_x_m") || series.name.ends_with("_y_m"))
+                .collect();
+            assert_eq!(places.len(), 6);
+            for series in places {
+                assert_eq!(series.values.len(), outcome.series[0].values.len());
+                assert!(series.values.iter().all(|v| v.abs() < reach), "{name}: {}", series.name);
             }
         }
     }

@@ -7,7 +7,6 @@ use upm_control::Sink;
 use upm_core::job::RecordingRepair;
 use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
 
-use crate::types::ExperimentView;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 
 /// Stand-in for a recording: accepts every fact and keeps none.
@@ -57,15 +56,6 @@ impl LiveServer {
     pub fn dropped(&self) -> u64 {
         match *self {}
     }
-}
-
-/// Refuses every mode but [`RerunMode::Off`].
-pub fn record_experiment(
-    mode: &RerunMode,
-    _path: &Path,
-    _experiment: &ExperimentView,
-) -> Result<RecordingStats, RecordingError> {
-    refuse(mode)
 }
 
 /// Refuses every mode but [`RerunMode::Off`].

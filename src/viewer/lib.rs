@@ -9,12 +9,12 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{ExperimentView, PartAppearance, PathAppearance, RecordingError, RecordingStats, RunContext};
+pub use types::{PartAppearance, PathAppearance, RecordingError, RecordingStats, RunContext};
 
 #[cfg(not(feature = "rerun"))]
-pub use absent::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};
+pub use absent::{LiveServer, RerunSink, record_located, repair_recording};
 #[cfg(feature = "rerun")]
-pub use rerun::{LiveServer, RerunSink, record_experiment, record_located, repair_recording};
+pub use rerun::{LiveServer, RerunSink, record_located, repair_recording};
 
 /// True if this build can make recordings.
 pub const BUILT_IN: bool = cfg!(feature = "rerun");

@@ -12,16 +12,11 @@
 
 mod blueprint;
 mod camera;
-mod charts;
 mod destination;
-mod experiment;
-#[cfg(test)]
-mod experiment_tests;
 mod field;
 mod file;
 mod live;
 mod partial_file;
-mod shaded_cells;
 
 mod live_server;
 #[cfg(test)]
@@ -48,11 +43,9 @@ mod task;
 mod task_tests;
 #[cfg(test)]
 mod tests;
-mod titles;
 mod trails;
 mod vision;
 
-pub use experiment::record_experiment;
 pub use live_server::LiveServer;
 pub use located::record_located;
 pub use repair::repair_recording;

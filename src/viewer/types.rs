@@ -1,7 +1,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use upm_chart::{Chart, Playback};
 use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
@@ -113,17 +112,4 @@ pub struct RecordingStats {
     pub viewer_missed: u64,
     /// True when a viewer was fed and received all remaining messages at the end.
     pub viewer_caught_up: bool,
-}
-
-/// An experiment as shown on a page of the viewer.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ExperimentView {
-    /// Title, the name of the recording.
-    pub title: String,
-    /// The table of figures, Markdown.
-    pub figures: String,
-    /// Charts above the figures, in this order.
-    pub charts: Vec<Chart>,
-    /// Motion of the parts, for playback.
-    pub motion: Option<Playback>,
 }

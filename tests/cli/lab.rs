@@ -160,7 +160,6 @@ fn a_malformed_trace_and_a_misplaced_one_are_refused() {
     status(&["lab", "--trace", file], 2);
     status(&["lab", "waveform-fit", "--trace", file, "--rig", "configs/rigs/upm-2.json"], 2);
     status(&["lab", "waveform-fit", "--rig", file], 2);
-    status(&["lab", "waveform-fit", "--rerun", "sideways"], 2);
 }
 
 #[test]
@@ -223,28 +222,6 @@ fn a_drawn_scene_is_located_with_the_rig_file_it_comes_with() {
     status(&["render", "--out", &picture], 2);
     status(&["render", "configs/plus-sign.json", "--scene", "hard", "--out", &picture], 2);
     status(&["render", "configs/plus-sign.json", "--out", &picture, "--rig-out", &rig], 2);
-}
-
-#[test]
-#[cfg(not(feature = "rerun"))]
-fn an_experiment_is_not_recorded_without_rerun() {
-    for mode in ["save", "spawn", "connect"] {
-        let (stdout, stderr) = status(&["lab", "waveform-fit", "--rerun", mode], 2);
-        assert!(stdout.is_empty());
-        assert_eq!(stderr, format!("upm: --rerun: expected off (this build has no feature `rerun`), found {mode}\n"));
-    }
-}
-
-#[test]
-#[cfg(feature = "rerun")]
-fn an_experiment_is_recorded_when_asked() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let (stdout, _) = status(&["lab", "cor-steering", "--out", out, "--rerun", "save"], 0);
-    let recording = folder.path().join("cor-steering.rrd");
-    assert!(stdout.contains(recording.to_str().unwrap()), "{stdout}");
-    assert!(fs::read(recording).unwrap().starts_with(b"RRF2"));
-    status(&["lab", "cor-steering", "--out", out, "--rerun", "connect=nowhere"], 2);
 }
 
 /// Runs `upm lab` in a new folder; returns its JSON.

@@ -3,7 +3,8 @@ use std::ops::Range;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
 use super::sheet::text_width_px;
-use crate::{AxisScale, AxisTicks, axis_ticks};
+use crate::AxisScale;
+use crate::ticks::{AxisTicks, axis_ticks};
 
 /// The scale of an axis: its range and ticks, in decades on a logarithmic axis.
 #[derive(Clone, Debug)]

@@ -34,7 +34,7 @@ fn print_line(job: &Job) -> Result<(), Failure> {
 pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
     let job: Job = client.get(&job_path(&job_id(&client, &args.id)?)?)?;
-    print(common.json, &job, || print_job(&job))
+    print(common.json, &job, || print_job(&job, common.verbose > 0))
 }
 
 pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {
@@ -52,10 +52,10 @@ pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &job, || outln!("{}: {state}", job.id))
 }
 
-/// Prints a job as text.
-pub(super) fn print_job(job: &Job) -> Result<(), Failure> {
+/// Prints a job as text; [`summary::rows`] explains `verbose`.
+pub(super) fn print_job(job: &Job, verbose: bool) -> Result<(), Failure> {
     outln!("{}", headline(job))?;
-    for (label, text) in rows(job) {
+    for (label, text) in rows(job, verbose) {
         outln!("  {label:15} {}", on_one_line(&text))?;
     }
     Ok(())
@@ -68,7 +68,7 @@ pub(super) fn headline(job: &Job) -> String {
     on_one_line(&format!("{} on plate {}, seed {}: {state}{why}", job.name, job.plate, job.seed))
 }
 
-fn rows(job: &Job) -> Vec<(&'static str, String)> {
+fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
     let mut rows = vec![("id", job.id.clone()), ("submitted", seconds(&job.submitted_at))];
     rows.extend(job.started_at.as_deref().map(|at| ("started", seconds(at))));
     rows.extend(job.finished_at.as_deref().map(|at| ("finished", seconds(at))));
@@ -84,7 +84,7 @@ fn rows(job: &Job) -> Vec<(&'static str, String)> {
     let report = job.report.clone().map(serde_json::Value::Object);
     let report: Option<Report> = report.and_then(|report| serde_json::from_value(report).ok());
     if let Some(report) = report {
-        rows.extend(summary::rows(&report));
+        rows.extend(summary::rows(&report, verbose));
         rows.extend(report.warnings.into_iter().map(|warning| ("warning", warning)));
     }
     rows

@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use super::super::pulses::{FINER, PLAYBACK_HZ, calm_envelope, check_carries, place, play, saturation, turn};
+use super::super::pulses::{FINER, SERIES_HZ, calm_envelope, check_carries, place, play, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, PartPositions};
 use upm_core::geometry::Vec2;
@@ -133,17 +133,12 @@ impl<'a> CalibratedPulses<'a> {
     }
 
     fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
-        play(self.rig, self.mode, parts_m, pulses, PLAYBACK_HZ * FINER as f64)
+        play(self.rig, self.mode, parts_m, pulses, SERIES_HZ * FINER as f64)
     }
 
-    /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns their
-    /// positions at every sample, of which the first is the start and the last is at rest.
-    pub fn rotate(
-        &self,
-        parts_m: &PartPositions,
-        center: usize,
-        distance_m: f64,
-    ) -> Result<Vec<PartPositions>, LabFault> {
+    /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns where
+    /// they come to rest.
+    pub fn rotate(&self, parts_m: &PartPositions, center: usize, distance_m: f64) -> Result<PartPositions, LabFault> {
         let (sense, curve) = if distance_m < 0.0 { (-1.0, 1) } else { (1.0, 0) };
         let pulses: Vec<OpenPulse> = self.curves[center][curve]
             .pulses(distance_m.abs())
@@ -151,14 +146,14 @@ impl<'a> CalibratedPulses<'a> {
             .map(|sustain_s| self.pulse(center, sense, sustain_s))
             .collect();
         if pulses.is_empty() {
-            return Ok(vec![*parts_m]);
+            return Ok(*parts_m);
         }
         let played = self.play(parts_m, &pulses)?;
-        let [first, second] = played.parts.as_slice() else { return Ok(vec![*parts_m]) };
+        let [first, second] = played.parts.as_slice() else { return Ok(*parts_m) };
         let both = (0..played.t_s.len()).filter_map(|i| Some([place(first, i)?, place(second, i)?]));
         let way: Vec<PartPositions> = both.collect();
         self.check_on_plate(&way)?;
-        Ok(way)
+        Ok(way.last().copied().unwrap_or(*parts_m))
     }
 
     fn check_on_plate(&self, way: &[PartPositions]) -> Result<(), LabFault> {

@@ -1,11 +1,11 @@
-//! Figures, series, charts and the playback of the experiment with two parts.
+//! Figures, series and charts of the experiment with two parts.
 
-use super::super::pulses::{FINER, PLAYBACK_HZ, SATURATION, mm};
-use super::super::{ExperimentResult, Figure, LabRig, Series};
+use super::super::pulses::{SATURATION, mm};
+use super::super::{ExperimentResult, Figure, Series};
 use super::calibrated_pulses::STRONG_SPIN_RADPS;
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
-use super::task::{OBSERVATIONS, StepSeries, TwoPartPath, TwoPartProblem};
-use upm_chart::{Axis, Chart, Color, Layer, Mark, Playback, PlaybackTrack};
+use super::task::{OBSERVATIONS, StepSeries, TwoPartProblem};
+use upm_chart::{Axis, Chart, Color, Layer, Mark};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
@@ -23,12 +23,7 @@ pub struct SideResults {
 }
 
 /// Outcome from the `runs`: ideal field, strong plate, rig's plate.
-pub fn outcome(
-    rig: &LabRig,
-    task: &TwoPartProblem,
-    runs: &[StepSeries; 3],
-    side_results: &SideResults,
-) -> ExperimentResult {
+pub fn outcome(task: &TwoPartProblem, runs: &[StepSeries; 3], side_results: &SideResults) -> ExperimentResult {
     let [ideal, strong, own] = runs;
     let mut figures = of_one_observation(task, ideal, side_results);
     for (run, i) in [(strong, 0), (own, 1)] {
@@ -44,7 +39,6 @@ pub fn outcome(
         figures,
         series: runs.iter().zip(["ideal_field", "strong_plate", "rigs_plate"]).flat_map(series).collect(),
         charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
-        motion: own.first().map(|way| motion(rig, task, way)),
         ..ExperimentResult::default()
     }
 }
@@ -109,20 +103,6 @@ fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
         Series::new(&format!("{name}_observations"), run.ways.iter().map(|(observations, _)| *observations as f64)),
         Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
     ]
-}
-
-fn motion(rig: &LabRig, task: &TwoPartProblem, way: &TwoPartPath) -> Playback {
-    let samples: Vec<_> = way.samples.iter().step_by(FINER).collect();
-    let track = |i: usize| PlaybackTrack {
-        label: format!("part {}", i + 1),
-        radius_m: rig.penny.radius_m,
-        positions_m: samples.iter().map(|places| [places[i].x, places[i].y]).collect(),
-    };
-    Playback {
-        half_side_m: task.half_side_m,
-        t_s: (0..samples.len()).map(|i| i as f64 / PLAYBACK_HZ).collect(),
-        tracks: vec![track(0), track(1)],
-    }
 }
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.

@@ -39,18 +39,16 @@ impl TwoPartProblem {
     pub fn go(
         &self,
         observations: usize,
-        mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
+        mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<PartPositions, LabFault>,
     ) -> Result<TwoPartPath, LabFault> {
         let mut at = self.starts_m;
-        let mut way = TwoPartPath { corners: vec![at], samples: Vec::new(), miss_m: f64::NAN };
+        let mut way = TwoPartPath { corners: vec![at], miss_m: f64::NAN };
         for number in 1..=observations {
             let wanted = self.waypoints_m(number, observations);
             let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
             for (center, &d) in d_m.iter().enumerate() {
-                let samples = rotate(&at, center, d)?;
-                at = samples.last().copied().unwrap_or(at);
+                at = rotate(&at, center, d)?;
                 way.corners.push(at);
-                way.samples.extend(samples);
             }
         }
         way.miss_m = mean_miss(&at, &self.goals_m);
@@ -71,8 +69,6 @@ impl TwoPartProblem {
 pub struct TwoPartPath {
     /// Positions initially and after each rotation.
     pub corners: Vec<PartPositions>,
-    /// Positions at each sample of the simulation.
-    pub samples: Vec<PartPositions>,
     /// E at the end, m.
     pub miss_m: f64,
 }
@@ -90,7 +86,7 @@ impl StepSeries {
     pub fn of(
         name: &'static str,
         task: &TwoPartProblem,
-        rotate: impl Fn(&PartPositions, usize, f64) -> Result<Vec<PartPositions>, LabFault>,
+        rotate: impl Fn(&PartPositions, usize, f64) -> Result<PartPositions, LabFault>,
     ) -> Self {
         let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
         for observations in OBSERVATIONS {
@@ -105,10 +101,5 @@ impl StepSeries {
     /// E after `observations` observations, m.
     pub fn miss_m(&self, observations: usize) -> Option<f64> {
         self.ways.iter().find(|(of, _)| *of == observations).map(|(_, way)| way.miss_m)
-    }
-
-    /// The path with the fewest observations.
-    pub fn first(&self) -> Option<&TwoPartPath> {
-        self.ways.first().map(|(_, way)| way)
     }
 }

@@ -184,7 +184,7 @@ impl ViewLayout {
     }
 
     /// A view of just this range of x and y.
-    pub(super) fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
         let view = view.into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
@@ -254,8 +254,19 @@ impl ViewLayout {
 
 #[cfg(test)]
 mod tests {
-    use super::super::titles::{WINDOW, fits};
     use super::*;
+
+    /// Width of the window that titles are made for, points of the screen.
+    const WINDOW: f64 = 1280.0;
+
+    /// Width of a letter of a title, and of the symbol before it and the buttons after it, points.
+    const LETTER: f64 = 5.9;
+    const BESIDE: f64 = 125.0;
+
+    /// True if a panel of this width, points, shows the whole title.
+    fn fits(title: &str, width: f64) -> bool {
+        LETTER * title.chars().count() as f64 + BESIDE <= width
+    }
 
     #[test]
     fn titles_of_panels_fit_at_1280_points() {

@@ -16,26 +16,26 @@ pub(super) const PANEL: [f64; 2] = [560.0, 450.0];
 
 /// Size of a label in lengths of a view.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LabelSize {
+struct LabelSize {
     /// Lengths of the view that are one point of the screen.
     unit: f64,
 }
 
 impl LabelSize {
     /// Size in a view of these bounds on a panel of `panel` points of the screen.
-    pub(super) fn of(bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
+    fn of(bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
         let unit = [0, 1].map(|axis| (bounds[axis][1] - bounds[axis][0]) / panel[axis]);
         Self { unit: unit[0].max(unit[1]) }
     }
 
     /// Half the width and half the height of `text`.
-    pub(super) fn half(self, text: &str) -> [f64; 2] {
+    fn half(self, text: &str) -> [f64; 2] {
         let wide = LETTER * text.chars().count() as f64 + BESIDE;
         [0.5 * wide * self.unit, 0.5 * HEIGHT * self.unit]
     }
 
     /// Point that a label with this middle hangs from.
-    pub(super) fn hung_from(self, [x, y]: [f64; 2]) -> [f32; 2] {
+    fn hung_from(self, [x, y]: [f64; 2]) -> [f32; 2] {
         [x as f32, (y - HANGS * self.unit) as f32]
     }
 }

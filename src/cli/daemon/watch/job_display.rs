@@ -28,18 +28,19 @@ enum OutputFormat {
 pub(super) struct JobDisplay {
     how: OutputFormat,
     quiet: bool,
+    verbose: bool,
     id: String,
 }
 
 impl JobDisplay {
-    pub fn new(id: &str, Common { json, quiet, .. }: Common) -> Self {
+    pub fn new(id: &str, Common { json, quiet, verbose }: Common) -> Self {
         let how = match (json, quiet) {
             (true, _) => OutputFormat::Json,
             (false, true) => OutputFormat::EndAlone,
             (false, false) if stderr().is_terminal() && stdout().is_terminal() => OutputFormat::Bar(bar(false)),
             (false, false) => OutputFormat::Lines,
         };
-        Self { how, quiet, id: id.to_owned() }
+        Self { how, quiet, verbose: verbose > 0, id: id.to_owned() }
     }
 
     pub fn show(&mut self, event: &ReceivedEvent) -> Result<(), Failure> {
@@ -82,7 +83,7 @@ impl JobDisplay {
             OutputFormat::Json => Ok(()),
             OutputFormat::EndAlone => outln!("{}", headline(job)),
             OutputFormat::Bar(_) | OutputFormat::Lines => {
-                print_job(job)?;
+                print_job(job, self.verbose)?;
                 outln!("  {:15} upm show {}", "all of it", self.id)
             }
         }
