@@ -30,9 +30,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
         router = router.route(path, on(filter, handler));
     }
     router
-        .fallback(async || {
-            Problem::new(ProblemKind::NotFound, "unknown path; see /openapi.json")
-        })
+        .fallback(async || Problem::new(ProblemKind::NotFound, "unknown path; see /openapi.json"))
         .method_not_allowed_fallback(async || {
             Problem::new(ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header")
         })
