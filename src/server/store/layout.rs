@@ -76,7 +76,7 @@ impl DataDir {
         Ok(folder)
     }
 
-    /// Locks the lock file.
+    /// Locks the lock file. Fails while another daemon has it.
     pub fn lock_file(&self) -> Result<File, StoreFault> {
         let path = self.lock_path();
         let file = File::options().write(true).create(true).truncate(false).open(&path);

@@ -84,22 +84,22 @@ fn a_job_left_on_its_plate_at_an_orderly_end_pauses_all() {
 #[test]
 fn a_run_that_the_daemon_ended_is_interrupted_and_one_that_a_person_ended_cancelled() {
     let (folder, store) = new_store(limits());
-    let reasons = [
-        ("daemon", "the daemon ended", JobState::Interrupted),
-        ("asked", "cancelled by request", JobState::Cancelled),
-        ("stopped", "emergency stop", JobState::Cancelled),
+    let ends = [
+        ("daemon", "shutdown", JobState::Interrupted),
+        ("asked", "cancelled", JobState::Cancelled),
+        ("stopped", "estop", JobState::Cancelled),
     ];
-    let ids = reasons.map(|(name, reason, _)| {
+    let ids = ends.map(|(name, code, _)| {
         let id = begin(&store, name, "a").row.id;
-        let report = format!(r#"{{"outcome": "cancelled", "reason": "{reason}"}}"#);
+        let report = format!(r#"{{"outcome": "cancelled", "reason": "why", "stop": {{"code": "{code}"}}}}"#);
         fs::write(store.runs().join(name).join("report.json"), report).unwrap();
         id
     });
     let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
     assert_eq!((recovery.interrupted, recovery.ended), (ids[..1].to_vec(), ids[1..].to_vec()));
-    for ((_, reason, state), id) in reasons.into_iter().zip(ids) {
+    for ((_, _, state), id) in ends.into_iter().zip(ids) {
         let row = job(&store, id);
-        assert_eq!((row.state, row.reason.as_str(), row.report_json.is_some()), (state, reason, true));
+        assert_eq!((row.state, row.reason.as_str(), row.report_json.is_some()), (state, "why", true));
     }
 }
 
