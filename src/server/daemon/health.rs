@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use super::data_watch;
 use super::status::Observed;
 use crate::http::{Reason, ReasonCode};
 use crate::supervisor::PlateState;
@@ -26,7 +25,6 @@ pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
     }
     let dead = observed.plates_alive.as_ref().err();
     failures.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
-    failures.extend(observed.displaced.as_ref().map(data_watch::reason));
     failures
 }
 
@@ -57,7 +55,7 @@ fn low_disk(observed: &Observed) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{DisplacedFile, PathObject, StoreFault};
+    use crate::store::StoreFault;
 
     fn failures(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
         let mut observed = Observed::healthy();
@@ -87,19 +85,6 @@ mod tests {
         both(|o| o.store.reader_busy = busy, "the job store has not answered a question for 6.2 s");
         let dead = || Err("the worker of plate right has died".to_owned());
         both(|o| o.plates_alive = dead(), "the worker of plate right has died");
-    }
-
-    #[test]
-    fn displaced_data_fail_liveness_without_a_cure_by_restart() {
-        let mut observed = Observed::healthy();
-        observed.displaced = Some(DisplacedFile { path: "/data/lock".into(), found: PathObject::Nothing });
-        let detail = "/data/lock: expected the file that the daemon holds open, found none";
-        let expected = [Reason::new(ReasonCode::DataDisplaced, detail)];
-        assert_eq!(
-            (liveness_failures(&observed), readiness_failures(&observed)),
-            (expected.to_vec(), expected.to_vec())
-        );
-        assert!(!ReasonCode::DataDisplaced.may_end_by_restart() && ReasonCode::StoreHangs.may_end_by_restart());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use std::time::Duration;
 
 use crate::api::Requests;
-use crate::store::{DisplacedFile, JobState, StoreHealth};
+use crate::store::{JobState, StoreHealth};
 use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
@@ -15,9 +15,6 @@ pub(super) struct Observed {
     pub is_stopping: bool,
     /// Damage found at start and not acknowledged yet, as a sentence.
     pub damage: Option<String>,
-    /// The displaced path of the data folder: it names another file than the one held open. `None` while all are in
-    /// place.
-    pub displaced: Option<DisplacedFile>,
     /// `Err` names the plate threads that have died or hang.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
@@ -91,7 +88,6 @@ impl Observed {
             uptime: Duration::from_millis(61_500),
             is_stopping: false,
             damage: None,
-            displaced: None,
             plates_alive: Ok(()),
             plates: vec![left, plate("right", PlateState::Idle)],
             jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],

@@ -268,9 +268,6 @@ impl DaemonState {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
             return Some(Refusal::Conflict(why));
         }
-        if let Err(refusal) = self.intact() {
-            return Some(refusal);
-        }
         let free = self.plates.free_bytes().filter(|free| *free < self.spec.reserve_bytes)?;
         Some(Refusal::DiskFull(format!(
             "{:.1} MB are free on the disk, {:.1} are needed (`disk.reserve_mb`)",

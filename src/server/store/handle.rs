@@ -13,9 +13,9 @@ use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
-    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, DisplacedFile, JobEnd, JobId, JobPage, JobRow, JobSelection,
-    JobState, JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent,
-    SubmitOutcome, WatchedPath, history, jobs,
+    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState,
+    JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
+    history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -29,8 +29,6 @@ pub struct Store {
     pub(super) ages: Arc<AgeClock>,
     pub(super) retention: Retention,
     pub(super) start_lock: StartLock,
-    /// Data folder, lock file, database and log.
-    pub(super) held: Vec<WatchedPath>,
 }
 
 impl fmt::Debug for Store {
@@ -123,12 +121,6 @@ impl Store {
     /// The folder of run folders.
     pub fn runs(&self) -> &Path {
         &self.runs
-    }
-
-    /// Compares the paths of the data folder, its lock file, the database and its log with the files held open; `Err`
-    /// is the first that is displaced. Waits for the disk.
-    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
-        self.held.iter().try_for_each(WatchedPath::check)
     }
 
     /// The state of the store's threads and disk.

@@ -10,7 +10,7 @@ use super::ages::AgeClock;
 use super::connection::{reading, restart_log, writing};
 use super::handle::Store;
 use super::ids::Ids;
-use super::layout::{DataDir, Lock, beside};
+use super::layout::{DataDir, beside};
 use super::options::OpenOptions;
 use super::private::make_private;
 use super::quarantine::{damage_of, quarantine};
@@ -47,9 +47,8 @@ impl Store {
         repair: RepairRecording<'_>,
     ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
-        let folder = dir.lock_folder()?;
+        let lock = dir.lock()?;
         [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_newer(db))?;
-        let lock = Lock { folder, file: dir.lock_file()? };
         make_private(&dir.data);
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
@@ -60,7 +59,6 @@ impl Store {
             made = options.start(&dir);
         }
         let (connection, recovery) = made?;
-        let held = dir.held(&lock)?;
         let ids = Ids::above(last_id(&connection)?);
         let reading = vec![reading(&dir.db)?, reading(&dir.db)?];
         let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
@@ -90,10 +88,7 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(OpenOutcome {
-            store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock, held },
-            recovery,
-        })
+        Ok(OpenOutcome { store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock }, recovery })
     }
 }
 

@@ -1,4 +1,5 @@
 use std::cell::Cell;
+use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,7 +13,6 @@ use super::ages::AgeClock;
 use super::connection::restart_log;
 use super::deferred_writes::Deferred;
 use super::ids::Ids;
-use super::layout::Lock;
 use super::space_reserve::SpaceReserve;
 use super::write_queue::{StoreWriterStatus, WriteRequest, WriterCommand};
 use super::write_tx::WriteTx;
@@ -52,7 +52,7 @@ pub(super) struct Writer {
     pub reserve: SpaceReserve,
     pub uncounted: Cell<u64>,
     /// Held as long as the writer may write.
-    pub lock: Lock,
+    pub lock: File,
 }
 
 impl Writer {

@@ -19,8 +19,7 @@ use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{PlateWorker, WorkerResources};
-use super::{Pause, PlateSetup, SharedServices};
-use crate::store::DisplacedFile;
+use super::{PlateSetup, SharedServices};
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::rig::Interlock;
 use upm_core::thread_priority::lower_thread_priority;
@@ -96,18 +95,6 @@ impl PlateSupervisor {
             return Err("the thread that keeps emergency stops has died".to_owned());
         }
         self.plates.iter().find_map(PlateHandle::dead).map_or(Ok(()), Err)
-    }
-
-    /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
-    /// the disk.
-    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
-        self.latches.check_paths()
-    }
-
-    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own
-    /// end.
-    pub fn pause_all(&self, why: &Pause) {
-        self.plates.iter().for_each(|plate| plate.pause(why.clone()));
     }
 
     /// Free bytes on the disk of the run folders; `None` when the disk does not respond.

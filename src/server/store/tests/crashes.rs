@@ -47,16 +47,6 @@ fn a_store_dropped_or_forgotten_was_not_closed_in_order() {
 }
 
 #[test]
-fn removed_lock_file_lets_no_second_daemon_in() {
-    let (folder, store) = new_store(limits());
-    std::fs::remove_file(folder.path().join("lock")).unwrap();
-    let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
-    assert!(fault.to_string().contains("belongs to another daemon"), "{fault}");
-    assert!(store.close(TIMEOUT));
-    assert!(try_open(folder.path(), limits()).is_ok());
-}
-
-#[test]
 fn after_an_orderly_end_only_plates_with_work_are_paused() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");

@@ -267,19 +267,6 @@ fn job_with_a_used_run_folder_is_not_run_again() {
 }
 
 #[test]
-fn stop_whose_latch_file_vanished_holds_and_is_not_persisted() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    plate.estop();
-    assert!(plate.record_estop(ResetRequester::default()));
-    std::fs::remove_dir_all(test_plates.folder.path().join("latch")).unwrap();
-    plate.estop();
-    assert!(!plate.record_estop(ResetRequester::default()), "it was persisted, and is no longer");
-    assert!(stopped(plate));
-}
-
-#[test]
 fn hung_controller_trips_the_watchdog_under_relaxed_deadlines() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
