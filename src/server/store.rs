@@ -26,7 +26,6 @@ mod retention;
 mod run_file;
 mod salvage;
 mod schema;
-mod space_reserve;
 #[cfg(test)]
 mod tests;
 mod types;

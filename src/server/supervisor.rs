@@ -11,7 +11,6 @@
 //! ```
 
 mod current_job;
-mod disk;
 mod draw;
 mod emergency_stop;
 mod event_publisher;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::job::JobSpec;
-use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
+use super::raw_daemon::{RawDaemon, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use upm_core::job::Pace;
@@ -39,10 +39,8 @@ pub struct DaemonSpec {
     pub allow_inline_libraries: bool,
     /// Retention limits for jobs that have ended.
     pub keep: KeepSpec,
-    /// Free disk space below which recordings are stopped, bytes.
+    /// Free disk space below which no job is accepted, bytes.
     pub min_free_bytes: u64,
-    /// Disk space reserved for essential writes when the disk is full, bytes.
-    pub reserve_bytes: u64,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
     /// History kept by a live stream for the Rerun viewer, bytes; `None` for no live streams.
@@ -138,7 +136,6 @@ impl DaemonSpec {
         let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
         check_ports(&raw, faults);
-        check_room(&raw.disk, faults);
         check_events(&raw.keep, faults);
         Some(Self {
             file: origin.file.clone(),
@@ -154,7 +151,6 @@ impl DaemonSpec {
             allow_inline_libraries: raw.allow_inline_libraries,
             keep: keep_of(&raw.keep),
             min_free_bytes: megabytes(raw.disk.min_free_mb),
-            reserve_bytes: megabytes(raw.disk.reserve_mb),
             watchdog: watchdog_of(&raw.watchdog),
             live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
             allow_faults: raw.allow_faults,
@@ -312,13 +308,6 @@ fn check_ports(raw: &RawDaemon, faults: &mut Diagnostics) {
         let found = plate.live_port.unwrap_or_default();
         faults.require(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
     }
-}
-
-/// Checks that recordings stop before the reserve is used.
-fn check_room(disk: &RawDisk, faults: &mut Diagnostics) {
-    let allowed = format!("at least twice disk.reserve_mb ({})", disk.reserve_mb);
-    let at = Path::root().key("disk").key("min_free_mb");
-    faults.require(disk.min_free_mb >= 2.0 * disk.reserve_mb, &at, disk.min_free_mb, allowed);
 }
 
 fn check_events(keep: &RawKeep, faults: &mut Diagnostics) {

@@ -168,17 +168,14 @@ impl Default for RawKeep {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawDisk {
-    /// With less than this left recordings are stopped; the plates go on.
+    /// With less than this left no job is taken, and standing jobs wait.
     #[schemars(range(min = 1.0, max = 1e9))]
     pub min_free_mb: f64,
-    /// Set aside for what must be written when the disk is full. With less than this left no job is taken.
-    #[schemars(range(min = 1.0, max = 1e6))]
-    pub reserve_mb: f64,
 }
 
 impl Default for RawDisk {
     fn default() -> Self {
-        Self { min_free_mb: 500.0, reserve_mb: 16.0 }
+        Self { min_free_mb: 500.0 }
     }
 }
 

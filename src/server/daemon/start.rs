@@ -307,7 +307,6 @@ fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
         runs_bytes: spec.keep.runs_bytes,
         runs_age: spec.keep.runs_age,
         standing_runs: spec.keep.standing_runs,
-        reserve_bytes: spec.reserve_bytes,
         ..store::StoreLimits::default()
     }
 }

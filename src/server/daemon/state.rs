@@ -142,11 +142,7 @@ impl DaemonState {
             plates: plates.collect(),
             jobs: counted.jobs,
             store: self.store.health(),
-            disk: DiskObserved {
-                free_bytes: self.plates.free_bytes(),
-                reserve_bytes: self.spec.reserve_bytes,
-                runs_bytes: self.store.runs_bytes(),
-            },
+            disk: DiskObserved { min_free_bytes: self.spec.min_free_bytes, runs_bytes: self.store.runs_bytes() },
             requests: self.http_metrics.requests(),
             event_streams: self.http_metrics.event_streams(),
         }

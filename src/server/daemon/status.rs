@@ -54,10 +54,8 @@ pub(super) struct PlateObserved {
 /// Space on the disk of the data folder.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DiskObserved {
-    /// Free bytes; `None` when the disk does not respond.
-    pub free_bytes: Option<u64>,
     /// Fewest free bytes with which jobs are accepted.
-    pub reserve_bytes: u64,
+    pub min_free_bytes: u64,
     /// Bytes in run folders; `None` until they have been counted.
     pub runs_bytes: Option<u64>,
 }
@@ -96,11 +94,11 @@ impl Observed {
                 fault: None,
                 waiting: 4,
                 audit_waiting: 0,
-                reserve: true,
+                free_bytes: Some(5_000_000_000),
                 reader_busy: Duration::ZERO,
                 deletion_suspended: false,
             },
-            disk: DiskObserved { free_bytes: Some(5_000_000_000), reserve_bytes: 16_000_000, runs_bytes: Some(123) },
+            disk: DiskObserved { min_free_bytes: 500_000_000, runs_bytes: Some(123) },
             requests: vec![
                 Requests { operation: "submit", status: 201, count: 12 },
                 Requests { operation: "submit", status: 422, count: 0 },

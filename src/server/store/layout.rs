@@ -27,8 +27,6 @@ pub(super) struct DataDir {
     pub trash: PathBuf,
     /// The same on the disk of the run folders, where that differs; made when needed.
     pub runs_trash: PathBuf,
-    /// The [`SpaceReserve`](super::space_reserve::SpaceReserve).
-    pub reserve: PathBuf,
 }
 
 impl DataDir {
@@ -43,7 +41,6 @@ impl DataDir {
             runs: at("runs"),
             trash: at(TRASH),
             runs_trash: at("runs").join(TRASH),
-            reserve: at("reserve"),
         };
         fs::create_dir_all(data).map_err(|error| named(data, error))?;
         Ok(dir)

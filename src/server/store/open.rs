@@ -18,7 +18,6 @@ use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Retention, StartLock, Sweeper, empty_trash};
 use super::schema::{MIGRATIONS, create_as, is_clean, migrate, refuse_newer};
-use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
 use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
@@ -52,13 +51,8 @@ impl Store {
         make_private(&dir.data);
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
-        let mut reserve = SpaceReserve::at(&dir.reserve, limits.reserve_bytes);
         let options = OpenOptions { plates, limits: &limits, clocks: &clocks, repair };
-        let mut made = options.start(&dir);
-        if matches!(made, Err(StoreFault::Full)) && reserve.release() {
-            made = options.start(&dir);
-        }
-        let (connection, recovery) = made?;
+        let (connection, recovery) = options.start(&dir)?;
         let ids = Ids::above(last_id(&connection)?);
         let reading = vec![reading(&dir.db)?, reading(&dir.db)?];
         let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
@@ -79,7 +73,6 @@ impl Store {
             runs,
             now,
             ages: Arc::clone(&ages),
-            reserve,
             uncounted,
             lock,
         };

@@ -7,7 +7,7 @@ use rustix::fs::{CWD, FileType, Mode, OFlags, fchmod, fstat, openat};
 use rustix::process::{Uid, geteuid};
 
 /// Names of the daemon's entries in a data folder, besides those of the database.
-const OWN_NAMES: [&str; 5] = [".trash", "latch", "lock", "reserve", "runs"];
+const OWN_NAMES: [&str; 4] = [".trash", "latch", "lock", "runs"];
 
 /// Restricts a data folder and the daemon's own entries directly in it to the daemon's user: earlier releases let other
 /// users read them. Logs the changes.
@@ -117,7 +117,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn fifo_is_left_alone_at_once() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("reserve");
+        let path = folder.path().join("lock");
         rustix::fs::mknodat(CWD, &path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
         set_mode(&path, 0o644);
         assert!(!removed_access(&path, geteuid()).unwrap());

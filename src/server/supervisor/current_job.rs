@@ -92,11 +92,6 @@ impl CurrentJob {
         self.turn.lock().running.clone()
     }
 
-    /// Handle to the recording of the job on the plate; `None` while the plate runs none.
-    pub fn recording(&self) -> Option<RecordingHandle> {
-        self.turn.lock().running.as_ref().map(|running| running.recording.clone())
-    }
-
     /// The job whose run is still under control, and its journal. `None` once only recording, journal and report remain
     /// to be written.
     pub fn driven(&self) -> Option<(JobId, WriterStatus)> {

@@ -49,7 +49,6 @@ fn newer_store_is_refused_and_left_untouched() {
     drop(store);
     writing(&folder.path().join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 99").unwrap();
     fs::write(folder.path().join(".trash/left"), "by an earlier sweep").unwrap();
-    fs::remove_file(folder.path().join("reserve")).unwrap();
     let before = contents(folder.path());
     let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
     let file = folder.path().join("upm.db").display().to_string();
@@ -93,14 +92,14 @@ fn store_of_every_older_version_is_copied_and_migrated_with_all_its_jobs() {
 fn readable_data_of_an_older_release_become_private_when_the_store_is_opened() {
     let (folder, store) = new_store(limits());
     assert!(store.close(TIMEOUT));
-    let paths = ["", "upm.db", "lock", "reserve", "runs"].map(|name| folder.path().join(name));
+    let paths = ["", "upm.db", "lock", "runs"].map(|name| folder.path().join(name));
     for path in &paths {
         let mode = if path.is_dir() { 0o755 } else { 0o644 };
         fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
     }
     let _opened = open(folder.path(), limits());
     let modes = paths.map(|path| fs::metadata(path).unwrap().permissions().mode() & 0o777);
-    assert_eq!(modes, [0o700, 0o600, 0o600, 0o600, 0o700]);
+    assert_eq!(modes, [0o700, 0o600, 0o600, 0o700]);
 }
 
 #[test]
