@@ -121,8 +121,7 @@ pub struct PauseCause {
 /// A lasting condition of the run on a plate that an operator should know of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlateCondition {
-    /// Stable code for programs: that of a condition of the run, or `computer_busy` while plate time falls behind the
-    /// clock.
+    /// Stable code for programs.
     pub code: String,
     /// The condition in words.
     pub reason: String,

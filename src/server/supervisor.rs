@@ -15,7 +15,6 @@ mod draw;
 mod emergency_stop;
 mod event_publisher;
 mod events;
-mod lag;
 mod latch;
 mod plate;
 mod preview;

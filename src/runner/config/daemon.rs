@@ -97,20 +97,12 @@ pub struct KeepSpec {
 /// Limits at which the watchdog stops a plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchdogSpec {
-    /// Relaxed deadlines: longest time without a frame or without a successful write, wall time.
-    pub hung: Duration,
     /// Longest time without a frame, wall time.
-    pub no_frame: Duration,
-    /// Longest time for a plan, wall time.
-    pub planning: Duration,
+    pub hung: Duration,
     /// Longest time without a visible part, s of plate time.
     pub no_part_s: f64,
     /// Longest time for which a journal or an event queue may accept nothing, wall time.
     pub blocked: Duration,
-    /// Most frames by which a deadline may be missed.
-    pub late_frames: u64,
-    /// Most missed deadlines in a second.
-    pub misses_per_s: u64,
 }
 
 impl DaemonSpec {
@@ -329,12 +321,8 @@ fn keep_of(raw: &RawKeep) -> KeepSpec {
 fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
     WatchdogSpec {
         hung: Duration::from_secs_f64(raw.hung_s),
-        no_frame: Duration::from_secs_f64(raw.no_frame_s),
-        planning: Duration::from_secs_f64(raw.planning_s),
         no_part_s: raw.no_part_s,
         blocked: Duration::from_secs_f64(raw.blocked_s),
-        late_frames: raw.late_frames.into(),
-        misses_per_s: raw.misses_per_s.into(),
     }
 }
 

@@ -127,8 +127,7 @@ impl PlatesWatch {
                     watchdog.rest();
                     continue;
                 };
-                let (run, unwritten_since) = (&shared.job, journal.waits_since());
-                if let Some(why) = watchdog.check(clock.elapsed(), &run.heartbeat, run.deadlines(), unwritten_since) {
+                if let Some(why) = watchdog.check(clock.elapsed(), &shared.job.heartbeat, journal.waits_since()) {
                     shared.fail_job(&job, why);
                 }
             }

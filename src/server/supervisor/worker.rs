@@ -172,7 +172,6 @@ impl PlateWorker {
         }
         let real_time = row.pace == Pace::RealTime;
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
-        shared.job.paced(real_time, is_strict);
         raise_thread_priority(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
