@@ -144,8 +144,7 @@ pub struct ServeArgs {
     /// Folder of job store and run folders in place of the file's
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
-    /// Check everything that can be checked before a start, measure for two seconds whether this computer keeps up with
-    /// the plates, and start nothing; status 1 when only an address is taken
+    /// Check everything that can be checked before a start, and start nothing; status 1 when only an address is taken
     #[arg(long)]
     pub check: bool,
     /// The log on stderr: for people, or one JSON object a line

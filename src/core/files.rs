@@ -1,4 +1,4 @@
-//! Files that survive a power cut: written under a draft name and renamed, with folders synced and room preallocated.
+//! Files that survive a power cut: written under a draft name and renamed, with folders synced; and the free room on a disk.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -31,43 +31,6 @@ pub fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Length of a file after room was preallocated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Length {
-    /// The length stays as it was.
-    Kept,
-    /// The length becomes that of the preallocated room.
-    Extended,
-}
-
-/// Allocates disk blocks for the first `bytes` of `file`.
-///
-/// # Errors
-/// [`io::ErrorKind::Unsupported`] on a file system without preallocation; others as the system reports them.
-#[cfg(target_os = "linux")]
-pub fn reserve(file: &File, bytes: u64, length: Length) -> io::Result<()> {
-    use rustix::fs::{FallocateFlags, fallocate};
-    use rustix::io::Errno;
-
-    let flags = match length {
-        Length::Kept => FallocateFlags::KEEP_SIZE,
-        Length::Extended => FallocateFlags::empty(),
-    };
-    fallocate(file, flags, 0, bytes).map_err(|errno| match errno {
-        Errno::OPNOTSUPP | Errno::NOSYS => io::ErrorKind::Unsupported.into(),
-        other => other.into(),
-    })
-}
-
-/// Allocates nothing: only Linux has the system call.
-///
-/// # Errors
-/// Always [`io::ErrorKind::Unsupported`].
-#[cfg(not(target_os = "linux"))]
-pub fn reserve(_: &File, _: u64, _: Length) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
 /// Free bytes on the disk of `folder` available to users other than the superuser.
 ///
 /// # Errors
@@ -96,18 +59,6 @@ mod tests {
         write_whole(File::create(&draft).unwrap(), &draft, &path, b"new").unwrap();
         sync_folder(folder.path()).unwrap();
         assert_eq!((fs::read(&path).unwrap().as_slice(), draft.exists()), (b"new".as_slice(), false));
-    }
-
-    #[test]
-    fn reserved_room_leaves_the_length_or_extends_it() {
-        let folder = tempfile::tempdir().unwrap();
-        for (length, bytes) in [(Length::Kept, 0), (Length::Extended, 1 << 20)] {
-            let file = File::create(folder.path().join("room")).unwrap();
-            match reserve(&file, 1 << 20, length) {
-                Ok(()) => assert_eq!(file.metadata().unwrap().len(), bytes),
-                Err(error) => assert_eq!(error.kind(), io::ErrorKind::Unsupported),
-            }
-        }
     }
 
     #[test]

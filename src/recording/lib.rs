@@ -15,7 +15,6 @@ mod memory;
 mod motion;
 mod options;
 mod path_stats;
-mod preallocated_file;
 mod records;
 mod report;
 mod rerun_mode;
@@ -31,7 +30,6 @@ pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};
-pub use preallocated_file::PreallocatedFile;
 pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 pub use report::{
     CycleError, FaultReport, GuardReport, PartReport, PathReport, PlannerReport, PredictionError, RecordingReport,

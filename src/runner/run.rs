@@ -20,7 +20,6 @@ mod library;
 mod library_output;
 #[cfg(test)]
 mod lost_tests;
-mod pace_check;
 mod paced;
 mod planner_forecast;
 mod planner_selection;
@@ -64,7 +63,6 @@ pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
 pub use library::{check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::{LibraryOutput, LibraryOutputFault};
-pub use pace_check::{PaceCheck, check_pace};
 pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};

@@ -3,7 +3,6 @@
 
 mod backend;
 mod convert;
-mod data_watch;
 mod estop;
 mod estop_socket;
 mod files;

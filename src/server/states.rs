@@ -109,7 +109,7 @@ pub struct StandingJob {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PauseCause {
     /// Stable code for programs: that of `stop` in the job's report where the end of a job paused the plate, otherwise
-    /// `reset`, `restarted`, `crashed`, `store_damaged`, `data_displaced` or `stopped`.
+    /// `reset`, `restarted`, `crashed`, `store_damaged` or `stopped`.
     pub code: String,
     /// The operator's checks or actions before the plate goes on.
     pub remedy: String,
@@ -121,8 +121,7 @@ pub struct PauseCause {
 /// A lasting condition of the run on a plate that an operator should know of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlateCondition {
-    /// Stable code for programs: that of a condition of the run, or `computer_busy` while plate time falls behind the
-    /// clock.
+    /// Stable code for programs.
     pub code: String,
     /// The condition in words.
     pub reason: String,

@@ -9,7 +9,6 @@ mod columns;
 mod connection;
 mod deferred_writes;
 mod handle;
-mod held;
 mod history;
 mod ids;
 mod job_store;
@@ -26,7 +25,6 @@ mod retention;
 mod run_file;
 mod salvage;
 mod schema;
-mod space_reserve;
 #[cfg(test)]
 mod tests;
 mod types;
@@ -36,7 +34,6 @@ mod writer;
 
 pub use ages::Clocks;
 pub use handle::Store;
-pub use held::{DisplacedFile, PathObject, WatchedPath};
 pub use ids::JobId;
 pub use job_store::{JobStore, MakeFolder, Publish};
 #[cfg(test)]

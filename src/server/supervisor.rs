@@ -11,12 +11,10 @@
 //! ```
 
 mod current_job;
-mod disk;
 mod draw;
 mod emergency_stop;
 mod event_publisher;
 mod events;
-mod lag;
 mod latch;
 mod plate;
 mod preview;

@@ -81,7 +81,6 @@ fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
         ("daemon.json", "/listen", json!("localhost:8750")),
         ("daemon.json", "/default_plate", json!("upm-3")),
         ("daemon.json", "/plates/0/standing_job/job", json!("plus-sign-endles.json")),
-        ("daemon.json", "/disk/min_free_mb", json!(20)),
         ("simulate/rotation.json", "/pulses/0/rotation", json!(2)),
         ("simulate/rotation.json", "/pulses/0/omega_rad_s", json!(400)),
         ("simulate/rotation.json", "/parts/1/position_mm", json!([60, 5])),

@@ -41,10 +41,7 @@ pub fn config() -> Value {
     json!({
         "plates": [{"name": LEFT, "rig": rig}, {"name": RIGHT, "rig": rig}],
         "default_plate": LEFT,
-        "watchdog": {
-            "no_frame_s": 60, "planning_s": 600, "no_part_s": 60, "blocked_s": 60,
-            "late_frames": 1000, "misses_per_s": 1000,
-        },
+        "watchdog": {"no_part_s": 60, "blocked_s": 60},
     })
 }
 

@@ -7,8 +7,6 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
-
 use super::daemon_process::{LEFT, RIGHT, TestDaemon, rest, serve, status_of, until};
 
 #[test]
@@ -28,29 +26,6 @@ fn stop_whose_latch_file_is_lost_holds_over_an_orderly_restart() {
     let served = served.again(|served| assert!(served.terminate().success()));
     assert_ne!(served.plate(LEFT)["state"], "stopped");
     assert_eq!(served.plate(RIGHT)["state"], "stopped");
-}
-
-#[test]
-fn deleted_data_folder_is_reported_and_nothing_is_accepted_into_it() {
-    let served = TestDaemon::start();
-    fs::remove_dir_all(served.folder.path().join("data")).unwrap();
-    let (stdout, _) = served.status(&["--json", "estop", LEFT], 1);
-    let answer: Value = serde_json::from_str(&stdout).unwrap();
-    let stop = &answer["stops"][0]["answer"];
-    assert_eq!((&stop["silent"], &stop["persisted"]), (&true.into(), &false.into()), "{answer}");
-    for path in ["/healthz", "/readyz"] {
-        let problem = until(path, || Some(served.ask("GET", path, &[], "")).filter(|answer| answer.status == 503));
-        assert_eq!(problem.json()["reasons"][0]["code"], "data_displaced", "{problem:?}");
-    }
-    assert_eq!(served.plate(RIGHT)["state"], "paused");
-    let json = [("Content-Type", "application/json")];
-    let mut job = rest("no");
-    job["plate"] = RIGHT.into();
-    let refused = served.ask("POST", "/v1/jobs", &json, &job.to_string());
-    assert_eq!((refused.status, &refused.json()["reasons"][0]["code"]), (503, &"data_displaced".into()));
-    served.ask("POST", &format!("/v1/plates/{RIGHT}/resume"), &[], "").is_problem(503);
-    let log = fs::read_to_string(served.folder.path().join("log")).unwrap();
-    assert_eq!(log.matches("expected the file that the daemon holds open").count(), 1, "{log}");
 }
 
 #[test]

@@ -10,23 +10,16 @@ use jiff::Timestamp;
 use nix::sys::signal::{SigSet, Signal};
 use serde_json::{Value, json};
 
-use super::client::on_one_line;
 use crate::cli::args::{Common, ServeArgs};
 use crate::cli::output::{Failure, NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
-use upm_runner::run::PaceCheck;
 use upm_server::daemon::{
-    Daemon, EmergencyStops, ExitReport, NotifyEnv, Prepared, ServiceManager, StartFault, TokenReload,
-    keep_files_private, prepare,
+    Daemon, EmergencyStops, ExitReport, NotifyEnv, ServiceManager, StartFault, TokenReload, keep_files_private, prepare,
 };
 
 /// Longest time allowed for repairs after a crash.
 const LONGEST_START: Duration = Duration::from_secs(600);
-
-/// Advice for a computer that does not keep up.
-const WHAT_TO_DO: &str =
-    "jobs complete all the same; \"pace\": \"max\", fewer plates or a smaller camera frame would do";
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -51,78 +44,36 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     Ok(status(&daemon.serve(&stop, &manager)))
 }
 
-/// Reports whether the daemon would start now, in the form in which `upm check` reports on files, and whether this
-/// computer keeps up with its plates. A computer that is too slow is not a fault, since jobs complete nevertheless.
+/// Reports whether the daemon would start now, in the form in which `upm check` reports on files.
 fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let checked = checked(args);
-    let measure = |startable: &Startable| startable.prepared.check_pace(&startable.spec, &MonotonicClock::new());
-    let paces = checked.as_ref().map(measure).unwrap_or_default();
     if !common.json {
-        outln!("{}: {}", args.config.display(), checked?.says)?;
-        paces.iter().try_for_each(|(plate, pace)| outln!("{}", pace_line(plate, pace)))?;
+        outln!("{}: {}", args.config.display(), checked?)?;
         return Ok(0);
     }
-    print_json(&row(&args.config, &checked, &paces))?;
+    print_json(&row(&args.config, &checked))?;
     Ok(checked.map_or_else(|failure| failure.status, |_| 0))
 }
 
-/// Result of the checks of a daemon that would start now.
-struct Startable {
-    /// Summary on one line.
-    says: String,
-    spec: DaemonSpec,
-    prepared: Prepared,
-}
-
-fn row(file: &Path, checked: &Result<Startable, Failure>, paces: &[(String, Result<PaceCheck, String>)]) -> Value {
+fn row(file: &Path, checked: &Result<String, Failure>) -> Value {
     json!({
         "file": file.display().to_string(),
         "valid": checked.is_ok(),
-        "says": checked.as_ref().ok().map(|startable| &startable.says),
+        "says": checked.as_ref().ok(),
         "faults": checked.as_ref().err().map(|failure| &failure.lines),
-        "plates": paces.iter().map(|(plate, pace)| pace_row(plate, pace)).collect::<Vec<_>>(),
     })
 }
 
-fn checked(args: &ServeArgs) -> Result<Startable, Failure> {
+/// Summary on one line of a daemon that would start now.
+fn checked(args: &ServeArgs) -> Result<String, Failure> {
     let spec = spec_of(args)?;
-    let prepared = prepare(&spec).map_err(Failure::faults)?;
+    prepare(&spec).map_err(Failure::faults)?;
     let refused = Daemon::refused_addresses(&spec);
     if !refused.is_empty() {
         let lines = refused.iter().map(ToString::to_string).collect();
         return Err(Failure { status: NOT_REACHED, lines });
     }
-    let says = format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", "));
-    Ok(Startable { says, spec, prepared })
-}
-
-/// One line that says whether this computer keeps up with a plate.
-fn pace_line(plate: &str, pace: &Result<PaceCheck, String>) -> String {
-    let pace = match pace {
-        Ok(pace) => pace,
-        Err(why) => return on_one_line(&format!("{plate}: pace not measured: {why}")),
-    };
-    let [p50_ms, p99_ms, period_ms] = [pace.loop_p50_s, pace.loop_p99_s, pace.period_s].map(|s| 1e3 * s);
-    let measured = format!("loop time per frame {p50_ms:.1} ms (p50), {p99_ms:.1} ms (p99) of {period_ms:.1} ms");
-    if pace.keeps_up() {
-        return format!("{plate}: {measured}: keeps up");
-    }
-    let behind_s = pace.behind_s_per_minute;
-    format!("{plate}: {measured}: too slow: falls behind by {behind_s:.1} s per minute; {WHAT_TO_DO}")
-}
-
-fn pace_row(plate: &str, pace: &Result<PaceCheck, String>) -> Value {
-    match pace {
-        Ok(pace) => json!({
-            "plate": plate,
-            "period_s": pace.period_s,
-            "loop_p50_s": pace.loop_p50_s,
-            "loop_p99_s": pace.loop_p99_s,
-            "behind_s_per_minute": pace.behind_s_per_minute,
-            "keeps_up": pace.keeps_up(),
-        }),
-        Err(why) => json!({ "plate": plate, "why": why }),
-    }
+    Ok(format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", ")))
 }
 
 /// Service manager according to the environment.
@@ -228,23 +179,6 @@ mod tests {
     use crate::cli::args::LogFormat;
     use crate::cli::output::BAD_INPUT;
 
-    fn pace(behind_s_per_minute: f64) -> PaceCheck {
-        PaceCheck { period_s: 1.0 / 60.0, loop_p50_s: 0.0041, loop_p99_s: 0.0212, behind_s_per_minute }
-    }
-
-    #[test]
-    fn pace_check_reports_whether_the_computer_keeps_up_and_a_remedy() {
-        let start = "upm-1: loop time per frame 4.1 ms (p50), 21.2 ms (p99) of 16.7 ms: ";
-        assert_eq!(pace_line("upm-1", &Ok(pace(0.2))), format!("{start}keeps up"));
-        let slow = pace_line("upm-1", &Ok(pace(12.34)));
-        assert_eq!(slow, format!("{start}too slow: falls behind by 12.3 s per minute; {WHAT_TO_DO}"));
-        let row = pace_row("upm-1", &Ok(pace(12.34)));
-        assert_eq!((&row["keeps_up"], &row["behind_s_per_minute"]), (&json!(false), &json!(12.34)));
-        let unmeasured = Err("no room".to_owned());
-        assert_eq!(pace_line("upm-1", &unmeasured), "upm-1: pace not measured: no room");
-        assert_eq!(pace_row("upm-1", &unmeasured)["why"], "no room");
-    }
-
     fn args(config: &str, listen: SocketAddr) -> ServeArgs {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join(config);
         ServeArgs { config, listen: Some(listen), data: None, check: true, log: LogFormat::Text }
@@ -255,7 +189,7 @@ mod tests {
         let free = "127.0.0.1:0".parse().unwrap();
         let good = args("configs/daemon.json", free);
         let checked_good = checked(&good);
-        let line = row(&good.config, &checked_good, &[]);
+        let line = row(&good.config, &checked_good);
         assert_eq!((&line["valid"], &line["faults"]), (&json!(true), &Value::Null));
         assert!(line["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{line}");
 
@@ -267,7 +201,7 @@ mod tests {
 
         let bad = args("configs/plus-sign.json", free);
         let checked_bad = checked(&bad);
-        let line = row(&bad.config, &checked_bad, &[]);
+        let line = row(&bad.config, &checked_bad);
         assert_eq!((&line["valid"], &line["says"]), (&json!(false), &Value::Null));
         assert!(!line["faults"].as_array().unwrap().is_empty(), "{line}");
         assert_eq!(checked_bad.err().unwrap().status, BAD_INPUT);

@@ -62,7 +62,7 @@ coded_enum! {
         LeaseExpired = "lease_expired",
         /// A watchdog stopped it for a cause that is not known.
         Watchdog = "watchdog",
-        /// A watchdog stopped it: this computer was too slow for the plate, under strict deadlines.
+        /// The drive lease expired in real time: this computer was too slow for the plate, under strict deadlines.
         DeadlineMissed = "deadline_missed",
         /// A watchdog stopped it: control took no frame for a long time.
         Hung = "hung",

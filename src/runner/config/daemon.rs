@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::job::JobSpec;
-use super::raw_daemon::{RawDaemon, RawDisk, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
+use super::raw_daemon::{RawDaemon, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use upm_core::job::Pace;
@@ -37,10 +37,8 @@ pub struct DaemonSpec {
     pub read_token_file: Option<PathBuf>,
     /// Retention limits for jobs that have ended.
     pub keep: KeepSpec,
-    /// Free disk space below which recordings are stopped, bytes.
+    /// Free disk space below which no job is accepted, bytes.
     pub min_free_bytes: u64,
-    /// Disk space reserved for essential writes when the disk is full, bytes.
-    pub reserve_bytes: u64,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
     /// Memory limit of a live stream for the Rerun viewer, bytes; `None` for no live streams.
@@ -97,20 +95,12 @@ pub struct KeepSpec {
 /// Limits at which the watchdog stops a plate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchdogSpec {
-    /// Relaxed deadlines: longest time without a frame or without a successful write, wall time.
-    pub hung: Duration,
     /// Longest time without a frame, wall time.
-    pub no_frame: Duration,
-    /// Longest time for a plan, wall time.
-    pub planning: Duration,
+    pub hung: Duration,
     /// Longest time without a visible part, s of plate time.
     pub no_part_s: f64,
     /// Longest time for which a journal or an event queue may accept nothing, wall time.
     pub blocked: Duration,
-    /// Most frames by which a deadline may be missed.
-    pub late_frames: u64,
-    /// Most missed deadlines in a second.
-    pub misses_per_s: u64,
 }
 
 impl DaemonSpec {
@@ -136,7 +126,6 @@ impl DaemonSpec {
         let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
         check_ports(&raw, faults);
-        check_room(&raw.disk, faults);
         check_events(&raw.keep, faults);
         Some(Self {
             file: origin.file.clone(),
@@ -151,7 +140,6 @@ impl DaemonSpec {
             read_token_file,
             keep: keep_of(&raw.keep),
             min_free_bytes: megabytes(raw.disk.min_free_mb),
-            reserve_bytes: megabytes(raw.disk.reserve_mb),
             watchdog: watchdog_of(&raw.watchdog),
             live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
             allow_faults: raw.allow_faults,
@@ -311,13 +299,6 @@ fn check_ports(raw: &RawDaemon, faults: &mut Diagnostics) {
     }
 }
 
-/// Checks that recordings stop before the reserve is used.
-fn check_room(disk: &RawDisk, faults: &mut Diagnostics) {
-    let allowed = format!("at least twice disk.reserve_mb ({})", disk.reserve_mb);
-    let at = Path::root().key("disk").key("min_free_mb");
-    faults.require(disk.min_free_mb >= 2.0 * disk.reserve_mb, &at, disk.min_free_mb, allowed);
-}
-
 fn check_events(keep: &RawKeep, faults: &mut Diagnostics) {
     let allowed = format!("at least keep.events_per_job ({})", keep.events_per_job);
     faults.require(keep.events >= keep.events_per_job, Path::root().key("keep").key("events"), keep.events, allowed);
@@ -337,12 +318,8 @@ fn keep_of(raw: &RawKeep) -> KeepSpec {
 fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
     WatchdogSpec {
         hung: Duration::from_secs_f64(raw.hung_s),
-        no_frame: Duration::from_secs_f64(raw.no_frame_s),
-        planning: Duration::from_secs_f64(raw.planning_s),
         no_part_s: raw.no_part_s,
         blocked: Duration::from_secs_f64(raw.blocked_s),
-        late_frames: raw.late_frames.into(),
-        misses_per_s: raw.misses_per_s.into(),
     }
 }
 

@@ -164,59 +164,35 @@ impl Default for RawKeep {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawDisk {
-    /// With less than this left recordings are stopped; the plates go on.
+    /// With less than this left no job is taken, and standing jobs wait.
     #[schemars(range(min = 1.0, max = 1e9))]
     pub min_free_mb: f64,
-    /// Set aside for what must be written when the disk is full. With less than this left no job is taken.
-    #[schemars(range(min = 1.0, max = 1e6))]
-    pub reserve_mb: f64,
 }
 
 impl Default for RawDisk {
     fn default() -> Self {
-        Self { min_free_mb: 500.0, reserve_mb: 16.0 }
+        Self { min_free_mb: 500.0 }
     }
 }
 
-/// When a plate is stopped because something is wrong. `no_frame_s`, `planning_s`, `blocked_s`, `late_frames` and
-/// `misses_per_s` are for jobs with strict deadlines; a job with relaxed ones may be as slow as `hung_s` allows.
+/// When a plate is stopped because something is wrong.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawWatchdog {
-    /// Relaxed deadlines: no frame came, or nothing could be written, for so long, s of wall time.
+    /// No frame came for so long, s of wall time.
     #[schemars(range(min = 1.0, max = 3600.0))]
     pub hung_s: f64,
-    /// No frame came for so long, s of wall time.
-    #[schemars(range(min = 0.1, max = 60.0))]
-    pub no_frame_s: f64,
-    /// A plan took so long, s of wall time.
-    #[schemars(range(min = 0.1, max = 600.0))]
-    pub planning_s: f64,
     /// No part was seen for so long, s of plate time.
     #[schemars(range(min = 0.1, max = 60.0))]
     pub no_part_s: f64,
     /// A journal or a queue of events took nothing for so long, s of wall time.
     #[schemars(range(min = 0.1, max = 60.0))]
     pub blocked_s: f64,
-    /// A deadline was missed by more frames than this.
-    #[schemars(range(min = 1, max = 1000))]
-    pub late_frames: u32,
-    /// More deadlines than this were missed in a second.
-    #[schemars(range(min = 1, max = 1000))]
-    pub misses_per_s: u32,
 }
 
 impl Default for RawWatchdog {
     fn default() -> Self {
-        Self {
-            hung_s: 30.0,
-            no_frame_s: 0.5,
-            planning_s: 5.0,
-            no_part_s: 0.5,
-            blocked_s: 0.5,
-            late_frames: 5,
-            misses_per_s: 10,
-        }
+        Self { hung_s: 30.0, no_part_s: 0.5, blocked_s: 30.0 }
     }
 }
 

@@ -261,8 +261,7 @@ pub enum DeadlinePolicy {
     /// The simulated plate waits: its time falls behind the clock, and the run goes on.
     #[default]
     Relaxed,
-    /// The run is stopped, as it must be on real hardware: by the drive lease, and by the watchdog's limits for late
-    /// frames, missing frames and planning.
+    /// The run is stopped by the drive lease, as it must be on real hardware.
     Strict,
 }
 

@@ -7,6 +7,10 @@ use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
+/// Text added to the reason of a run that was too late for its plate, with the remedy.
+pub(super) const TOO_BUSY: &str =
+    "this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job";
+
 /// Controls through which the caller observes and stops a run.
 #[derive(Clone, Copy)]
 pub struct RunControls<'a> {
@@ -41,16 +45,6 @@ impl ExternalStop {
     pub(super) fn by_operator() -> Self {
         Self { cause: StopCause::Interrupted, reason: RunEnd::stopped().reason }
     }
-
-    /// Text added to the reason of a run that was too late for its plate, with the remedy; `real_time` for a run paced
-    /// by the clock.
-    pub fn too_busy(real_time: bool) -> &'static str {
-        if real_time {
-            "this computer was too busy: `--pace max` would do, or `\"deadlines\": \"relaxed\"` in the job"
-        } else {
-            "this computer was too busy: `\"deadlines\": \"relaxed\"` in the job would do"
-        }
-    }
 }
 
 impl RunControls<'_> {
@@ -67,7 +61,7 @@ impl RunControls<'_> {
         // plate time passes without a driver only in real time
         if trip == Some(Trip::Lease) {
             finish.ending.cause = Some(StopCause::DeadlineMissed);
-            finish.ending.reason = format!("{}; {}", finish.ending.reason, ExternalStop::too_busy(true));
+            finish.ending.reason = format!("{}; {TOO_BUSY}", finish.ending.reason);
         }
         if let Some(ExternalStop { cause, reason }) = (self.cause)() {
             (finish.ending.cause, finish.ending.reason) = (Some(cause), reason);

@@ -12,7 +12,7 @@ use upm_cor_library::Library;
 use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
-use upm_recording::{BackgroundWriter, PreallocatedFile, RecordingOptions, Report};
+use upm_recording::{BackgroundWriter, RecordingOptions, Report};
 
 /// Most folders of one name; another one is refused.
 const MOST_NAMESAKES: u32 = 1000;
@@ -99,7 +99,7 @@ impl RunFolder {
     }
 
     pub(super) fn journal(&self, recording_options: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
-        PreallocatedFile::create(&self.0.join("journal.jsonl"))
+        File::create(self.0.join("journal.jsonl"))
             .and_then(|file| {
                 self.sync_names();
                 BackgroundWriter::start(

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use super::controls::TOO_BUSY;
 use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
@@ -193,7 +194,7 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     let stopped = StopRecord::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
     let by_rig = RunEnd::from(RigFault::Stopped(Trip::Lease)).reason;
-    let reason = format!("{by_rig}; {}", ExternalStop::too_busy(true));
+    let reason = format!("{by_rig}; {TOO_BUSY}");
     assert_eq!(stopped.report.reason, reason);
     assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::DeadlineMissed));
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);

@@ -172,8 +172,6 @@ pub enum Refusal {
         /// Seconds after which to try again.
         retry_after_s: u32,
     },
-    /// Unavailable until an operator has attended to the daemon: 503.
-    Unwell(Reason),
     /// The disk is full: 507.
     DiskFull(String),
     /// A fault of the daemon itself: 500.
@@ -203,9 +201,6 @@ impl From<Refusal> for Problem {
                 Self::new(ProblemKind::QueueFull, "too many jobs come at once").retry_after(retry_after_s)
             }
             Refusal::Busy { why, retry_after_s } => Self::new(ProblemKind::Unavailable, why).retry_after(retry_after_s),
-            Refusal::Unwell(reason) => {
-                Self::new(ProblemKind::Unavailable, reason.detail.clone()).with_reasons([reason])
-            }
             Refusal::DiskFull(what) => Self::new(ProblemKind::InsufficientStorage, what),
             Refusal::Broken(what) => Self::new(ProblemKind::Internal, what),
         }

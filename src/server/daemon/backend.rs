@@ -1,9 +1,8 @@
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use super::state::{DaemonState, no_job};
-use super::{convert, data_watch, estop, files, health, metrics, page, submit};
+use super::{convert, estop, files, health, metrics, page, submit};
 use crate::api::{
     Asset, Backend, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery, LayoutView,
     Pending, Plate, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, pending, ready,
@@ -36,14 +35,9 @@ pub(super) struct DaemonBackend {
 }
 
 impl DaemonBackend {
-    /// Opens the backend in front of store and plates and starts the thread that watches the data folder.
+    /// Opens the backend in front of store and plates and starts its threads.
     pub fn open(state: DaemonState) -> io::Result<Self> {
         let state = Arc::new(state);
-        let watched = Arc::downgrade(&state);
-        data_watch::watch(move || {
-            let state = watched.upgrade().filter(|state| !state.ending.load(Ordering::SeqCst));
-            state.inspect(|state| state.check_paths()).is_some()
-        })?;
         let checkers = Arc::new(WorkerPool::start("check", CHECKERS, CHECKS_WAITING, true)?);
         let stops = WorkerPool::start("stops", STOP_THREADS, STOPS_WAITING, false)?;
         let resets = WorkerPool::start("resets", 1, RESETS_WAITING, true)?;
@@ -138,8 +132,7 @@ impl Backend for DaemonBackend {
 
     fn reset(&self, plate: &str, request: ResetRequest, caller: Caller) -> Pending<Plate> {
         // determined before the reset waits its turn: a stop that comes in between is a different one
-        let may = |at| self.state.intact().map(|()| at);
-        let held = match self.state.plate(plate).and_then(may).and_then(estop::held) {
+        let held = match self.state.plate(plate).and_then(estop::held) {
             Ok(held) => held,
             Err(refusal) => return ready(Err(refusal)),
         };
@@ -160,8 +153,7 @@ impl Backend for DaemonBackend {
     }
 
     fn resume(&self, plate: &str, caller: Caller) -> Pending<Plate> {
-        let may = |at| self.state.intact().map(|()| at);
-        let done = self.state.plate(plate).and_then(may).and_then(|at| estop::resume(at, &caller));
+        let done = self.state.plate(plate).and_then(|at| estop::resume(at, &caller));
         match done {
             Ok(()) => pending(|reply| self.state.answer_with(plate, reply)),
             Err(refusal) => ready(Err(refusal)),

@@ -5,7 +5,7 @@ use crate::states::PlateCondition;
 use crate::store::{JobRow, StoreFault, StoredEvent};
 use crate::supervisor::{self, JobLayout, PlateSnapshot};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Bin, StopCause};
+use upm_core::job::Bin;
 use upm_core::units::{mm_from_m, places_mm};
 use upm_recording::RecordingState;
 use upm_runner::config::{RawBin, RawRegion};
@@ -74,16 +74,7 @@ fn conditions(snapshot: &PlateSnapshot) -> Vec<PlateCondition> {
     if snapshot.job.is_none() {
         return Vec::new();
     }
-    let lasting = snapshot.observation.conditions.iter().cloned();
-    let busy = snapshot.observation.is_late.then(|| PlateCondition {
-        code: "computer_busy".to_owned(),
-        reason: format!(
-            "this computer is too slow: plate time falls behind the clock, by {:.1} s so far",
-            snapshot.behind.as_secs_f64()
-        ),
-        remedy: StopCause::DeadlineMissed.remedy().unwrap_or_default().to_owned(),
-    });
-    lasting.chain(busy).collect()
+    snapshot.observation.conditions.clone()
 }
 
 fn part(part: &supervisor::LayoutPart) -> LayoutPartView {

@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use super::data_watch;
 use super::status::Observed;
 use crate::http::{Reason, ReasonCode};
 use crate::supervisor::PlateState;
@@ -26,7 +25,6 @@ pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
     }
     let dead = observed.plates_alive.as_ref().err();
     failures.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
-    failures.extend(observed.displaced.as_ref().map(data_watch::reason));
     failures
 }
 
@@ -47,17 +45,16 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
 }
 
 fn low_disk(observed: &Observed) -> Option<String> {
-    let disk = &observed.disk;
-    let free_bytes = disk.free_bytes.filter(|free_bytes| *free_bytes < disk.reserve_bytes)?;
-    let megabytes = |bytes: u64| bytes as f64 * 1e-6;
-    let (free_mb, reserve_mb) = (megabytes(free_bytes), megabytes(disk.reserve_bytes));
-    Some(format!("the disk has {free_mb:.1} MB left, jobs are taken from {reserve_mb:.1} MB on"))
+    let min_free_bytes = observed.disk.min_free_bytes;
+    let free_bytes = observed.store.free_bytes.filter(|free_bytes| *free_bytes < min_free_bytes)?;
+    let [free_mb, min_free_mb] = [free_bytes, min_free_bytes].map(|bytes| bytes as f64 * 1e-6);
+    Some(format!("the disk has {free_mb:.1} MB left, jobs are taken from {min_free_mb:.1} MB on"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{DisplacedFile, PathObject, StoreFault};
+    use crate::store::StoreFault;
 
     fn failures(change: impl FnOnce(&mut Observed)) -> (Vec<String>, Vec<String>) {
         let mut observed = Observed::healthy();
@@ -90,27 +87,14 @@ mod tests {
     }
 
     #[test]
-    fn displaced_data_fail_liveness_without_a_cure_by_restart() {
-        let mut observed = Observed::healthy();
-        observed.displaced = Some(DisplacedFile { path: "/data/lock".into(), found: PathObject::Nothing });
-        let detail = "/data/lock: expected the file that the daemon holds open, found none";
-        let expected = [Reason::new(ReasonCode::DataDisplaced, detail)];
-        assert_eq!(
-            (liveness_failures(&observed), readiness_failures(&observed)),
-            (expected.to_vec(), expected.to_vec())
-        );
-        assert!(!ReasonCode::DataDisplaced.may_end_by_restart() && ReasonCode::StoreHangs.may_end_by_restart());
-    }
-
-    #[test]
     fn conditions_that_bar_new_jobs_fail_readiness_only() {
         unready(|o| o.is_stopping = true, "the daemon is ending");
         unready(|o| o.damage = Some("the job store was damaged".to_owned()), "the job store was damaged");
         unready(|o| o.store.fault = Some(StoreFault::Full), "the disk of the job store is full");
-        let full = "the disk has 16.0 MB left, jobs are taken from 16.0 MB on";
-        unready(|o| o.disk.free_bytes = Some(15_999_999), full);
-        assert_eq!(failures(|o| o.disk.free_bytes = Some(16_000_000)).1, [""; 0]);
-        assert_eq!(failures(|o| o.disk.free_bytes = None).1, [""; 0]);
+        let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on";
+        unready(|o| o.store.free_bytes = Some(499_999_999), full);
+        assert_eq!(failures(|o| o.store.free_bytes = Some(500_000_000)).1, [""; 0]);
+        assert_eq!(failures(|o| o.store.free_bytes = None).1, [""; 0]);
     }
 
     #[test]

@@ -2,24 +2,17 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::thread;
-use std::time::Duration;
 
 use rustix::fs::{Access, Mode, access};
 use rustix::process::umask;
 
 use crate::http::{Scope, Tokens};
 use upm_cor_library::Library;
-use upm_core::thread_priority::raise_thread_priority;
-use upm_core::time::Clock;
 use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
-use upm_runner::run::{PaceCheck, check_pace, check_places, load_library};
+use upm_runner::run::{check_places, load_library};
 
 /// Largest token file that is read, bytes.
 const LONGEST_TOKEN_FILE: u64 = 4096;
-
-/// Duration of the pace check.
-const PACE_CHECKED_FOR: Duration = Duration::from_secs(2);
 
 /// Inputs of a daemon's start, most of them read from the files that its configuration names.
 #[derive(Debug)]
@@ -30,30 +23,6 @@ pub struct Prepared {
     pub(super) tokens: Tokens,
     /// The library of each plate, in the order of the configuration.
     pub(super) libraries: Vec<Arc<Library>>,
-}
-
-impl Prepared {
-    /// Measures how well this computer keeps up with each plate of `spec` while all of them run in real time; takes
-    /// about two seconds. Returns names and results in the order of the configuration. Writes nothing.
-    pub fn check_pace(
-        &self,
-        spec: &DaemonSpec,
-        clock: &(dyn Clock + Sync),
-    ) -> Vec<(String, Result<PaceCheck, String>)> {
-        let run = |plate: &PlateSpec, library: &Arc<Library>| {
-            raise_thread_priority(true);
-            check_pace(&plate.rig, library, clock, &thread::sleep, PACE_CHECKED_FOR)
-        };
-        thread::scope(|scope| {
-            let plates = spec.plates.iter().zip(&self.libraries);
-            let checks: Vec<_> =
-                plates.map(|(plate, library)| (plate, scope.spawn(move || run(plate, library)))).collect();
-            let result = |check: thread::ScopedJoinHandle<'_, _>| {
-                check.join().unwrap_or_else(|_| Err("the check panicked".to_owned()))
-            };
-            checks.into_iter().map(|(plate, check)| (plate.name.clone(), result(check))).collect()
-        })
-    }
 }
 
 /// From now on files created by this process are accessible to its user alone: folders 0700, files 0600.

@@ -221,8 +221,7 @@ impl TokenReload {
 fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
     let state = Arc::clone(state);
     let well = move || {
-        let mut failures = health::liveness_failures(&state.observed());
-        failures.retain(|reason| reason.code.may_end_by_restart());
+        let failures = health::liveness_failures(&state.observed());
         if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) }
     };
     manager.keep_alive(well).unwrap_or_else(|error| {
@@ -307,7 +306,6 @@ fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
         runs_bytes: spec.keep.runs_bytes,
         runs_age: spec.keep.runs_age,
         standing_runs: spec.keep.standing_runs,
-        reserve_bytes: spec.reserve_bytes,
         ..store::StoreLimits::default()
     }
 }

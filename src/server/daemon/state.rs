@@ -7,11 +7,10 @@ use parking_lot::{Mutex, MutexGuard};
 use serde_json::json;
 
 use super::convert;
-use super::data_watch::{DataWatch, reason};
 use super::status::{DiskObserved, Observed, PlateObserved};
 use crate::api::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
-use crate::supervisor::{self, EventSubscriber, JobEvent, Pause, PlateSnapshot, PlateState, PlateSupervisor};
+use crate::supervisor::{self, EventSubscriber, JobEvent, PlateSnapshot, PlateState, PlateSupervisor};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
 use upm_runner::config::DaemonSpec;
@@ -33,8 +32,6 @@ pub(super) struct DaemonState {
     pub http_metrics: HttpMetrics,
     /// Damage found in the store when it was opened.
     pub damage: StoreDamage,
-    /// Whether the paths of the data folder still name the files that are held open.
-    pub data: DataWatch,
     pub version: &'static str,
 }
 
@@ -72,7 +69,6 @@ impl DaemonState {
             counted: Mutex::default(),
             http_metrics: HttpMetrics::default(),
             damage: StoreDamage::found(damage),
-            data: DataWatch::default(),
             version,
         }
     }
@@ -142,16 +138,11 @@ impl DaemonState {
             uptime: self.clock.elapsed(),
             is_stopping: self.ending.load(Ordering::SeqCst),
             damage: self.unacknowledged_damage(),
-            displaced: self.data.displaced(),
             plates_alive: self.plates.alive(),
             plates: plates.collect(),
             jobs: counted.jobs,
             store: self.store.health(),
-            disk: DiskObserved {
-                free_bytes: self.plates.free_bytes(),
-                reserve_bytes: self.spec.reserve_bytes,
-                runs_bytes: self.store.runs_bytes(),
-            },
+            disk: DiskObserved { min_free_bytes: self.spec.min_free_bytes, runs_bytes: self.store.runs_bytes() },
             requests: self.http_metrics.requests(),
             event_streams: self.http_metrics.event_streams(),
         }
@@ -161,20 +152,6 @@ impl DaemonState {
     pub fn unacknowledged_damage(&self) -> Option<String> {
         let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
         self.damage.unacknowledged(&states)
-    }
-
-    /// Compares the paths once, and pauses all plates while one is displaced. Waits for the disk.
-    pub fn check_paths(&self) {
-        let is_displaced = self.data.compare(|| self.store.check_paths().and_then(|()| self.plates.check_paths()));
-        if is_displaced {
-            let why = "the data folder or a file in it was deleted or replaced: see to it, then resume";
-            self.plates.pause_all(&Pause::new("data_displaced", why, "restore the data folder, then resume"));
-        }
-    }
-
-    /// Refuses requests whose result would be lost with displaced data.
-    pub fn intact(&self) -> Result<(), Refusal> {
-        self.data.displaced().map_or(Ok(()), |displaced| Err(Refusal::Unwell(reason(&displaced))))
     }
 }
 

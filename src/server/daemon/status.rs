@@ -1,7 +1,7 @@
 use std::time::Duration;
 
 use crate::api::Requests;
-use crate::store::{DisplacedFile, JobState, StoreHealth};
+use crate::store::{JobState, StoreHealth};
 use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
@@ -15,9 +15,6 @@ pub(super) struct Observed {
     pub is_stopping: bool,
     /// Damage found at start and not acknowledged yet, as a sentence.
     pub damage: Option<String>,
-    /// The displaced path of the data folder: it names another file than the one held open. `None` while all are in
-    /// place.
-    pub displaced: Option<DisplacedFile>,
     /// `Err` names the plate threads that have died or hang.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
@@ -57,10 +54,8 @@ pub(super) struct PlateObserved {
 /// Space on the disk of the data folder.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DiskObserved {
-    /// Free bytes; `None` when the disk does not respond.
-    pub free_bytes: Option<u64>,
     /// Fewest free bytes with which jobs are accepted.
-    pub reserve_bytes: u64,
+    pub min_free_bytes: u64,
     /// Bytes in run folders; `None` until they have been counted.
     pub runs_bytes: Option<u64>,
 }
@@ -91,7 +86,6 @@ impl Observed {
             uptime: Duration::from_millis(61_500),
             is_stopping: false,
             damage: None,
-            displaced: None,
             plates_alive: Ok(()),
             plates: vec![left, plate("right", PlateState::Idle)],
             jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],
@@ -100,11 +94,11 @@ impl Observed {
                 fault: None,
                 waiting: 4,
                 audit_waiting: 0,
-                reserve: true,
+                free_bytes: Some(5_000_000_000),
                 reader_busy: Duration::ZERO,
                 deletion_suspended: false,
             },
-            disk: DiskObserved { free_bytes: Some(5_000_000_000), reserve_bytes: 16_000_000, runs_bytes: Some(123) },
+            disk: DiskObserved { min_free_bytes: 500_000_000, runs_bytes: Some(123) },
             requests: vec![
                 Requests { operation: "submit", status: 201, count: 12 },
                 Requests { operation: "submit", status: 422, count: 0 },

@@ -267,14 +267,11 @@ impl DaemonState {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
             return Some(Refusal::Conflict(why));
         }
-        if let Err(refusal) = self.intact() {
-            return Some(refusal);
-        }
-        let free = self.plates.free_bytes().filter(|free| *free < self.spec.reserve_bytes)?;
+        let free = self.store.health().free_bytes.filter(|free| *free < self.spec.min_free_bytes)?;
         Some(Refusal::DiskFull(format!(
-            "{:.1} MB are free on the disk, {:.1} are needed (`disk.reserve_mb`)",
+            "{:.1} MB are free on the disk, {:.1} are needed (`disk.min_free_mb`)",
             free as f64 * 1e-6,
-            self.spec.reserve_bytes as f64 * 1e-6
+            self.spec.min_free_bytes as f64 * 1e-6
         )))
     }
 }

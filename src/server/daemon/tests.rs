@@ -14,7 +14,7 @@ use super::backend::DaemonBackend;
 use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::api::{Backend, EStopped, Job, JobCreated, JobsQuery, Pending, Plate, Refusal, ResetRequest, Submission};
-use crate::http::{Caller, Reason, ReasonCode};
+use crate::http::Caller;
 use crate::states::{JobState, PlateState};
 use upm_core::job::Pace;
 use upm_core::time::MonotonicClock;
@@ -24,15 +24,8 @@ use upm_runner::config::{DaemonSpec, WatchdogSpec};
 const REST: &str = r#""name": "rest", "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}"#;
 
 /// Watchdog limits that a slow machine does not reach: these tests are not about the watchdog.
-const PATIENT: WatchdogSpec = WatchdogSpec {
-    hung: Duration::from_secs(600),
-    no_frame: Duration::from_secs(60),
-    planning: Duration::from_secs(600),
-    no_part_s: 60.0,
-    blocked: Duration::from_secs(60),
-    late_frames: 1000,
-    misses_per_s: 1000,
-};
+const PATIENT: WatchdogSpec =
+    WatchdogSpec { hung: Duration::from_secs(600), no_part_s: 60.0, blocked: Duration::from_secs(60) };
 /// Longest wait of a test.
 const TIMEOUT: Duration = Duration::from_secs(20);
 
@@ -317,39 +310,4 @@ fn one_daemon_has_the_data() {
     let first = start(spec(data.path())).unwrap();
     assert!(matches!(start(spec(data.path())), Err(StartFault::Store(..))));
     assert!(first.backend.state.plates.shutdown(TIMEOUT).is_empty());
-}
-
-#[test]
-fn displaced_data_pause_all_plates_and_no_job_is_taken_until_they_are_put_back() {
-    let parent = tempfile::tempdir().unwrap();
-    let (data, aside) = (parent.path().join("data"), parent.path().join("aside"));
-    let running = RunningDaemon { backend: start(spec(&data)).unwrap().backend, _data: parent };
-    let backend = &running.backend;
-    let codes = |reasons: Vec<Reason>| reasons.into_iter().map(|reason| reason.code).collect::<Vec<_>>();
-    let unwell = |refusal| matches!(refusal, Refusal::Unwell(reason) if reason.code == ReasonCode::DataDisplaced);
-    for path in ["latch/upm-1", "lock", "upm.db", "upm.db-wal", ""] {
-        backend.state.check_paths();
-        assert_eq!(
-            (codes(backend.liveness_failures()), codes(backend.readiness_failures())),
-            (vec![], vec![]),
-            "{path}"
-        );
-        let path = if path.is_empty() { data.clone() } else { data.join(path) };
-        std::fs::rename(&path, &aside).unwrap();
-        backend.state.check_paths();
-        assert_eq!(codes(backend.liveness_failures()), [ReasonCode::DataDisplaced], "{}", path.display());
-        assert_eq!(codes(backend.readiness_failures()), [ReasonCode::DataDisplaced]);
-        let states: Vec<PlateState> = backend.plates_as_counted().plates.iter().map(|plate| plate.state).collect();
-        assert!(states.iter().all(|state| *state == PlateState::Paused), "{states:?}");
-        assert!(unwell(running.submit(&on("upm-1")).unwrap_err()));
-        assert!(unwell(kept(backend.resume("upm-1", caller())).unwrap_err()));
-        std::fs::rename(&aside, &path).unwrap();
-        backend.state.check_paths();
-        kept(backend.resume("upm-1", caller())).unwrap();
-        running.ended(&running.submit(&on("upm-1")).unwrap().id);
-        assert!(eventually("the plate rests", || {
-            let state = backend.plates_as_counted().plates[0].state;
-            (state != PlateState::Running).then_some(state == PlateState::Idle)
-        }));
-    }
 }

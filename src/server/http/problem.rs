@@ -77,8 +77,6 @@ pub enum ReasonCode {
     StoreHangs,
     /// A thread that runs, watches or latches the plates has died or hangs.
     PlatesDead,
-    /// The data folder, or a file in it that the daemon holds open, was deleted or replaced.
-    DataDisplaced,
     /// The daemon is shutting down.
     Ending,
     /// The job store was found damaged, and no operator has resumed the plates since.
@@ -89,14 +87,6 @@ pub enum ReasonCode {
     DiskLow,
     /// An emergency stop holds on every plate.
     AllStopped,
-}
-
-impl ReasonCode {
-    /// True for causes that a restart may remove. Without its data folder, a restarted daemon would lose the state that
-    /// the running one still has in memory.
-    pub fn may_end_by_restart(self) -> bool {
-        self != Self::DataDisplaced
-    }
 }
 
 /// A cause for which the daemon does not work or takes no jobs.

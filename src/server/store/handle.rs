@@ -13,9 +13,9 @@ use super::retention::{Retention, StartLock};
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
-    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, DisplacedFile, JobEnd, JobId, JobPage, JobRow, JobSelection,
-    JobState, JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent,
-    SubmitOutcome, WatchedPath, history, jobs,
+    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState,
+    JobStore, MakeFolder, NewEvent, NewJob, Publish, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
+    history, jobs,
 };
 use upm_core::files::sync_folder;
 
@@ -29,8 +29,6 @@ pub struct Store {
     pub(super) ages: Arc<AgeClock>,
     pub(super) retention: Retention,
     pub(super) start_lock: StartLock,
-    /// Data folder, lock file, database and log.
-    pub(super) held: Vec<WatchedPath>,
 }
 
 impl fmt::Debug for Store {
@@ -49,25 +47,25 @@ impl Store {
         done: impl FnOnce(Result<Option<SubmitOutcome>, StoreFault>) + Send + 'static,
     ) {
         let accept = move |tx: &WriteTx<'_>| wanted().then(|| tx.accept(&job)).transpose();
-        self.queue.write(task(false, accept, done));
+        self.queue.write(task(accept, done));
     }
 
     /// The earlier answer to a job with a repeated key; `None` for a new key. Queues nothing.
     pub fn repeated(&self, job: NewJob, done: impl FnOnce(Result<Option<SubmitOutcome>, StoreFault>) + Send + 'static) {
-        self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.repeated(&job), done));
+        self.queue.write(task(move |tx: &WriteTx<'_>| tx.repeated(&job), done));
     }
 
     /// Takes a job out of the queue.
     pub fn cancel_queued(&self, id: &JobId, done: impl FnOnce(Result<CancelOutcome, StoreFault>) + Send + 'static) {
         let id = *id;
-        self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
+        self.queue.write(task(move |tx: &WriteTx<'_>| tx.cancel_queued(&id), done));
     }
 
     /// Moves a queued job to the front of its plate's queue; a job in another state stays as it is. The answer is the
     /// job as it is then; `None` when there is no such job.
     pub fn move_to_front(&self, id: &JobId, done: impl FnOnce(Result<Option<JobRow>, StoreFault>) + Send + 'static) {
         let id = *id;
-        self.queue.write(task(false, move |tx: &WriteTx<'_>| tx.move_to_front(&id), done));
+        self.queue.write(task(move |tx: &WriteTx<'_>| tx.move_to_front(&id), done));
     }
 
     /// Deletes a job that does not run; its run folder is removed soon after.
@@ -79,7 +77,7 @@ impl Store {
             }
             done(outcome);
         };
-        self.queue.write(task(true, move |tx: &WriteTx<'_>| tx.delete(&id), deleted));
+        self.queue.write(task(move |tx: &WriteTx<'_>| tx.delete(&id), deleted));
     }
 
     /// The job with that id; `None` when there is none.
@@ -125,15 +123,8 @@ impl Store {
         &self.runs
     }
 
-    /// Compares the paths of the data folder, its lock file, the database and its log with the files held open; `Err`
-    /// is the first that is displaced. Waits for the disk.
-    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
-        self.held.iter().try_for_each(WatchedPath::check)
-    }
-
     /// The state of the store's threads and disk.
     pub fn health(&self) -> StoreHealth {
-        let reserve = self.queue.status.reserve.load(Ordering::Relaxed);
         let fault = if self.queue.status.closed.load(Ordering::SeqCst) {
             Some(StoreFault::Closed)
         } else {
@@ -141,10 +132,10 @@ impl Store {
         };
         StoreHealth {
             heartbeat: self.queue.status.heartbeat(),
-            fault: fault.or((!reserve).then_some(StoreFault::Full)),
+            fault,
             waiting: self.queue.status.waiting.load(Ordering::Relaxed),
+            free_bytes: self.queue.status.free_bytes(),
             audit_waiting: self.queue.status.pending.pending_audit_entries(),
-            reserve,
             reader_busy: self.readers.busy(),
             deletion_suspended: self.ages.ages().suspended,
         }
@@ -161,7 +152,7 @@ impl JobStore for Store {
     fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         loop {
             let asked = plate.to_owned();
-            let Some(row) = self.queue.written(false, move |tx| tx.next_queued(&asked))? else {
+            let Some(row) = self.queue.written(move |tx| tx.next_queued(&asked))? else {
                 return Ok(None);
             };
             // a sweep would take a folder without a row for an orphan
@@ -170,7 +161,7 @@ impl JobStore for Store {
             // a row must never name a folder that a power cut removes
             sync_folder(&self.runs)?;
             let made = name.clone();
-            let claimed = self.queue.written(false, move |tx| tx.start(&row.id, &made));
+            let claimed = self.queue.written(move |tx| tx.start(&row.id, &made));
             match claimed {
                 Ok(StartOutcome::Now(claimed)) => return Ok(Some(*claimed)),
                 Ok(StartOutcome::Never) => {}
@@ -186,7 +177,7 @@ impl JobStore for Store {
 
     fn begin_standing(&self, job: &NewJob, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
         let new = job.clone();
-        let Some(row) = self.queue.written(false, move |tx| tx.next_standing(&new))? else {
+        let Some(row) = self.queue.written(move |tx| tx.next_standing(&new))? else {
             return Ok(None);
         };
         let _starting = self.start_lock.read();
@@ -195,7 +186,7 @@ impl JobStore for Store {
         let (state, started_at) = (JobState::Running, Some(row.submitted_at));
         let row = JobRow { state, started_at, folder: Some(name.clone()), ..row };
         let (begun, spec_json) = (row.clone(), job.spec_json.clone());
-        let started = self.queue.written(false, move |tx| tx.start_standing(&begun, &spec_json));
+        let started = self.queue.written(move |tx| tx.start_standing(&begun, &spec_json));
         if !matches!(started, Ok(true)) {
             drop(std::fs::remove_dir(self.runs.join(&name)));
         }
@@ -204,7 +195,7 @@ impl JobStore for Store {
 
     fn finish(&self, id: &JobId, end: JobEnd) -> Result<Option<StoredEvent>, StoreFault> {
         let known = *id;
-        let written = self.queue.written(true, move |tx| {
+        let written = self.queue.written(move |tx| {
             let finished = tx.end(&known, JobState::Running, &end)?;
             Ok((finished, tx.find(&known)?))
         });
@@ -219,7 +210,7 @@ impl JobStore for Store {
         let done = move |stored: Result<Option<StoredEvent>, StoreFault>| {
             published(stored.and_then(|event| event.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))));
         };
-        self.queue.offer(task(false, move |tx: &WriteTx<'_>| tx.append_event(&id, &event), done)).is_ok()
+        self.queue.offer(task(move |tx: &WriteTx<'_>| tx.append_event(&id, &event), done)).is_ok()
     }
 
     fn progress(&self, id: &JobId, progress: f64) {
@@ -239,6 +230,6 @@ impl JobStore for Store {
 
     fn audit_durably(&self, entry: AuditEntry) -> Result<(), StoreFault> {
         let at = (self.now)();
-        self.queue.written(true, move |tx| tx.audit(at, &entry))
+        self.queue.written(move |tx| tx.audit(at, &entry))
     }
 }

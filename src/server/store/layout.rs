@@ -3,7 +3,7 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::{StoreFault, WatchedPath};
+use super::StoreFault;
 use upm_core::files::sync_folder;
 
 /// Folder whose contents are being deleted.
@@ -11,13 +11,6 @@ const TRASH: &str = ".trash";
 
 /// Endings of a database's files: itself, its write-ahead log, the log's index.
 pub(super) const SQLITE_SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
-
-/// The exclusive lock of a data folder, released on drop.
-#[derive(Debug)]
-pub(super) struct Lock {
-    pub folder: File,
-    pub file: File,
-}
 
 /// Paths in a data folder.
 #[derive(Clone, Debug)]
@@ -34,8 +27,6 @@ pub(super) struct DataDir {
     pub trash: PathBuf,
     /// The same on the disk of the run folders, where that differs; made when needed.
     pub runs_trash: PathBuf,
-    /// The [`SpaceReserve`](super::space_reserve::SpaceReserve).
-    pub reserve: PathBuf,
 }
 
 impl DataDir {
@@ -50,7 +41,6 @@ impl DataDir {
             runs: at("runs"),
             trash: at(TRASH),
             runs_trash: at("runs").join(TRASH),
-            reserve: at("reserve"),
         };
         fs::create_dir_all(data).map_err(|error| named(data, error))?;
         Ok(dir)
@@ -62,49 +52,18 @@ impl DataDir {
         [&self.runs, &self.trash].into_iter().try_for_each(make)
     }
 
-    /// Locks the data folder itself, so that deleting the lock file does not admit a second daemon. Some file systems
-    /// cannot lock folders: there only the lock file protects it.
-    pub fn lock_folder(&self) -> Result<File, StoreFault> {
-        let folder = File::open(&self.data).map_err(|error| named(&self.data, error))?;
-        match folder.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(self.in_use()),
-            Err(TryLockError::Error(error)) => {
-                tracing::warn!("{}: the folder cannot be locked, its lock file is: {error}", self.data.display());
-            }
-        }
-        Ok(folder)
-    }
-
-    /// Locks the lock file. Fails while another daemon has it.
-    pub fn lock_file(&self) -> Result<File, StoreFault> {
-        let path = self.lock_path();
+    /// The exclusive lock of the data folder, released on drop.
+    pub fn lock(&self) -> Result<File, StoreFault> {
+        let path = self.data.join("lock");
         let file = File::options().write(true).create(true).truncate(false).open(&path);
         let file = file.map_err(|error| named(&path, error))?;
         match file.try_lock() {
             Ok(()) => Ok(file),
-            Err(TryLockError::WouldBlock) => Err(self.in_use()),
+            Err(TryLockError::WouldBlock) => {
+                Err(StoreFault::Io(format!("{} belongs to another daemon that is running", self.data.display())))
+            }
             Err(TryLockError::Error(error)) => Err(named(&path, error)),
         }
-    }
-
-    fn in_use(&self) -> StoreFault {
-        StoreFault::Io(format!("{} belongs to another daemon that is running", self.data.display()))
-    }
-
-    fn lock_path(&self) -> PathBuf {
-        self.data.join("lock")
-    }
-
-    /// The paths that must keep naming the files of an open store: folder, lock file, database and its log.
-    pub fn held(&self, lock: &Lock) -> io::Result<Vec<WatchedPath>> {
-        let log = beside(&self.db, "-wal");
-        Ok(vec![
-            WatchedPath::of(&self.data, &lock.folder)?,
-            WatchedPath::of(&self.lock_path(), &lock.file)?,
-            WatchedPath::named(&self.db)?,
-            WatchedPath::named(&log)?,
-        ])
     }
 
     /// Names of the run folders, sorted.

@@ -10,14 +10,13 @@ use super::ages::AgeClock;
 use super::connection::{reading, restart_log, writing};
 use super::handle::Store;
 use super::ids::Ids;
-use super::layout::{DataDir, Lock, beside};
+use super::layout::{DataDir, beside};
 use super::options::OpenOptions;
 use super::quarantine::{damage_of, quarantine};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
 use super::retention::{Retention, StartLock, Sweeper, empty_trash};
 use super::schema::{create_as, is_clean, refuse_other_version};
-use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
 use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
@@ -46,19 +45,12 @@ impl Store {
         repair: RepairRecording<'_>,
     ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
-        let folder = dir.lock_folder()?;
+        let lock = dir.lock()?;
         [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_other_version(db))?;
-        let lock = Lock { folder, file: dir.lock_file()? };
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
-        let mut reserve = SpaceReserve::at(&dir.reserve, limits.reserve_bytes);
         let options = OpenOptions { plates, limits: &limits, clocks: &clocks, repair };
-        let mut made = options.start(&dir);
-        if matches!(made, Err(StoreFault::Full)) && reserve.release() {
-            made = options.start(&dir);
-        }
-        let (connection, recovery) = made?;
-        let held = dir.held(&lock)?;
+        let (connection, recovery) = options.start(&dir)?;
         let ids = Ids::above(last_id(&connection)?);
         let reading = vec![reading(&dir.db)?, reading(&dir.db)?];
         let readers = Readers::start(reading, Arc::clone(&clocks.monotonic))?;
@@ -79,7 +71,6 @@ impl Store {
             runs,
             now,
             ages: Arc::clone(&ages),
-            reserve,
             uncounted,
             lock,
         };
@@ -88,10 +79,7 @@ impl Store {
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(OpenOutcome {
-            store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock, held },
-            recovery,
-        })
+        Ok(OpenOutcome { store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock }, recovery })
     }
 }
 

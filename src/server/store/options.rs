@@ -35,8 +35,6 @@ pub struct StoreLimits {
     pub runs_age: Duration,
     /// Ended runs of standing jobs that are kept for each plate, with their folders and events.
     pub standing_runs: u64,
-    /// Size of the preallocated file that is deleted when the disk is full, bytes; 0 for none.
-    pub reserve_bytes: u64,
 }
 
 impl Default for StoreLimits {
@@ -51,7 +49,6 @@ impl Default for StoreLimits {
             runs_bytes: 20_000_000_000,
             runs_age: 30 * day,
             standing_runs: 8,
-            reserve_bytes: 16 << 20,
         }
     }
 }

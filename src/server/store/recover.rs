@@ -2,7 +2,6 @@ mod unfinished;
 
 use std::cell::Cell;
 use std::fs;
-use std::path::Path;
 
 use rusqlite::{Connection, OptionalExtension, params};
 
@@ -11,10 +10,9 @@ use super::columns::{JOB, Micros, job_of, rows};
 use super::ids::Ids;
 use super::layout::DataDir;
 use super::options::OpenOptions;
-use super::run_file::open_run_file_to_write;
 use super::salvage::{folders_of, from_folders, have_begun};
 use super::write_tx::WriteTx;
-use super::{JobRow, JobState, RecordingStatus, RecoveryReport, RunFileFault, StoreFault};
+use super::{JobRow, JobState, RecordingStatus, RecoveryReport, StoreFault};
 use unfinished::{end_of, last_write, repair_recording};
 
 /// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused
@@ -73,18 +71,7 @@ pub(super) fn recover(
     found.orphans = left.collect();
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
     tx.commit()?;
-    ends.iter().filter_map(|(_, folder, ..)| folder.as_deref()).for_each(give_back_room);
     Ok(())
-}
-
-/// Frees the space that an unclosed journal may still have reserved beyond its end. Errors are ignored: the space is
-/// small.
-fn give_back_room(folder: &Path) {
-    let journal = open_run_file_to_write(folder, "journal.jsonl");
-    let freed = journal.and_then(|file| Ok(file.set_len(file.metadata()?.len())?));
-    if let Err(fault @ RunFileFault::NotRegular) = freed {
-        tracing::error!("{}: {fault}", folder.join("journal.jsonl").display());
-    }
 }
 
 /// Jobs that were running, and jobs whose recording still needs repair.

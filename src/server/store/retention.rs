@@ -173,22 +173,22 @@ impl Sweeper {
     fn sweep(&mut self) -> Result<SweepReport, StoreFault> {
         let swept = self.delete_folders();
         let missing = self.prune_missing();
-        let forgotten = self.queue.written(true, |tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
+        let forgotten = self.queue.written(|tx| tx.forget_keys().and_then(|()| tx.forget_jobs()));
         // a failure shows in the store's health, and makes nothing older
-        let _ = self.queue.written(false, |tx| tx.note_uptime());
+        let _ = self.queue.written(|tx| tx.note_uptime());
         forgotten.and(missing).and(swept)
     }
 
     /// While there are too many jobs, clears the run folder in rows of ended jobs whose folder was removed by hand.
     /// Such rows can then be forgotten; otherwise newer ones would be, in their place.
     fn prune_missing(&self) -> Result<(), StoreFault> {
-        if !self.queue.written(true, |tx| tx.has_too_many_jobs())? {
+        if !self.queue.written(|tx| tx.has_too_many_jobs())? {
             return Ok(());
         }
         let (names, rows) = self.names_and_rows()?;
         let ended = rows.into_iter().filter(|(_, (_, ended))| ended.is_some());
         for (name, (id, _)) in ended.filter(|(name, _)| names.binary_search(name).is_err()) {
-            self.queue.written(true, move |tx| tx.prune(&id, &name))?;
+            self.queue.written(move |tx| tx.prune(&id, &name))?;
         }
         Ok(())
     }
@@ -230,7 +230,7 @@ impl Sweeper {
     /// Deletes surplus runs of standing jobs with their rows: a plate that is never idle would otherwise fill the disk
     /// and displace the runs of other jobs.
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
-        for (id, folder) in self.queue.written(true, |tx| tx.surplus_standing())? {
+        for (id, folder) in self.queue.written(|tx| tx.surplus_standing())? {
             if let Some(name) = folder {
                 let kept = AgedFolder::at_once(name, Some(id));
                 if !self.delete(&kept, faults)? {
@@ -238,7 +238,7 @@ impl Sweeper {
                 }
                 deleted.push(kept.name);
             }
-            self.queue.written(true, move |tx| tx.forget_standing(&id))?;
+            self.queue.written(move |tx| tx.forget_standing(&id))?;
         }
         Ok(())
     }
@@ -275,7 +275,7 @@ impl Sweeper {
     /// Names of the run folders and the rows that name them, read while no claim is between its folder and its row.
     fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
         let _no_start = self.start_lock.write();
-        Ok((self.dir.run_names()?, self.queue.written(true, |tx| tx.folders())?))
+        Ok((self.dir.run_names()?, self.queue.written(|tx| tx.folders())?))
     }
 
     /// Deletes a folder; its row first, so that no row ever names a folder that is gone. False when the folder stays,
@@ -286,7 +286,7 @@ impl Sweeper {
             None => None,
             Some(id) => {
                 let folder = name.clone();
-                let Some(recording) = self.queue.written(true, move |tx| tx.prune(&id, &folder))? else {
+                let Some(recording) = self.queue.written(move |tx| tx.prune(&id, &folder))? else {
                     return Ok(false);
                 };
                 Some((id, recording))
@@ -299,7 +299,7 @@ impl Sweeper {
         if folder.exists() {
             if let Some((id, recording)) = row {
                 let name = name.clone();
-                self.queue.written(true, move |tx| tx.restore_job_row(&id, &name, recording))?;
+                self.queue.written(move |tx| tx.restore_job_row(&id, &name, recording))?;
             }
             return Ok(false);
         }

@@ -58,7 +58,7 @@ impl Store {
 
 /// A task that writes nothing.
 fn wish(done: impl FnOnce(Result<(), StoreFault>) + Send + 'static) -> Box<dyn WriteRequest> {
-    task(true, |_| Ok(()), done)
+    task(|_| Ok(()), done)
 }
 
 /// The result of `act`, run on another thread, so that a test of code that hangs fails after a while.
@@ -71,7 +71,7 @@ fn in_time<T: Send + 'static>(act: impl FnOnce() -> T + Send + 'static) -> T {
 
 /// Stores whether a plate is paused, and waits until that is on the disk.
 fn set_paused(store: &Store, plate: &'static str, paused: bool) {
-    store.queue.written(true, move |tx| tx.set_paused(plate, paused)).unwrap();
+    store.queue.written(move |tx| tx.set_paused(plate, paused)).unwrap();
 }
 
 fn fixed_time() -> Timestamp {
@@ -93,7 +93,7 @@ impl Clock for Hours {
 }
 
 fn limits() -> StoreLimits {
-    StoreLimits { reserve_bytes: 1 << 20, ..StoreLimits::default() }
+    StoreLimits::default()
 }
 
 fn plates() -> Vec<String> {

@@ -370,8 +370,8 @@ pub struct StoreHealth {
     pub waiting: usize,
     /// Audit entries that wait to be written.
     pub audit_waiting: usize,
-    /// False while the reserve is released because the disk is full.
-    pub reserve: bool,
+    /// Free bytes on the disk of the run folders; `None` when unknown.
+    pub free_bytes: Option<u64>,
     /// Longest time that a reading thread has spent on its current read.
     pub reader_busy: Duration,
     /// True while nothing is deleted by age, because the wall clock has jumped.

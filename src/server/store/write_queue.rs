@@ -15,6 +15,9 @@ use upm_core::time::{Clock, MonotonicClock};
 /// Tasks that may wait for the writer.
 pub(super) const MOST_WAITING: usize = 1024;
 
+/// Free space that could not be measured.
+const UNKNOWN: u64 = u64::MAX;
+
 /// Time between two attempts to send a busy writer the command to close.
 const CLOSE_AGAIN: Duration = Duration::from_millis(2);
 
@@ -25,9 +28,6 @@ pub(super) trait WriteRequest: Send {
 
     /// Reports the result of the transaction, once.
     fn answer(self: Box<Self>, stored: Result<(), StoreFault>);
-
-    /// True for writes that must succeed on a full disk: the ends of jobs, and the audit log.
-    fn is_vital(&self) -> bool;
 }
 
 impl fmt::Debug for dyn WriteRequest {
@@ -41,7 +41,6 @@ struct WriteClosure<T, R, D> {
     run: R,
     done: D,
     made: Option<T>,
-    vital: bool,
 }
 
 impl<T, R, D> WriteRequest for WriteClosure<T, R, D>
@@ -59,19 +58,14 @@ where
         let Self { done, made, .. } = *self;
         done(stored.and_then(|()| made.ok_or(StoreFault::Closed)));
     }
-
-    fn is_vital(&self) -> bool {
-        self.vital
-    }
 }
 
 /// A task that runs `run` in a transaction, then passes the result to `done`.
 pub(super) fn task<T: Send + 'static>(
-    vital: bool,
     run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
     done: impl FnOnce(Result<T, StoreFault>) + Send + 'static,
 ) -> Box<dyn WriteRequest> {
-    Box::new(WriteClosure { run, done, made: None, vital })
+    Box::new(WriteClosure { run, done, made: None })
 }
 
 /// A command to the writer.
@@ -92,7 +86,8 @@ pub(super) struct StoreWriterStatus {
     pub pending: DeferredWrites,
     pub waiting: AtomicUsize,
     pub closed: AtomicBool,
-    pub reserve: AtomicBool,
+    /// Free bytes on the disk of the run folders; [`UNKNOWN`] before the first measurement and after one that failed.
+    free_bytes: AtomicU64,
     beat_ns: AtomicU64,
     fault: Mutex<Option<StoreFault>>,
 }
@@ -104,7 +99,7 @@ impl StoreWriterStatus {
             pending: DeferredWrites::default(),
             waiting: AtomicUsize::new(0),
             closed: AtomicBool::new(false),
-            reserve: AtomicBool::new(true),
+            free_bytes: AtomicU64::new(UNKNOWN),
             beat_ns: AtomicU64::new(clock.elapsed().as_nanos() as u64),
             fault: Mutex::new(None),
         }
@@ -114,6 +109,15 @@ impl StoreWriterStatus {
     pub fn heartbeat(&self) -> Duration {
         let beat = Duration::from_nanos(self.beat_ns.load(Ordering::Relaxed));
         self.clock.elapsed().saturating_sub(beat)
+    }
+
+    /// Free bytes on the disk of the run folders at the last round; `None` when unknown.
+    pub fn free_bytes(&self) -> Option<u64> {
+        Some(self.free_bytes.load(Ordering::Relaxed)).filter(|free| *free != UNKNOWN)
+    }
+
+    pub fn set_free_bytes(&self, free: Option<u64>) {
+        self.free_bytes.store(free.unwrap_or(UNKNOWN), Ordering::Relaxed);
     }
 
     /// Fault of the last commit.
@@ -163,12 +167,11 @@ impl WriteQueue {
     /// Runs `run` in a transaction of the writer, and waits for the result.
     pub fn written<T: Send + 'static>(
         &self,
-        vital: bool,
         run: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<T> + Send + 'static,
     ) -> Result<T, StoreFault> {
         let (sender, answer) = sync_channel(1);
         // the caller may have gone
-        let task = task(vital, run, move |stored| drop(sender.try_send(stored)));
+        let task = task(run, move |stored| drop(sender.try_send(stored)));
         self.status.waiting.fetch_add(1, Ordering::Relaxed);
         if self.sender.send(WriterCommand::Write(task)).is_err() {
             self.status.waiting.fetch_sub(1, Ordering::Relaxed);

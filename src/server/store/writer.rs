@@ -1,4 +1,5 @@
 use std::cell::Cell;
+use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,11 +13,10 @@ use super::ages::AgeClock;
 use super::connection::restart_log;
 use super::deferred_writes::Deferred;
 use super::ids::Ids;
-use super::layout::Lock;
-use super::space_reserve::SpaceReserve;
 use super::write_queue::{StoreWriterStatus, WriteRequest, WriterCommand};
 use super::write_tx::WriteTx;
 use super::{StoreFault, StoreLimits};
+use upm_core::files::free_bytes;
 use upm_core::time::Clock;
 
 /// Most tasks of one transaction.
@@ -49,10 +49,9 @@ pub(super) struct Writer {
     pub runs: PathBuf,
     pub now: fn() -> Timestamp,
     pub ages: Arc<AgeClock>,
-    pub reserve: SpaceReserve,
     pub uncounted: Cell<u64>,
     /// Held as long as the writer may write.
-    pub lock: Lock,
+    pub lock: File,
 }
 
 impl Writer {
@@ -61,6 +60,7 @@ impl Writer {
         let mut progress_at = self.status.clock.elapsed();
         let mut tried_at = progress_at;
         loop {
+            self.status.set_free_bytes(free_bytes(&self.runs).ok());
             let (batch, then) = self.collect();
             self.status.beat();
             let now = self.status.clock.elapsed();
@@ -72,16 +72,13 @@ impl Writer {
             if due {
                 progress_at = now;
             }
-            self.reserve.retry(now);
-            self.status.reserve.store(self.reserve.is_held(), Ordering::Relaxed);
             let notes = self.status.pending.take(due);
             self.write(notes, batch);
             if now.saturating_sub(tried_at) >= TRY_EVERY && self.status.fault().is_some() {
                 tried_at = now;
                 // only a write shows whether the fault is over
-                let _ = self.commit_alone(false, |tx| {
-                    tx.connection.execute("UPDATE meta SET clean_shutdown = 0", []).map(|_| ())
-                });
+                let _ =
+                    self.commit_alone(|tx| tx.connection.execute("UPDATE meta SET clean_shutdown = 0", []).map(|_| ()));
             }
             if let WriterStep::End(closing) = then {
                 return self.finish(closing);
@@ -116,7 +113,7 @@ impl Writer {
     /// the notes and each task alone, so that a fault of one does not affect the others.
     fn write(&mut self, notes: Option<Deferred>, mut batch: Vec<Box<dyn WriteRequest>>) {
         self.status.waiting.fetch_sub(batch.len(), Ordering::Relaxed);
-        if usize::from(notes.is_some()) + batch.len() > 1 && self.reserve.is_held() {
+        if usize::from(notes.is_some()) + batch.len() > 1 {
             let stored = self.commit(|tx| {
                 notes.iter().try_for_each(|notes| notes.write(tx))?;
                 batch.iter_mut().try_for_each(|task| task.run(tx))
@@ -131,34 +128,22 @@ impl Writer {
             self.write_notes(notes);
         }
         for mut task in batch {
-            let stored = self.commit_alone(task.is_vital(), |tx| task.run(tx));
+            let stored = self.commit_alone(|tx| task.run(tx));
             task.answer(stored);
         }
     }
 
     /// Writes the notes alone; on a fault they are put back.
     fn write_notes(&mut self, notes: Deferred) {
-        match self.commit_alone(true, |tx| notes.write(tx)) {
+        match self.commit_alone(|tx| notes.write(tx)) {
             Ok(()) => self.status.pending.written(),
             Err(_) => self.status.pending.put_back(notes),
         }
     }
 
-    /// Commits one write. On a full disk only vital writes are made, and the reserve is released for them.
-    fn commit_alone(
-        &mut self,
-        vital: bool,
-        mut act: impl FnMut(&WriteTx<'_>) -> rusqlite::Result<()>,
-    ) -> Result<(), StoreFault> {
-        if !vital && !self.reserve.is_held() {
-            self.status.note(Some(&StoreFault::Full));
-            return Err(StoreFault::Full);
-        }
-        let mut stored = self.commit(&mut act);
-        if vital && stored == Err(StoreFault::Full) && self.reserve.release() {
-            self.status.reserve.store(false, Ordering::Relaxed);
-            stored = self.commit(&mut act);
-        }
+    /// Commits one write and notes its fault.
+    fn commit_alone(&mut self, act: impl FnOnce(&WriteTx<'_>) -> rusqlite::Result<()>) -> Result<(), StoreFault> {
+        let stored = self.commit(act);
         if let Err(fault) = &stored {
             self.status.note(Some(fault));
         }
@@ -212,7 +197,7 @@ impl Writer {
             tx.note_uptime()?;
             tx.connection.execute("UPDATE meta SET clean_shutdown = 1", []).map(|_| ())
         };
-        let stored = self.commit_alone(true, clean).and_then(|()| Ok(restart_log(&self.connection)?));
+        let stored = self.commit_alone(clean).and_then(|()| Ok(restart_log(&self.connection)?));
         if let Err(fault) = &stored {
             tracing::error!("the job store was not closed in order: {fault}");
         }

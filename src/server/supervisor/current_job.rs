@@ -4,12 +4,11 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::watchdog::{Heartbeat, WatchdogDeadlines};
+use super::watchdog::Heartbeat;
 use super::{JobLayout, LastObservation};
 use crate::store::JobId;
 use upm_core::job::StopCause;
 use upm_recording::{RecordingHandle, WriterStatus};
-use upm_runner::config::DeadlinePolicy;
 use upm_runner::run::{ExternalStop, PacingStats};
 
 /// The job on a plate, and the ends requested for it.
@@ -19,10 +18,6 @@ pub(super) struct CurrentJob {
     /// Set to end the run.
     pub end_run: Arc<AtomicBool>,
     pub heartbeat: Heartbeat,
-    /// True for a run in real time.
-    real_time: AtomicBool,
-    /// True for strict deadlines.
-    strict: AtomicBool,
     pub pacing: Arc<PacingStats>,
     seen: Mutex<TimedObservation>,
     layout: Mutex<Option<Arc<JobLayout>>>,
@@ -81,20 +76,9 @@ impl CurrentJob {
         self.layout.lock().clone().filter(|_| is_on_plate)
     }
 
-    /// Sets the pace and the deadlines of the run.
-    pub fn paced(&self, real_time: bool, is_strict: bool) {
-        self.real_time.store(real_time, Ordering::Relaxed);
-        self.strict.store(is_strict, Ordering::Relaxed);
-    }
-
     /// The job on the plate.
     pub fn running(&self) -> Option<RunningJob> {
         self.turn.lock().running.clone()
-    }
-
-    /// Handle to the recording of the job on the plate; `None` while the plate runs none.
-    pub fn recording(&self) -> Option<RecordingHandle> {
-        self.turn.lock().running.as_ref().map(|running| running.recording.clone())
     }
 
     /// The job whose run is still under control, and its journal. `None` once only recording, journal and report remain
@@ -145,17 +129,6 @@ impl CurrentJob {
             running.cause.get_or_insert(why);
             self.end_run.store(true, Ordering::SeqCst);
             cut();
-        }
-    }
-
-    /// Pacing of its run.
-    pub fn deadlines(&self) -> WatchdogDeadlines {
-        let is_strict = self.strict.load(Ordering::Relaxed);
-        WatchdogDeadlines {
-            policy: if is_strict { DeadlinePolicy::Strict } else { DeadlinePolicy::Relaxed },
-            real_time: self.real_time.load(Ordering::Relaxed),
-            misses: self.pacing.misses(),
-            worst_frames: self.pacing.worst_frames(),
         }
     }
 

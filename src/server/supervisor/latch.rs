@@ -15,8 +15,7 @@ use std::time::Duration;
 
 use parking_lot::{Condvar, Mutex};
 
-use self::file::{LatchFile, check_all, make_folder};
-use crate::store::{DisplacedFile, WatchedPath};
+use self::file::{LatchFile, make_folder};
 
 /// Interval at which a failed write is retried, and longest delay of a change before the thread wakes.
 const AGAIN: Duration = Duration::from_millis(50);
@@ -35,7 +34,7 @@ pub struct StopToken(LatchWord);
 #[derive(Debug)]
 struct LatchCell {
     word: AtomicU64,
-    /// The word on the disk: written, and verified to be in the file that the path names.
+    /// The word on the disk.
     wait_until_persisted: AtomicU64,
     /// Signals threads that wait until a stop is on the disk.
     settled: (Mutex<()>, Condvar),
@@ -135,8 +134,6 @@ impl LatchCell {
 #[derive(Debug)]
 pub struct Latches {
     latches: Vec<Latch>,
-    /// The latch files, held open.
-    held: Vec<WatchedPath>,
     ending: Arc<AtomicBool>,
     /// `None` once the thread is joined.
     persist_thread: Option<JoinHandle<()>>,
@@ -152,24 +149,17 @@ impl Latches {
         let opened = plates.iter().map(open).collect::<io::Result<Vec<_>>>()?;
         let (files, stopped): (Vec<LatchFile>, Vec<bool>) = opened.into_iter().unzip();
         let latches: Vec<Latch> = stopped.into_iter().map(Latch::found).collect();
-        let held = files.iter().map(|file| file.held().clone()).collect();
         let ending = Arc::new(AtomicBool::new(false));
         let (cells, has_ended) = (latches.clone(), Arc::clone(&ending));
         let persist_thread =
             thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &has_ended))?;
         let thread = persist_thread.thread().clone();
-        Ok(Self { latches, held, ending, persist_thread: Some(persist_thread), thread })
+        Ok(Self { latches, ending, persist_thread: Some(persist_thread), thread })
     }
 
     /// The latch of each plate, in their order.
     pub fn latches(&self) -> &[Latch] {
         &self.latches
-    }
-
-    /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
-    /// the disk.
-    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
-        check_all(&self.held)
     }
 
     /// True while the writing thread runs.

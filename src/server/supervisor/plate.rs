@@ -115,16 +115,6 @@ impl PlateHandle {
         true
     }
 
-    /// Pauses the plate unless it is paused already; its standing job gives way.
-    pub(super) fn pause(&self, why: Pause) {
-        if self.shared.paused().is_none() {
-            self.shared.pause(Some(why));
-        }
-        if let Some(standing) = &self.shared.standing {
-            standing.give_way();
-        }
-    }
-
     /// Notifies the plate of a queued job: its standing job gives way.
     pub fn job_queued(&self) {
         if let Some(standing) = &self.shared.standing {

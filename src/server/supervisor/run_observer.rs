@@ -3,7 +3,6 @@ use std::time::Duration;
 use super::draw::OverlayMark;
 use super::event_publisher::Outgoing;
 use super::events::EventDraft;
-use super::lag::Lag;
 use super::shared::PlateInner;
 use crate::states::PlateCondition;
 use crate::store::JobId;
@@ -30,7 +29,6 @@ pub(super) struct RunObserver<'a> {
     table: Option<Table>,
     looked_at: Option<Duration>,
     left_out: u64,
-    lag: Lag,
     holding: Vec<Condition>,
 }
 
@@ -53,7 +51,6 @@ impl<'a> RunObserver<'a> {
             table: None,
             looked_at: None,
             left_out: 0,
-            lag: Lag::default(),
             holding: Vec::new(),
         }
     }
@@ -74,7 +71,6 @@ impl<'a> RunObserver<'a> {
     }
 
     fn show(&mut self, now: Duration) {
-        self.observation.is_late = self.lag.grows(now, self.shared.job.pacing.behind());
         self.shared.job.set_observation(&self.observation, now);
         if self.looked_at.is_none_or(|before| now >= before + OBSERVATION_INTERVAL) {
             self.looked_at = Some(now);
@@ -112,7 +108,7 @@ impl Sink for RunObserver<'_> {
         self.observation.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
         // while control waits for a part to be seen, it limits that wait itself
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
-        self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight, facts.starts_cycle);
+        self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight);
         self.show(now);
         self.shared.preview.offer(facts.frame, || self.marks(facts.tracks), now);
     }

@@ -43,7 +43,7 @@ pub struct SharedServices {
     pub record: bool,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// Recordings are stopped when fewer bytes than this are free on the disk.
+    /// Standing jobs wait while fewer bytes than this are free on the disk.
     pub min_free_bytes: u64,
     /// Memory limit of a live stream, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,

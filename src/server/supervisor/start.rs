@@ -8,7 +8,6 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::current_job::CurrentJob;
-use super::disk::{DiskGuard, DiskSpace, Rates};
 use super::emergency_stop::EmergencyStop;
 use super::event_publisher::{Outgoing, publish};
 use super::latch::{Latch, Latches};
@@ -19,8 +18,7 @@ use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::{PlateWorker, WorkerResources};
-use super::{Pause, PlateSetup, SharedServices};
-use crate::store::DisplacedFile;
+use super::{PlateSetup, SharedServices};
 use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::rig::Interlock;
 use upm_core::thread_priority::lower_thread_priority;
@@ -41,7 +39,6 @@ pub struct PlateSupervisor {
     watchdog: JoinHandle<()>,
     /// Time of the watchdog's last check, ms.
     looked_ms: Arc<AtomicU64>,
-    disk: Arc<DiskSpace>,
     // dropped after the plates, so that their last stops are written to the disk
     latches: Latches,
 }
@@ -53,26 +50,20 @@ impl PlateSupervisor {
         let latches = Latches::open(&around.latches, &names)?;
         fs::create_dir_all(&around.runs)?;
         let clock = around.clock;
-        let disk = Arc::new(DiskSpace::new(&around.runs, around.min_free_bytes, &clock));
         let mut plates = Vec::new();
         for (setup, latch) in setups.into_iter().zip(latches.latches()) {
             let shared = shared(setup, latch.clone(), latches.persist_thread(), around)?;
-            plates.push(plate(Arc::new(shared), around, &disk)?);
+            plates.push(plate(Arc::new(shared), around)?);
         }
-        let watched = || plates.iter().map(|plate| Arc::clone(&plate.shared)).collect();
-        let (folder, guarded) = (around.runs.clone(), Arc::clone(&disk));
-        let guard = DiskGuard { disk: guarded, folder, plates: watched(), clock };
-        thread::Builder::new().name("disk".into()).spawn(move || guard.run())?;
         let looked_ms = Arc::new(AtomicU64::new(ms(clock.elapsed())));
         let watch = PlatesWatch {
-            plates: watched(),
-            disk: Arc::clone(&disk),
+            plates: plates.iter().map(|plate| Arc::clone(&plate.shared)).collect(),
             spec: around.watchdog,
             clock,
             looked_ms: Arc::clone(&looked_ms),
         };
         let watchdog = thread::Builder::new().name("watchdog".into()).spawn(move || watch.run())?;
-        Ok(Self { plates, clock, watchdog, looked_ms, disk, latches })
+        Ok(Self { plates, clock, watchdog, looked_ms, latches })
     }
 
     /// The plate of that name.
@@ -98,27 +89,9 @@ impl PlateSupervisor {
         self.plates.iter().find_map(PlateHandle::dead).map_or(Ok(()), Err)
     }
 
-    /// Compares the paths of the latch files with the files held open; `Err` is the first that is displaced. Waits for
-    /// the disk.
-    pub fn check_paths(&self) -> Result<(), DisplacedFile> {
-        self.latches.check_paths()
-    }
-
-    /// Pauses every plate that is not paused. A run of a standing job ends between two cycles, any other at its own
-    /// end.
-    pub fn pause_all(&self, why: &Pause) {
-        self.plates.iter().for_each(|plate| plate.pause(why.clone()));
-    }
-
-    /// Free bytes on the disk of the run folders; `None` when the disk does not respond.
-    pub fn free_bytes(&self) -> Option<u64> {
-        self.disk.free_bytes(self.clock.elapsed())
-    }
-
     /// Shuts all plates down: motors to zero, runs ended as interrupted, threads ended. Waits at most `within`; returns
     /// the names of the plates that did not end in time. The last stops are written to the disk when this is dropped.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
-        self.disk.end();
         for plate in &self.plates {
             plate.shared.shut_down();
             plate.wake();
@@ -136,7 +109,6 @@ impl PlateSupervisor {
 /// The thread of the watchdog.
 struct PlatesWatch {
     plates: Vec<Arc<PlateInner>>,
-    disk: Arc<DiskSpace>,
     spec: WatchdogSpec,
     clock: MonotonicClock,
     looked_ms: Arc<AtomicU64>,
@@ -145,7 +117,7 @@ struct PlatesWatch {
 impl PlatesWatch {
     /// Watches all plates until they end.
     fn run(self) {
-        let Self { plates, disk, spec, clock, looked_ms } = self;
+        let Self { plates, spec, clock, looked_ms } = self;
         let watchdog = |shared: &PlateInner| Watchdog::with_camera(spec, shared.rules.rig.model.frame_hz);
         let mut watched: Vec<(Arc<PlateInner>, Watchdog)> =
             plates.into_iter().map(|shared| (Arc::clone(&shared), watchdog(&shared))).collect();
@@ -155,12 +127,10 @@ impl PlatesWatch {
                     watchdog.rest();
                     continue;
                 };
-                let (run, unwritten_since) = (&shared.job, journal.waits_since());
-                if let Some(why) = watchdog.check(clock.elapsed(), &run.heartbeat, run.deadlines(), unwritten_since) {
+                if let Some(why) = watchdog.check(clock.elapsed(), &shared.job.heartbeat, journal.waits_since()) {
                     shared.fail_job(&job, why);
                 }
             }
-            disk.log_stall(clock.elapsed());
             looked_ms.store(ms(clock.elapsed()), Ordering::Relaxed);
             thread::sleep(TICK);
         }
@@ -210,17 +180,17 @@ fn shared(
     })
 }
 
-fn plate(shared: Arc<PlateInner>, around: &SharedServices, disk: &Arc<DiskSpace>) -> io::Result<PlateHandle> {
+fn plate(shared: Arc<PlateInner>, around: &SharedServices) -> io::Result<PlateHandle> {
     let (sender, items) = Queue::bounded(WAITING, OverflowPolicy::Wait);
-    let SharedServices { runs, clock, record, .. } = around.clone();
-    let place = WorkerResources { runs, clock, record, disk: Arc::clone(disk) };
+    let SharedServices { runs, clock, record, min_free_bytes, .. } = around.clone();
+    let place = WorkerResources { runs, clock, record, min_free_bytes };
     let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
     let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
         lower_thread_priority();
         publish(&of_crier, &items);
     })?;
     let work = move || {
-        let mut worker = PlateWorker { shared: of_worker, publisher: sender, place, rates: Rates::default() };
+        let mut worker = PlateWorker { shared: of_worker, publisher: sender, place };
         worker.work();
         worker.publisher.send(Outgoing::End).ok();
     };

@@ -52,8 +52,6 @@ pub struct LastObservation {
     pub phase: String,
     /// Current conditions that an operator should know of, the oldest first.
     pub conditions: Vec<PlateCondition>,
-    /// True while plate time falls behind the clock: this computer is too slow.
-    pub is_late: bool,
 }
 
 /// A plate at one moment.

@@ -7,7 +7,6 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use super::disk::{DiskSpace, Rates};
 use super::event_publisher::Outgoing;
 use super::events::{EventDraft, JobEvent};
 use super::run_observer::RunObserver;
@@ -17,10 +16,11 @@ use super::{JobLayout, Pause};
 use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
 use upm_control::EventLevel;
 use upm_core::background::{OverflowPolicy, Queue};
+use upm_core::files::free_bytes;
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
 use upm_core::thread_priority::raise_thread_priority;
-use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_core::time::{MonotonicClock, PlateTime};
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, RunControls, RunFolder, RunOptions, RunResult, run_linked};
@@ -41,7 +41,8 @@ pub(super) struct WorkerResources {
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
-    pub disk: Arc<DiskSpace>,
+    /// Free bytes below which the standing job waits.
+    pub min_free_bytes: u64,
 }
 
 /// The thread of one plate: takes its jobs one after another and runs them.
@@ -49,7 +50,6 @@ pub(super) struct PlateWorker {
     pub shared: Arc<PlateInner>,
     pub publisher: Queue<Outgoing>,
     pub place: WorkerResources,
-    pub rates: Rates,
 }
 
 impl PlateWorker {
@@ -96,7 +96,7 @@ impl PlateWorker {
             return Ok(Some(claimed));
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
-        let low = self.place.disk.is_low(self.place.clock.elapsed());
+        let low = self.low_disk();
         let is_held = low.is_some();
         if standing.hold(low.clone())
             && let Some(why) = low
@@ -109,6 +109,12 @@ impl PlateWorker {
         job_store.begin_standing(&standing.job, &folder)
     }
 
+    /// The reason to begin nothing that can wait: less is free on the disk than is to stay free.
+    fn low_disk(&self) -> Option<String> {
+        let free = free_bytes(&self.place.runs).ok().filter(|free| *free < self.place.min_free_bytes)?;
+        Some(format!("the disk has only {:.0} MB left", free as f64 * 1e-6))
+    }
+
     fn run(&mut self, claimed: &ClaimedJob) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
@@ -119,16 +125,12 @@ impl PlateWorker {
         self.publish(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
         let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
-        self.place.disk.release(&id);
         let cause = self.shared.job.end();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
         let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
         let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
         let is_cancelled = cause.is_some_and(|stop| stop.cause == StopCause::Cancelled);
         let mut end = self.end_of(done, is_cancelled);
-        if recording.state() == RecordingState::Whole {
-            self.rates.add(recording.bytes(), end.at.secs());
-        }
         let (kept, why) = recording_status(recording.state());
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.code());
@@ -166,15 +168,13 @@ impl PlateWorker {
         if folder.state() != FolderState::default() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
         }
-        let record = self.place.record && self.has_room_for(&job, row.id, recording);
         let real_time = row.pace == Pace::RealTime;
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
-        shared.job.paced(real_time, is_strict);
         raise_thread_priority(real_time);
         let options = RunOptions {
             out: self.place.runs.clone(),
             started_utc: String::new(),
-            rerun: if record { RerunMode::Save } else { RerunMode::Off },
+            rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
             real_time,
             // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
             // when the journal cannot keep up, the run ends
@@ -202,17 +202,6 @@ impl PlateWorker {
         let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
         run_linked(&job, Arc::clone(&shared.rules.library), folder, &options, &clock, controls, &mut observer)
             .map_err(|error| error.lines())
-    }
-
-    /// True when the disk has room for a recording of that job; a lack of room is logged and published as a warning.
-    fn has_room_for(&self, job: &JobSpec, id: JobId, recording: &RecordingHandle) -> bool {
-        let WorkerResources { disk, clock, .. } = &self.place;
-        let wanted_bytes = self.rates.estimate(job.plate_time_limit_s);
-        let Err(why) = disk.reserve(id, recording, wanted_bytes, clock.elapsed()) else { return true };
-        let text = format!("there is no recording of this job: {why}");
-        tracing::warn!(plate = self.shared.name, job = %id, "{text}");
-        self.publish(id, EventDraft::warning(PlateTime::ZERO, EventLevel::Warning, &text));
-        false
     }
 
     /// The end of a job from the result of its run.

@@ -37,8 +37,8 @@ fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
     let shipped = DaemonSpec::load(&shipped("daemon.json")).unwrap();
     assert_eq!(spec.default_plate.as_deref(), Some("only"));
     assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
-    assert_eq!((spec.min_free_bytes, spec.reserve_bytes), (500_000_000, 16_000_000));
-    assert_eq!((spec.live_history_bytes, spec.listen), (None, shipped.listen));
+    assert_eq!((spec.min_free_bytes, spec.live_history_bytes), (500_000_000, None));
+    assert_eq!(spec.listen, shipped.listen);
     assert_eq!(daemon(&spec.effective()).unwrap(), spec);
     let mut two = least;
     two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
@@ -61,7 +61,6 @@ fn every_fault_is_reported_with_its_path() {
         ],
         "default_plate": "b",
         "hosts": ["lab.example.org", "lab:80", "http://x", ""],
-        "disk": {"min_free_mb": 20},
         "keep": {"events": 5000},
     });
     let wanted = "listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"localhost:8750\"
@@ -74,7 +73,6 @@ hosts[1]: expected a host name or IP address without a port like lab.example.org
 hosts[2]: expected a host name or IP address without a port like lab.example.org, found \"http://x\"
 hosts[3]: expected a host name or IP address without a port like lab.example.org, found \"\"
 plates[2].live_port: expected a port that nothing else here has, found 9000
-disk.min_free_mb: expected at least twice disk.reserve_mb (16), found 20
 keep.events: expected at least keep.events_per_job (10000), found 5000";
     let rigs = shipped("rigs").display().to_string();
     assert_eq!(daemon(&document).unwrap_err().join("\n"), wanted.replace("RIGS", &rigs));

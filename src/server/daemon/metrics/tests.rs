@@ -148,7 +148,7 @@ fn metrics_equal_the_observed_values() {
 #[test]
 fn unknown_values_are_omitted_and_odd_names_read_back() {
     let mut observed = Observed::healthy();
-    observed.disk.free_bytes = None;
+    observed.store.free_bytes = None;
     observed.plates[1].name = "a\\b\"c\nd,e}=".to_owned();
     observed.store.fault = Some(StoreFault::Full);
     observed.store.heartbeat = Duration::from_secs(60);

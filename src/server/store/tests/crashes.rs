@@ -47,16 +47,6 @@ fn a_store_dropped_or_forgotten_was_not_closed_in_order() {
 }
 
 #[test]
-fn removed_lock_file_lets_no_second_daemon_in() {
-    let (folder, store) = new_store(limits());
-    std::fs::remove_file(folder.path().join("lock")).unwrap();
-    let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
-    assert!(fault.to_string().contains("belongs to another daemon"), "{fault}");
-    assert!(store.close(TIMEOUT));
-    assert!(try_open(folder.path(), limits()).is_ok());
-}
-
-#[test]
 fn after_an_orderly_end_only_plates_with_work_are_paused() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");
@@ -222,27 +212,4 @@ fn ids_rise_across_a_clock_set_back() {
     let store =
         Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH), &repair).unwrap().store;
     assert!(queue(&store, "two", "a").id > first);
-}
-
-#[test]
-#[cfg(target_os = "linux")]
-fn a_journal_that_was_not_closed_gives_back_its_room() {
-    use std::os::unix::fs::MetadataExt;
-
-    use rustix::fs::{FallocateFlags, fallocate};
-
-    let (folder, store) = new_store(limits());
-    let id = begin(&store, "one", "a").row.id;
-    fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
-    let copy = snapshot(folder.path());
-    let path = copy.path().join("runs/one/journal.jsonl");
-    let taken_bytes = || fs::metadata(&path).unwrap().blocks() * 512;
-    // on a disk without preallocation there is no space to give back
-    if fallocate(fs::File::options().append(true).open(&path).unwrap(), FallocateFlags::KEEP_SIZE, 0, 1 << 20).is_ok() {
-        assert!(taken_bytes() >= 1 << 20);
-    }
-    let OpenOutcome { recovery, .. } = open(copy.path(), limits());
-    assert_eq!(recovery.interrupted, [id]);
-    assert_eq!(fs::read_to_string(&path).unwrap(), "{}\n");
-    assert!(taken_bytes() < 1 << 16, "{} bytes are still taken", taken_bytes());
 }

@@ -94,7 +94,7 @@ fn the_audit_log_only_grows() {
         "REPLACE INTO audit SELECT * FROM audit",
         "UPDATE audit SET id = id + 10",
     ] {
-        let stored = store.queue.written(true, |tx| tx.connection.execute(sql, []));
+        let stored = store.queue.written(|tx| tx.connection.execute(sql, []));
         assert!(matches!(&stored, Err(StoreFault::Io(reason)) if reason.contains("append-only")), "{stored:?}");
     }
     assert_eq!(tail(10).len(), 3);
@@ -109,7 +109,7 @@ fn deferred_writes_are_committed_with_the_next_task_and_before_it() {
     assert!(store.audit(act("ann")));
     let (sender, answer) = sync_channel(1);
     let both = move |tx: &WriteTx<'_>| Ok((count(tx.connection)?, count(&others)?));
-    store.queue.write(task(false, both, move |seen| sender.send(seen).unwrap()));
+    store.queue.write(task(both, move |seen| sender.send(seen).unwrap()));
     drop(held);
     assert_eq!(answer.recv_timeout(TIMEOUT).unwrap(), Ok((1, 0)), "seen by the task, and by who is not in on it");
     assert_eq!(ask(|done| store.audit_tail(10, done)).unwrap().len(), 1);
@@ -124,7 +124,7 @@ fn one_failed_task_does_not_fail_the_others() {
     let hand_in = |sql: &'static str| {
         let sender = sender.clone();
         let done = move |stored| sender.send(stored).unwrap();
-        store.queue.write(task(false, |tx| tx.connection.execute(sql, []), done));
+        store.queue.write(task(|tx| tx.connection.execute(sql, []), done));
     };
     hand_in("UPDATE meta SET clean_shutdown = 0");
     hand_in("DELETE FROM nothing_that_is_there");

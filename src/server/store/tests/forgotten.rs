@@ -20,7 +20,7 @@ fn texts(store: &Store) -> Vec<String> {
         let mut statement = tx.connection.prepare("SELECT spec FROM specs ORDER BY job")?;
         statement.query_map([], |row| row.get(0))?.collect::<Result<Vec<String>, _>>()
     };
-    store.queue.written(true, read).unwrap()
+    store.queue.written(read).unwrap()
 }
 
 #[test]

@@ -2,7 +2,6 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use crate::store::{DisplacedFile, WatchedPath};
 use upm_core::files::sync_folder;
 
 const STOPPED: &[u8; 16] = b"upm: stopped    ";
@@ -12,7 +11,6 @@ pub(super) const RELEASED: &[u8; 16] = b"upm: released   ";
 #[derive(Debug)]
 pub(super) struct LatchFile {
     file: File,
-    held: WatchedPath,
     /// State that was written last; `None` when unknown.
     written: Option<bool>,
 }
@@ -29,7 +27,7 @@ impl LatchFile {
             Err(error) if error.kind() == ErrorKind::NotFound => (options.create_new(true).open(&path)?, true),
             opened => (opened?, false),
         };
-        let mut latch = Self { held: WatchedPath::of(&path, &file)?, file, written: None };
+        let mut latch = Self { file, written: None };
         if !is_new {
             let released = latch.is_released();
             latch.written = Some(!released);
@@ -55,11 +53,9 @@ impl LatchFile {
         whole && text == RELEASED
     }
 
-    /// Writes the state to the disk. True when it is there, in the file that the path names, which is the one that the
-    /// next start reads. Waits for the disk.
+    /// Writes the state to the disk; true when it is there. Waits for the disk.
     pub fn persist(&mut self, stopped: bool) -> bool {
-        let is_written = self.written == Some(stopped) || self.write(stopped).is_ok();
-        is_written && self.held.check().is_ok()
+        self.written == Some(stopped) || self.write(stopped).is_ok()
     }
 
     fn write(&mut self, stopped: bool) -> io::Result<()> {
@@ -70,16 +66,6 @@ impl LatchFile {
         self.written = Some(stopped);
         Ok(())
     }
-
-    /// The path of the file with the file it must name.
-    pub fn held(&self) -> &WatchedPath {
-        &self.held
-    }
-}
-
-/// Compares each path with the file it must name; `Err` is the first that is displaced.
-pub(super) fn check_all(held: &[WatchedPath]) -> Result<(), DisplacedFile> {
-    held.iter().try_for_each(WatchedPath::check)
 }
 
 /// Creates the folder of the latch files durably: a power cut does not remove it.
@@ -110,21 +96,5 @@ mod tests {
         assert!(open(folder.path(), false).1, "what is not written yet says stopped, too");
         assert!(latch.persist(true));
         assert_eq!(fs::read(folder.path().join("one")).unwrap(), STOPPED);
-    }
-
-    #[test]
-    fn state_in_a_file_that_is_deleted_or_replaced_is_not_persisted() {
-        let folder = tempfile::tempdir().unwrap();
-        let (path, aside) = (folder.path().join("one"), folder.path().join("aside"));
-        let (mut latch, _) = open(folder.path(), false);
-        assert!(latch.persist(true));
-        fs::rename(&path, &aside).unwrap();
-        assert!(!latch.persist(true), "though nothing has to be written");
-        fs::write(&path, STOPPED).unwrap();
-        assert!(!latch.persist(false) && !latch.persist(true));
-        fs::rename(&aside, &path).unwrap();
-        assert!(latch.persist(true));
-        fs::remove_dir_all(folder.path()).unwrap();
-        assert!(!latch.persist(true));
     }
 }
