@@ -1,4 +1,4 @@
-//! Files that survive a power cut: written under a draft name and renamed, with folders synced; and the free room on a disk.
+//! Files that survive a power cut: written under a draft name and renamed, with folders synced; free room on a disk.
 
 use std::fs::{self, File};
 use std::io::{self, Write};

@@ -291,8 +291,8 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
 }
 
-/// Memory limit of a live stream, bytes; `None` for no live streams. Live streams have no authentication, so there are none
-/// where other machines reach the daemon.
+/// Memory limit of a live stream, bytes; `None` for no live streams. Live streams have no authentication, so there are
+/// none where other machines reach the daemon.
 fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
 }

@@ -34,9 +34,9 @@ pub struct OpenOutcome {
 
 impl Store {
     /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left. A damaged
-    /// store is moved aside and a new one made of the readable data. Fails when another process has the store open, when
-    /// the folder is not writable, when its disk is full, and, with nothing changed, when the store has another schema
-    /// version.
+    /// store is moved aside and a new one made of the readable data. Fails when another process has the store open,
+    /// when the folder is not writable, when its disk is full, and, with nothing changed, when the store has another
+    /// schema version.
     pub fn open(
         data: &Path,
         plates: &[String],

@@ -128,8 +128,8 @@ pub(super) fn is_clean(connection: &Connection) -> rusqlite::Result<bool> {
     connection.query_row("SELECT clean_shutdown FROM meta", [], |row| row.get(0))
 }
 
-/// Refuses a database of another version, which is sound. Changes nothing. A file that is not readable as a store passes:
-/// the check for damage follows later.
+/// Refuses a database of another version, which is sound. Changes nothing. A file that is not readable as a store
+/// passes: the check for damage follows later.
 pub(super) fn refuse_other_version(db: &Path) -> Result<(), StoreFault> {
     match inspecting(db).and_then(|connection| identity(&connection)) {
         Ok((APPLICATION_ID, found)) if found != VERSION => {
