@@ -21,7 +21,7 @@ use super::schema::{MIGRATIONS, create_as, is_clean, migrate, refuse_newer};
 use super::space_reserve::SpaceReserve;
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
-use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
+use super::{Clocks, JobId, RecoveryReport, StoreFault, StoreLimits};
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 
@@ -30,7 +30,7 @@ use upm_core::time::MonotonicClock;
 pub struct OpenOutcome {
     /// Store in the state that recovery left.
     pub store: Store,
-    /// Findings and repairs of the start.
+    /// Findings of the start.
     pub recovery: RecoveryReport,
 }
 
@@ -44,7 +44,6 @@ impl Store {
         plates: &[String],
         limits: StoreLimits,
         clocks: Clocks,
-        repair: RepairRecording<'_>,
     ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
         let folder = dir.lock_folder()?;
@@ -54,7 +53,7 @@ impl Store {
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
         let mut reserve = SpaceReserve::at(&dir.reserve, limits.reserve_bytes);
-        let options = OpenOptions { plates, limits: &limits, clocks: &clocks, repair };
+        let options = OpenOptions { plates, limits: &limits, clocks: &clocks };
         let mut made = options.start(&dir);
         if matches!(made, Err(StoreFault::Full)) && reserve.release() {
             made = options.start(&dir);
