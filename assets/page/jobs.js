@@ -7,7 +7,7 @@ import { Watched } from './watch.js';
 
 const ON_A_PAGE = 20;
 const ENDED = ['completed', 'failed', 'cancelled', 'interrupted'];
-const KEPT = ['whole', 'recovered', 'stopped'];
+const KEPT = ['whole', 'partial', 'stopped'];
 
 class Row {
   constructor(job, list) {

@@ -1,10 +1,8 @@
-use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::output::Failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
-use upm_viewer::repair_recording;
 
 /// Version of the viewer that reads this version's recordings.
 const VIEWER: &str = "0.36.3";
@@ -12,9 +10,6 @@ const VIEWER: &str = "0.36.3";
 pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
     let run = run_folder(args)?;
     let recording = if run.is_dir() { run.join("run.rrd") } else { run.clone() };
-    if run.is_dir() && !recording.exists() {
-        recover(&run.join("run.rrd.part"), &recording)?;
-    }
     if !recording.is_file() {
         return Err(Failure::bad_input(format!(
             "{}: no recording there; `upm run --rerun save` makes one",
@@ -33,14 +28,4 @@ pub(super) fn replay(args: &RunFolderArgs) -> Result<u8, Failure> {
         ))),
         Err(error) => Err(Failure::failed(format!("the viewer does not start: {error}"))),
     }
-}
-
-/// Makes a recording of the partial one that a killed run left, if there is one.
-fn recover(draft: &Path, recording: &Path) -> Result<(), Failure> {
-    if !draft.exists() {
-        return Ok(());
-    }
-    let repaired = repair_recording(draft, recording).map_err(Failure::failed)?;
-    tracing::warn!("the run was killed; its recording was recovered, without the last {} bytes", repaired.cut_bytes);
-    Ok(())
 }

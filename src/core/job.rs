@@ -56,17 +56,6 @@ coded_enum! {
     }
 }
 
-/// Result of the repair of an unclosed recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RecordingRepair {
-    /// Messages in the repaired recording.
-    pub messages: u64,
-    /// Bytes at its end that could not be kept.
-    pub cut_bytes: u64,
-    /// True when the recording was complete and only had to be renamed.
-    pub was_whole: bool,
-}
-
 /// A rectangle on the table into which parts of some kinds are sorted, rims included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bin {

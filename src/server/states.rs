@@ -52,12 +52,10 @@ coded_enum! {
     pub enum RecordingStatus {
         /// No recording: none was made, or the job has not begun.
         None = "none",
-        /// A file that is being written, or was not closed.
+        /// A file that was not closed: it opens up to its last whole message.
         Partial = "partial",
         /// A complete file.
         Whole = "whole",
-        /// A file that was not closed and has been repaired.
-        Recovered = "recovered",
         /// A closed file that ends before the run does, because the disk ran low.
         Stopped = "stopped",
         /// Writing the recording failed.

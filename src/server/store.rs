@@ -39,7 +39,7 @@ pub use job_store::{JobStore, MakeFolder, Publish};
 #[cfg(test)]
 pub use memory::InMemoryJobStore;
 pub use open::OpenOutcome;
-pub use options::{RepairRecording, StoreLimits};
+pub use options::StoreLimits;
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
     AuditEntry, AuditRow, CancelOutcome, ClaimedJob, DeleteOutcome, FINISHED, JobEnd, JobPage, JobRow, JobSelection,
@@ -47,4 +47,4 @@ pub use types::{
 };
 
 pub use crate::states::{JobState, RecordingStatus};
-pub use upm_core::job::{Pace, RecordingRepair};
+pub use upm_core::job::Pace;

@@ -4,7 +4,6 @@ use std::io;
 use std::path::Path;
 
 use upm_control::Sink;
-use upm_core::job::RecordingRepair;
 use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
 
 use crate::types::{RecordingError, RecordingStats, RunContext};
@@ -67,12 +66,6 @@ pub fn record_located(
     _kinds: &[&str],
 ) -> Result<RecordingStats, RecordingError> {
     refuse(mode)
-}
-
-/// Always fails; `part` stays as it is.
-pub fn repair_recording(part: &Path, _out: &Path) -> Result<RecordingRepair, RecordingError> {
-    let reason = "this build was made without the feature `rerun`".to_owned();
-    Err(RecordingError::Repair { path: part.to_owned(), reason })
 }
 
 fn refuse(mode: &RerunMode) -> Result<RecordingStats, RecordingError> {

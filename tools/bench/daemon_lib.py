@@ -287,7 +287,7 @@ class Daemon:
 
 
 def is_closed(recording):
-    """True for a recording with a footer: it was closed, or repaired."""
+    """True for a recording with a footer: it was closed."""
     if not recording.is_file() or recording.stat().st_size < EMPTY_RECORDING:
         return False
     with open(recording, "rb") as file:

@@ -93,9 +93,8 @@ fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
 fn recording(state: RecordingStatus) -> &'static str {
     match state {
         RecordingStatus::None => "none",
-        RecordingStatus::Partial => "not closed",
+        RecordingStatus::Partial => "not closed: it opens up to its last whole message",
         RecordingStatus::Whole => "whole",
-        RecordingStatus::Recovered => "recovered: it was not closed, and has been repaired",
         RecordingStatus::Stopped => "ends before the run: the disk ran low",
         RecordingStatus::Failed => "failed",
         RecordingStatus::Pruned => "deleted to make room",

@@ -1,10 +1,7 @@
 use std::io::ErrorKind;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
-use std::time::Duration;
 
 use jiff::Timestamp;
 use nix::sys::signal::{SigSet, Signal};
@@ -18,9 +15,6 @@ use upm_server::daemon::{
     Daemon, EmergencyStops, ExitReport, NotifyEnv, ServiceManager, StartFault, TokenReload, keep_files_private, prepare,
 };
 
-/// Longest time allowed for repairs after a crash.
-const LONGEST_START: Duration = Duration::from_secs(600);
-
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
@@ -29,11 +23,9 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     }
     keep_files_private();
     let spec = spec_of(args)?;
-    let mut prepared = prepare(&spec).map_err(Failure::faults)?;
+    let prepared = prepare(&spec).map_err(Failure::faults)?;
     let manager = service_manager()?;
-    let (stop, shutdown_requested) = stop_signals();
-    prepared.shutdown_requested = shutdown_requested;
-    manager.extend(LONGEST_START);
+    let stop = stop_signals();
     let names = spec.plate_names();
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
@@ -95,19 +87,16 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
     Ok(spec)
 }
 
-/// A message for every termination signal, and a flag that stays set from the first one on.
-fn stop_signals() -> (Receiver<()>, Arc<AtomicBool>) {
+/// A message for every termination signal.
+fn stop_signals() -> Receiver<()> {
     let (sender, stop) = sync_channel(1);
-    let requested = Arc::<AtomicBool>::default();
-    let flag = Arc::clone(&requested);
     let handler = move || {
-        flag.store(true, Ordering::SeqCst);
         sender.try_send(()).ok();
     };
     if let Err(error) = ctrlc::set_handler(handler) {
         tracing::warn!("signals will not stop the daemon in order: {error}");
     }
-    (stop, requested)
+    stop
 }
 
 /// Blocks SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), which do not end the daemon, in this thread

@@ -25,15 +25,13 @@ pub(super) const TRUTH_FILE: &str = "truth.jsonl";
 pub struct RunFolder(PathBuf);
 
 /// Files present in a run folder. `effective.json` and `report.json` are complete if present; a journal may end in an
-/// incomplete line, and a partial recording anywhere.
+/// incomplete line, and a recording anywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FolderState {
     /// `effective.json`, written just before the run begins.
     pub effective: bool,
     /// `journal.jsonl`.
     pub journal: bool,
-    /// `run.rrd.part`, a recording that was not closed.
-    pub part: bool,
     /// `run.rrd`.
     pub rrd: bool,
     /// `report.json`, written when the run is over.
@@ -69,7 +67,6 @@ impl RunFolder {
         FolderState {
             effective: has("effective.json"),
             journal: has("journal.jsonl"),
-            part: has("run.rrd.part"),
             rrd: has("run.rrd"),
             report: has("report.json"),
         }
@@ -180,9 +177,8 @@ mod tests {
         let folder = RunFolder::reopen(out.path()).unwrap();
         assert_eq!(folder.state(), FolderState::default());
         folder.write_json("report.json", &1).unwrap();
-        fs::write(out.path().join("run.rrd.part"), "half").unwrap();
         fs::create_dir(out.path().join("run.rrd")).unwrap();
-        assert_eq!(folder.state(), FolderState { report: true, part: true, ..FolderState::default() });
+        assert_eq!(folder.state(), FolderState { report: true, ..FolderState::default() });
     }
 
     #[test]

@@ -31,11 +31,10 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
         (JobState::Queued, _) => none("the job has not begun"),
         (JobState::Running, _) => Err(Refusal::Conflict("the recording is still being written".to_owned())),
         (_, RecordingStatus::None) => none("the job was not recorded"),
-        (_, RecordingStatus::Partial) => none("the recording was not closed and could not be repaired"),
         (_, RecordingStatus::Pruned) => none("the recording was deleted to make room"),
-        // the part written before the failure may be there, closed
+        // the part written before the failure may be there
         (_, RecordingStatus::Failed) => open(runs, row, "the recording could not be written"),
-        (_, RecordingStatus::Whole | RecordingStatus::Recovered | RecordingStatus::Stopped) => {
+        (_, RecordingStatus::Whole | RecordingStatus::Partial | RecordingStatus::Stopped) => {
             open(runs, row, "the recording is gone")
         }
     }
@@ -88,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn failed_recording_serves_available_bytes() {
+    fn failed_or_partial_recording_serves_available_bytes() {
         let runs = tempfile::tempdir().unwrap();
         let recording_bytes = |kept| recording(runs.path(), &row(kept)).map(|found| found.bytes);
         let gone = |why: &str| Err(Refusal::Unknown(why.to_owned()));
@@ -96,7 +95,8 @@ mod tests {
         assert_eq!(recording_bytes(RecordingStatus::Whole), gone("the recording is gone"));
         std::fs::create_dir(runs.path().join("rest-1")).unwrap();
         std::fs::write(runs.path().join("rest-1/run.rrd"), "RRF2").unwrap();
-        assert_eq!([recording_bytes(RecordingStatus::Failed), recording_bytes(RecordingStatus::Whole)], [Ok(4), Ok(4)]);
+        let kept = [RecordingStatus::Failed, RecordingStatus::Partial, RecordingStatus::Whole];
+        assert_eq!(kept.map(recording_bytes), [Ok(4), Ok(4), Ok(4)]);
         std::fs::rename(runs.path().join("rest-1/run.rrd"), runs.path().join("elsewhere")).unwrap();
         std::os::unix::fs::symlink("../elsewhere", runs.path().join("rest-1/run.rrd")).unwrap();
         assert!(

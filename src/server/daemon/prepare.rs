@@ -1,7 +1,6 @@
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use rustix::fs::{Access, Mode, access};
 use rustix::process::umask;
@@ -17,8 +16,6 @@ const LONGEST_TOKEN_FILE: u64 = 4096;
 /// Inputs of a daemon's start, most of them read from the files that its configuration names.
 #[derive(Debug)]
 pub struct Prepared {
-    /// Set when the daemon is to end. A start then skips the remaining repairs of recordings; the next start does them.
-    pub shutdown_requested: Arc<AtomicBool>,
     /// Tokens that network clients must present.
     pub(super) tokens: Tokens,
     /// The library of each plate, in the order of the configuration.
@@ -48,7 +45,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if has_no_operator(spec) {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
-    Ok(Prepared { shutdown_requested: Arc::default(), tokens, libraries })
+    Ok(Prepared { tokens, libraries })
 }
 
 /// True when there is a read token but no operator token: every request that needs the operate scope would be refused.

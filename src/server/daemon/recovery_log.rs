@@ -6,19 +6,13 @@ use upm_recording::Report;
 
 /// Logs the state that the previous daemon left.
 pub(super) fn log(recovery: &RecoveryReport) {
-    let RecoveryReport { interrupted, ended, paused, moved_aside, damage, clean, orphans, repaired, .. } = recovery;
+    let RecoveryReport { interrupted, ended, paused, moved_aside, damage, clean, orphans, .. } = recovery;
     if let Some(damage) = damage {
         let aside = moved_aside.as_deref().map(|path| format!("; it was moved to {}", path.display()));
         tracing::error!("the job store was damaged: {damage}{}", aside.unwrap_or_default());
     }
     if !clean {
         tracing::warn!(interrupted = interrupted.len(), ended = ended.len(), "the last daemon did not end in order");
-    }
-    for (path, outcome) in repaired {
-        match outcome {
-            Ok(mended) => tracing::warn!(messages = mended.messages, "{}: repaired", path.display()),
-            Err(reason) => tracing::error!("{}: not repaired: {reason}", path.display()),
-        }
     }
     if !orphans.is_empty() {
         tracing::warn!(folders = orphans.len(), "run folders that belong to no job");

@@ -1,8 +1,7 @@
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -19,7 +18,7 @@ use crate::api::{AppParts, app};
 use crate::http::{
     AllowedHosts, HttpLimits, SharedTokens, ShutdownReport, ShutdownSender, ShutdownSignal, joined, serve,
 };
-use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
+use crate::store::{self, Clocks, OpenOutcome, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -100,9 +99,8 @@ impl Daemon {
             StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
-        let repair = |part: &Path, whole: &Path| repair_unless(&prepared.shutdown_requested, part, whole);
         let clocks = Clocks::new(now, clock);
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks, &repair);
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks);
         let opened = opened.map_err(at_store)?;
         let OpenOutcome { store, recovery } = opened;
         let store = Arc::new(store);
@@ -310,16 +308,10 @@ fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
     }
 }
 
-/// Repairs a recording, unless the daemon is to end: a shutdown does not wait for the remaining repairs.
-fn repair_unless(shutdown_requested: &AtomicBool, part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
-    if shutdown_requested.load(Ordering::SeqCst) {
-        return Err("the daemon is ending; the next one tries again".to_owned());
-    }
-    upm_viewer::repair_recording(part, whole).map_err(|error| error.to_string())
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     fn spec_at(listen: SocketAddr, live_port: u16) -> DaemonSpec {
@@ -349,15 +341,5 @@ mod tests {
         assert_eq!(refused(&spec), [listen]);
         spec.listen.set_port(0);
         assert!(refused(&spec).is_empty());
-    }
-
-    #[test]
-    fn a_daemon_that_is_to_end_repairs_nothing_more() {
-        let folder = tempfile::tempdir().unwrap();
-        let [part, whole] = ["run.rrd.part", "run.rrd"].map(|name| folder.path().join(name));
-        std::fs::write(&part, "what a crash left").unwrap();
-        let reason = repair_unless(&AtomicBool::new(true), &part, &whole).unwrap_err();
-        assert_eq!(reason, "the daemon is ending; the next one tries again");
-        assert!(part.exists() && !whole.exists());
     }
 }

@@ -51,11 +51,6 @@ impl ServiceManager {
         self.notify("STOPPING=1\nSTATUS=ending");
     }
 
-    /// Extends the timeout of a start or stop by `time` from now.
-    pub fn extend(&self, time: Duration) {
-        self.notify(&format!("EXTEND_TIMEOUT_USEC={}", time.as_micros()));
-    }
-
     /// Starts a thread that sends signs of life, twice in the manager's watchdog interval and only while `well` returns
     /// `Ok`. `None` where the manager expects none.
     pub fn keep_alive(
@@ -195,10 +190,8 @@ mod tests {
     fn each_message_is_one_datagram() {
         let stub = Stub::new();
         let manager = stub.manager(None);
-        manager.extend(Duration::from_secs(90));
         manager.ready("3 plates\nWATCHDOG=1");
         manager.stopping();
-        assert_eq!(stub.heard(), "EXTEND_TIMEOUT_USEC=90000000");
         assert_eq!(stub.heard(), "READY=1\nSTATUS=3 plates WATCHDOG=1");
         assert_eq!(stub.heard(), "STOPPING=1\nSTATUS=ending");
         assert!(manager.keep_alive(|| Ok(())).unwrap().is_none(), "nobody waits for a sign of life");

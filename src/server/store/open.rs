@@ -19,7 +19,7 @@ use super::retention::{Retention, StartLock, Sweeper, empty_trash};
 use super::schema::{create_as, is_clean, refuse_other_version};
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
-use super::{Clocks, JobId, RecoveryReport, RepairRecording, StoreFault, StoreLimits};
+use super::{Clocks, JobId, RecoveryReport, StoreFault, StoreLimits};
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 
@@ -28,7 +28,7 @@ use upm_core::time::MonotonicClock;
 pub struct OpenOutcome {
     /// Store in the state that recovery left.
     pub store: Store,
-    /// Findings and repairs of the start.
+    /// Findings of the start.
     pub recovery: RecoveryReport,
 }
 
@@ -42,14 +42,13 @@ impl Store {
         plates: &[String],
         limits: StoreLimits,
         clocks: Clocks,
-        repair: RepairRecording<'_>,
     ) -> Result<OpenOutcome, StoreFault> {
         let dir = DataDir::in_folder(data)?;
         let lock = dir.lock()?;
         [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_other_version(db))?;
         dir.make_folders()?;
         [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
-        let options = OpenOptions { plates, limits: &limits, clocks: &clocks, repair };
+        let options = OpenOptions { plates, limits: &limits, clocks: &clocks };
         let (connection, recovery) = options.start(&dir)?;
         let ids = Ids::above(last_id(&connection)?);
         let reading = vec![reading(&dir.db)?, reading(&dir.db)?];

@@ -1,10 +1,6 @@
-use std::path::Path;
 use std::time::Duration;
 
-use super::{Clocks, RecordingRepair};
-
-/// Repairs the unclosed recording at the first path into a complete one at the second.
-pub type RepairRecording<'a> = &'a dyn Fn(&Path, &Path) -> Result<RecordingRepair, String>;
+use super::Clocks;
 
 /// Options of [`Store::open`](super::Store::open), without the data folder.
 #[derive(Clone, Copy)]
@@ -12,7 +8,6 @@ pub(super) struct OpenOptions<'a> {
     pub plates: &'a [String],
     pub limits: &'a StoreLimits,
     pub clocks: &'a Clocks,
-    pub repair: RepairRecording<'a>,
 }
 
 /// Limits of the store's contents.

@@ -12,11 +12,11 @@ use super::layout::DataDir;
 use super::options::OpenOptions;
 use super::salvage::{folders_of, from_folders, have_begun};
 use super::write_tx::WriteTx;
-use super::{JobRow, JobState, RecordingStatus, RecoveryReport, StoreFault};
-use unfinished::{end_of, last_write, repair_recording};
+use super::{JobRow, JobState, RecoveryReport, StoreFault};
+use unfinished::{end_of, last_write};
 
-/// Recovers the state that the last daemon left: ends of its running jobs, recordings that were not closed, paused
-/// plates. Runs before the store is shared. Idempotent: safe to repeat after a crash at any point.
+/// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Runs before the store is
+/// shared. Idempotent: safe to repeat after a crash at any point.
 pub(super) fn recover(
     connection: &mut Connection,
     dir: &DataDir,
@@ -27,17 +27,14 @@ pub(super) fn recover(
     if found.damage.is_some() {
         from_folders(dir, connection)?;
     }
-    let left = left_open(connection, dir)?;
+    let left = rows(connection, &format!("SELECT {JOB} FROM jobs WHERE state = 'running' ORDER BY id"), [], job_of)?;
     // whatever the last daemon recorded: it did not complete the end of these
-    found.clean &= left.iter().all(|job| job.state != JobState::Running);
-    mark_partial(connection, dir, &left)?;
+    found.clean &= left.is_empty();
     let mut ends = Vec::new();
     for job in left {
         let folder = job.folder.as_ref().map(|name| dir.runs.join(name));
-        let recording =
-            folder.as_ref().map_or(job.recording, |folder| repair_recording(folder, &job, options.repair, found));
-        let end = (job.state == JobState::Running).then(|| end_of(folder.as_deref(), recording));
-        ends.push((job, folder, recording, end));
+        let end = end_of(folder.as_deref());
+        ends.push((job, folder, end));
     }
     let tx = connection.transaction()?;
     let (ids, uncounted, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
@@ -51,9 +48,7 @@ pub(super) fn recover(
         ages,
         uncounted: &uncounted,
     };
-    for (job, folder, recording, end) in &ends {
-        tx.execute("UPDATE jobs SET recording = ?2 WHERE id = ?1", params![job.id, recording])?;
-        let Some(end) = end else { continue };
+    for (job, folder, end) in &ends {
         write.end(&job.id, JobState::Running, end)?;
         let at = folder.as_ref().and_then(|folder| last_write(folder)).unwrap_or(write.now);
         let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
@@ -72,30 +67,6 @@ pub(super) fn recover(
     tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
     tx.commit()?;
     Ok(())
-}
-
-/// Jobs that were running, and jobs whose recording still needs repair.
-fn left_open(connection: &Connection, dir: &DataDir) -> Result<Vec<JobRow>, StoreFault> {
-    let sql =
-        format!("SELECT {JOB} FROM jobs WHERE state = 'running' OR recording IN ('partial', 'failed') ORDER BY id");
-    let mut left = rows(connection, &sql, [], job_of)?;
-    left.retain(|job| job.recording != RecordingStatus::Failed || has_part(dir, job));
-    Ok(left)
-}
-
-/// True when a job's run folder holds a recording that was not closed.
-fn has_part(dir: &DataDir, job: &JobRow) -> bool {
-    let part = |name: &String| dir.runs.join(name).join("run.rrd.part");
-    job.folder.as_ref().is_some_and(|name| fs::symlink_metadata(part(name)).is_ok())
-}
-
-/// Marks the recordings that are about to be repaired: a start that is killed after a repair must still know of it.
-fn mark_partial(connection: &mut Connection, dir: &DataDir, left: &[JobRow]) -> Result<(), StoreFault> {
-    let tx = connection.transaction()?;
-    for job in left.iter().filter(|job| has_part(dir, job)) {
-        tx.execute("UPDATE jobs SET recording = 'partial' WHERE id = ?1", [job.id])?;
-    }
-    Ok(tx.commit()?)
 }
 
 /// Time that the store was open before this start.

@@ -24,7 +24,7 @@ use super::retention::SweepReport;
 use super::write_queue::{WriteRequest, task};
 use super::{
     AuditEntry, ClaimedJob, Clocks, FINISHED, JobEnd, JobId, JobRow, JobSelection, JobState, JobStore, NewEvent,
-    NewJob, OpenOutcome, Pace, RecordingRepair, RecordingStatus, Store, StoreFault, StoreLimits, SubmitOutcome,
+    NewJob, OpenOutcome, Pace, RecordingStatus, Store, StoreFault, StoreLimits, SubmitOutcome,
 };
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_fixtures::wait::eventually;
@@ -100,14 +100,8 @@ fn plates() -> Vec<String> {
     ["a", "b"].map(String::from).to_vec()
 }
 
-/// A repair that reports every recording as truncated.
-fn repair(part: &Path, whole: &Path) -> Result<RecordingRepair, String> {
-    std::fs::rename(part, whole).map_err(|error| error.to_string())?;
-    Ok(RecordingRepair { messages: 3, cut_bytes: 7, was_whole: false })
-}
-
 fn try_open(data: &Path, limits: StoreLimits) -> Result<OpenOutcome, StoreFault> {
-    Store::open(data, &plates(), limits, still(fixed_time), &repair)
+    Store::open(data, &plates(), limits, still(fixed_time))
 }
 
 /// Opens a store that an earlier opener may still be closing.

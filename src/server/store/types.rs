@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::JobId;
 use crate::states::{JobState, RecordingStatus};
-use upm_core::job::{Pace, RecordingRepair, StopCause};
+use upm_core::job::{Pace, StopCause};
 use upm_core::time::PlateTime;
 
 /// Kind of a job's last event. It is stored in one transaction with the end, so every ended job has it.
@@ -355,8 +355,6 @@ pub struct RecoveryReport {
     pub clean: bool,
     /// Run folders that belong to no job.
     pub orphans: Vec<PathBuf>,
-    /// Recordings that had not been closed, with the result of the repair.
-    pub repaired: Vec<(PathBuf, Result<RecordingRepair, String>)>,
 }
 
 /// Load and faults of the store's threads and disk.

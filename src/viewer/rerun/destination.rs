@@ -9,7 +9,6 @@ use rerun::external::re_uri::ProxyUri;
 use super::file::RrdFile;
 use super::live::{Live, MessageSink};
 use super::live_server::LiveServer;
-use super::partial_file::PartialFile;
 use crate::types::RecordingError;
 use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
@@ -20,30 +19,23 @@ const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
 /// Destination of a recording: a file, and feeds of viewers.
 pub(super) struct Destination {
     out: Option<Box<dyn Write + Send>>,
-    partial_file: Option<PartialFile>,
     path: PathBuf,
     viewer: Option<Live>,
     feeds: Vec<MessageSink>,
 }
 
 impl Destination {
-    /// Creates the partial file of `path`, unless `mode` is off, and opens the viewer of `mode`, if it has one.
+    /// Creates the file at `path`, unless `mode` is off, and opens the viewer of `mode`, if it has one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();
         let feeds = feed.into_iter().collect();
         if *mode == RerunMode::Off {
-            return Ok(Self { out: None, partial_file: None, path: path.to_owned(), viewer, feeds });
+            return Ok(Self { out: None, path: path.to_owned(), viewer, feeds });
         }
-        let (partial_file, file): (PartialFile, File) = PartialFile::create(path)
-            .map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self {
-            out: Some(Box::new(file)),
-            path: partial_file.part().to_owned(),
-            partial_file: Some(partial_file),
-            viewer,
-            feeds,
-        })
+        let file =
+            File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
+        Ok(Self { out: Some(Box::new(file)), path: path.to_owned(), viewer, feeds })
     }
 
     /// Adds `live` as a destination; `layout` gives everything that the layout depends on.
@@ -57,24 +49,17 @@ impl Destination {
         self.out.is_some()
     }
 
-    /// A destination whose file is a partial file at `path` behind `wrap`.
+    /// A destination whose file is one at `path` behind `wrap`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
-        let (partial_file, file) = PartialFile::create(path).unwrap();
-        let path = partial_file.part().to_owned();
-        Self {
-            out: Some(Box::new(wrap(file))),
-            path,
-            partial_file: Some(partial_file),
-            viewer: None,
-            feeds: Vec::new(),
-        }
+        let out: Box<dyn Write + Send> = Box::new(wrap(File::create(path).unwrap()));
+        Self { out: Some(out), path: path.to_owned(), viewer: None, feeds: Vec::new() }
     }
 
     /// Starts the file. Also returns its path for errors and the feeder of the viewer.
     pub(super) fn start(self, handle: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
-        let Self { out, partial_file, path, viewer, feeds } = self;
-        match RrdFile::new(out, partial_file, feeds, handle) {
+        let Self { out, path, viewer, feeds } = self;
+        match RrdFile::new(out, feeds, handle) {
             Ok(file) => Ok((file, path, viewer)),
             Err(reason) => Err(RecordingError::Write { path, reason }),
         }

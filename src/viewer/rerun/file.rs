@@ -1,5 +1,3 @@
-mod periodic_sync;
-
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,40 +10,30 @@ use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
 
 use super::live::MessageSink;
-use super::partial_file::PartialFile;
-use periodic_sync::PeriodicSync;
 use upm_recording::RecordingHandle;
 
 /// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
 /// reports it at once on its handle, and returns a result when it is closed. Every message is one write, so a killed
-/// process loses nothing written so far; a power cut loses about the last second.
+/// process loses nothing written so far.
 #[derive(Clone)]
 pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 
 struct State {
     encoder: Option<Encoder<CountingWriter>>,
-    partial_file: Option<PartialFile>,
-    /// `Some` while the file is written.
-    periodic_sync: Option<PeriodicSync>,
     fault: Option<String>,
     messages: u64,
     feeds: Vec<MessageSink>,
 }
 
 impl RrdFile {
-    /// A sink that writes to `out`, unbuffered, and gives `partial_file` its name when it is closed; every message also
-    /// goes to all `feeds`.
+    /// A sink that writes to `out`, unbuffered; every message also goes to all `feeds`.
     pub(super) fn new(
         out: Option<Box<dyn Write + Send>>,
-        partial_file: Option<PartialFile>,
         feeds: Vec<MessageSink>,
         handle: RecordingHandle,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &handle)).transpose()?;
-        // without it the end of the file reaches the disk later
-        let file = partial_file.as_ref().and_then(|partial_file| partial_file.to_sync().ok());
-        let periodic_sync = file.and_then(|file| PeriodicSync::start(move || file.sync_data(), handle.clone()).ok());
-        let state = State { encoder, partial_file, periodic_sync, fault: None, messages: 0, feeds };
+        let state = State { encoder, fault: None, messages: 0, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
@@ -64,21 +52,14 @@ impl RrdFile {
         self.state().feeds.clear();
     }
 
-    /// Writes the footer, closes the file and gives it its name; viewers are still fed. Returns bytes and messages
-    /// written, or the first failed write.
+    /// Writes the footer and closes the file; viewers are still fed. Returns bytes and messages written, or the first
+    /// failed write.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
         let mut state = self.state();
-        state.periodic_sync = None;
         if let Some(mut encoder) = state.encoder.take() {
-            let closed = encoder.finish().and_then(|()| encoder.into_inner()).map_err(|e| e.to_string());
-            let kept = closed.and_then(|out| {
-                let kept = state.partial_file.as_ref().map_or(Ok(()), PartialFile::keep);
-                drop(out); // locked until it has its name
-                kept.map_err(|e| e.to_string())
-            });
-            match kept {
-                Ok(()) => self.1.close(),
-                Err(fault) => self.fail(&mut state, fault),
+            match encoder.finish().and_then(|()| encoder.into_inner()) {
+                Ok(_) => self.1.close(),
+                Err(fault) => self.fail(&mut state, fault.to_string()),
             }
         }
         match &state.fault {
@@ -90,7 +71,6 @@ impl RrdFile {
     /// Ends writing without a footer, which would follow an incomplete message.
     fn fail(&self, state: &mut State, fault: String) {
         state.encoder.take().map(Encoder::into_inner);
-        state.periodic_sync = None;
         self.1.fail(fault.as_str());
         state.fault.get_or_insert(fault);
     }

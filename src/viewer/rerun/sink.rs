@@ -71,8 +71,8 @@ impl RerunSink {
         }
     }
 
-    /// Starts recording into `path`, which is `path.part` until it is closed, and to `live`. With [`RerunMode::Off`]
-    /// there is no file; without a live stream as well, this sink does nothing.
+    /// Starts recording into `path` and to `live`. With [`RerunMode::Off`] there is no file; without a live stream as
+    /// well, this sink does nothing.
     pub fn start(
         mode: &RerunMode,
         path: &Path,

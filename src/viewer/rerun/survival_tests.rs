@@ -1,7 +1,7 @@
 //! Tests of recordings whose process never closes them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -23,12 +23,11 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::{Fanout, MemorySink, RecordingOptions, RecordingState, RerunMode, report_recording_end};
 
-/// A folder, the path of the recording in it, and its path before it is closed.
-fn places() -> (tempfile::TempDir, PathBuf, PathBuf) {
+/// A folder, and the path of the recording in it.
+fn place() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
-    let part = folder.path().join("run.rrd.part");
-    (folder, path, part)
+    (folder, path)
 }
 
 /// The newest time of every series in the file at `path`, which may still be written, s.
@@ -66,12 +65,12 @@ fn age_in_file_s(path: &Path, series: &[&str], mut frame: impl FnMut() -> f64) -
 
 #[test]
 fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
-    let (_folder, path, part) = places();
+    let (_folder, path) = place();
     let mut run = SyntheticRun::new(2);
     run.snow();
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
     // so large that Rerun sends them at once and defers everything else
-    let age_s = age_in_file_s(&part, &["/log", "/errors/sensing_mm", "/table/measured"], || {
+    let age_s = age_in_file_s(&path, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.observe(&mut sink, false, true);
         sink.event(run.now(), EventLevel::Info, "a frame");
         run.now().secs()
@@ -82,10 +81,10 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
 
 #[test]
 fn observations_are_written_before_a_long_cycle_ends() {
-    let (_folder, path, part) = places();
+    let (_folder, path) = place();
     let mut run = SyntheticRun::new(2);
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
-    let age_s = age_in_file_s(&part, &["/errors/sensing_mm", "/table/measured"], || {
+    let age_s = age_in_file_s(&path, &["/errors/sensing_mm", "/table/measured"], || {
         run.observe(&mut sink, true, false);
         run.now().secs()
     });
@@ -94,20 +93,28 @@ fn observations_are_written_before_a_long_cycle_ends() {
 }
 
 #[test]
-fn a_recording_has_its_name_only_once_it_is_closed() {
-    let (_folder, path, part) = places();
+fn cut_recording_is_read_up_to_the_cut() {
+    let (_folder, path) = place();
     let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
-    assert!(part.exists() && !path.exists());
     assert!(matches!(recording_options.recording.state(), RecordingState::Writing { bytes } if bytes > 0));
     let stats = sink.finish().unwrap();
-    assert!(path.exists() && !part.exists());
     assert_eq!(path.metadata().unwrap().len(), stats.file_bytes);
     assert_eq!(
         (recording_options.recording.state(), recording_options.recording.take_end()),
         (RecordingState::Whole, None)
     );
+    let bytes = fs::read(path).unwrap();
+    let messages = |cut: usize| DecoderApp::decode_lazy(&bytes[..cut]).map_while(Result::ok).count();
+    let mut before = 0;
+    for cut in (100..bytes.len()).step_by(bytes.len() / 50).chain([bytes.len()]) {
+        let found = messages(cut);
+        assert!(found >= before, "{found} messages in {cut} bytes, {before} in less");
+        before = found;
+    }
+    assert_eq!(before as u64, stats.messages);
+    assert!((1..before).contains(&messages(bytes.len() / 2)), "{}", messages(bytes.len() / 2));
 }
 
 /// Plays cycles until `done`, and reports the recording as a run does.
@@ -133,14 +140,14 @@ fn cycles_until(
 
 #[test]
 fn a_stopped_recording_is_whole_while_the_run_goes_on() {
-    let (_folder, path, part) = places();
+    let (_folder, path) = place();
     let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
     let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
     recording_options.recording.stop("the disk is nearly full");
     let stopped = RecordingState::Stopped("the disk is nearly full".into());
     let seen = cycles_until(&mut run, &mut sink, &recording_options, stopped.clone());
-    assert!(path.exists() && !part.exists(), "before the run is over");
+    stores(&path); // before the run is over
     assert_eq!(seen.events.len(), 1);
     assert_eq!(seen.events[0].text, "the recording ends early: stopped, the disk is nearly full");
     let bytes = path.metadata().unwrap().len();
@@ -152,7 +159,7 @@ fn a_stopped_recording_is_whole_while_the_run_goes_on() {
 }
 
 #[test]
-fn a_write_that_fails_is_reported_at_once_and_the_partial_file_stays() {
+fn a_write_that_fails_is_reported_at_once_and_the_file_stays() {
     struct Full(File, usize);
     impl Write for Full {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -167,7 +174,7 @@ fn a_write_that_fails_is_reported_at_once_and_the_partial_file_stays() {
             Ok(())
         }
     }
-    let (_folder, path, part) = places();
+    let (_folder, path) = place();
     let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
     let to = Destination::wrapped(&path, |file| Full(file, 200_000));
     let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
@@ -175,10 +182,9 @@ fn a_write_that_fails_is_reported_at_once_and_the_partial_file_stays() {
     let seen = cycles_until(&mut run, &mut sink, &recording_options, failed.clone());
     let events: Vec<_> = seen.events.iter().map(|event| (event.level, event.text.as_str())).collect();
     assert_eq!(events, [(EventLevel::Warning, "the recording ends early: Failed to write: no storage space")]);
-    assert!(matches!(sink.finish(), Err(RecordingError::Write { path, .. }) if path == part));
+    assert!(matches!(sink.finish(), Err(RecordingError::Write { path: of, .. }) if of == path));
     assert_eq!(recording_options.recording.state(), failed);
-    assert!(!path.exists());
-    assert_eq!(part.metadata().unwrap().len(), 200_000, "no footer behind half a message");
+    assert_eq!(path.metadata().unwrap().len(), 200_000, "no footer behind half a message");
 }
 
 /// A file on a disk that hangs while the mutex is held.
@@ -196,7 +202,7 @@ impl Write for HangingFile {
 
 #[test]
 fn stopping_run_does_not_wait_for_a_hung_disk() {
-    let (_folder, path, _) = places();
+    let (_folder, path) = place();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let most = Duration::from_secs(3600);
     let recording_options =
@@ -225,7 +231,7 @@ fn stopping_run_does_not_wait_for_a_hung_disk() {
 
 #[test]
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
-    let (_folder, path, _) = places();
+    let (_folder, path) = place();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let recording_options = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..recording_options() };
     let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));

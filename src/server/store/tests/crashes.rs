@@ -118,62 +118,6 @@ fn a_run_that_had_ended_keeps_its_outcome() {
 }
 
 #[test]
-fn recordings_that_were_not_closed_are_repaired_once() {
-    let (folder, store) = new_store(limits());
-    let names = ["cut", "whole", "none", "broken", "panics"];
-    let ids = names.map(|name| begin(&store, name, "a").row.id);
-    let write = |name: &str| fs::write(store.runs().join(name), "rerun").unwrap();
-    ["cut/run.rrd.part", "whole/run.rrd", "broken/run.rrd.part", "panics/run.rrd.part"].into_iter().for_each(write);
-    let copy = snapshot(folder.path());
-    let repair = |part: &Path, whole: &Path| match part.parent().unwrap().file_name().unwrap().to_str() {
-        Some("cut") => super::repair(part, whole),
-        Some("broken") => Err("not a recording".to_owned()),
-        other => panic!("{other:?}"),
-    };
-    let open = || Store::open(copy.path(), &plates(), limits(), still(fixed_time), &repair).unwrap();
-    let OpenOutcome { store: again, recovery } = open();
-    let repaired = recovery.repaired.iter().map(|(path, result)| {
-        let name = path.parent().unwrap().file_name().unwrap().to_str().unwrap();
-        (name, result.as_ref().map(|mended| mended.messages).map_err(String::as_str))
-    });
-    let repaired: Vec<_> = repaired.collect();
-    assert_eq!(
-        repaired,
-        [("cut", Ok(3)), ("broken", Err("not a recording")), ("panics", Err("the repair failed on it"))]
-    );
-    let kept = [
-        RecordingStatus::Recovered,
-        RecordingStatus::Whole,
-        RecordingStatus::None,
-        RecordingStatus::Partial,
-        RecordingStatus::Partial,
-    ];
-    assert_eq!(ids.map(|id| job(&again, id).recording), kept);
-    assert!(again.close(TIMEOUT));
-    let OpenOutcome { store: again, recovery } = open();
-    assert_eq!((recovery.repaired.len(), recovery.interrupted.len()), (2, 0));
-    assert_eq!(ids.map(|id| job(&again, id).recording), kept);
-}
-
-#[test]
-fn a_start_killed_after_a_repair_still_marks_it() {
-    let (folder, store) = new_store(limits());
-    let id = begin(&store, "one", "a").row.id;
-    fs::write(store.runs().join("one/run.rrd.part"), "rerun").unwrap();
-    let first = snapshot(folder.path());
-    let second = tempfile::tempdir().unwrap();
-    let repair = |part: &Path, whole: &Path| {
-        let mended = super::repair(part, whole);
-        copy_folder(first.path(), second.path());
-        mended
-    };
-    Store::open(first.path(), &plates(), limits(), still(fixed_time), &repair).unwrap();
-    let OpenOutcome { store, recovery } = open(second.path(), limits());
-    assert_eq!((recovery.repaired, recovery.interrupted), (vec![], vec![id]));
-    assert_eq!(job(&store, id).recording, RecordingStatus::Recovered);
-}
-
-#[test]
 fn folders_made_for_claims_that_never_were_go_when_they_are_empty() {
     let (folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
@@ -209,7 +153,6 @@ fn ids_rise_across_a_clock_set_back() {
     let (folder, store) = new_store(limits());
     let first = queue(&store, "one", "a").id;
     assert!(store.close(TIMEOUT));
-    let store =
-        Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH), &repair).unwrap().store;
+    let store = Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH)).unwrap().store;
     assert!(queue(&store, "two", "a").id > first);
 }

@@ -16,7 +16,7 @@ fn left_behind() -> (tempfile::TempDir, [JobId; 3]) {
     store.finish(&done, JobEnd { reason: "all there".into(), ..end(JobState::Completed) }).unwrap();
     let running = begin(&store, "running", "b").row.id;
     fs::write(store.runs().join("running/effective.json"), effective("running", "b")).unwrap();
-    fs::write(store.runs().join("running/run.rrd.part"), "rerun").unwrap();
+    fs::write(store.runs().join("running/run.rrd"), "rerun").unwrap();
     let keyed = NewJob { key: Some("k".into()), ..new_job("queued", "a") };
     let Ok(SubmitOutcome::New(queued)) = accept(&store, keyed) else { panic!("not accepted") };
     store.audit(act("ann"));
@@ -67,7 +67,7 @@ fn garbage_is_moved_aside_and_history_recovered_from_run_folders() {
     assert!(damage.contains("not a database"), "{damage}");
     assert_eq!(without_the_new_one(states(&store)), jobs_by_folders());
     let kept = all_jobs(&store).into_iter().find(|row| row.name == "running").unwrap();
-    assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingStatus::Recovered));
+    assert_eq!((kept.plate.as_str(), kept.seed, kept.recording), ("b", 5, RecordingStatus::Partial));
     assert_eq!(fs::read(&aside).unwrap(), "garbage".repeat(1000).into_bytes());
     let log_aside = PathBuf::from(format!("{}-wal", aside.display()));
     assert_eq!(fs::read(log_aside).unwrap(), log);

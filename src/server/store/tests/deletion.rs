@@ -78,8 +78,7 @@ fn key_of_a_deleted_job_is_forgotten_with_age() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let wall = || fixed_time() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
-    let store =
-        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store;
+    let store = Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS))).unwrap().store;
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
     let Ok(SubmitOutcome::New(row)) = accept(&store, keyed()) else { panic!("not accepted") };
     delete(&store, row.id);

@@ -189,7 +189,7 @@ fn keys_are_forgotten_with_age_not_counting_time_between_starts() {
     let keyed = || NewJob { key: Some("k".into()), ..new_job("one", "a") };
     let open = || {
         let wall = || fixed_time() + Duration::from_secs(3600 * HOURS.load(Ordering::SeqCst).unsigned_abs());
-        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS)), &repair).unwrap().store
+        Store::open(folder.path(), &plates(), limits(), Clocks::new(wall, Hours(&HOURS))).unwrap().store
     };
     let store = open();
     let Ok(SubmitOutcome::New(first)) = accept(&store, keyed()) else { panic!("not accepted") };
@@ -283,7 +283,7 @@ fn stuck_reader_shows_in_health() {
     static HOURS: AtomicI64 = AtomicI64::new(0);
     let folder = tempfile::tempdir().unwrap();
     let clocks = Clocks::new(fixed_time, Hours(&HOURS));
-    let store = Store::open(folder.path(), &plates(), limits(), clocks, &repair).unwrap().store;
+    let store = Store::open(folder.path(), &plates(), limits(), clocks).unwrap().store;
     let ((began, begun), (let_go, gate)) = (sync_channel(0), sync_channel::<()>(0));
     let hang = move |_: Result<(), StoreFault>| {
         began.send(()).unwrap();

@@ -15,7 +15,7 @@ macro_rules! turned_clocks {
 }
 
 fn opened(data: &Path, limits: StoreLimits, clocks: Clocks) -> Store {
-    Store::open(data, &plates(), limits, clocks, &repair).unwrap().store
+    Store::open(data, &plates(), limits, clocks).unwrap().store
 }
 
 /// Begins a job whose folder holds that many bytes, on two levels.
