@@ -7,7 +7,7 @@ use rustix::fs::{CWD, FileType, Mode, OFlags, fchmod, fstat, openat};
 use rustix::process::{Uid, geteuid};
 
 /// Names of the daemon's entries in a data folder, besides those of the database.
-const OWN_NAMES: [&str; 4] = [".trash", "latch", "lock", "runs"];
+const OWN_NAMES: [&str; 3] = ["latch", "lock", "runs"];
 
 /// Restricts a data folder and the daemon's own entries directly in it to the daemon's user: earlier releases let other
 /// users read them. Logs the changes.
@@ -82,7 +82,7 @@ mod tests {
             fs::write(around.path().join(file), "").unwrap();
             set_mode(&around.path().join(file), 0o644);
         }
-        symlink("../elsewhere", data.join(".trash")).unwrap();
+        symlink("../elsewhere", data.join("upm.db-shm")).unwrap();
         symlink("../text", data.join("upm.db.v1")).unwrap();
         (around, data)
     }

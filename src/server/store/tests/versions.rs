@@ -48,7 +48,6 @@ fn newer_store_is_refused_and_left_untouched() {
     assert!(store.close(TIMEOUT));
     drop(store);
     writing(&folder.path().join("upm.db")).unwrap().execute_batch("PRAGMA user_version = 99").unwrap();
-    fs::write(folder.path().join(".trash/left"), "by an earlier sweep").unwrap();
     let before = contents(folder.path());
     let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
     let file = folder.path().join("upm.db").display().to_string();
