@@ -80,8 +80,6 @@ pub struct StandingSpec {
 pub struct KeepSpec {
     /// Largest total size of run folders, bytes.
     pub runs_bytes: u64,
-    /// Longest time for which a run folder is kept.
-    pub runs_age: Duration,
     /// Most ended runs of the standing job kept for each plate.
     pub standing_runs: u64,
     /// Most jobs kept in the store.
@@ -307,7 +305,6 @@ fn check_events(keep: &RawKeep, faults: &mut Diagnostics) {
 fn keep_of(raw: &RawKeep) -> KeepSpec {
     KeepSpec {
         runs_bytes: (raw.runs_gb * 1e9).round() as u64,
-        runs_age: Duration::from_secs_f64(raw.runs_days * 86_400.0),
         standing_runs: raw.standing_runs.into(),
         jobs: raw.jobs.into(),
         events_per_job: raw.events_per_job.into(),

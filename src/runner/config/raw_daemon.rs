@@ -123,16 +123,13 @@ pub enum RawStart {
     Paused,
 }
 
-/// Retention of jobs that have ended. Run folders go when they are too old or too many, the oldest first.
+/// Retention of jobs that have ended. Run folders go when they are too large in total, the oldest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawKeep {
     /// Most room for run folders, GB of 10⁹ bytes.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
     pub runs_gb: f64,
-    /// Longest time a run folder is kept, days in which the daemon runs.
-    #[schemars(range(max = 36_500.0), extend("exclusiveMinimum" = 0.0))]
-    pub runs_days: f64,
     /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder, events and row.
     #[schemars(range(min = 1, max = 10_000))]
     pub standing_runs: u32,
@@ -149,14 +146,7 @@ pub struct RawKeep {
 
 impl Default for RawKeep {
     fn default() -> Self {
-        Self {
-            runs_gb: 20.0,
-            runs_days: 30.0,
-            standing_runs: 8,
-            jobs: 100_000,
-            events_per_job: 10_000,
-            events: 1_000_000,
-        }
+        Self { runs_gb: 20.0, standing_runs: 8, jobs: 100_000, events_per_job: 10_000, events: 1_000_000 }
     }
 }
 

@@ -103,11 +103,6 @@ fn of_store(observed: &Observed) -> Vec<MetricFamily> {
         MetricFamily::gauge("store_waiting", "Changes that wait to be written").with(store.waiting as f64),
         MetricFamily::gauge("store_audit_waiting", "Lines of the audit log that wait to be written")
             .with(store.audit_waiting as f64),
-        MetricFamily::gauge(
-            "store_deletion_suspended",
-            "1 while nothing is deleted by age, since the wall clock jumped",
-        )
-        .with(flag(store.deletion_suspended)),
         MetricFamily::gauge("disk_free", "Room left on the disk of the data folder")
             .in_unit(Unit::Bytes)
             .with_all(store.free_bytes.map(|bytes| MetricSample::new(Vec::new(), bytes as f64))),

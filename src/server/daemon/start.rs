@@ -302,7 +302,6 @@ fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
         events_per_job: spec.keep.events_per_job,
         events: spec.keep.events,
         runs_bytes: spec.keep.runs_bytes,
-        runs_age: spec.keep.runs_age,
         standing_runs: spec.keep.standing_runs,
         ..store::StoreLimits::default()
     }

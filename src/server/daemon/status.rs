@@ -96,7 +96,6 @@ impl Observed {
                 audit_waiting: 0,
                 free_bytes: Some(5_000_000_000),
                 reader_busy: Duration::ZERO,
-                deletion_suspended: false,
             },
             disk: DiskObserved { min_free_bytes: 500_000_000, runs_bytes: Some(123) },
             requests: vec![

@@ -1,15 +1,13 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use jiff::Timestamp;
 
-use super::ages::AgeClock;
 use super::jobs::StartOutcome;
 use super::reader::Readers;
-use super::retention::{Retention, StartLock};
+use super::retention::Retention;
 use super::write_queue::{WriteQueue, task};
 use super::write_tx::WriteTx;
 use super::{
@@ -26,9 +24,7 @@ pub struct Store {
     pub(super) readers: Readers,
     pub(super) runs: PathBuf,
     pub(super) now: fn() -> Timestamp,
-    pub(super) ages: Arc<AgeClock>,
     pub(super) retention: Retention,
-    pub(super) start_lock: StartLock,
 }
 
 impl fmt::Debug for Store {
@@ -137,7 +133,6 @@ impl Store {
             free_bytes: self.queue.status.free_bytes(),
             audit_waiting: self.queue.status.pending.pending_audit_entries(),
             reader_busy: self.readers.busy(),
-            deletion_suspended: self.ages.ages().suspended,
         }
     }
 
@@ -155,8 +150,6 @@ impl JobStore for Store {
             let Some(row) = self.queue.written(move |tx| tx.next_queued(&asked))? else {
                 return Ok(None);
             };
-            // a sweep would take a folder without a row for an orphan
-            let _starting = self.start_lock.read();
             let name = folder(&row)?;
             // a row must never name a folder that a power cut removes
             sync_folder(&self.runs)?;
@@ -180,7 +173,6 @@ impl JobStore for Store {
         let Some(row) = self.queue.written(move |tx| tx.next_standing(&new))? else {
             return Ok(None);
         };
-        let _starting = self.start_lock.read();
         let name = folder(&row)?;
         sync_folder(&self.runs)?;
         let (state, started_at) = (JobState::Running, Some(row.submitted_at));

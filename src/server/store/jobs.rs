@@ -1,5 +1,6 @@
 use rusqlite::{Connection, OptionalExtension, params};
 
+use super::ages::cutoff;
 use super::columns::{JOB, Micros, job_of, rows, sql_limit};
 use super::write_tx::WriteTx;
 use super::{
@@ -65,7 +66,7 @@ impl WriteTx<'_> {
     fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<KeyLookup>> {
         let Some(key) = &job.key else { return Ok(None) };
         let sql = "SELECT body_sha256, job FROM keys WHERE key = ?1 AND uptime >= ?2";
-        let oldest = self.ages.cutoff(self.limits.keys_kept);
+        let oldest = cutoff(self.uptime, self.limits.keys_kept);
         let known =
             self.connection.query_row(sql, params![key, oldest], |row| Ok((row.get::<_, [u8; 32]>(0)?, row.get(1)?)));
         let seen = |(body, id)| if body == job.body_sha256 { KeyLookup::Same(id) } else { KeyLookup::Other };
@@ -80,12 +81,12 @@ impl WriteTx<'_> {
     /// Stores a key, replacing a use that is too old.
     pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
         let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, uptime) VALUES (?1, ?2, ?3, ?4)";
-        self.connection.execute(sql, params![key, body_sha256, id, self.ages.now]).map(|_| ())
+        self.connection.execute(sql, params![key, body_sha256, id, self.uptime]).map(|_| ())
     }
 
     /// Deletes keys whose use is too old.
     pub fn forget_keys(&self) -> rusqlite::Result<()> {
-        let oldest = self.ages.cutoff(self.limits.keys_kept);
+        let oldest = cutoff(self.uptime, self.limits.keys_kept);
         self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest])?;
         self.connection.execute("DELETE FROM spent_keys WHERE uptime < ?1", [oldest]).map(|_| ())
     }
@@ -169,7 +170,7 @@ impl WriteTx<'_> {
                        finished_at = max(?7, coalesce(started_at, submitted_at)), ended_uptime = ?8,
                        progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
                    WHERE id = ?1 AND state = ?2";
-        let (now, uptime) = (Micros(self.now), self.ages.now);
+        let (now, uptime) = (Micros(self.now), self.uptime);
         if self.connection.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
             return Ok(None);
         }

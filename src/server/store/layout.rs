@@ -6,9 +6,6 @@ use std::path::{Path, PathBuf};
 use super::StoreFault;
 use upm_core::files::sync_folder;
 
-/// Folder whose contents are being deleted.
-const TRASH: &str = ".trash";
-
 /// Endings of a database's files: itself, its write-ahead log, the log's index.
 pub(super) const SQLITE_SUFFIXES: [&str; 3] = ["", "-wal", "-shm"];
 
@@ -23,10 +20,6 @@ pub(super) struct DataDir {
     /// The next database when it is complete, until the damaged one is moved away.
     pub next: PathBuf,
     pub runs: PathBuf,
-    /// Run folders that are being deleted.
-    pub trash: PathBuf,
-    /// The same on the disk of the run folders, where that differs; made when needed.
-    pub runs_trash: PathBuf,
 }
 
 impl DataDir {
@@ -39,17 +32,14 @@ impl DataDir {
             draft: at("upm.db.draft"),
             next: at("upm.db.next"),
             runs: at("runs"),
-            trash: at(TRASH),
-            runs_trash: at("runs").join(TRASH),
         };
         fs::create_dir_all(data).map_err(|error| named(data, error))?;
         Ok(dir)
     }
 
-    /// Creates the folders in the data folder.
-    pub fn make_folders(&self) -> Result<(), StoreFault> {
-        let make = |folder: &PathBuf| fs::create_dir_all(folder).map_err(|error| named(folder, error));
-        [&self.runs, &self.trash].into_iter().try_for_each(make)
+    /// Creates the folder of run folders.
+    pub fn make_runs(&self) -> Result<(), StoreFault> {
+        fs::create_dir_all(&self.runs).map_err(|error| named(&self.runs, error))
     }
 
     /// The exclusive lock of the data folder, released on drop.
@@ -72,8 +62,8 @@ impl DataDir {
         for entry in fs::read_dir(&self.runs).map_err(|error| named(&self.runs, error))? {
             let entry = entry?;
             let name = entry.file_name().into_string();
-            let is_run = |name: &String| name != TRASH && entry.file_type().is_ok_and(|kind| kind.is_dir());
-            names.extend(name.ok().filter(is_run));
+            let is_run = entry.file_type().is_ok_and(|kind| kind.is_dir());
+            names.extend(name.ok().filter(|_| is_run));
         }
         names.sort();
         Ok(names)

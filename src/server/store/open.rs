@@ -15,7 +15,7 @@ use super::options::OpenOptions;
 use super::quarantine::{damage_of, quarantine};
 use super::reader::Readers;
 use super::recover::{recover, uptime};
-use super::retention::{Retention, StartLock, Sweeper, empty_trash};
+use super::retention::{Retention, Sweeper};
 use super::schema::{create_as, is_clean, refuse_other_version};
 use super::write_queue::{MOST_WAITING, StoreWriterStatus, WriteQueue};
 use super::writer::Writer;
@@ -46,8 +46,7 @@ impl Store {
         let dir = DataDir::in_folder(data)?;
         let lock = dir.lock()?;
         [&dir.db, &dir.next].into_iter().try_for_each(|db| refuse_other_version(db))?;
-        dir.make_folders()?;
-        [&dir.trash, &dir.runs_trash].into_iter().for_each(|trash| empty_trash(trash));
+        dir.make_runs()?;
         let options = OpenOptions { plates, limits: &limits, clocks: &clocks };
         let (connection, recovery) = options.start(&dir)?;
         let ids = Ids::above(last_id(&connection)?);
@@ -56,29 +55,16 @@ impl Store {
         let (sender, waiting) = sync_channel(MOST_WAITING);
         let status = Arc::new(StoreWriterStatus::new(MonotonicClock::new()));
         let queue = WriteQueue { sender, status: Arc::clone(&status) };
-        let start_lock = StartLock::default();
-        let ages = Arc::new(AgeClock::after(uptime(&connection)?, clocks.clone()));
-        let sweeper =
-            Sweeper::new(dir.clone(), limits.clone(), Arc::clone(&ages), queue.clone(), Arc::clone(&start_lock));
+        let ages = AgeClock::after(uptime(&connection)?, clocks.clone());
+        let sweeper = Sweeper::new(dir.runs.clone(), limits.clone(), queue.clone());
         let (runs, uncounted, now) = (dir.runs.clone(), Cell::new(0), clocks.wall);
-        let writer = Writer {
-            connection,
-            queue: waiting,
-            status,
-            ids,
-            limits,
-            runs,
-            now,
-            ages: Arc::clone(&ages),
-            uncounted,
-            lock,
-        };
+        let writer = Writer { connection, queue: waiting, status, ids, limits, runs, now, ages, uncounted, lock };
         thread::Builder::new().name("store-write".into()).spawn(move || {
             lower_thread_priority();
             writer.run();
         })?;
         let retention = Retention::start(sweeper)?;
-        Ok(OpenOutcome { store: Store { queue, readers, runs: dir.runs, now, ages, retention, start_lock }, recovery })
+        Ok(OpenOutcome { store: Store { queue, readers, runs: dir.runs, now, retention }, recovery })
     }
 }
 

@@ -26,8 +26,6 @@ pub struct StoreLimits {
     pub keys_kept: Duration,
     /// Most bytes of run folders.
     pub runs_bytes: u64,
-    /// Longest time that a run folder is kept after its job ended, measured like that of keys.
-    pub runs_age: Duration,
     /// Ended runs of standing jobs that are kept for each plate, with their folders and events.
     pub standing_runs: u64,
 }
@@ -42,7 +40,6 @@ impl Default for StoreLimits {
             events: 1_000_000,
             keys_kept: day,
             runs_bytes: 20_000_000_000,
-            runs_age: 30 * day,
             standing_runs: 8,
         }
     }

@@ -5,7 +5,7 @@ use std::fs;
 
 use rusqlite::{Connection, OptionalExtension, params};
 
-use super::ages::{Ages, Uptime};
+use super::ages::Uptime;
 use super::columns::{JOB, Micros, job_of, rows};
 use super::ids::Ids;
 use super::layout::DataDir;
@@ -38,14 +38,14 @@ pub(super) fn recover(
     }
     let tx = connection.transaction()?;
     let (ids, uncounted, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
-    let ages = Ages { now: uptime(&tx)?, suspended: false };
+    let uptime = uptime(&tx)?;
     let write = WriteTx {
         connection: &tx,
         ids: &ids,
         limits: options.limits,
         runs: &dir.runs,
         now,
-        ages,
+        uptime,
         uncounted: &uncounted,
     };
     for (job, folder, end) in &ends {

@@ -8,23 +8,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use parking_lot::{Mutex, RwLock};
+use parking_lot::Mutex;
 
-use jiff::Timestamp;
-
-use super::ages::{AgeClock, Ages, Uptime};
-use super::layout::DataDir;
 use super::write_queue::WriteQueue;
-use super::write_tx::EndStamp;
 use super::{JobId, StoreFault, StoreLimits};
 use upm_core::thread_priority::lower_thread_priority;
 
 /// Time between two sweeps.
 const SWEEP_EVERY: Duration = Duration::from_secs(60);
-
-/// Least age of a folder without a job before it is deleted: a younger one may be one that a user is just copying
-/// there.
-const ORPHAN_AGE: Duration = Duration::from_secs(3600);
 
 /// Result of a sweep.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -100,57 +91,31 @@ impl Retention {
     }
 }
 
-/// Held shared from the creation of a run folder until its row names it; held exclusively while folders without a row
-/// are determined.
-pub(super) type StartLock = Arc<RwLock<()>>;
-
-/// Run folders of jobs by name, with when each job ended.
-type RunFolders = BTreeMap<String, (JobId, Option<EndStamp>)>;
-
-/// A run folder that may be deleted.
+/// The run folder of an ended job.
 #[derive(Clone, Debug, PartialEq)]
-struct AgedFolder {
-    name: String,
-    /// Its job; `None` for a folder without a job.
-    job: Option<JobId>,
-    ended: EndStamp,
+struct EndedRun {
+    folder: String,
+    job: JobId,
     bytes: u64,
 }
 
-impl AgedFolder {
-    /// A folder that is deleted regardless of age and size.
-    fn at_once(name: String, job: Option<JobId>) -> Self {
-        Self { name, job, ended: EndStamp { uptime: Uptime::MIN, at: Timestamp::MIN }, bytes: 0 }
-    }
-}
-
-/// Deletes run folders that are too old, or the oldest while they are too large in total.
+/// Deletes the run folders of the jobs that ended first while all are too large in total.
 #[derive(Debug)]
 pub(super) struct Sweeper {
-    dir: DataDir,
+    /// Folder of run folders.
+    runs: PathBuf,
     limits: StoreLimits,
-    ages: Arc<AgeClock>,
     queue: WriteQueue,
-    start_lock: StartLock,
     discarded: Discarded,
-    /// Uptime at which each folder without a job was first seen since the start.
-    orphans: BTreeMap<String, Uptime>,
     /// Sizes of the folders of ended jobs, bytes.
     sizes: BTreeMap<String, u64>,
     bytes: Arc<AtomicU64>,
 }
 
 impl Sweeper {
-    pub fn new(
-        dir: DataDir,
-        limits: StoreLimits,
-        ages: Arc<AgeClock>,
-        queue: WriteQueue,
-        start_lock: StartLock,
-    ) -> Self {
+    pub fn new(runs: PathBuf, limits: StoreLimits, queue: WriteQueue) -> Self {
         let bytes = Arc::new(AtomicU64::new(u64::MAX));
-        let (orphans, sizes, discarded) = (BTreeMap::new(), BTreeMap::new(), Discarded::default());
-        Self { dir, limits, ages, queue, start_lock, discarded, orphans, sizes, bytes }
+        Self { runs, limits, queue, discarded: Discarded::default(), sizes: BTreeMap::new(), bytes }
     }
 
     fn run(mut self, asked: &Receiver<SweepReply>) {
@@ -185,10 +150,10 @@ impl Sweeper {
         if !self.queue.written(|tx| tx.has_too_many_jobs())? {
             return Ok(());
         }
-        let (names, rows) = self.names_and_rows()?;
-        let ended = rows.into_iter().filter(|(_, (_, ended))| ended.is_some());
-        for (name, (id, _)) in ended.filter(|(name, _)| names.binary_search(name).is_err()) {
-            self.queue.written(move |tx| tx.prune(&id, &name))?;
+        for (folder, job) in self.queue.written(|tx| tx.ended_runs())? {
+            if !self.runs.join(&folder).exists() {
+                self.queue.written(move |tx| tx.prune(&job, &folder))?;
+            }
         }
         Ok(())
     }
@@ -196,17 +161,17 @@ impl Sweeper {
     /// Deletes the run folders that are due. A folder that cannot be deleted does not prevent the deletion of others.
     fn delete_folders(&mut self) -> Result<SweepReport, StoreFault> {
         let (mut deleted, mut faults) = (Vec::new(), Vec::new());
-        self.delete_discarded(&mut deleted, &mut faults)?;
+        let discarded = std::mem::take(&mut *self.discarded.lock());
+        deleted.extend(discarded.into_iter().filter(|folder| self.remove(folder, &mut faults)));
         self.delete_standing(&mut deleted, &mut faults)?;
-        let (folders, mut bytes) = self.folders()?;
-        let oldest = self.ages.ages().cutoff(self.limits.runs_age);
-        for kept in folders {
-            if kept.ended.uptime >= oldest && bytes <= self.limits.runs_bytes {
+        let (ended, mut bytes) = self.folders()?;
+        for EndedRun { folder, job, bytes: size } in ended {
+            if bytes <= self.limits.runs_bytes {
                 break;
             }
-            if self.delete(&kept, &mut faults)? {
-                bytes = bytes.saturating_sub(kept.bytes);
-                deleted.push(kept.name);
+            if self.delete(&folder, job, &mut faults)? {
+                bytes = bytes.saturating_sub(size);
+                deleted.push(folder);
             }
         }
         self.bytes.store(bytes, Ordering::Relaxed);
@@ -216,137 +181,59 @@ impl Sweeper {
         Ok(SweepReport { deleted, bytes })
     }
 
-    /// Removes the run folders of deleted jobs. A folder that stays has no job, and is removed by age.
-    fn delete_discarded(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
-        let discarded = std::mem::take(&mut *self.discarded.lock());
-        for name in discarded {
-            if self.delete(&AgedFolder::at_once(name.clone(), None), faults)? {
-                deleted.push(name);
-            }
-        }
-        Ok(())
-    }
-
     /// Deletes surplus runs of standing jobs with their rows: a plate that is never idle would otherwise fill the disk
     /// and displace the runs of other jobs.
     fn delete_standing(&mut self, deleted: &mut Vec<String>, faults: &mut Vec<String>) -> Result<(), StoreFault> {
         for (id, folder) in self.queue.written(|tx| tx.surplus_standing())? {
-            if let Some(name) = folder {
-                let kept = AgedFolder::at_once(name, Some(id));
-                if !self.delete(&kept, faults)? {
+            if let Some(folder) = folder {
+                if !self.delete(&folder, id, faults)? {
                     continue;
                 }
-                deleted.push(kept.name);
+                deleted.push(folder);
             }
             self.queue.written(move |tx| tx.forget_standing(&id))?;
         }
         Ok(())
     }
 
-    /// The folders that may be deleted, oldest first, and the bytes of all run folders.
-    fn folders(&mut self) -> Result<(Vec<AgedFolder>, u64), StoreFault> {
-        let (names, rows) = self.names_and_rows()?;
-        let (mut folders, mut bytes) = (Vec::new(), 0);
-        let (mut sizes, mut orphans) = (BTreeMap::new(), BTreeMap::new());
-        let ages = self.ages.ages();
-        for name in names {
-            let path = self.dir.runs.join(&name);
-            let (job, ended) = match rows.get(&name) {
-                Some((id, ended)) => (Some(*id), *ended),
-                None => {
-                    let found = self.orphans.get(&name).copied().unwrap_or(ages.now);
-                    orphans.insert(name.clone(), found);
-                    (None, orphaned(found, ages))
-                }
-            };
-            let known = self.sizes.get(&name).filter(|_| ended.is_some());
-            let size = known.copied().unwrap_or_else(|| size_of(&path));
+    /// The run folders of ended jobs, those that ended first at the front, and the bytes of the run folders of all
+    /// jobs.
+    fn folders(&mut self) -> Result<(Vec<EndedRun>, u64), StoreFault> {
+        let (running, rows) = self.queue.written(|tx| Ok((tx.begun_runs()?, tx.ended_runs()?)))?;
+        let mut bytes: u64 = running.iter().map(|folder| size_of(&self.runs.join(folder))).sum();
+        let mut sizes = BTreeMap::new();
+        let mut ended = Vec::new();
+        for (folder, job) in rows {
+            let size = self.sizes.get(&folder).copied().unwrap_or_else(|| size_of(&self.runs.join(&folder)));
             bytes += size;
-            if let Some(ended) = ended {
-                sizes.insert(name.clone(), size);
-                folders.push(AgedFolder { name, job, ended, bytes: size });
+            sizes.insert(folder.clone(), size);
+            ended.push(EndedRun { folder, job, bytes: size });
+        }
+        self.sizes = sizes;
+        Ok((ended, bytes))
+    }
+
+    /// Deletes the run folder of an ended job, then removes it from the job's row: a deletion that is cut short is
+    /// repeated. False when the folder stays; errors are added to `faults`.
+    fn delete(&mut self, folder: &str, job: JobId, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
+        let is_removed = self.remove(folder, faults);
+        if is_removed {
+            let name = folder.to_owned();
+            self.queue.written(move |tx| tx.prune(&job, &name))?;
+        }
+        Ok(is_removed)
+    }
+
+    /// Removes a run folder; false when it stays. Errors are added to `faults`.
+    fn remove(&self, folder: &str, faults: &mut Vec<String>) -> bool {
+        let path = self.runs.join(folder);
+        match fs::remove_dir_all(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                faults.push(format!("{}: {error}", path.display()));
+                false
             }
+            _ => true,
         }
-        (self.sizes, self.orphans) = (sizes, orphans);
-        folders.sort_by(|a, b| a.ended.cmp(&b.ended).then_with(|| a.name.cmp(&b.name)));
-        Ok((folders, bytes))
-    }
-
-    /// Names of the run folders and the rows that name them, read while no claim is between its folder and its row.
-    fn names_and_rows(&self) -> Result<(Vec<String>, RunFolders), StoreFault> {
-        let _no_start = self.start_lock.write();
-        Ok((self.dir.run_names()?, self.queue.written(|tx| tx.folders())?))
-    }
-
-    /// Deletes a folder; its row first, so that no row ever names a folder that is gone. False when the folder stays,
-    /// with its row as before; errors are added to `faults`.
-    fn delete(&mut self, kept: &AgedFolder, faults: &mut Vec<String>) -> Result<bool, StoreFault> {
-        let AgedFolder { name, job, .. } = kept;
-        let row = match *job {
-            None => None,
-            Some(id) => {
-                let folder = name.clone();
-                let Some(recording) = self.queue.written(move |tx| tx.prune(&id, &folder))? else {
-                    return Ok(false);
-                };
-                Some((id, recording))
-            }
-        };
-        let folder = self.dir.runs.join(name);
-        // a folder that was moved to the trash and cannot be removed is tried again at the next start
-        let removed = self.move_away(&folder, name).and_then(|trash| remove(&trash));
-        faults.extend(removed.err().map(|error| format!("{}: {error}", folder.display())));
-        if folder.exists() {
-            if let Some((id, recording)) = row {
-                let name = name.clone();
-                self.queue.written(move |tx| tx.restore_job_row(&id, &name, recording))?;
-            }
-            return Ok(false);
-        }
-        self.sizes.remove(name);
-        Ok(true)
-    }
-
-    /// Moves a run folder to the trash, where it can be removed without haste; returns its new path.
-    fn move_away(&self, folder: &Path, name: &str) -> io::Result<PathBuf> {
-        let DataDir { trash, runs_trash, .. } = &self.dir;
-        match move_into(trash, folder, name) {
-            // the run folders are on another disk
-            Err(error) if error.kind() == io::ErrorKind::CrossesDevices => move_into(runs_trash, folder, name),
-            moved => moved,
-        }
-    }
-}
-
-/// The end of a folder without a job that was found at uptime `found`; `None` while it may be one that is being made.
-/// The folder's own time is wall time, which cannot be trusted.
-fn orphaned(found: Uptime, ages: Ages) -> Option<EndStamp> {
-    (found < ages.cutoff(ORPHAN_AGE)).then_some(EndStamp { uptime: found, at: Timestamp::MIN })
-}
-
-fn move_into(trash: &Path, folder: &Path, name: &str) -> io::Result<PathBuf> {
-    let path = trash.join(name);
-    fs::create_dir_all(trash)?;
-    remove(&path)?;
-    fs::rename(folder, &path)?;
-    Ok(path)
-}
-
-/// Removes folders that an earlier sweep left in the trash. Those that cannot be removed are tried again at the next
-/// start.
-pub(super) fn empty_trash(trash: &Path) {
-    let Ok(entries) = fs::read_dir(trash) else { return };
-    for entry in entries.flatten() {
-        if let Err(error) = remove(&entry.path()) {
-            tracing::warn!("{}: not removed: {error}", entry.path().display());
-        }
-    }
-}
-
-fn remove(folder: &Path) -> io::Result<()> {
-    match fs::remove_dir_all(folder) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        other => other,
     }
 }
 

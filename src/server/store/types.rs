@@ -372,6 +372,4 @@ pub struct StoreHealth {
     pub free_bytes: Option<u64>,
     /// Longest time that a reading thread has spent on its current read.
     pub reader_busy: Duration,
-    /// True while nothing is deleted by age, because the wall clock has jumped.
-    pub deletion_suspended: bool,
 }

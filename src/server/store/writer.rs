@@ -48,7 +48,7 @@ pub(super) struct Writer {
     pub limits: StoreLimits,
     pub runs: PathBuf,
     pub now: fn() -> Timestamp,
-    pub ages: Arc<AgeClock>,
+    pub ages: AgeClock,
     pub uncounted: Cell<u64>,
     /// Held as long as the writer may write.
     pub lock: File,
@@ -64,8 +64,6 @@ impl Writer {
             let (batch, then) = self.collect();
             self.status.beat();
             let now = self.status.clock.elapsed();
-            // detects a jump of the wall clock soon, even when nothing is written
-            self.ages.ages();
             let due = now.saturating_sub(progress_at) >= PROGRESS_EVERY
                 || !batch.is_empty()
                 || matches!(then, WriterStep::End(_));
@@ -153,14 +151,14 @@ impl Writer {
     fn commit(&mut self, act: impl FnOnce(&WriteTx<'_>) -> rusqlite::Result<()>) -> Result<(), StoreFault> {
         let before = self.connection.total_changes();
         let tx = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let (now, ages, runs) = ((self.now)(), self.ages.ages(), self.runs.as_path());
+        let (now, uptime, runs) = ((self.now)(), self.ages.uptime(), self.runs.as_path());
         let write = WriteTx {
             connection: &tx,
             ids: &self.ids,
             limits: &self.limits,
             runs,
             now,
-            ages,
+            uptime,
             uncounted: &self.uncounted,
         };
         act(&write)?;

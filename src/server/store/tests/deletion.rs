@@ -9,7 +9,7 @@ fn delete(store: &Store, id: JobId) -> DeleteOutcome {
 
 #[test]
 fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
-    let (folder, store) = new_store(limits());
+    let (_folder, store) = new_store(limits());
     let [gone, kept] = ["gone", "kept"].map(|name| begin(&store, name, "a").row.id);
     for id in [gone, kept] {
         append(&store, id, "{}").unwrap();
@@ -20,7 +20,6 @@ fn ended_job_is_deleted_with_its_events_and_its_run_folder() {
     assert!(ask(|done| store.replay(&gone, 0, 10, done)).unwrap().is_none());
     store.sweep().unwrap();
     assert!(!store.runs().join("gone").exists() && store.runs().join("kept").exists());
-    assert_eq!(std::fs::read_dir(folder.path().join(".trash")).unwrap().count(), 0);
     assert_eq!(delete(&store, gone), DeleteOutcome::Unknown);
 }
 

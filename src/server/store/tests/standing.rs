@@ -18,7 +18,6 @@ fn run_folders(store: &Store) -> Vec<String> {
     let mut names: Vec<String> =
         fs::read_dir(store.runs()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    names.retain(|name| name != ".trash");
     names
 }
 

@@ -31,7 +31,6 @@ fn store_of_another_version_is_refused_and_left_untouched() {
         drop(store);
         let database = folder.path().join("upm.db");
         writing(&database).unwrap().pragma_update(None, "user_version", found).unwrap();
-        fs::write(folder.path().join(".trash/left"), "by an earlier sweep").unwrap();
         let before = contents(folder.path());
         let fault = try_open(folder.path(), limits()).map(|_| ()).unwrap_err();
         let file = database.display().to_string();
