@@ -7,7 +7,7 @@ use axum::Router;
 use axum::middleware::from_fn_with_state;
 use tokio::sync::Semaphore;
 
-use crate::http::{AllowedHosts, HttpLimits, SharedTokens, ShutdownSignal, with_layers};
+use crate::http::{AllowedHosts, HttpLimits, ShutdownSignal, Tokens, with_layers};
 
 mod backend;
 mod event_queue;
@@ -44,7 +44,7 @@ pub struct AppParts {
     /// The daemon behind it.
     pub backend: Arc<dyn Backend>,
     /// Accepted tokens.
-    pub tokens: SharedTokens,
+    pub tokens: Arc<Tokens>,
     /// Host names and addresses under which clients may call it.
     pub hosts: AllowedHosts,
     /// Limits of requests and connections.

@@ -21,7 +21,6 @@ mod listen_tests;
 mod origin_check;
 mod problem;
 mod request_id;
-mod shared_tokens;
 mod silent;
 mod socket;
 mod tokens;
@@ -32,7 +31,6 @@ pub use listen::{ShutdownReport, ShutdownSender, ShutdownSignal, serve};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
-pub use shared_tokens::SharedTokens;
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Adds the layers around `app` that every request passes, the outermost last.

@@ -30,9 +30,7 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
         router = router.route(path, on(filter, handler));
     }
     router
-        .fallback(async || {
-            Problem::new(ProblemKind::NotFound, "unknown path; see /openapi.json")
-        })
+        .fallback(async || Problem::new(ProblemKind::NotFound, "unknown path; see /openapi.json"))
         .method_not_allowed_fallback(async || {
             Problem::new(ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header")
         })
@@ -43,7 +41,7 @@ impl Operation {
         let (mut parts, body) = request.into_parts();
         let remote = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let name = match self.scope {
-            Some(scope) => api.tokens.admit(&parts.headers, scope, remote)?,
+            Some(scope) => api.tokens.admit(&parts.headers, scope)?,
             None => "anonymous".to_owned(),
         };
         let path = path_params(&mut parts).await?;

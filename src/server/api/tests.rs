@@ -18,9 +18,7 @@ use tower::ServiceExt;
 
 use super::operation::{MediaType, Operation};
 use super::{AppParts, HttpMetrics, app, routes};
-use crate::http::{
-    AllowedHosts, HttpLimits, ProblemDocument, Scope, SharedTokens, ShutdownSender, ShutdownSignal, Tokens,
-};
+use crate::http::{AllowedHosts, HttpLimits, ProblemDocument, Scope, ShutdownSender, ShutdownSignal, Tokens};
 use fake::FakeBackend;
 
 const READING: &str = "look-look-look-look-look-look-look";
@@ -58,7 +56,7 @@ impl TestApi {
         let backend = Arc::new(FakeBackend::default());
         let hosts = AllowedHosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = ShutdownSignal::new();
-        let (limits, http_metrics, tokens) = (Arc::new(limits), HttpMetrics::default(), SharedTokens::new(tokens));
+        let (limits, http_metrics, tokens) = (Arc::new(limits), HttpMetrics::default(), Arc::new(tokens));
         let (counted, version) = (http_metrics.clone(), "0.0.0");
         let parts =
             AppParts { backend: backend.clone(), tokens, hosts, limits, stop: flag, http_metrics: counted, version };

@@ -27,7 +27,7 @@ pub struct Prepared {
     /// Set when the daemon is to end. A start then skips the remaining repairs of recordings; the next start does them.
     pub shutdown_requested: Arc<AtomicBool>,
     /// Tokens that network clients must present.
-    pub(super) tokens: Tokens,
+    pub(super) tokens: Arc<Tokens>,
     /// The library of each plate, in the order of the configuration.
     pub(super) libraries: Vec<Arc<Library>>,
 }
@@ -79,7 +79,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if has_no_operator(spec) {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
-    Ok(Prepared { shutdown_requested: Arc::default(), tokens, libraries })
+    Ok(Prepared { shutdown_requested: Arc::default(), tokens: Arc::new(tokens), libraries })
 }
 
 /// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
@@ -96,7 +96,7 @@ fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> O
 }
 
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
-pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
+fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
     let mut tokens = Tokens::default();
     let files = [
         ("token_file", "operate", &spec.token_file, Scope::Operate),

@@ -11,14 +11,12 @@ use jiff::Timestamp;
 
 use super::backend::DaemonBackend;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
-use super::prepare::{Prepared, tokens_of};
+use super::prepare::Prepared;
 use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
 use crate::api::{AppParts, app};
-use crate::http::{
-    AllowedHosts, HttpLimits, SharedTokens, ShutdownReport, ShutdownSender, ShutdownSignal, joined, serve,
-};
+use crate::http::{AllowedHosts, HttpLimits, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve};
 use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use upm_core::time::MonotonicClock;
@@ -71,7 +69,7 @@ pub struct ExitReport {
 pub struct Daemon {
     pub(super) backend: Arc<DaemonBackend>,
     listener: TcpListener,
-    tokens: SharedTokens,
+    tokens: Arc<Tokens>,
     /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
 }
@@ -140,8 +138,7 @@ impl Daemon {
         let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
         let backend = Arc::new(backend.map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&backend.state, &listener);
-        let tokens = SharedTokens::new(prepared.tokens);
-        Ok(Self { backend, listener, tokens, estop_socket })
+        Ok(Self { backend, listener, tokens: prepared.tokens, estop_socket })
     }
 
     /// A handle that stops its plates without the network.
@@ -154,21 +151,15 @@ impl Daemon {
         self.listener.local_addr()
     }
 
-    /// A handle that makes it read its tokens again.
-    pub fn token_reload(&self) -> TokenReload {
-        TokenReload { state: Arc::clone(&self.backend.state), tokens: self.tokens.clone() }
-    }
-
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
         let alive = start_watchdog_ping(&state, manager);
         let (stopper, flag) = ShutdownSignal::new();
-        let tokens = self.tokens.clone();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        count_until(stop, &state, &answering, &tokens);
+        count_until(stop, &state, &answering);
         let ended = end(&state, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
@@ -194,29 +185,6 @@ impl Daemon {
     }
 }
 
-/// Reads the token files of a daemon again.
-#[derive(Clone, Debug)]
-pub struct TokenReload {
-    state: Arc<DaemonState>,
-    tokens: SharedTokens,
-}
-
-impl TokenReload {
-    /// Reads the token files again; from then on only their tokens are accepted. When a file has a fault, it is logged
-    /// and nothing changes.
-    pub fn reload(&self) {
-        let mut faults = Vec::new();
-        let tokens = tokens_of(&self.state.spec, &mut faults);
-        if faults.is_empty() {
-            tracing::info!(?tokens, "tokens are read again");
-            self.tokens.replace(tokens);
-        }
-        for fault in faults {
-            tracing::error!("the tokens stay as they were: {fault}");
-        }
-    }
-}
-
 /// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
 fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
     let state = Arc::clone(state);
@@ -231,19 +199,13 @@ fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Op
     })
 }
 
-/// Counts jobs periodically and logs wrong tokens until the daemon is to end.
-fn count_until(
-    stop: &Receiver<()>,
-    state: &Arc<DaemonState>,
-    answering: &JoinHandle<io::Result<ShutdownReport>>,
-    tokens: &SharedTokens,
-) {
+/// Counts jobs periodically until the daemon is to end.
+fn count_until(stop: &Receiver<()>, state: &Arc<DaemonState>, answering: &JoinHandle<io::Result<ShutdownReport>>) {
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         state.count_queued(|_| {});
         // acknowledges the damage once the last plate is resumed, even when no request has asked since
         state.unacknowledged_damage();
-        tokens.report_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             state.count_jobs();
         }
