@@ -9,11 +9,8 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 
-mod accept;
-mod admission;
 #[cfg(test)]
 mod guard_tests;
-mod head;
 mod limits;
 mod listen;
 #[cfg(test)]
@@ -21,8 +18,7 @@ mod listen_tests;
 mod origin_check;
 mod problem;
 mod request_id;
-mod silent;
-mod socket;
+mod stop_listener;
 mod tokens;
 
 pub use limits::{BodyMemoryLimit, HttpLimits};
@@ -31,6 +27,7 @@ pub use listen::{ShutdownReport, ShutdownSender, ShutdownSignal, serve};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
+pub use stop_listener::{STOP_PATH, serve_stops};
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Adds the layers around `app` that every request passes, the outermost last.

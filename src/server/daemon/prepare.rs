@@ -67,10 +67,12 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
     let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
-    if !spec.listen.ip().is_loopback() && tokens.is_empty() && faults.is_empty() {
+    if tokens.is_empty() && faults.is_empty() {
         let allowed =
             "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
-        faults.push(fault(spec, "listen", spec.listen.to_string(), allowed));
+        let own = [("listen", Some(spec.listen)), ("stop_listen", spec.stop_listen)];
+        let reached = own.iter().filter_map(|(key, address)| Some((key, address.filter(|a| !a.ip().is_loopback())?)));
+        faults.extend(reached.map(|(key, address)| fault(spec, key, address.to_string(), allowed)));
     }
     faults.extend(data_fault(spec));
     if !faults.is_empty() {

@@ -16,7 +16,10 @@ use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
 use crate::api::{AppParts, app};
-use crate::http::{AllowedHosts, HttpLimits, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve};
+use crate::http::{
+    AllowedHosts, HttpLimits, STOP_PATH, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve,
+    serve_stops,
+};
 use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use upm_core::time::MonotonicClock;
@@ -75,15 +78,16 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Faults of listening now on its own address and on those of the live streams; empty when all are free. Binds each
+    /// Faults of listening now on its own addresses and on those of the live streams; empty when all are free. Binds each
     /// address for a moment.
     pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
         let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
         let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
-        std::iter::once(spec.listen).chain(live).filter_map(|address| listener_at(address).err()).collect()
+        let own = std::iter::once(spec.listen).chain(spec.stop_listen);
+        own.chain(live).filter_map(|address| listener_at(address).err()).collect()
     }
 
-    /// Binds the port, opens the store, recovers the state that the previous daemon left and creates the plates.
+    /// Binds its ports, opens the store, recovers the state that the previous daemon left and creates the plates.
     /// Requests wait until [`Self::serve`]. Plates that need an operator's consent stay still.
     pub fn start(
         spec: DaemonSpec,
@@ -94,6 +98,7 @@ impl Daemon {
     ) -> Result<Self, StartFault> {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
+        let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
         let at_store = |fault| match fault {
             StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
@@ -138,6 +143,9 @@ impl Daemon {
         let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
         let backend = Arc::new(backend.map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&backend.state, &listener);
+        if let Some(stop_listener) = stop_listener {
+            take_stops(stop_listener, &backend.state, &prepared.tokens).map_err(StartFault::Plates)?;
+        }
         Ok(Self { backend, listener, tokens: prepared.tokens, estop_socket })
     }
 
@@ -248,6 +256,15 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
     let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, &stop));
     let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
     socket.map_err(fault).ok()
+}
+
+/// Takes emergency stops on the port that has nothing else.
+fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
+    let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
+    let hosts = AllowedHosts::new(address, &state.spec.hosts);
+    serve_stops(listener, hosts, Arc::clone(tokens), move |caller| stop.stop_for(caller))?;
+    tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
+    Ok(())
 }
 
 fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::header::{CONNECTION, CONTENT_LENGTH, EXPECT};
-use axum::http::{HeaderMap, HeaderValue, Method, Uri};
+use axum::http::{HeaderMap, HeaderValue, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use bytes::{Bytes, BytesMut};
@@ -35,8 +35,7 @@ pub struct HttpLimits {
     pub body_bytes: usize,
     /// Memory for all bodies together.
     pub bodies: BodyMemoryLimit,
-    /// Longest time until the first byte of a connection arrives, from then until its header is complete, and between
-    /// its requests.
+    /// Longest time until the header of a connection's next request is complete.
     pub header_time: Duration,
     /// Longest time for a complete body to arrive.
     pub body_time: Duration,
@@ -44,19 +43,8 @@ pub struct HttpLimits {
     pub handler_time: Duration,
     /// Longest time for which a client may accept no bytes of an answer.
     pub stalled_time: Duration,
-    /// Most common connections at once. An idle one takes some 20 KiB besides the socket's buffers in the kernel; a
-    /// sending one also a header of at most 32 KiB and its body.
+    /// Most connections at once; further ones wait in the kernel's queue.
     pub connections: usize,
-    /// Most of them for one host. Further ones are spare connections.
-    pub peer_connections: usize,
-    /// The same for each loopback address: a proxy there serves many clients.
-    pub loopback_connections: usize,
-    /// Most spare connections at once, besides the common ones: reserved for the emergency stop, the list of plates it
-    /// begins with, and health checks. Also the most connections that wait for their client to send something: under a
-    /// flood each one has until this many further ones arrive to begin its request, and again to end it.
-    pub spare_connections: usize,
-    /// Longest time for a complete header to arrive on a spare connection.
-    pub spare_header_time: Duration,
     /// Most event streams at once.
     pub watchers: usize,
     /// Longest silence on an event stream.
@@ -79,11 +67,7 @@ impl Default for HttpLimits {
             body_time: Duration::from_secs(10),
             handler_time: Duration::from_secs(10),
             stalled_time: Duration::from_secs(20),
-            connections: 1248,
-            peer_connections: 64,
-            loopback_connections: 256,
-            spare_connections: 1024,
-            spare_header_time: Duration::from_secs(2),
+            connections: 512,
             watchers: 256,
             heartbeat_time: Duration::from_secs(5),
             downloads: 8,
@@ -148,23 +132,8 @@ impl HttpLimits {
             let detail = format!("a header has at most {} lines and {} bytes", self.header_lines, self.header_bytes);
             return Err(Problem::new(ProblemKind::HeaderTooLarge, detail));
         }
-        if request.extensions().get::<ReservedConnection>().is_some() && !may_use_spare(request) {
-            let detail = "too many connections; those left are for e-stop, the list of plates and health";
-            return Err(closing(Problem::new(ProblemKind::Unavailable, detail).retry_after(2)));
-        }
         Ok(())
     }
-}
-
-/// Marks a request on a spare connection, which serves only the emergency stop, the list of plates and health checks.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ReservedConnection;
-
-fn may_use_spare(request: &Request) -> bool {
-    let path = request.uri().path();
-    let estop = path.strip_prefix("/v1/plates/").is_some_and(|rest| rest.ends_with("/estop"));
-    let list = path == "/v1/plates" && request.method() == Method::GET;
-    (estop && request.method() == Method::POST) || list || path == "/healthz" || path == "/readyz"
 }
 
 fn uri_bytes(uri: &Uri) -> usize {
