@@ -21,7 +21,7 @@ mod request_id;
 mod stop_listener;
 mod tokens;
 
-pub use limits::{BodyMemoryLimit, HttpLimits};
+pub(crate) use limits::{in_time, read_body};
 pub(crate) use listen::Peer;
 pub use listen::{ShutdownReport, ShutdownSender, ShutdownSignal, serve};
 pub use origin_check::AllowedHosts;
@@ -31,9 +31,9 @@ pub use stop_listener::{STOP_PATH, serve_stops};
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Adds the layers around `app` that every request passes, the outermost last.
-pub(crate) fn with_layers(app: Router, hosts: AllowedHosts, limits: Arc<HttpLimits>) -> Router {
+pub(crate) fn with_layers(app: Router, hosts: AllowedHosts) -> Router {
     app.layer(from_fn_with_state(Arc::new(hosts), origin_check::guard))
-        .layer(from_fn_with_state(limits, limits::limit))
+        .layer(from_fn(limits::limit))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn(request_id::identify))
 }

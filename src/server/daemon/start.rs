@@ -17,8 +17,7 @@ use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
 use crate::api::{AppParts, app};
 use crate::http::{
-    AllowedHosts, HttpLimits, STOP_PATH, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve,
-    serve_stops,
+    AllowedHosts, STOP_PATH, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve, serve_stops,
 };
 use crate::store::{self, Clocks, OpenOutcome, RecordingRepair, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
@@ -179,17 +178,8 @@ impl Daemon {
         let (spec, http_metrics, version) =
             (&backend.state.spec, backend.state.http_metrics.clone(), backend.state.version);
         let hosts = AllowedHosts::new(spec.listen, &spec.hosts);
-        let limits = Arc::new(HttpLimits { ending_time: REQUESTS_WITHIN, ..HttpLimits::default() });
-        let app = app(AppParts {
-            backend,
-            tokens,
-            hosts,
-            limits: Arc::clone(&limits),
-            stop: flag.clone(),
-            http_metrics,
-            version,
-        });
-        thread::spawn(move || serve(listener, app, &limits, &flag))
+        let app = app(AppParts { backend, tokens, hosts, stop: flag.clone(), http_metrics, version });
+        thread::spawn(move || serve(listener, app, &flag, REQUESTS_WITHIN))
     }
 }
 

@@ -13,7 +13,6 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{sleep, timeout};
 
-use super::limits::HttpLimits;
 use upm_core::thread_priority::lower_thread_priority;
 
 /// Threads that serve requests.
@@ -21,6 +20,15 @@ const WORKERS: usize = 2;
 
 /// Most threads that read files.
 const FILE_READERS: usize = 8;
+
+/// Most connections at once; further ones wait in the kernel's queue.
+const CONNECTIONS: usize = 512;
+
+/// Longest time until the header of a connection's next request is complete.
+const HEADER_TIME: Duration = Duration::from_secs(5);
+
+/// Longest time for which a client may accept no bytes of an answer.
+const STALLED_TIME: Duration = Duration::from_secs(20);
 
 /// Largest header that hyper reads, bytes.
 const READ_BYTES: usize = 32 << 10;
@@ -67,13 +75,13 @@ impl ShutdownSignal {
     }
 }
 
-/// Serves `app` on `listener` until `stop` is set, in its own runtime. Blocks. Returns within `limits.ending_time` after
-/// the flag was set, whatever clients do.
+/// Serves `app` on `listener` until `stop` is set, in its own runtime. Blocks. Requests under way then have the time
+/// `ending` for their end, whatever clients do.
 pub fn serve(
     listener: std::net::TcpListener,
     app: Router,
-    limits: &HttpLimits,
     stop: &ShutdownSignal,
+    ending: Duration,
 ) -> io::Result<ShutdownReport> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(WORKERS)
@@ -82,7 +90,7 @@ pub fn serve(
         .on_thread_start(lower_thread_priority)
         .enable_all()
         .build()?;
-    let served = runtime.block_on(serve_until_stopped(listener, app, limits, stop));
+    let served = runtime.block_on(serve_until_stopped(listener, app, stop, ending));
     runtime.shutdown_background();
     served
 }
@@ -90,14 +98,14 @@ pub fn serve(
 async fn serve_until_stopped(
     listener: std::net::TcpListener,
     app: Router,
-    limits: &HttpLimits,
     stop: &ShutdownSignal,
+    ending: Duration,
 ) -> io::Result<ShutdownReport> {
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
-    let (places, open) = (Arc::new(Semaphore::new(limits.connections)), GracefulShutdown::new());
+    let (places, open) = (Arc::new(Semaphore::new(CONNECTIONS)), GracefulShutdown::new());
     let mut builder = http1::Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(limits.header_time).max_buf_size(READ_BYTES);
+    builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME).max_buf_size(READ_BYTES);
     loop {
         let accepted = tokio::select! {
             () = stop.stopped() => break,
@@ -112,7 +120,7 @@ async fn serve_until_stopped(
             }
         };
         let _ = stream.set_nodelay(true);
-        let _ = SockRef::from(&stream).set_tcp_user_timeout(Some(limits.stalled_time));
+        let _ = SockRef::from(&stream).set_tcp_user_timeout(Some(STALLED_TIME));
         let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(peer))));
         let connection = open.watch(builder.serve_connection(TokioIo::new(stream), service));
         tokio::spawn(async move {
@@ -123,8 +131,8 @@ async fn serve_until_stopped(
         });
     }
     drop(listener);
-    let ended = timeout(limits.ending_time, open.shutdown()).await;
-    Ok(ShutdownReport { dropped: ended.map_or(limits.connections - places.available_permits(), |()| 0) })
+    let ended = timeout(ending, open.shutdown()).await;
+    Ok(ShutdownReport { dropped: ended.map_or(CONNECTIONS - places.available_permits(), |()| 0) })
 }
 
 /// The next connection, once there is a place for it. Until then it waits in the kernel's queue.
