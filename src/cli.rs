@@ -71,7 +71,7 @@ pub fn main() -> ExitCode {
         Err(error) => return usage::answer(&error),
     };
     if let Command::Serve(_) = cli.command {
-        daemon::hold_back_signals();
+        daemon::hold_back_sigusr1();
     }
     let flush_guard = logs::start(cli.common, cli.command.log());
     let done = dispatch(cli);

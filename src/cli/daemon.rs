@@ -13,7 +13,7 @@ use super::args::Common;
 use super::client_args::ClientCommand;
 use super::output::Failure;
 
-pub(super) use serve::{hold_back_signals, serve};
+pub(super) use serve::{hold_back_sigusr1, serve};
 
 /// Runs a client command.
 pub(super) fn client_command(command: &ClientCommand, common: Common) -> Result<u8, Failure> {

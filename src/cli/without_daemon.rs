@@ -5,8 +5,8 @@ use super::client_args::ClientCommand;
 use super::features::{DAEMON, lacking};
 use super::output::Failure;
 
-/// Does nothing: only a daemon handles signals.
-pub(super) fn hold_back_signals() {}
+/// Does nothing: only a daemon handles SIGUSR1.
+pub(super) fn hold_back_sigusr1() {}
 
 pub(super) fn serve(_: &ServeArgs, _: Common) -> Result<u8, Failure> {
     Err(lacking(DAEMON, "upm serve"))

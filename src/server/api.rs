@@ -7,7 +7,7 @@ use axum::Router;
 use axum::middleware::from_fn_with_state;
 use tokio::sync::Semaphore;
 
-use crate::http::{AllowedHosts, HttpLimits, SharedTokens, ShutdownSignal, with_layers};
+use crate::http::{AllowedHosts, ShutdownSignal, Tokens, with_layers};
 
 mod backend;
 mod event_queue;
@@ -44,11 +44,9 @@ pub struct AppParts {
     /// The daemon behind it.
     pub backend: Arc<dyn Backend>,
     /// Accepted tokens.
-    pub tokens: SharedTokens,
+    pub tokens: Arc<Tokens>,
     /// Host names and addresses under which clients may call it.
     pub hosts: AllowedHosts,
-    /// Limits of requests and connections.
-    pub limits: Arc<HttpLimits>,
     /// Ends event streams; the same flag that ends the server.
     pub stop: ShutdownSignal,
     /// Counters of requests and event streams.
@@ -69,13 +67,12 @@ pub fn app(parts: AppParts) -> Router {
     let api = Arc::new(Api {
         backend: parts.backend,
         tokens: parts.tokens,
-        limits: parts.limits.clone(),
         stop: parts.stop,
         document: openapi::document(&operations, parts.version).to_string().into(),
         http_metrics: parts.http_metrics.clone(),
-        watchers: Arc::new(Semaphore::new(parts.limits.watchers)),
-        downloads: Arc::new(Semaphore::new(parts.limits.downloads)),
+        watchers: Arc::new(Semaphore::new(events::WATCHERS)),
+        downloads: Arc::new(Semaphore::new(files::DOWNLOADS)),
     });
-    let app = with_layers(router::router(operations, &api), parts.hosts, parts.limits);
+    let app = with_layers(router::router(operations, &api), parts.hosts);
     app.layer(from_fn_with_state(parts.http_metrics, http_metrics::count))
 }

@@ -9,11 +9,8 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 
-mod accept;
-mod admission;
 #[cfg(test)]
 mod guard_tests;
-mod head;
 mod limits;
 mod listen;
 #[cfg(test)]
@@ -21,24 +18,22 @@ mod listen_tests;
 mod origin_check;
 mod problem;
 mod request_id;
-mod shared_tokens;
-mod silent;
-mod socket;
+mod stop_listener;
 mod tokens;
 
-pub use limits::{BodyMemoryLimit, HttpLimits};
+pub(crate) use limits::{in_time, read_body};
 pub(crate) use listen::Peer;
 pub use listen::{ShutdownReport, ShutdownSender, ShutdownSignal, serve};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
-pub use shared_tokens::SharedTokens;
+pub use stop_listener::{STOP_PATH, serve_stops};
 pub use tokens::{Caller, Scope, Tokens};
 
 /// Adds the layers around `app` that every request passes, the outermost last.
-pub(crate) fn with_layers(app: Router, hosts: AllowedHosts, limits: Arc<HttpLimits>) -> Router {
+pub(crate) fn with_layers(app: Router, hosts: AllowedHosts) -> Router {
     app.layer(from_fn_with_state(Arc::new(hosts), origin_check::guard))
-        .layer(from_fn_with_state(limits, limits::limit))
+        .layer(from_fn(limits::limit))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(from_fn(request_id::identify))
 }

@@ -9,7 +9,6 @@ use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
 
 use rustix::fs::{CWD, FileType, Mode, mknodat};
-use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -90,13 +89,6 @@ impl TestDaemon {
     pub fn terminate(&mut self) -> ExitStatus {
         self.signal("-TERM");
         until("the daemon ends", || self.child.try_wait().unwrap())
-    }
-
-    /// Leaves the daemon room for this many more open files.
-    pub fn limit_files(&self, more: u64) {
-        let open = fs::read_dir(format!("/proc/{}/fd", self.child.id())).unwrap().count() as u64;
-        let limit = Rlimit { current: Some(open + more), maximum: Some(open + more) };
-        prlimit(Some(Pid::from_child(&self.child)), Resource::Nofile, limit).unwrap();
     }
 
     /// Sends a signal, for example `-USR1`.

@@ -1,13 +1,16 @@
-//! Emergency stops without HTTP: the socket in the data folder, and SIGUSR1.
+//! Emergency stops past the API: the socket in the data folder, SIGUSR1, and the listener for stops alone.
 
 use std::fs;
 use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::daemon_process::{LEFT, RIGHT, TestDaemon, moving, until};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, config, moving, until};
+use super::http::{ask, connect};
 
 /// Answer of the socket to this line.
 fn said(served: &TestDaemon, line: &str) -> Value {
@@ -77,4 +80,26 @@ fn sigusr1_stops_every_plate() {
         until("the plate is stopped", || (served.plate(name)["state"] == "stopped").then_some(()));
     }
     until("the stops are logged", || (served.log().matches("stopped by SIGUSR1").count() == 2).then_some(()));
+}
+
+#[test]
+fn stop_listener_stops_every_plate_while_silent_connections_take_all_of_the_api() {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut config = config();
+    config["stop_listen"] = free.as_str().into();
+    let served = TestDaemon::with(&config);
+    ask(&free, "GET", "/v1/estop", &[], b"").is_problem(405);
+    ask(&free, "POST", "/v1/jobs", &[], b"").is_problem(404);
+    ask(&free, "POST", "/v1/estop", &[("Origin", "http://evil.example")], b"").is_problem(403);
+    assert_eq!(served.plate(LEFT)["state"], "idle");
+    // more than the API serves at once
+    let silent: Vec<TcpStream> = (0..560).map(|_| connect(served.address())).collect();
+    let asked_at = Instant::now();
+    let answer = ask(&free, "POST", "/v1/estop", &[], b"");
+    assert!(asked_at.elapsed() < Duration::from_secs(2), "{:?}", asked_at.elapsed());
+    assert_eq!(answer.status, 200);
+    let stops = answer.json()["stops"].clone();
+    assert!(stops.as_array().unwrap().iter().all(|stop| stop["answer"]["persisted"] == true), "{stops}");
+    drop(silent);
+    assert_eq!([LEFT, RIGHT].map(|name| served.plate(name)["state"].clone()), ["stopped", "stopped"]);
 }

@@ -19,8 +19,6 @@ from daemon_traffic import Link
 
 PLATES = {"a": "upm-1", "b": "upm-2", "c": "upm-2-evening"}
 LONGEST_DRAIN_S = 1800.0
-# connections from one address; the daemon takes a few more
-OF_ONE_ADDRESS = 250
 
 
 def body(number):
@@ -32,8 +30,8 @@ async def submit_all(address, numbers, connections):
     """Answers by number, or the exception that came in place of one."""
     left, answers = collections.deque(numbers), {}
 
-    async def work(worker):
-        link = Link(address, source=f"127.0.1.{1 + worker // OF_ONE_ADDRESS}")
+    async def work():
+        link = Link(address)
         while left:
             number = left.popleft()
             key = f"Idempotency-Key: burst-{number}\r\n"
@@ -44,7 +42,7 @@ async def submit_all(address, numbers, connections):
                 link.drop()
         link.drop()
 
-    await asyncio.gather(*(work(worker) for worker in range(connections)))
+    await asyncio.gather(*(work() for _ in range(connections)))
     return answers
 
 

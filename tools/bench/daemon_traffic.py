@@ -42,12 +42,9 @@ class Link:
     headers: str = ""
     reader: asyncio.StreamReader = None
     writer: asyncio.StreamWriter = None
-    # address it comes from, where that matters: one has at most 256 connections
-    source: str = None
 
     async def open(self):
-        local = (self.source, 0) if self.source else None
-        self.reader, self.writer = await asyncio.open_connection(*self.address, local_addr=local)
+        self.reader, self.writer = await asyncio.open_connection(*self.address)
 
     def drop(self):
         if self.writer:

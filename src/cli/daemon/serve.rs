@@ -12,7 +12,7 @@ use crate::cli::output::{Failure, NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{
-    Daemon, EmergencyStops, ExitReport, NotifyEnv, ServiceManager, StartFault, TokenReload, keep_files_private, prepare,
+    Daemon, EmergencyStops, ExitReport, NotifyEnv, ServiceManager, StartFault, keep_files_private, prepare,
 };
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -30,7 +30,7 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
     let address = daemon.address().map_err(Failure::failed)?;
-    attend_signals(daemon.emergency_stop(), daemon.token_reload());
+    attend_sigusr1(daemon.emergency_stop());
     outln!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop, &manager)))
@@ -99,28 +99,23 @@ fn stop_signals() -> Receiver<()> {
     stop
 }
 
-/// Blocks SIGUSR1 (stops every plate) and SIGHUP (reads the tokens again), which do not end the daemon, in this thread
-/// and in those that it starts. Called before there is a second thread, so that neither ends the process; an early
-/// signal stays pending for [`attend_signals`].
-pub(crate) fn hold_back_signals() {
-    if let Err(error) = held_signals().thread_block() {
-        errln!("upm: SIGUSR1 will not stop the plates, SIGHUP ends the daemon: {error}");
+/// Blocks SIGUSR1, which stops every plate, in this thread and in those that it starts. Called before there is a second
+/// thread, so that it does not end the process; an early signal stays pending for [`attend_sigusr1`].
+pub(crate) fn hold_back_sigusr1() {
+    if let Err(error) = sigusr1().thread_block() {
+        errln!("upm: SIGUSR1 will not stop the plates: {error}");
     }
 }
 
-fn held_signals() -> SigSet {
-    [Signal::SIGHUP, Signal::SIGUSR1].into_iter().collect()
+fn sigusr1() -> SigSet {
+    [Signal::SIGUSR1].into_iter().collect()
 }
 
-/// Starts the thread that handles the blocked signals.
-fn attend_signals(stop: EmergencyStops, tokens: TokenReload) {
+/// Starts the thread that waits for SIGUSR1.
+fn attend_sigusr1(stop: EmergencyStops) {
     let started = thread::Builder::new().name("signals".into()).spawn(move || {
-        while let Ok(signal) = held_signals().wait() {
-            match signal {
-                Signal::SIGUSR1 => stop_all_plates(&stop),
-                Signal::SIGHUP => tokens.reload(),
-                _ => {}
-            }
+        while sigusr1().wait().is_ok() {
+            stop_all_plates(&stop);
         }
     });
     if let Err(error) = started {

@@ -18,6 +18,8 @@ pub struct DaemonSpec {
     pub file: String,
     /// Address and port to listen on.
     pub listen: SocketAddr,
+    /// Address and port of the listener for emergency stops alone, if there is one.
+    pub stop_listen: Option<SocketAddr>,
     /// Folder of the job store, run folders and latches.
     pub data: PathBuf,
     /// The plates, in the order of the file.
@@ -115,7 +117,8 @@ impl DaemonSpec {
 
     fn build(raw: RawDaemon, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
         let root = Path::root();
-        let listen = listen_of(&raw.listen, faults);
+        let listen = address_in("listen", &raw.listen, faults);
+        let stop_listen = raw.stop_listen.as_ref().and_then(|text| address_in("stop_listen", text, faults));
         let plates = plates_of(&raw.plates, origin, faults);
         let default_plate = default_plate_of(&raw, faults);
         let hosts = hosts_of(&raw.hosts, faults);
@@ -128,6 +131,7 @@ impl DaemonSpec {
         Some(Self {
             file: origin.file.clone(),
             listen: listen?,
+            stop_listen,
             data: data?,
             plates: plates?,
             default_plate,
@@ -161,11 +165,11 @@ impl DaemonSpec {
     }
 }
 
-fn listen_of(text: &str, faults: &mut Diagnostics) -> Option<SocketAddr> {
+fn address_in(key: &str, text: &str, faults: &mut Diagnostics) -> Option<SocketAddr> {
     let address = text.parse().ok();
     let found = quoted(text);
     let allowed = "an IP address and a port like 127.0.0.1:8750 or [::1]:8750";
-    faults.require(address.is_some(), Path::root().key("listen"), found, allowed);
+    faults.require(address.is_some(), Path::root().key(key), found, allowed);
     address
 }
 

@@ -18,6 +18,11 @@ pub struct RawDaemon {
     #[serde(default = "listen")]
     #[schemars(length(min = 1, max = 64))]
     pub listen: String,
+    /// Address and port of a second listener, which stops every plate by `POST /v1/estop` and does nothing else. Left
+    /// out: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 64))]
+    pub stop_listen: Option<String>,
     /// Folder of the job store, run folders and latches, relative to this file.
     #[serde(default = "data")]
     #[schemars(length(min = 1, max = 4096))]

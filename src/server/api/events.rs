@@ -21,6 +21,12 @@ pub(super) const EVENT_STREAM: &str = "text/event-stream";
 pub const JOB_OVER: &str = "job_over";
 pub(super) const LAST_EVENT_ID: &str = "Last-Event-ID";
 
+/// Most event streams at once.
+pub(super) const WATCHERS: usize = 256;
+
+/// Longest silence on an event stream.
+const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
+
 /// Events read from the store at a time.
 const PAGE: usize = 500;
 
@@ -34,19 +40,10 @@ pub(super) async fn watch(call: RequestContext) -> Result<Response, Problem> {
     let counted = (permit.map_err(full)?, call.api.http_metrics.stream());
     let (sender, receiver) = event_queue();
     let stream_start = call.backend.watch(&id, sender).await?;
-    let (stop, heartbeat) = (call.api.stop.clone(), call.api.limits.heartbeat_time);
+    let stop = call.api.stop.clone();
     let stage = StreamPhase::Opening { stream_start, after };
-    let watcher = EventStreamWatcher {
-        backend: call.backend,
-        id,
-        stop,
-        heartbeat,
-        receiver,
-        sent: 0,
-        is_over: false,
-        stage,
-        counted,
-    };
+    let watcher =
+        EventStreamWatcher { backend: call.backend, id, stop, receiver, sent: 0, is_over: false, stage, counted };
     let stream = stream::unfold(watcher, |mut watcher| async {
         let text = watcher.next().await?;
         Some((Ok::<_, std::convert::Infallible>(text), watcher))
@@ -68,7 +65,6 @@ struct EventStreamWatcher {
     backend: Arc<dyn Backend>,
     id: String,
     stop: ShutdownSignal,
-    heartbeat: Duration,
     receiver: EventReceiver,
     /// Number of the last stored event that was sent, or that the client does not need.
     sent: u64,
@@ -174,7 +170,7 @@ impl EventStreamWatcher {
                 self.stage = StreamPhase::Live;
                 text.freeze()
             }
-            () = sleep(self.heartbeat) => {
+            () = sleep(HEARTBEAT_TIME) => {
                 self.stage = StreamPhase::Live;
                 Bytes::from_static(b": hb\n\n")
             }

@@ -29,6 +29,9 @@ const UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
 const PICTURE_TRIES: usize = 10;
 const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 
+/// Most recordings sent at once.
+pub(super) const DOWNLOADS: usize = 8;
+
 /// Bytes read from a file at a time.
 const CHUNK_BYTES: usize = 64 << 10;
 

@@ -8,14 +8,13 @@ use tokio::sync::Semaphore;
 use super::backend::Backend;
 use super::http_metrics::HttpMetrics;
 use super::query::{QueryParams, is_job_id};
-use crate::http::{Caller, HttpLimits, Problem, ProblemKind, SharedTokens, ShutdownSignal};
+use crate::http::{Caller, Problem, ProblemKind, ShutdownSignal, Tokens};
 use upm_runner::config::is_plain_name;
 
 /// State shared by all requests.
 pub(super) struct Api {
     pub backend: Arc<dyn Backend>,
-    pub tokens: SharedTokens,
-    pub limits: Arc<HttpLimits>,
+    pub tokens: Arc<Tokens>,
     pub stop: ShutdownSignal,
     pub document: Bytes,
     pub http_metrics: HttpMetrics,

@@ -14,7 +14,7 @@ use super::http_metrics::MatchedOperation;
 use super::operation::{Operation, ParamIn};
 use super::query::QueryParams;
 use super::request::{Api, RequestContext};
-use crate::http::{Caller, Peer, Problem, ProblemKind};
+use crate::http::{Caller, Peer, Problem, ProblemKind, in_time, read_body};
 
 /// The router of all `operations`.
 pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
@@ -41,24 +41,22 @@ impl Operation {
         let (mut parts, body) = request.into_parts();
         let remote = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let name = match self.scope {
-            Some(scope) => api.tokens.admit(&parts.headers, scope, remote)?,
+            Some(scope) => api.tokens.admit(&parts.headers, scope)?,
             None => "anonymous".to_owned(),
         };
         let path = path_params(&mut parts).await?;
         let query = self.query(&parts)?;
-        // the memory is reserved until the request is answered
-        let (body, _room) = match self.body {
+        let body = match self.body {
             Some(_) => {
                 demand_json(&parts.headers)?;
-                let (bytes, room) = api.limits.read_body(&parts.headers, body).await?;
-                (bytes, Some(room))
+                read_body(body).await?
             }
-            None => (Bytes::new(), None),
+            None => Bytes::new(),
         };
         let caller = Caller { name, remote };
         let (backend, headers) = (api.backend.clone(), parts.headers);
         let call = RequestContext { backend, api: api.clone(), caller, headers, query, body, path };
-        api.limits.in_time(self.handler.answer(call)).await
+        in_time(self.handler.answer(call)).await
     }
 
     fn query(&self, parts: &Parts) -> Result<QueryParams, Problem> {

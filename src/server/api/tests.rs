@@ -18,9 +18,7 @@ use tower::ServiceExt;
 
 use super::operation::{MediaType, Operation};
 use super::{AppParts, HttpMetrics, app, routes};
-use crate::http::{
-    AllowedHosts, HttpLimits, ProblemDocument, Scope, SharedTokens, ShutdownSender, ShutdownSignal, Tokens,
-};
+use crate::http::{AllowedHosts, ProblemDocument, Scope, ShutdownSender, ShutdownSignal, Tokens};
 use fake::FakeBackend;
 
 const READING: &str = "look-look-look-look-look-look-look";
@@ -42,26 +40,29 @@ struct ApiAnswer {
 
 impl TestApi {
     fn new() -> Self {
-        Self::with(Tokens::default(), |_| ())
+        Self::with(Tokens::default())
     }
 
     fn with_tokens() -> Self {
         let mut tokens = Tokens::default();
         tokens.add("desk", WORK, Scope::Operate).unwrap();
         tokens.add("screen", READING, Scope::Read).unwrap();
-        Self::with(tokens, |_| ())
+        Self::with(tokens)
     }
 
-    fn with(tokens: Tokens, change: impl FnOnce(&mut HttpLimits)) -> Self {
-        let mut limits = HttpLimits::default();
-        change(&mut limits);
+    fn with(tokens: Tokens) -> Self {
         let backend = Arc::new(FakeBackend::default());
         let hosts = AllowedHosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = ShutdownSignal::new();
-        let (limits, http_metrics, tokens) = (Arc::new(limits), HttpMetrics::default(), SharedTokens::new(tokens));
-        let (counted, version) = (http_metrics.clone(), "0.0.0");
-        let parts =
-            AppParts { backend: backend.clone(), tokens, hosts, limits, stop: flag, http_metrics: counted, version };
+        let http_metrics = HttpMetrics::default();
+        let parts = AppParts {
+            backend: backend.clone(),
+            tokens: Arc::new(tokens),
+            hosts,
+            stop: flag,
+            http_metrics: http_metrics.clone(),
+            version: "0.0.0",
+        };
         Self { app: app(parts), backend, stop, http_metrics }
     }
 

@@ -13,7 +13,7 @@ use upm_core::background::WorkerPool;
 
 /// Threads that check jobs, and the jobs that may wait for them: one for every connection that is allowed.
 const CHECKERS: usize = 2;
-const CHECKS_WAITING: usize = 1280;
+const CHECKS_WAITING: usize = 512;
 /// Threads that confirm emergency stops already made, and the number of confirmations that may wait for them.
 const STOP_THREADS: usize = 2;
 const STOPS_WAITING: usize = 256;

@@ -83,16 +83,22 @@ impl EmergencyStops {
     /// Stops every plate. `by` is the caller's name for the audit log. All plates are stopped before the first
     /// confirmation is awaited.
     pub fn stop_all(&self, by: &str) -> Vec<LocalStop> {
-        self.stop(&self.0.spec.plate_names(), by)
+        self.stop(&self.0.spec.plate_names(), &Caller { name: by.to_owned(), remote: None })
+    }
+
+    /// Stops every plate for a client on the network; returns a [`LocalStopAnswer`] as JSON.
+    pub(super) fn stop_for(&self, caller: &Caller) -> Vec<u8> {
+        let stops = self.stop(&self.0.spec.plate_names(), caller);
+        serde_json::to_vec(&LocalStopAnswer { stops, error: None }).unwrap_or_default()
     }
 
     /// Stops the plates called `names`.
-    pub(super) fn stop(&self, names: &[String], by: &str) -> Vec<LocalStop> {
+    fn stop(&self, names: &[String], caller: &Caller) -> Vec<LocalStop> {
         for plate in names.iter().filter_map(|name| self.0.plates.get(name)) {
             plate.estop();
         }
         // in parallel: on a frozen disk each takes most of a second
-        let see = |name: &str| self.confirm_stop(name, by);
+        let see = |name: &str| self.confirm_stop(name, caller);
         thread::scope(|scope| {
             let start = |name| thread::Builder::new().spawn_scoped(scope, move || see(name)).ok();
             let seen: Vec<_> = names.iter().map(String::as_str).map(|name| (name, start(name))).collect();
@@ -103,9 +109,8 @@ impl EmergencyStops {
         })
     }
 
-    fn confirm_stop(&self, name: &str, by: &str) -> LocalStop {
-        let caller = Caller { name: by.to_owned(), remote: None };
-        let (answer, error) = match estop::confirm_stop(&self.0, name, &caller) {
+    fn confirm_stop(&self, name: &str, caller: &Caller) -> LocalStop {
+        let (answer, error) = match estop::confirm_stop(&self.0, name, caller) {
             Ok(answer) => (Some(answer), None),
             Err(_) => (None, Some(format!("expected one of {}", self.0.spec.plate_names().join(", ")))),
         };
@@ -170,7 +175,10 @@ fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStops) -> io::Resul
     let Some(line) = line_of(client, MOST_REQUEST, ASKED_WITHIN)? else { return Ok(()) };
     let answer = match request_in(&line, port) {
         Ok(request) if request.plates.is_empty() => LocalStopAnswer { stops: stop.stop_all(BY_SOCKET), error: None },
-        Ok(request) => LocalStopAnswer { stops: stop.stop(&request.plates, BY_SOCKET), error: None },
+        Ok(request) => {
+            let caller = Caller { name: BY_SOCKET.to_owned(), remote: None };
+            LocalStopAnswer { stops: stop.stop(&request.plates, &caller), error: None }
+        }
         Err(error) => LocalStopAnswer { stops: Vec::new(), error: Some(error) },
     };
     client.set_write_timeout(Some(TAKEN_WITHIN))?;

@@ -17,7 +17,7 @@ const LONGEST_TOKEN_FILE: u64 = 4096;
 #[derive(Debug)]
 pub struct Prepared {
     /// Tokens that network clients must present.
-    pub(super) tokens: Tokens,
+    pub(super) tokens: Arc<Tokens>,
     /// The library of each plate, in the order of the configuration.
     pub(super) libraries: Vec<Arc<Library>>,
 }
@@ -33,10 +33,12 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
     let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
-    if !spec.listen.ip().is_loopback() && tokens.is_empty() && faults.is_empty() {
+    if tokens.is_empty() && faults.is_empty() {
         let allowed =
             "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
-        faults.push(fault(spec, "listen", spec.listen.to_string(), allowed));
+        let own = [("listen", Some(spec.listen)), ("stop_listen", spec.stop_listen)];
+        let reached = own.iter().filter_map(|(key, address)| Some((key, address.filter(|a| !a.ip().is_loopback())?)));
+        faults.extend(reached.map(|(key, address)| fault(spec, key, address.to_string(), allowed)));
     }
     faults.extend(data_fault(spec));
     if !faults.is_empty() {
@@ -45,7 +47,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if has_no_operator(spec) {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
-    Ok(Prepared { tokens, libraries })
+    Ok(Prepared { tokens: Arc::new(tokens), libraries })
 }
 
 /// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
@@ -62,7 +64,7 @@ fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> O
 }
 
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
-pub(super) fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
+fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
     let mut tokens = Tokens::default();
     let files = [
         ("token_file", "operate", &spec.token_file, Scope::Operate),

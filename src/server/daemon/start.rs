@@ -10,13 +10,13 @@ use jiff::Timestamp;
 
 use super::backend::DaemonBackend;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
-use super::prepare::{Prepared, tokens_of};
+use super::prepare::Prepared;
 use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
 use crate::api::{AppParts, app};
 use crate::http::{
-    AllowedHosts, HttpLimits, SharedTokens, ShutdownReport, ShutdownSender, ShutdownSignal, joined, serve,
+    AllowedHosts, STOP_PATH, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve, serve_stops,
 };
 use crate::store::{self, Clocks, OpenOutcome, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
@@ -70,21 +70,22 @@ pub struct ExitReport {
 pub struct Daemon {
     pub(super) backend: Arc<DaemonBackend>,
     listener: TcpListener,
-    tokens: SharedTokens,
+    tokens: Arc<Tokens>,
     /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
 }
 
 impl Daemon {
-    /// Faults of listening now on its own address and on those of the live streams; empty when all are free. Binds each
+    /// Faults of listening now on its own addresses and on those of the live streams; empty when all are free. Binds each
     /// address for a moment.
     pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
         let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
         let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
-        std::iter::once(spec.listen).chain(live).filter_map(|address| listener_at(address).err()).collect()
+        let own = std::iter::once(spec.listen).chain(spec.stop_listen);
+        own.chain(live).filter_map(|address| listener_at(address).err()).collect()
     }
 
-    /// Binds the port, opens the store, recovers the state that the previous daemon left and creates the plates.
+    /// Binds its ports, opens the store, recovers the state that the previous daemon left and creates the plates.
     /// Requests wait until [`Self::serve`]. Plates that need an operator's consent stay still.
     pub fn start(
         spec: DaemonSpec,
@@ -95,6 +96,7 @@ impl Daemon {
     ) -> Result<Self, StartFault> {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
+        let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
         let at_store = |fault| match fault {
             StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
@@ -138,8 +140,10 @@ impl Daemon {
         let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
         let backend = Arc::new(backend.map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&backend.state, &listener);
-        let tokens = SharedTokens::new(prepared.tokens);
-        Ok(Self { backend, listener, tokens, estop_socket })
+        if let Some(stop_listener) = stop_listener {
+            take_stops(stop_listener, &backend.state, &prepared.tokens).map_err(StartFault::Plates)?;
+        }
+        Ok(Self { backend, listener, tokens: prepared.tokens, estop_socket })
     }
 
     /// A handle that stops its plates without the network.
@@ -152,21 +156,15 @@ impl Daemon {
         self.listener.local_addr()
     }
 
-    /// A handle that makes it read its tokens again.
-    pub fn token_reload(&self) -> TokenReload {
-        TokenReload { state: Arc::clone(&self.backend.state), tokens: self.tokens.clone() }
-    }
-
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
         let alive = start_watchdog_ping(&state, manager);
         let (stopper, flag) = ShutdownSignal::new();
-        let tokens = self.tokens.clone();
         let answering = self.answer(flag);
         manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        count_until(stop, &state, &answering, &tokens);
+        count_until(stop, &state, &answering);
         let ended = end(&state, &stopper, answering, estop_socket, manager);
         drop(alive);
         ended
@@ -178,40 +176,8 @@ impl Daemon {
         let (spec, http_metrics, version) =
             (&backend.state.spec, backend.state.http_metrics.clone(), backend.state.version);
         let hosts = AllowedHosts::new(spec.listen, &spec.hosts);
-        let limits = Arc::new(HttpLimits { ending_time: REQUESTS_WITHIN, ..HttpLimits::default() });
-        let app = app(AppParts {
-            backend,
-            tokens,
-            hosts,
-            limits: Arc::clone(&limits),
-            stop: flag.clone(),
-            http_metrics,
-            version,
-        });
-        thread::spawn(move || serve(listener, app, &limits, &flag))
-    }
-}
-
-/// Reads the token files of a daemon again.
-#[derive(Clone, Debug)]
-pub struct TokenReload {
-    state: Arc<DaemonState>,
-    tokens: SharedTokens,
-}
-
-impl TokenReload {
-    /// Reads the token files again; from then on only their tokens are accepted. When a file has a fault, it is logged
-    /// and nothing changes.
-    pub fn reload(&self) {
-        let mut faults = Vec::new();
-        let tokens = tokens_of(&self.state.spec, &mut faults);
-        if faults.is_empty() {
-            tracing::info!(?tokens, "tokens are read again");
-            self.tokens.replace(tokens);
-        }
-        for fault in faults {
-            tracing::error!("the tokens stay as they were: {fault}");
-        }
+        let app = app(AppParts { backend, tokens, hosts, stop: flag.clone(), http_metrics, version });
+        thread::spawn(move || serve(listener, app, &flag, REQUESTS_WITHIN))
     }
 }
 
@@ -228,19 +194,13 @@ fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Op
     })
 }
 
-/// Counts jobs periodically and logs wrong tokens until the daemon is to end.
-fn count_until(
-    stop: &Receiver<()>,
-    state: &Arc<DaemonState>,
-    answering: &JoinHandle<io::Result<ShutdownReport>>,
-    tokens: &SharedTokens,
-) {
+/// Counts jobs periodically until the daemon is to end.
+fn count_until(stop: &Receiver<()>, state: &Arc<DaemonState>, answering: &JoinHandle<io::Result<ShutdownReport>>) {
     let mut ticks = 0u32;
     while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
         state.count_queued(|_| {});
         // acknowledges the damage once the last plate is resumed, even when no request has asked since
         state.unacknowledged_damage();
-        tokens.report_wrong();
         if ticks.is_multiple_of(COUNT_EVERY) {
             state.count_jobs();
         }
@@ -283,6 +243,15 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
     let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, &stop));
     let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
     socket.map_err(fault).ok()
+}
+
+/// Takes emergency stops on the port that has nothing else.
+fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
+    let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
+    let hosts = AllowedHosts::new(address, &state.spec.hosts);
+    serve_stops(listener, hosts, Arc::clone(tokens), move |caller| stop.stop_for(caller))?;
+    tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
+    Ok(())
 }
 
 fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {

@@ -1,21 +1,19 @@
 use std::convert::Infallible;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use axum::Router;
 use axum::body::Body;
-use axum::extract::{Path, Request};
-use axum::http::HeaderMap;
+use axum::extract::Request;
 use axum::routing::{get, post};
 use bytes::Bytes;
 use futures_util::stream;
 
-use super::listen::raise_fd_limit;
 use super::*;
 use upm_core::time::{Clock, MonotonicClock};
+use upm_runner::config::MOST_BYTES;
 
 struct TestServer {
     address: SocketAddr,
@@ -24,34 +22,18 @@ struct TestServer {
 }
 
 impl TestServer {
-    fn start(change: impl FnOnce(&mut HttpLimits)) -> Self {
-        let mut limits = HttpLimits {
-            header_time: Duration::from_millis(300),
-            body_time: Duration::from_millis(300),
-            handler_time: Duration::from_millis(300),
-            ending_time: Duration::from_millis(300),
-            ..HttpLimits::default()
-        };
-        change(&mut limits);
+    fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let app =
-            with_layers(routes(Arc::new(limits.clone())), AllowedHosts::new(address, &[]), Arc::new(limits.clone()));
+        let app = with_layers(routes(), AllowedHosts::new(address, &[]));
         let (stop, flag) = ShutdownSignal::new();
-        let thread = std::thread::spawn(move || serve(listener, app, &limits, &flag).unwrap());
+        let thread = std::thread::spawn(move || serve(listener, app, &flag, Duration::from_millis(300)).unwrap());
         Self { address, stop, thread: Some(thread) }
     }
 
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        stream
-    }
-
-    /// A connection on which half a header was sent.
-    fn connect_half(&self) -> TcpStream {
-        let mut stream = self.connect();
-        stream.write_all(b"GET /ok HTTP/1.1\r\nhost: local").unwrap();
         stream
     }
 
@@ -85,36 +67,15 @@ fn all_of(stream: &mut TcpStream) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-fn routes(limits: Arc<HttpLimits>) -> Router {
+fn routes() -> Router {
     let endless = || async { Body::from_stream(stream::repeat(Ok::<_, Infallible>(Bytes::from(vec![b'x'; 4096])))) };
-    let read = {
-        let limits = limits.clone();
-        async move |request: Request| {
-            let (parts, body) = request.into_parts();
-            limits.read_body(&parts.headers, body).await.map(|(bytes, _)| bytes.len().to_string())
-        }
-    };
-    let slow = async move || {
-        let never = std::future::pending::<Result<&'static str, Problem>>();
-        limits.in_time(never).await
-    };
+    let read = async |request: Request| read_body(request.into_body()).await.map(|bytes| bytes.len().to_string());
     Router::new()
         .route("/ok", get(|| async { "ok" }))
-        .route("/healthz", get(|| async { "ok" }))
-        .route("/v1/plates", get(|| async { "plates" }))
-        .route("/v1/plates/{name}/estop", post(stopped))
         .route("/panic", get(async || -> &'static str { panic!("as asked") }))
         .route("/endless", get(endless))
-        .route("/slow", get(slow))
+        .route("/slow", get(std::future::pending::<&'static str>))
         .route("/read", post(read))
-}
-
-/// A stop handler that takes a while for the plate `slow`.
-async fn stopped(Path(plate): Path<String>) -> &'static str {
-    if plate == "slow" {
-        tokio::time::sleep(Duration::from_millis(300)).await;
-    }
-    "stopped"
 }
 
 fn post_of(length: usize, body: &[u8]) -> Vec<u8> {
@@ -132,49 +93,23 @@ fn assert_problem(answer: &str, status: u16) {
 
 #[test]
 fn requests_are_answered() {
-    let mut server = TestServer::start(|_| ());
+    let mut server = TestServer::start();
     assert!(server.get("/ok").ends_with("\r\n\r\nok"));
     assert!(server.exchange(&post_of(3, b"abc")).ends_with("\r\n\r\n3"));
     assert_eq!(server.stop(), ShutdownReport { dropped: 0 });
 }
 
 #[test]
-fn a_slow_header_is_cut_off() {
-    let server = TestServer::start(|_| ());
-    assert_eq!(server.exchange(b"GET /ok HTTP/1.1\r\nhost: local"), "");
-    assert_eq!(server.exchange(b""), "");
-}
-
-#[test]
-fn a_slow_body_is_a_problem() {
-    let server = TestServer::start(|_| ());
-    assert_problem(&server.exchange(&post_of(10, b"abc")), 408);
-}
-
-#[tokio::test]
-async fn body_beyond_the_memory_for_all_is_refused_until_there_is_room() {
-    let limits = HttpLimits { bodies: BodyMemoryLimit::of(100_000), ..HttpLimits::default() };
-    let read = async |bytes: usize| limits.read_body(&HeaderMap::new(), Body::from(vec![b' '; bytes])).await;
-    let held = read(40_000).await.unwrap();
-    assert_eq!(read(30_000).await.unwrap_err().kind(), ProblemKind::Unavailable);
-    drop(held);
-    assert_eq!(read(30_000).await.unwrap().0.len(), 30_000);
-}
-
-#[test]
-fn a_handler_that_hangs_or_panics_is_a_problem_of_one_request() {
-    let server = TestServer::start(|_| ());
-    let slow = server.get("/slow");
-    assert_problem(&slow, 503);
-    assert!(slow.contains("retry-after: 5"));
+fn handler_that_panics_is_a_problem_of_one_request() {
+    let server = TestServer::start();
     assert_problem(&server.get("/panic"), 500);
     assert!(server.get("/ok").ends_with("ok"));
 }
 
 #[test]
 fn too_large_request_gets_a_problem_that_the_client_can_read() {
-    let server = TestServer::start(|_| ());
-    let most = HttpLimits::default().body_bytes;
+    let server = TestServer::start();
+    let most = usize::try_from(MOST_BYTES).unwrap();
     assert!(server.exchange(&post_of(most, &vec![b' '; most])).ends_with(&format!("\r\n\r\n{most}")));
     assert_problem(&server.exchange(&post_of(most + 1, &vec![b' '; most + 1])), 413);
     assert_problem(&server.exchange(&post_of(1 << 40, b"")), 413);
@@ -191,7 +126,7 @@ fn too_large_request_gets_a_problem_that_the_client_can_read() {
 
 #[test]
 fn malformed_requests_are_refused() {
-    let server = TestServer::start(|_| ());
+    let server = TestServer::start();
     for garbage in [b"\x16\x03\x01\x02\x00\x01".as_slice(), b"nonsense\r\n\r\n", b"GET /\xff HTTP/9.9\r\n\r\n"] {
         assert!(server.exchange(garbage).starts_with("HTTP/1.1 400 "), "{garbage:?}");
     }
@@ -204,102 +139,8 @@ fn malformed_requests_are_refused() {
 }
 
 #[test]
-fn six_hundred_connections_leave_room_for_estop_and_health() {
-    let server = TestServer::start(|limits| {
-        limits.header_time = Duration::from_secs(30);
-        limits.connections = 480;
-    });
-    let idle: Vec<TcpStream> = (0..600).map(|_| server.connect_half()).collect();
-    assert!(server.get("/healthz").ends_with("ok"));
-    assert!(server.get("/v1/plates").ends_with("plates"));
-    let estop = b"POST /v1/plates/left/estop HTTP/1.1\r\nhost: localhost\r\n\r\n";
-    assert!(server.exchange(estop).ends_with("stopped"));
-    let refused = server.get("/ok");
-    assert_problem(&refused, 503);
-    assert!(refused.contains("retry-after: 2"));
-    drop(idle);
-    let mut tries = (0..1000).map(|_| server.get("/ok"));
-    assert!(tries.any(|answer| answer.ends_with("ok")), "connections that went away make room");
-}
-
-#[test]
-fn stop_under_way_survives_a_flood_of_spare_connections() {
-    let server = TestServer::start(|limits| {
-        limits.connections = 0;
-        limits.spare_connections = 4;
-    });
-    let mut stop = server.connect();
-    stop.write_all(b"POST /v1/plates/slow/estop HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
-    // in order: an answer to a later request shows that the earlier one was read
-    assert!(server.get("/healthz").ends_with("ok"));
-    let flood: Vec<TcpStream> = (0..40).map(|_| server.connect()).collect();
-    assert!(server.get("/healthz").ends_with("ok"));
-    assert!(all_of(&mut stop).ends_with("stopped"));
-    drop(flood);
-}
-
-#[test]
-fn peer_with_many_connections_keeps_only_the_spare_ones() {
-    let server = TestServer::start(|limits| {
-        limits.header_time = Duration::from_secs(30);
-        limits.loopback_connections = 4;
-    });
-    let idle: Vec<TcpStream> = (0..4).map(|_| server.connect_half()).collect();
-    assert_problem(&server.get("/ok"), 503);
-    assert!(server.get("/healthz").ends_with("ok"));
-    drop(idle);
-}
-
-#[test]
-fn connections_on_which_nothing_was_sent_take_no_place() {
-    let server = TestServer::start(|limits| {
-        limits.header_time = Duration::from_secs(30);
-        limits.connections = 4;
-        limits.spare_connections = 16;
-    });
-    let mut silent: Vec<TcpStream> = (0..40).map(|_| server.connect()).collect();
-    assert!(server.get("/ok").ends_with("ok"));
-    let newest = silent.last_mut().unwrap();
-    newest.write_all(b"GET /ok HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").unwrap();
-    assert!(all_of(newest).ends_with("ok"));
-    assert_eq!(all_of(&mut silent[0]), "", "closed for newer ones");
-}
-
-#[test]
-fn a_thousand_connections_are_answered_at_once() {
-    // both ends of each are open files of this process
-    if raise_fd_limit(2500) < 2500 {
-        return;
-    }
-    let server = TestServer::start(|limits| {
-        limits.header_time = Duration::from_secs(30);
-        limits.loopback_connections = 1000;
-    });
-    let mut clients: Vec<TcpStream> = (0..1000).map(|_| server.connect()).collect();
-    let request = b"GET /ok HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
-    clients.iter_mut().for_each(|client| client.write_all(request).unwrap());
-    let answered = clients.iter_mut().map(all_of).filter(|answer| answer.ends_with("ok")).count();
-    assert_eq!(answered, 1000);
-}
-
-#[test]
-fn client_that_reads_nothing_is_disconnected() {
-    let mut server = TestServer::start(|limits| {
-        limits.stalled_time = Duration::from_millis(100);
-        limits.ending_time = Duration::from_secs(60);
-    });
-    let mut frozen = server.connect();
-    frozen.write_all(b"GET /endless HTTP/1.1\r\nhost: localhost\r\n\r\n").unwrap();
-    frozen.read_exact(&mut [0; 16]).unwrap();
-    assert_eq!(server.stop(), ShutdownReport { dropped: 0 });
-}
-
-#[test]
 fn shutdown_is_bounded_despite_stalled_clients() {
-    let mut server = TestServer::start(|limits| {
-        limits.header_time = Duration::from_secs(60);
-        limits.handler_time = Duration::from_secs(60);
-    });
+    let mut server = TestServer::start();
     let opened: Vec<TcpStream> = (0..30)
         .map(|i| {
             let mut stream = server.connect();
@@ -334,13 +175,4 @@ async fn a_lost_sender_stops() {
     let (sender, flag) = ShutdownSignal::new();
     drop(sender);
     flag.stopped().await;
-}
-
-#[test]
-fn fd_limit_is_never_lowered() {
-    let before = raise_fd_limit(0);
-    assert_eq!(raise_fd_limit(1), before);
-    let more = raise_fd_limit(before.saturating_add(1));
-    assert!(more == before || more == before + 1);
-    assert_eq!(raise_fd_limit(0), more);
 }

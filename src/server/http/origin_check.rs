@@ -48,7 +48,7 @@ impl AllowedHosts {
     }
 
     /// Checks the host that a request names, its origin and its site.
-    fn check(&self, request: &Request) -> Result<(), Problem> {
+    pub(super) fn check(&self, request: &Request) -> Result<(), Problem> {
         let host = self.check_host(request)?;
         check_origin(request.headers(), &host)?;
         check_site(request)

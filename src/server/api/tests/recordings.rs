@@ -1,7 +1,7 @@
 use super::fake::JOB;
 use super::{ApiAnswer, TestApi, request};
 use crate::api::Refusal;
-use crate::http::Tokens;
+use crate::api::files::DOWNLOADS;
 
 async fn read(asked: &TestApi, range: &str) -> ApiAnswer {
     asked.ask(request("GET", &format!("/v1/jobs/{JOB}/recording"), &[("range", range)], "")).await
@@ -30,14 +30,17 @@ async fn ranges_of_a_recording_put_together_are_the_recording() {
 
 #[tokio::test]
 async fn a_recording_under_way_is_a_conflict_and_downloads_have_an_end() {
-    let asked = TestApi::with(Tokens::default(), |limits| limits.downloads = 1);
+    let asked = TestApi::new();
     asked.backend.refuse(Refusal::Conflict("it is still being written".to_owned()));
     assert_eq!(read(&asked, "").await.status, 409);
     *asked.backend.recording.lock().unwrap() = vec![7; 100];
     let path = format!("/v1/jobs/{JOB}/recording");
-    let held = asked.open(request("GET", &path, &[], "")).await;
+    let mut held = Vec::new();
+    for _ in 0..DOWNLOADS {
+        held.push(asked.open(request("GET", &path, &[], "")).await);
+    }
     let refused = read(&asked, "").await;
     assert_eq!((refused.status, refused.header("retry-after")), (503, "10"));
-    drop(held);
+    held.pop();
     assert_eq!(read(&asked, "").await.status, 200);
 }

@@ -7,8 +7,9 @@ use http_body_util::BodyExt;
 
 use super::fake::JOB;
 use super::{TestApi, request};
+use crate::api::events::WATCHERS;
 use crate::api::{Refusal, ReplayPage, StreamEvent, StreamStart};
-use crate::http::{HttpLimits, ShutdownReport, ShutdownSignal, Tokens, serve};
+use crate::http::{ShutdownReport, ShutdownSignal, serve};
 
 const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
 
@@ -27,10 +28,7 @@ fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
 
 /// A backend whose job has `newest` as its newest event, with events stored from `oldest` on.
 fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
-    let asked = TestApi::with(Tokens::default(), |limits| {
-        limits.heartbeat_time = Duration::from_millis(30);
-        limits.watchers = 1;
-    });
+    let asked = TestApi::new();
     stand(&asked, oldest, newest, is_over);
     asked
 }
@@ -169,10 +167,13 @@ async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
 #[tokio::test]
 async fn streams_are_counted() {
     let asked = asked(1, 0, false);
-    let first = watch(&asked, "").await;
+    let mut held = Vec::new();
+    for _ in 0..WATCHERS {
+        held.push(watch(&asked, "").await);
+    }
     let seen = asked.get(&format!("/v1/jobs/{JOB}/events")).await;
     assert_eq!((seen.status, seen.header("retry-after")), (503, "10"));
-    drop(first);
+    held.pop();
     drop(watch(&asked, "").await);
 }
 
@@ -184,7 +185,7 @@ fn fifty_clients_get_a_bye_at_shutdown() {
     let address = listener.local_addr().unwrap();
     let (stop, flag) = ShutdownSignal::new();
     let app = asked.app.clone();
-    let server = std::thread::spawn(move || serve(listener, app, &HttpLimits::default(), &flag).unwrap());
+    let server = std::thread::spawn(move || serve(listener, app, &flag, Duration::from_secs(10)).unwrap());
     let mut clients: Vec<TcpStream> = (0..50)
         .map(|_| {
             let mut client = TcpStream::connect(address).unwrap();
