@@ -31,7 +31,7 @@ exit 101
 
 /// Limits of a watchdog that bears with a computer that does other work as well.
 const WATCHDOG: &str = r#"
-"watchdog": {"no_part_s": 60, "blocked_s": 60},"#;
+"watchdog": {"no_part_s": 60, "blocked_s": 60}"#;
 
 /// Functions of the script: the note of an ended command, and the wait for a daemon.
 const FUNCTIONS: &str = r#"

@@ -76,8 +76,8 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Faults of listening now on its own addresses and on those of the live streams; empty when all are free. Binds each
-    /// address for a moment.
+    /// Faults of listening now on its own addresses and on those of the live streams; empty when all are free. Binds
+    /// each address for a moment.
     pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
         let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
         let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());

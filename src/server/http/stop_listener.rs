@@ -28,8 +28,9 @@ const HEADER_LINES: usize = 64;
 /// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(20);
 
-/// Serves `POST /v1/estop` on `listener` until the process ends: one request a connection, one connection after another,
-/// on one thread that shares nothing with the API's server. `stop` stops the plates and returns the answer as JSON.
+/// Serves `POST /v1/estop` on `listener` until the process ends: one request a connection, one connection after
+/// another, on one thread that shares nothing with the API's server. `stop` stops the plates and returns the answer as
+/// JSON.
 pub fn serve_stops(
     listener: TcpListener,
     hosts: AllowedHosts,
