@@ -102,7 +102,7 @@ mod tests {
         let ((asking, asked), (let_go, go)) = (sync_channel(1), sync_channel::<()>(0));
         let page = TestBuffer::default();
         let (log, flush_guard) = LogWriter::start(Stuck { page: page.clone(), asked: asking, go }).unwrap();
-        let outln = |text: &str| writeln!(log.make_writer(), "{text}").unwrap();
+        let outln = |text: &str| log.make_writer().write_all(format!("{text}\n").as_bytes()).unwrap();
         outln("first");
         asked.recv().unwrap();
         // the writer is blocked until the queue has overflowed
