@@ -7,7 +7,7 @@ import { Watched } from './watch.js';
 
 const ON_A_PAGE = 20;
 const ENDED = ['completed', 'failed', 'cancelled', 'interrupted'];
-const KEPT = ['whole', 'partial', 'stopped'];
+const KEPT = ['whole', 'partial'];
 
 class Row {
   constructor(job, list) {

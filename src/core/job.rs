@@ -25,8 +25,6 @@ coded_enum! {
     /// How a recording ended that does not hold its whole run.
     #[derive(schemars::JsonSchema)]
     pub enum RecordingEnd {
-        /// Stopped on request, for example for disk space: the file is closed, and whole as far as it goes.
-        RecordingStopped = "recording_stopped",
         /// Something could not be recorded.
         RecordingFailed = "recording_failed",
     }

@@ -15,16 +15,13 @@ pub enum RecordingState {
         /// Bytes in the file so far.
         bytes: u64,
     },
-    /// It was stopped for this reason; the file is closed and complete up to that point.
-    Stopped(String),
     /// A part of the run could not be recorded, for this reason.
     Failed(String),
     /// The file is closed and holds the whole run.
     Whole,
 }
 
-/// Status of the recording of one run, and the request to stop it while the run goes on. Clones share one state. No
-/// call ever blocks.
+/// Status of the recording of one run. Clones share one state. No call ever blocks.
 #[derive(Clone, Debug, Default)]
 pub struct RecordingHandle(Arc<RecordingCell>);
 
@@ -32,18 +29,12 @@ pub struct RecordingHandle(Arc<RecordingCell>);
 struct RecordingCell {
     begun: AtomicBool,
     bytes: AtomicU64,
-    wanted_stop: OnceLock<String>,
     /// The first final state; later ones are ignored.
     end: OnceLock<RecordingState>,
     is_reported: AtomicBool,
 }
 
 impl RecordingHandle {
-    /// Asks for the recording to be closed soon; the file remains complete up to that point. The first `reason` counts.
-    pub fn stop(&self, reason: &str) {
-        self.0.wanted_stop.set(reason.to_owned()).ok();
-    }
-
     /// The present state of the recording.
     pub fn state(&self) -> RecordingState {
         match self.0.end.get() {
@@ -68,7 +59,6 @@ impl RecordingHandle {
     pub fn ended_early(&self) -> Option<RecordingReport> {
         match self.0.end.get() {
             Some(RecordingState::Failed(reason)) => Some(RecordingReport::failed(reason)),
-            Some(RecordingState::Stopped(reason)) => Some(RecordingReport::stopped(reason)),
             _ => None,
         }
     }
@@ -85,21 +75,14 @@ impl RecordingHandle {
         self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
-    /// Reason given with a request to stop the recording; `None` before one.
-    pub fn stop_request(&self) -> Option<&str> {
-        self.0.wanted_stop.get().map(String::as_str)
-    }
-
     /// Ends the recording as failed, unless it has already ended.
     pub fn fail(&self, reason: impl Into<String>) {
         self.0.end.set(RecordingState::Failed(reason.into())).ok();
     }
 
-    /// Ends the recording, its file closed: as whole, or as stopped if that was requested; unless it has already ended.
+    /// Ends the recording as whole, its file closed, unless it has already ended.
     pub fn close(&self) {
-        let end =
-            self.stop_request().map_or(RecordingState::Whole, |reason| RecordingState::Stopped(reason.to_owned()));
-        self.0.end.set(end).ok();
+        self.0.end.set(RecordingState::Whole).ok();
     }
 }
 
@@ -123,7 +106,6 @@ mod tests {
         handle.add_bytes(7);
         assert_eq!((handle.clone().state(), handle.take_end()), (RecordingState::Writing { bytes: 7 }, None));
         handle.fail("no space");
-        handle.stop("too late");
         handle.close();
         assert_eq!(handle.state(), RecordingState::Failed("no space".into()));
         assert_eq!(handle.clone().take_end().unwrap(), RecordingReport::failed("no space"));
@@ -131,16 +113,10 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_is_whole_unless_it_was_stopped() {
+    fn closed_recording_is_whole_and_has_nothing_to_report() {
         let whole = RecordingHandle::default();
         whole.close();
-        whole.stop("too late");
+        whole.fail("too late");
         assert_eq!((whole.state(), whole.take_end()), (RecordingState::Whole, None));
-        let stopped = RecordingHandle::default();
-        stopped.stop("the disk is nearly full");
-        stopped.stop("another reason");
-        stopped.close();
-        assert_eq!(stopped.state(), RecordingState::Stopped("the disk is nearly full".into()));
-        assert_eq!(stopped.take_end().unwrap(), RecordingReport::stopped("the disk is nearly full"));
     }
 }

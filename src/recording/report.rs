@@ -129,11 +129,6 @@ impl RecordingReport {
     pub fn failed(reason: &str) -> Self {
         Self { code: RecordingEnd::RecordingFailed, text: format!("the recording ends early: {reason}") }
     }
-
-    /// The report of a recording that was stopped on request.
-    pub fn stopped(reason: &str) -> Self {
-        Self { code: RecordingEnd::RecordingStopped, text: format!("the recording ends early: stopped, {reason}") }
-    }
 }
 
 /// Verdict of the ground truth on an outcome.

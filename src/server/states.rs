@@ -56,8 +56,6 @@ coded_enum! {
         Partial = "partial",
         /// A complete file.
         Whole = "whole",
-        /// A closed file that ends before the run does, because the disk ran low.
-        Stopped = "stopped",
         /// Writing the recording failed.
         Failed = "failed",
         /// The recording was deleted to make room.

@@ -283,7 +283,7 @@ class Campaign:
 
     def check_recording(self, row, run):
         self.counts[f"recording {row['recording']}"] += 1
-        if row["recording"] in ("whole", "stopped") and not is_closed(run / "run.rrd"):
+        if row["recording"] == "whole" and not is_closed(run / "run.rrd"):
             self.blame("a recording is not closed", f"{row['recording']}, {run.name}")
 
     def check_complete(self, job, run, journal, seen, killed_at):

@@ -95,7 +95,6 @@ fn recording(state: RecordingStatus) -> &'static str {
         RecordingStatus::None => "none",
         RecordingStatus::Partial => "not closed: it opens up to its last whole message",
         RecordingStatus::Whole => "whole",
-        RecordingStatus::Stopped => "ends before the run: the disk ran low",
         RecordingStatus::Failed => "failed",
         RecordingStatus::Pruned => "deleted to make room",
     }

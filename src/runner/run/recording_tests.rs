@@ -8,18 +8,18 @@ use upm_control::FrameFacts;
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingState};
 
-/// Stops the recording at a frame.
-struct StopsAt(u64, RecordingHandle);
+/// Fails the recording at a frame.
+struct FailsAt(u64, RecordingHandle);
 
-impl Sink for StopsAt {
+impl Sink for FailsAt {
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         if facts.frame.index == self.0 {
-            self.1.stop("the disk is nearly full");
+            self.1.fail("the disk is full");
         }
     }
 }
 
-/// Runs two seconds of a job whose recording is stopped at a frame.
+/// Runs two seconds of a job whose recording fails at a frame.
 fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let text = json!({
@@ -41,7 +41,7 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
         real_time: false,
         recording_options,
     };
-    let mut watcher = StopsAt(frame, recording.clone());
+    let mut watcher = FailsAt(frame, recording.clone());
     let done = run(&job, &options, &clock, &AtomicBool::new(false), &PacingStats::default(), &mut watcher).unwrap();
     (done, recording.state())
 }
@@ -57,9 +57,9 @@ fn warnings(folder: &Path) -> Vec<Value> {
 fn run_continues_without_its_recording_and_warns() {
     let out = tempfile::tempdir().unwrap();
     let (done, state) = run_until(out.path(), 30);
-    assert_eq!(state, RecordingState::Stopped("the disk is nearly full".into()));
+    assert_eq!(state, RecordingState::Failed("the disk is full".into()));
     assert!(done.report.frames > 100, "{}", done.report.frames);
-    let text = "the recording ends early: stopped, the disk is nearly full";
+    let text = "the recording ends early: the disk is full";
     assert_eq!(done.report.warnings, [text]);
     assert_eq!(done.warnings, [text]);
     let warnings = warnings(&done.folder);
@@ -67,7 +67,7 @@ fn run_continues_without_its_recording_and_warns() {
     assert_eq!((&warnings[0]["level"], &warnings[0]["text"]), (&json!("warning"), &json!(text)));
     assert!(done.folder.join("run.rrd").exists());
     // the disk decided that, so a repetition has no such event
-    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut StopsAt(0, RecordingHandle::default())).unwrap();
+    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut FailsAt(0, RecordingHandle::default())).unwrap();
     assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
 }
 

@@ -251,15 +251,11 @@ mod tests {
 
     #[test]
     fn events_about_the_recording_are_not_compared() {
-        for ended in [
-            event("whatever it says", r#","code":"recording_failed""#),
-            event("whatever it says", r#","code":"recording_stopped""#),
-        ] {
-            assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
-            assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
-            let other = ended.replace("event", "cycle");
-            assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
-        }
+        let ended = event("whatever it says", r#","code":"recording_failed""#);
+        assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
+        assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
+        let other = ended.replace("event", "cycle");
+        assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
     }
 
     #[test]

@@ -34,9 +34,7 @@ pub(super) fn recording(runs: &Path, row: &JobRow) -> Result<Recording, Refusal>
         (_, RecordingStatus::Pruned) => none("the recording was deleted to make room"),
         // the part written before the failure may be there
         (_, RecordingStatus::Failed) => open(runs, row, "the recording could not be written"),
-        (_, RecordingStatus::Whole | RecordingStatus::Partial | RecordingStatus::Stopped) => {
-            open(runs, row, "the recording is gone")
-        }
+        (_, RecordingStatus::Whole | RecordingStatus::Partial) => open(runs, row, "the recording is gone"),
     }
 }
 

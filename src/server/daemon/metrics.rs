@@ -138,7 +138,6 @@ fn recording_state(state: &RecordingState) -> &'static str {
     match state {
         RecordingState::Off => "off",
         RecordingState::Writing { .. } => "writing",
-        RecordingState::Stopped(_) => "stopped",
         RecordingState::Failed(_) => "failed",
         RecordingState::Whole => "whole",
     }

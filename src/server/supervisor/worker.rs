@@ -318,7 +318,6 @@ fn recording_status(state: RecordingState) -> (RecordingStatus, String) {
     match state {
         RecordingState::Off => (RecordingStatus::None, String::new()),
         RecordingState::Writing { .. } => (RecordingStatus::Partial, "it was not closed".to_owned()),
-        RecordingState::Stopped(why) => (RecordingStatus::Stopped, why),
         RecordingState::Failed(why) => (RecordingStatus::Failed, why),
         RecordingState::Whole => (RecordingStatus::Whole, String::new()),
     }

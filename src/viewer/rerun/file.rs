@@ -42,11 +42,6 @@ impl RrdFile {
         &self.1
     }
 
-    /// True while a viewer is fed.
-    pub(super) fn has_viewer(&self) -> bool {
-        !self.state().feeds.is_empty()
-    }
-
     /// Disconnects all viewers.
     pub(super) fn disconnect(&self) {
         self.state().feeds.clear();

@@ -16,7 +16,6 @@ use upm_core::background::{Queue, Receiver, RecvTimeoutError};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::Track;
-use upm_recording::RecordingReport;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
@@ -85,13 +84,12 @@ impl Recorder {
         })
     }
 
-    /// Logs every message until the sender is gone, or until the recording is stopped and no viewer is connected. After
-    /// a fault the remaining messages are discarded, so that the sender never blocks.
+    /// Logs every message until the sender is gone. After a fault the remaining messages are discarded, so that the
+    /// sender never blocks.
     pub(super) fn run(mut self, input: &RecorderInput) -> LogResult {
         let RecorderInput { messages, clock, file, .. } = input;
         let mut recorded = Ok(());
         let mut sent_on_at = clock.elapsed();
-        let mut stopped = false;
         loop {
             match messages.recv_timeout(LISTEN) {
                 Ok(message) if recorded.is_ok() => {
@@ -106,14 +104,6 @@ impl Recorder {
                 sent_on_at = now;
                 let send = if input.run_waits { RunStream::flush } else { RunStream::flush_async };
                 recorded = recorded.and_then(|()| send(&self.stream));
-            }
-            if let (Some(reason), false) = (file.handle().stop_request(), stopped) {
-                stopped = true;
-                recorded = recorded.and_then(|()| self.write_final_event(RecordingReport::stopped(reason).text));
-                file.close().ok(); // the handle reports a failure
-            }
-            if stopped && !file.has_viewer() {
-                break;
             }
         }
         if let Some(end) = file.handle().ended_early() {

@@ -139,26 +139,6 @@ fn cycles_until(
 }
 
 #[test]
-fn a_stopped_recording_is_whole_while_the_run_goes_on() {
-    let (_folder, path) = place();
-    let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
-    run.cycle(&mut sink);
-    recording_options.recording.stop("the disk is nearly full");
-    let stopped = RecordingState::Stopped("the disk is nearly full".into());
-    let seen = cycles_until(&mut run, &mut sink, &recording_options, stopped.clone());
-    stores(&path); // before the run is over
-    assert_eq!(seen.events.len(), 1);
-    assert_eq!(seen.events[0].text, "the recording ends early: stopped, the disk is nearly full");
-    let bytes = path.metadata().unwrap().len();
-    assert_eq!(sink.finish().unwrap().file_bytes, bytes);
-    assert_eq!((path.metadata().unwrap().len(), recording_options.recording.state()), (bytes, stopped));
-    let (recording, _) = stores(&path);
-    let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
-    assert!(logged.contains("stopped, the disk is nearly full"), "the recording says why it ends");
-}
-
-#[test]
 fn a_write_that_fails_is_reported_at_once_and_the_file_stays() {
     struct Full(File, usize);
     impl Write for Full {

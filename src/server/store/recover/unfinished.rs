@@ -37,7 +37,6 @@ impl ReportedEnd {
     fn recording(&self) -> RecordingStatus {
         match self.recording.as_ref().map(|recording| recording.code) {
             None => RecordingStatus::Whole,
-            Some(RecordingEnd::RecordingStopped) => RecordingStatus::Stopped,
             Some(RecordingEnd::RecordingFailed) => RecordingStatus::Failed,
         }
     }

@@ -8,10 +8,8 @@ use super::*;
 #[test]
 fn recording_is_as_its_report_says_and_not_closed_without_a_report() {
     let (folder, store) = new_store(limits());
-    let stopped = r#"{"outcome": "completed", "recording": {"code": "recording_stopped", "text": "the disk is low"}}"#;
     let failed = r#"{"outcome": "completed", "recording": {"code": "recording_failed", "text": "it lags"}}"#;
     let runs = [
-        ("stopped", Some(stopped), RecordingStatus::Stopped),
         ("failed", Some(failed), RecordingStatus::Failed),
         ("whole", Some(r#"{"outcome": "completed"}"#), RecordingStatus::Whole),
         ("cut", None, RecordingStatus::Partial),
