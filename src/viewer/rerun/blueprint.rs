@@ -7,17 +7,15 @@ use std::collections::BTreeMap;
 
 use parking_lot::{Mutex, MutexGuard};
 
+use re_sdk_types::blueprint::archetypes::{PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D};
+use re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange};
+use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use re_sdk_types::datatypes;
 use rerun::blueprint::{
     BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel,
     Spatial2DView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::external::re_log_types::BlueprintActivationCommand;
-use rerun::external::re_sdk_types::blueprint::archetypes::{
-    PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D,
-};
-use rerun::external::re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange};
-use rerun::external::re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
-use rerun::external::re_sdk_types::datatypes;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 

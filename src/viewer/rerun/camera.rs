@@ -1,4 +1,4 @@
-use rerun::Color;
+use re_sdk_types::components::Color;
 
 use super::names::{self, Names};
 use super::paint::{self, in_half_frame};

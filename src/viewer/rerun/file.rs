@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
 
-use rerun::external::re_build_info::CrateVersion;
 use rerun::external::re_log_encoding::{Encoder, EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{LogSink, SinkFlushError};
@@ -101,7 +100,7 @@ impl LogSink for RrdFile {
 fn encoder(out: Box<dyn Write + Send>, handle: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
     handle.begin();
     let out = CountingWriter { out, handle: handle.clone() };
-    let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, out);
+    let encoder = Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_COMPRESSED, out);
     encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))
 }
 

@@ -101,7 +101,7 @@ fn has(bytes: &[u8], text: &str) -> bool {
 
 /// Name of the recording in the file at `path`; each run has a new one.
 fn recording_id(path: &Path) -> String {
-    stores(path).0.id().recording_id().to_string()
+    stores(path).0.id
 }
 
 #[test]

@@ -53,11 +53,11 @@ mod tests {
         let stats = record_located(&RerunMode::Save, &path, "made up", &found, &["penny"]).unwrap();
         assert_eq!(stats.file_bytes, path.metadata().unwrap().len());
         let (recording, blueprint) = stores(&path);
-        let entities: Vec<String> = recording.all_entities().iter().map(ToString::to_string).collect();
+        let entities: Vec<String> = recording.entities().iter().map(ToString::to_string).collect();
         for path in ["frame/image", "frame/table", "frame/parts", "edges/map", "hough/votes", "disk_response/map"] {
             assert!(entities.contains(&format!("/vision/{path}")), "{path} is not among {entities:#?}");
         }
-        let bounded = blueprint.all_entities().into_iter().filter(|path| path.to_string().ends_with("VisualBounds2D"));
+        let bounded = blueprint.entities().into_iter().filter(|path| path.to_string().ends_with("VisualBounds2D"));
         assert_eq!(bounded.count(), 3);
         assert!(record_located(&RerunMode::Off, &folder.path().join("off.rrd"), "", &found, &[]).is_ok());
         assert!(!folder.path().join("off.rrd").exists());

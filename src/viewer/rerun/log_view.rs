@@ -1,4 +1,5 @@
-use rerun::{TextLog, TextLogLevel};
+use re_sdk_types::archetypes::TextLog;
+use re_sdk_types::components::TextLogLevel;
 
 use super::field::strongest_speed_mps;
 use super::run_stream::{LogResult, RunStream};

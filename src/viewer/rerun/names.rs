@@ -1,4 +1,5 @@
-use rerun::{Color, Points2D};
+use re_sdk_types::archetypes::Points2D;
+use re_sdk_types::components::Color;
 
 use super::paint::{colors, thin};
 use crate::types::PartAppearance;

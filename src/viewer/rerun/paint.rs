@@ -1,6 +1,7 @@
 //! Colours and coordinates shared by all views.
 
-use rerun::{Arrows2D, Color, Ellipses2D, LineStrip2D, LineStrips2D, Points2D, Radius};
+use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
+use re_sdk_types::components::{Color, LineStrip2D, Radius};
 
 use crate::types::PartAppearance;
 use upm_chart::{Ground, Palette};

@@ -2,7 +2,7 @@
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
-use rerun::EncodedImage;
+use re_sdk_types::archetypes::EncodedImage;
 
 use upm_core::signal::Frame;
 

@@ -1,4 +1,4 @@
-use rerun::{BarChart, Scalars, SeriesLines};
+use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
 use super::paint;
 use super::run_stream::{LogResult, RunStream, nanos};

@@ -2,10 +2,8 @@
 
 use std::time::Duration;
 
-use rerun::log::ChunkBatcherConfig;
-use rerun::{
-    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell, TimeColumn,
-};
+use rerun::log::{ChunkBatcherConfig, TimeColumn};
+use rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell};
 
 use super::file::RrdFile;
 use upm_core::time::PlateTime;

@@ -1,4 +1,4 @@
-use rerun::{Scalars, SeriesLines, SeriesPoints};
+use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
 
 use super::paint;
 use super::run_stream::{LogResult, RunStream, nanos};

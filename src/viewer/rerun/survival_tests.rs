@@ -228,6 +228,6 @@ fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
     assert_eq!(recording_options.recording.state(), lagging);
     let (recording, _) = stores(&path);
-    let logged: String = recording.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    let logged: String = recording.chunks().map(|chunk| chunk.to_string()).collect();
     assert!(logged.contains("the recorder lags"), "what was taken is there, and why no more");
 }

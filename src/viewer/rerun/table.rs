@@ -1,4 +1,5 @@
-use rerun::{Arrows2D, Color, Ellipses2D, Points2D};
+use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, Points2D};
+use re_sdk_types::components::Color;
 
 use super::field::{mean_direction, over_a_period};
 use super::names::{self, Names};
@@ -204,7 +205,7 @@ impl TableView {
         let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
         let arrows = Arrows2D::from_vectors(field.iter().map(|(_, step_m)| above(step_m * scale)))
             .with_origins(field.iter().map(|(p_m, step_m)| above(p_m - step_m * (0.5 * scale))))
-            .with_colors([rerun::Color::from_unmultiplied_rgba(170, 175, 190, 130)])
+            .with_colors([Color::from_unmultiplied_rgba(170, 175, 190, 130)])
             .with_radii([thin(0.75)])
             .with_draw_order(-5.0);
         stream.log("table/field", &arrows)

@@ -1,6 +1,7 @@
 //! Bins and wanted paths of a task, for the table from above and for the camera's picture.
 
-use rerun::{AsComponents, LineStrips2D, Points2D};
+use re_sdk_types::archetypes::{LineStrips2D, Points2D};
+use rerun::AsComponents;
 
 use super::paint::{self, thin};
 use super::run_stream::{LogResult, RunStream};

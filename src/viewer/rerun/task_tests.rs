@@ -1,9 +1,7 @@
 //! Recordings of tasks with bins and paths, of parts of two kinds and of many parts.
 
-use rerun::external::re_chunk_store::ChunkStore;
-
 use super::RerunSink;
-use super::tests::{context, recording_options, stores};
+use super::tests::{LoggedChunks, context, recording_options, stores};
 use crate::{PartAppearance, PathAppearance, RunContext};
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
@@ -12,7 +10,7 @@ use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::RerunMode;
 
 /// The store of a recording of two cycles with `parts` parts, in a context changed by `change`.
-fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> ChunkStore {
+fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> LoggedChunks {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
     let mut run = SyntheticRun::new(parts);
@@ -26,8 +24,8 @@ fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> ChunkStore {
 }
 
 /// Everything logged for an entity, as text.
-pub(super) fn logged(store: &ChunkStore, path: &str) -> String {
-    let chunks = store.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into());
+pub(super) fn logged(store: &LoggedChunks, path: &str) -> String {
+    let chunks = store.chunks().filter(|chunk| *chunk.entity_path() == path.into());
     chunks.map(|chunk| chunk.to_string()).collect()
 }
 

@@ -3,7 +3,9 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
 
-use rerun::external::re_chunk_store::{ChunkStore, ChunkStoreConfig};
+use rerun::EntityPath;
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
 use crate::{PartAppearance, RecordingError, RecordingStats, RunContext};
@@ -59,13 +61,43 @@ fn record_run(
     sink.finish()
 }
 
+/// What a recording or its blueprint holds.
+pub(super) struct LoggedChunks {
+    /// Name of the recording.
+    pub id: String,
+    chunks: Vec<Chunk>,
+}
+
+impl LoggedChunks {
+    pub fn chunks(&self) -> impl Iterator<Item = &Chunk> {
+        self.chunks.iter()
+    }
+
+    pub fn entities(&self) -> BTreeSet<&EntityPath> {
+        self.chunks().map(|chunk| chunk.entity_path()).collect()
+    }
+}
+
 /// The recording and the blueprint in the file at `path`.
-pub(super) fn stores(path: &Path) -> (ChunkStore, ChunkStore) {
-    let mut file = std::fs::File::open(path).unwrap();
-    let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
-    let mut parted: (Vec<_>, Vec<_>) = stores.into_values().partition(|store| store.id().is_recording());
-    assert_eq!((parted.0.len(), parted.1.len()), (1, 1));
-    (parted.0.remove(0), parted.1.remove(0))
+pub(super) fn stores(path: &Path) -> (LoggedChunks, LoggedChunks) {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let (mut recordings, mut blueprints) = (Vec::<LoggedChunks>::new(), Vec::new());
+    for message in DecoderApp::decode_lazy(file) {
+        match message.unwrap() {
+            LogMsg::SetStoreInfo(store) => {
+                let id = &store.info.store_id;
+                let stores = if id.is_recording() { &mut recordings } else { &mut blueprints };
+                stores.push(LoggedChunks { id: id.recording_id().to_string(), chunks: Vec::new() });
+            }
+            LogMsg::ArrowMsg(id, message) => {
+                let stores = if id.is_recording() { &mut recordings } else { &mut blueprints };
+                stores[0].chunks.push(Chunk::from_arrow_msg(&message).unwrap());
+            }
+            LogMsg::BlueprintActivationCommand(_) => {}
+        }
+    }
+    assert_eq!((recordings.len(), blueprints.len()), (1, 1));
+    (recordings.remove(0), blueprints.remove(0))
 }
 
 #[test]
@@ -75,7 +107,7 @@ fn recording_has_every_expected_entity() {
     let stats = record(&RerunMode::Save, &path, 4).unwrap();
     assert_eq!(stats.file_bytes, path.metadata().unwrap().len());
     let (recording, blueprint) = stores(&path);
-    let entities: BTreeSet<String> = recording.all_entities().iter().map(|path| path.to_string()).collect();
+    let entities: BTreeSet<String> = recording.entities().iter().map(|path| path.to_string()).collect();
     for path in [
         "camera/image",
         "camera/names",
@@ -121,11 +153,11 @@ fn recording_has_every_expected_entity() {
     ] {
         assert!(entities.contains(&format!("/{path}")), "{path} is not among {entities:#?}");
     }
-    let chunks = recording.iter_physical_chunks();
+    let chunks = recording.chunks();
     let timelines: BTreeSet<String> =
         chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
-    let properties = |name: &str| blueprint.all_entities().iter().filter(|p| p.to_string().ends_with(name)).count();
+    let properties = |name: &str| blueprint.entities().iter().filter(|p| p.to_string().ends_with(name)).count();
     assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (5, 4));
 }
 
@@ -137,9 +169,8 @@ fn fields_are_shown_by_their_effect_on_the_parts() {
     fields.plans_fields = true;
     record_run(fields, &RerunMode::Save, &path, 3).unwrap();
     let (recording, blueprint) = stores(&path);
-    let chunks = |path: &str| {
-        recording.iter_physical_chunks().filter(|chunk| *chunk.entity_path() == path.into()).collect::<Vec<_>>()
-    };
+    let chunks =
+        |path: &str| recording.chunks().filter(|chunk| *chunk.entity_path() == path.into()).collect::<Vec<_>>();
     let arrows: usize = chunks("table/forecast").iter().map(|chunk| chunk.num_rows()).sum();
     assert_eq!(arrows, 3, "once a cycle");
     let logged =
@@ -148,7 +179,7 @@ fn fields_are_shown_by_their_effect_on_the_parts() {
         let logged = chunks(path).into_iter().filter(|chunk| !chunk.is_static());
         assert_eq!(logged.map(|chunk| chunk.num_rows()).sum::<usize>(), rows, "{path}");
     }
-    let shown: String = blueprint.iter_physical_chunks().map(|chunk| chunk.to_string()).collect();
+    let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
     assert!(shown.contains("plan/harmonics_mm_s") && !shown.contains("plan/d_mm"), "the panel shows what there is");
 }
 
@@ -159,7 +190,7 @@ fn every_sample_and_every_frame_of_a_cycle_arrives() {
     record(&RerunMode::Save, &path, 40).unwrap();
     let (recording, _) = stores(&path);
     let rows = |path: &str| -> u64 {
-        let chunks = recording.iter_physical_chunks().filter(|chunk| !chunk.is_static());
+        let chunks = recording.chunks().filter(|chunk| !chunk.is_static());
         chunks.filter(|chunk| *chunk.entity_path() == path.into()).map(|chunk| chunk.num_rows() as u64).sum()
     };
     assert_eq!((rows("camera/image"), rows("plan/d_mm"), rows("errors/to_subgoal_mm")), (40, 40, 40));
@@ -188,7 +219,7 @@ fn a_frozen_viewer_delays_nothing_and_the_file_is_whole() {
 
     assert!(!stats.viewer_caught_up && stats.viewer_missed > 0, "{stats:?}");
     let alone = record(&RerunMode::Save, &folder.path().join("alone.rrd"), 60).unwrap();
-    let rows = |path: &Path| stores(path).0.iter_physical_chunks().map(|chunk| chunk.num_rows()).sum::<usize>();
+    let rows = |path: &Path| stores(path).0.chunks().map(|chunk| chunk.num_rows()).sum::<usize>();
     assert_eq!(rows(&path), rows(&folder.path().join("alone.rrd")));
     assert!(alone.file_bytes > 0);
 }
