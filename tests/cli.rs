@@ -43,8 +43,6 @@ mod mistakes;
 mod mixed_coins;
 #[path = "figures/page.rs"]
 mod page;
-#[path = "figures/page_tests.rs"]
-mod page_tests;
 #[path = "cli/plan.rs"]
 mod plan;
 #[path = "cli/refusals.rs"]

@@ -1,37 +1,24 @@
-//! Links and names in the documentation: every relative link in a Markdown file leads to a file and to a heading in it,
-//! and commands, options and scripts that a page names exist.
+//! Commands, links and names in the documentation: commands run as typed, every relative link leads to a file and to a
+//! heading in it, and commands, options and scripts that a page names exist.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use assert_cmd::Command;
 
-#[path = "doc_commands/pages.rs"]
-#[allow(dead_code)] // marks and outputs
-mod parser;
+#[cfg(all(feature = "daemon", feature = "lab", target_os = "linux"))]
+#[path = "docs/commands.rs"]
+mod commands;
+#[path = "docs/pages.rs"]
+#[allow(dead_code)] // marks, in a build that runs no commands
+mod pages;
 
-use parser::{Page, in_one_line};
+use pages::Page;
 
 /// Most lines of the front page, which a newcomer should read in three minutes.
 const README_LINES: usize = 150;
 const README_WORDS: usize = 1200;
-
-/// Markdown files of the project: those at the top and in `docs/`.
-fn pages() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let entries = [root.to_owned(), root.join("docs")].into_iter().flat_map(|folder| fs::read_dir(folder).unwrap());
-    let mut pages: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    pages.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
-    pages.sort();
-    pages
-}
-
-/// The page in a file.
-fn read(file: &Path) -> Page {
-    Page::read(&file.display().to_string(), &fs::read_to_string(file).unwrap())
-}
 
 /// Destinations of the inline links in a page.
 fn links(page: &Page) -> Vec<String> {
@@ -53,11 +40,11 @@ fn anchors(page: &Page) -> BTreeSet<String> {
 #[test]
 fn relative_links_lead_to_files_and_headings() {
     let mut broken = Vec::new();
-    for page in pages() {
-        for link in links(&read(&page)).iter().filter(|link| !link.contains("://")) {
+    for page in pages::files() {
+        for link in links(&Page::read(&page)).iter().filter(|link| !link.contains("://")) {
             let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
             let target = if path.is_empty() { page.clone() } else { page.parent().unwrap().join(path) };
-            let has_anchor = || anchor.is_empty() || anchors(&read(&target)).contains(anchor);
+            let has_anchor = || anchor.is_empty() || anchors(&Page::read(&target)).contains(anchor);
             if !target.exists() || !has_anchor() {
                 broken.push(format!("{}: {link}", page.display()));
             }
@@ -69,20 +56,24 @@ fn relative_links_lead_to_files_and_headings() {
 #[test]
 fn readme_is_short_and_leads_to_every_page_of_the_docs() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let readme = fs::read_to_string(root.join("README.md")).unwrap();
+    let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
     assert!(readme.lines().count() <= README_LINES && readme.split_whitespace().count() <= README_WORDS);
-    let linked = links(&Page::read("README.md", &readme));
-    let docs = pages().into_iter().filter(|page| page.parent().is_some_and(|folder| folder.ends_with("docs")));
+    let linked = links(&Page::read(&root.join("README.md")));
+    let docs = pages::files().into_iter().filter(|page| page.parent().is_some_and(|folder| folder.ends_with("docs")));
     let unlinked = docs.filter(|page| !linked.contains(&format!("docs/{}", page.file_name().unwrap().display())));
-    assert_eq!(unlinked.collect::<Vec<_>>(), Vec::<PathBuf>::new(), "pages that the README does not name");
+    assert_eq!(unlinked.collect::<Vec<_>>(), Vec::<std::path::PathBuf>::new(), "pages that the README does not name");
 }
 
 /// Commands that a page has in blocks and inline code, each without what `&&`, a comment or `&` separates from it.
 fn commands(page: &Page) -> Vec<String> {
-    let typed = page.blocks.iter().flat_map(|block| &block.commands).map(|(_, text)| in_one_line(text));
-    let all = page.codes.iter().cloned().chain(typed);
-    all.flat_map(|text| text.split(" && ").map(|part| part.trim_end_matches('&').trim().to_owned()).collect::<Vec<_>>())
-        .collect()
+    let blocks = page.blocks.iter().filter(|block| block.info == "sh").map(|block| block.text.replace("\\\n", " "));
+    let typed: Vec<String> = blocks.flat_map(|text| text.lines().map(str::to_owned).collect::<Vec<_>>()).collect();
+    let all = page.codes().into_iter().chain(typed);
+    let parts = |text: String| -> Vec<String> {
+        let bare = text.split(" #").next().unwrap_or_default();
+        bare.split(" && ").map(|part| part.trim_end_matches('&').trim().to_owned()).collect()
+    };
+    all.flat_map(parts).collect()
 }
 
 /// The words after `upm` in a command; `None` for other commands, and where `upm` has no subcommand.
@@ -106,7 +97,7 @@ fn help_of(command: &str) -> String {
 fn commands_that_pages_name_exist_with_their_options_and_tools_are_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let (mut helps, mut faults) = (BTreeMap::new(), Vec::new());
-    for page in pages().iter().filter(|page| !page.ends_with("CHANGELOG.md")).map(|page| read(page)) {
+    for page in pages::all() {
         let commands = commands(&page);
         for called in commands.iter().filter_map(|command| words_of_upm(command)) {
             let mut words = called.split_whitespace();

@@ -8,8 +8,8 @@ use tempfile::TempDir;
 
 use super::{root, status};
 
-#[path = "../doc_commands/pages.rs"]
-#[allow(dead_code)] // commands and marks
+#[path = "../docs/pages.rs"]
+#[allow(dead_code)] // prose and marks
 mod pages;
 
 /// A job on `upm-2` in a new file.
@@ -93,9 +93,10 @@ fn without_file<'a>(file: &Path, line: &'a str) -> &'a str {
 fn examples_of_the_guide_to_jobs_are_valid_or_faulty_as_stated() {
     let folder = TempDir::new().unwrap();
     let guide = root().join("docs/jobs.md");
-    let blocks = pages::Page::read("docs/jobs.md", &fs::read_to_string(guide).unwrap()).fences;
+    let blocks = pages::Page::read(&guide).blocks;
     let (mut valid, mut faulty, mut others) = (0, 0, Vec::new());
-    for (i, (info, text)) in blocks.iter().enumerate().filter(|(_, (info, _))| info.starts_with("json")) {
+    for (i, pages::Block { info, text, .. }) in blocks.iter().enumerate().filter(|(_, of)| of.info.starts_with("json"))
+    {
         let example: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"));
         let file = match info.split_whitespace().nth(1) {
             Some(parts) => written(folder.path(), parts.parse().unwrap(), example),
@@ -108,15 +109,15 @@ fn examples_of_the_guide_to_jobs_are_valid_or_faulty_as_stated() {
                 file
             }
         };
-        match blocks.get(i + 1).filter(|(info, _)| info == "text") {
+        match blocks.get(i + 1).filter(|block| block.info == "text") {
             None => {
                 status(&["check", file.to_str().unwrap()], 0);
                 valid += 1;
             }
-            Some((_, expected)) => {
+            Some(expected) => {
                 let (_, stderr) = status(&["check", file.to_str().unwrap()], 2);
                 let found = without_file(&file, &stderr).to_owned();
-                others.extend((found != expected.trim_end().replace('\n', " ")).then_some(found));
+                others.extend((found != expected.text.trim_end().replace('\n', " ")).then_some(found));
                 faulty += 1;
             }
         }

@@ -9,9 +9,6 @@ use std::sync::Mutex;
 /// Held while a page is written: tests of one program run at the same time.
 static WRITING: Mutex<()> = Mutex::new(());
 
-/// Marks that may follow a number in its word.
-const MARKS: [char; 7] = [',', ';', ':', '.', ')', '%', '°'];
-
 /// A page whose figures are being compared.
 #[derive(Debug)]
 pub struct FigurePage {
@@ -33,40 +30,27 @@ impl TableRow {
     /// Text below the heading `column`, or below the only one that begins so.
     #[track_caller]
     pub fn cell(&self, column: &str) -> &str {
-        &self.cells[self.place(column)]
-    }
-
-    #[track_caller]
-    fn place(&self, column: &str) -> usize {
-        let found = find_only(self.columns.iter().map(String::as_str), column);
-        found.unwrap_or_else(|| panic!("no one column {column:?} among {:?}", self.columns))
+        &self.cells[only(&self.columns, column)]
     }
 }
 
 impl FigurePage {
     /// Reads the page at this path below the repository.
     pub fn open(name: &'static str) -> Self {
-        Self::of(name, fs::read_to_string(path(name)).unwrap())
-    }
-
-    pub fn of(name: &'static str, text: String) -> Self {
-        Self { name, text, changes: Vec::new() }
+        Self { name, text: fs::read_to_string(path(name)).unwrap(), changes: Vec::new() }
     }
 
     /// Rows of all tables whose header begins with `header`.
     pub fn rows(&self, header: &str) -> Vec<TableRow> {
-        let (mut rows, mut table) = (Vec::new(), None);
+        let (mut rows, mut columns, mut is_table) = (Vec::new(), None, false);
         for line in self.text.lines() {
-            if !line.starts_with('|') {
-                table = None;
-                continue;
-            }
-            match &table {
-                None => table = Some((line.starts_with(header), cells_of(line))),
-                Some((true, columns)) if !line.starts_with("|--") => {
+            let was_table = std::mem::replace(&mut is_table, line.starts_with('|'));
+            match &columns {
+                _ if !was_table => columns = line.starts_with(header).then(|| cells_of(line)),
+                Some(columns) if is_table && !line.starts_with("|--") => {
                     rows.push(TableRow { columns: columns.clone(), cells: cells_of(line), line: line.to_owned() });
                 }
-                Some(_) => {}
+                _ => {}
             }
         }
         rows
@@ -76,21 +60,18 @@ impl FigurePage {
     #[track_caller]
     pub fn row(&self, header: &str, label: &str) -> TableRow {
         let rows = self.rows(header);
-        let found = find_only(rows.iter().map(|row| row.cells[0].as_str()), label);
-        let at = found.unwrap_or_else(|| panic!("{}: no one row {label:?} below {header:?}", self.name));
-        rows[at].clone()
+        let labels: Vec<String> = rows.iter().map(|row| row.cells[0].clone()).collect();
+        rows[only(&labels, label)].clone()
     }
 
     /// Compares the numbers in a cell of a row, in their order.
     #[track_caller]
     pub fn cell(&mut self, header: &str, label: &str, column: &str, measured: &[f64]) {
         let row = self.row(header, label);
-        let at = row.place(column);
-        let cell = row.cells[at].as_str();
-        let refitted = self.refitted(cell, measured);
+        let at = only(&row.columns, column);
         let mut pieces: Vec<String> = row.line.split('|').map(str::to_owned).collect();
         // before the first bar there is nothing
-        pieces[at + 1] = pieces[at + 1].replacen(cell, &refitted, 1);
+        pieces[at + 1] = refitted(&pieces[at + 1], measured);
         self.change(row.line, pieces.join("|"));
     }
 
@@ -98,18 +79,10 @@ impl FigurePage {
     #[track_caller]
     pub fn passage(&mut self, begin: &str, end: &str, measured: &[f64]) {
         let Range { start, end: stop } = self.between(begin, end);
-        let refitted = self.refitted(&self.text[start..stop], measured);
         let (before, after) = (&self.text[start - begin.len()..start], &self.text[stop..stop + end.len()]);
-        let printed = self.text[start - begin.len()..stop + end.len()].to_owned();
-        let measured = format!("{before}{refitted}{after}");
+        let printed = &self.text[start..stop];
+        let [printed, measured] = [printed, &refitted(printed, measured)].map(|text| format!("{before}{text}{after}"));
         self.change(printed, measured);
-    }
-
-    /// Compares all of the text between these words, the first of which the page has once.
-    #[track_caller]
-    pub fn sample(&mut self, begin: &str, end: &str, output: &str) {
-        let printed = self.text_between(begin, end).to_owned();
-        self.change(printed, output.to_owned());
     }
 
     /// The text between these words, the first of which the page has once.
@@ -122,18 +95,10 @@ impl FigurePage {
     fn between(&self, begin: &str, end: &str) -> Range<usize> {
         // words may be on two lines
         let flat = self.text.replace('\n', " ");
-        let mut begun = flat.match_indices(begin).map(|(at, _)| at + begin.len());
-        let (first, another) = (begun.next(), begun.next());
-        let start = first.unwrap_or_else(|| panic!("{} does not say {begin:?}", self.name));
-        assert_eq!(another, None, "{} says {begin:?} more than once", self.name);
+        let begun: Vec<usize> = flat.match_indices(begin).map(|(at, _)| at + begin.len()).collect();
+        let [start] = begun[..] else { panic!("{} says {begin:?} {} times", self.name, begun.len()) };
         let length = flat[start..].find(end);
         start..start + length.unwrap_or_else(|| panic!("{} does not say {end:?} after {begin:?}", self.name))
-    }
-
-    #[track_caller]
-    fn refitted(&self, printed: &str, measured: &[f64]) -> String {
-        let refitted = refitted(printed, measured);
-        refitted.unwrap_or_else(|| panic!("{}: {printed:?} has other numbers than {measured:?}", self.name))
     }
 
     fn change(&mut self, printed: String, measured: String) {
@@ -143,43 +108,19 @@ impl FigurePage {
         }
     }
 
-    /// Passages whose figures differ: as printed, and with the measured figures.
-    pub fn changes(&self) -> &[[String; 2]] {
-        &self.changes
-    }
-
-    /// Asserts that all compared figures are those measured.
+    /// Asserts that all compared figures are those measured, or writes the measured ones.
     #[track_caller]
     pub fn assert_as_measured(self) {
-        Self::assert_all([self]);
-    }
-
-    /// The same for several pages.
-    #[track_caller]
-    pub fn assert_all<const N: usize>(pages: [Self; N]) {
-        let changes = pages.iter().flat_map(|page| page.changes.iter().map(move |change| (page.name, change)));
-        let differing: Vec<String> =
-            changes.map(|(name, [printed, measured])| format!("{name}\n- {printed}\n+ {measured}\n")).collect();
-        if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
-            eprint!("{}", differing.concat());
-            pages.iter().for_each(Self::write);
-            return;
+        let show = |[printed, measured]: &[String; 2]| format!("- {printed}\n+ {measured}\n");
+        let differing: String = self.changes.iter().map(show).collect();
+        if std::env::var_os("UPM_REMAKE_GOLDEN").is_none() {
+            assert_eq!(differing, "", "{}: other figures are measured; UPM_REMAKE_GOLDEN=1 writes them", self.name);
+        } else if !self.changes.is_empty() {
+            let _writing = WRITING.lock().unwrap();
+            let text = fs::read_to_string(path(self.name)).unwrap();
+            let text = self.changes.iter().fold(text, |text, [from, to]| text.replacen(from, to, 1));
+            fs::write(path(self.name), text).unwrap();
         }
-        let differing = differing.concat();
-        assert!(differing.is_empty(), "other figures are measured; UPM_REMAKE_GOLDEN=1 writes them:\n{differing}");
-    }
-
-    /// Writes the measured figures into the file, in which other tests may have changed others.
-    fn write(&self) {
-        if self.changes.is_empty() {
-            return;
-        }
-        let _writing = WRITING.lock().unwrap();
-        let mut text = fs::read_to_string(path(self.name)).unwrap();
-        for [printed, measured] in &self.changes {
-            text = text.replacen(printed, measured, 1);
-        }
-        fs::write(path(self.name), text).unwrap();
     }
 }
 
@@ -188,24 +129,24 @@ fn path(name: &str) -> PathBuf {
 }
 
 fn cells_of(line: &str) -> Vec<String> {
-    let line = line.trim_end();
-    let inner = line.strip_prefix('|').unwrap_or(line);
-    inner.strip_suffix('|').unwrap_or(inner).split('|').map(|cell| cell.trim().to_owned()).collect()
+    line.trim().trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()
 }
 
 /// Place of the text that equals `wanted`, or of the only one that begins with it.
-fn find_only<'a>(texts: impl Iterator<Item = &'a str> + Clone, wanted: &str) -> Option<usize> {
-    texts.clone().position(|text| text == wanted).or_else(|| {
-        let mut begun = texts.enumerate().filter(|(_, text)| text.starts_with(wanted));
-        let (at, _) = begun.next()?;
-        begun.next().is_none().then_some(at)
-    })
+#[track_caller]
+fn only(texts: &[String], wanted: &str) -> usize {
+    let begun: Vec<usize> = (0..texts.len()).filter(|&i| texts[i].starts_with(wanted)).collect();
+    match texts.iter().position(|text| text == wanted) {
+        Some(at) => at,
+        None if begun.len() == 1 => begun[0],
+        None => panic!("no one {wanted:?} among {texts:?}"),
+    }
 }
 
 /// Place of the number in a word that is nothing but a number, a bracket before it and marks after it.
 fn number_in(word: &str) -> Option<Range<usize>> {
     let start = word.len() - word.trim_start_matches('(').len();
-    let end = word.trim_end().trim_end_matches(MARKS).len();
+    let end = word.trim_end().trim_end_matches([',', ';', ':', '.', ')', '%', '°']).len();
     let number = word.get(start..end)?;
     let begins = number.strip_prefix('-').unwrap_or(number).starts_with(|c: char| c.is_ascii_digit());
     (begins && number.parse::<f64>().is_ok()).then_some(start..end)
@@ -213,25 +154,22 @@ fn number_in(word: &str) -> Option<Range<usize>> {
 
 /// The numbers in `text`: words such as `upm-2`, `1,000` and `5x` are none.
 pub fn numbers(text: &str) -> Vec<f64> {
-    let words = text.split_whitespace();
-    words.filter_map(|word| word[number_in(word)?].parse().ok()).collect()
+    text.split_whitespace().filter_map(|word| word[number_in(word)?].parse().ok()).collect()
 }
 
-/// `printed` with the measured figures in place of its numbers, with as many decimals; `None` unless there are as many.
-pub fn refitted(printed: &str, measured: &[f64]) -> Option<String> {
+/// `printed` with the measured figures in place of its numbers, with as many decimals.
+#[track_caller]
+fn refitted(printed: &str, measured: &[f64]) -> String {
+    assert_eq!(numbers(printed).len(), measured.len(), "{printed:?} has other numbers than {measured:?}");
     let mut measured = measured.iter();
-    let mut text = String::new();
-    for word in printed.split_inclusive(char::is_whitespace) {
-        match number_in(word) {
-            Some(place) => {
-                text += &word[..place.start];
-                text += &shown_like(&word[place.clone()], *measured.next()?);
-                text += &word[place.end..];
-            }
-            None => text += word,
+    let words = printed.split_inclusive(char::is_whitespace).map(|word| match number_in(word) {
+        Some(place) => {
+            let shown = shown_like(&word[place.clone()], *measured.next().unwrap());
+            format!("{}{shown}{}", &word[..place.start], &word[place.end..])
         }
-    }
-    measured.next().is_none().then_some(text)
+        None => word.to_owned(),
+    });
+    words.collect()
 }
 
 /// `value` with the decimals of `printed`, and as a power of ten where `printed` is one.
@@ -241,4 +179,15 @@ fn shown_like(printed: &str, value: f64) -> String {
     let text = if mantissa == printed { format!("{value:.decimals$}") } else { format!("{value:.decimals$e}") };
     // pages have no negative zero
     if text.parse::<f64>() == Ok(0.0) { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+#[test]
+fn numbers_take_measured_values_as_they_are_printed() {
+    for (printed, measured, refit) in [
+        ("0.86 mm/s; 10 of 10", &[0.9, 9.0, 10.0][..], "0.90 mm/s; 9 of 10"),
+        ("1e-11 of a T/16, `upm-2`, 1,000", &[2.4e-9], "2e-9 of a T/16, `upm-2`, 1,000"),
+        ("(-0.000 mm, 0.4°)", &[-1e-9, 0.44], "(0.000 mm, 0.4°)"),
+    ] {
+        assert_eq!(refitted(printed, measured), refit);
+    }
 }
