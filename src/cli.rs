@@ -34,7 +34,6 @@ mod lab;
 #[path = "cli/without_lab.rs"]
 mod lab;
 mod locate;
-mod log_writer;
 mod logs;
 mod offered;
 mod output;
