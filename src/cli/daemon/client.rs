@@ -74,6 +74,7 @@ impl Timeouts {
 pub(super) struct Client {
     base: String,
     bearer: Option<String>,
+    timeouts: Timeouts,
 }
 
 impl Client {
@@ -85,13 +86,14 @@ impl Client {
         Ok(Self { bearer, ..client })
     }
 
-    /// As [`Self::new`], but a token that cannot be read is only reported: an emergency stop may not need it.
+    /// As [`Self::new`], with the short timeouts of a stop. A token that cannot be read is only reported: an emergency
+    /// stop may not need it.
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
-        Self::new(args).or_else(|failure| {
-            let client = Self::without_token(args)?;
+        let client = Self::new(args).or_else(|failure| {
             failure.report();
-            Ok(client)
-        })
+            Self::without_token(args)
+        })?;
+        Ok(Self { timeouts: Timeouts::Stop, ..client })
     }
 
     fn without_token(args: &DaemonArgs) -> Result<Self, Failure> {
@@ -109,12 +111,12 @@ impl Client {
         if !(is_http && is_plain) {
             return Err(Failure::bad_input(format!("--url: expected http://HOST:PORT, found {url:?}")));
         }
-        Ok(Self { base: base.to_owned(), bearer: None })
+        Ok(Self { base: base.to_owned(), bearer: None, timeouts: Timeouts::Usual })
     }
 
     /// GET of the value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::GET, path, &[], "", Timeouts::Usual)?)
+        self.read(self.send(Method::GET, path, &[], "", self.timeouts)?)
     }
 
     /// POST to `path`; an empty `json` sends no body.
@@ -124,7 +126,7 @@ impl Client {
         json: &str,
         headers: &[(&str, &str)],
     ) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::POST, path, headers, json, Timeouts::Usual)?)
+        self.read(self.send(Method::POST, path, headers, json, self.timeouts)?)
     }
 
     /// The `most` newest jobs, fetched page by page.
@@ -142,16 +144,6 @@ impl Client {
                 return Ok(all);
             }
         }
-    }
-
-    /// GET of the value at `path` with the short timeouts of a stop.
-    pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::GET, path, &[], "", Timeouts::Stop)?)
-    }
-
-    /// POST to `path` without a body, with the short timeouts of a stop.
-    pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::POST, path, &[], "", Timeouts::Stop)?)
     }
 
     /// Stream of the events at `path`, from the one after `after` on.
@@ -181,15 +173,8 @@ impl Client {
         if !body.is_empty() {
             request = request.header(header::CONTENT_TYPE, JSON);
         }
-        let agent = timeouts.agent();
         let lost = |error| ClientRefusal::lost(&self.base, error);
-        let response = if method == Method::GET {
-            let request = request.body(()).map_err(|error| lost(error.into()))?;
-            agent.run(request)
-        } else {
-            let request = request.body(body.to_owned()).map_err(|error| lost(error.into()))?;
-            agent.run(request)
-        };
+        let response = request.body(body.to_owned()).map_err(ureq::Error::from).and_then(|r| timeouts.agent().run(r));
         let mut response = response.map_err(lost)?;
         if response.status().is_success() {
             return Ok(response);
