@@ -32,7 +32,7 @@ pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
 /// Failure of `command`, which needs a feature that this build lacks.
 pub(super) fn lacking(feature: &str, command: &str) -> Failure {
     Failure::bad_input(format!(
-        "`{command}` needs the feature `{feature}`, and this build was made without it; \
+        "{command} needs the feature `{feature}`, and this build was made without it; \
          `cargo install --path . --features {feature}` adds it"
     ))
 }

@@ -90,29 +90,25 @@ pub(super) struct BatchFigure {
 
 /// All figures; smaller is better for each.
 pub(super) const FIGURES: [BatchFigure; 7] = [
-    BatchFigure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
-    BatchFigure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
-    BatchFigure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
-    BatchFigure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
-    BatchFigure {
-        key: "cross_track_rms_mm",
-        name: "cross-track (mm rms)",
-        decimals: 2,
-        of: |run| run.path.cross_track_rms_mm,
-    },
-    BatchFigure {
-        key: "cross_track_max_mm",
-        name: "cross-track (mm max)",
-        decimals: 2,
-        of: |run| run.path.cross_track_max_mm,
-    },
-    BatchFigure {
-        key: "speed_short_mm_s",
-        name: "short of speed (mm/s)",
-        decimals: 2,
-        of: |run| Some(run.path.speed_asked_mm_s? - run.path.speed_held_mm_s?),
-    },
+    figure("plate_time_s", "plate time (s)", 1, |run| Some(run.plate_time_s)),
+    figure("cycles", "cycles", 0, |run| Some(run.cycles as f64)),
+    figure("pulses", "pulses", 0, |run| Some(run.pulses as f64)),
+    figure("max_error_mm", "final error (mm)", 2, |run| run.max_error_mm),
+    figure("cross_track_rms_mm", "cross-track (mm rms)", 2, |run| run.path.cross_track_rms_mm),
+    figure("cross_track_max_mm", "cross-track (mm max)", 2, |run| run.path.cross_track_max_mm),
+    figure("speed_short_mm_s", "short of speed (mm/s)", 2, |run| {
+        Some(run.path.speed_asked_mm_s? - run.path.speed_held_mm_s?)
+    }),
 ];
+
+const fn figure(
+    key: &'static str,
+    name: &'static str,
+    decimals: usize,
+    of: fn(&RunFigures) -> Option<f64>,
+) -> BatchFigure {
+    BatchFigure { key, name, decimals, of }
+}
 
 /// Median, best and worst value of a figure over the completed runs that have it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
