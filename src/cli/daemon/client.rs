@@ -20,7 +20,7 @@ use upm_server::api::JobsPage;
 
 pub(super) use refusal::{ClientRefusal, on_one_line};
 
-pub(super) const USUAL_URL: &str = "http://127.0.0.1:8750";
+const USUAL_URL: &str = "http://127.0.0.1:8750";
 const JSON: &str = "application/json";
 
 /// Largest response that is read, bytes; a page of the longest jobs with their reports is far smaller.
@@ -97,8 +97,7 @@ impl Client {
     }
 
     fn without_token(args: &DaemonArgs) -> Result<Self, Failure> {
-        let url = args.url.clone().or_else(|| std::env::var("UPM_URL").ok());
-        Self::at(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
+        Self::at(&url_of(args))
     }
 
     /// Client of the daemon at `url`, without a token.
@@ -194,15 +193,20 @@ impl Client {
     }
 }
 
+/// Address of the daemon that the arguments, else the environment, name.
+pub(super) fn url_of(args: &DaemonArgs) -> String {
+    args.url.clone().or_else(|| std::env::var("UPM_URL").ok()).unwrap_or_else(|| USUAL_URL.to_owned())
+}
+
 /// Value of the `Authorization` header with the token in `file`.
 fn bearer_of(file: &Path) -> Result<String, Failure> {
-    let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
     let mut text = String::new();
     let read = File::open(file).and_then(|open| open.take(MOST_TOKEN_BYTES).read_to_string(&mut text));
     read.map_err(|error| Failure::read_failed(file, &error))?;
     let token = text.trim();
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_graphic()) {
-        return Err(fault("expected a token, one word of visible ASCII characters".to_owned()));
+        let expected = "expected a token, one word of visible ASCII characters";
+        return Err(Failure::bad_input(format!("{}: {expected}", file.display())));
     }
     Ok(format!("Bearer {token}"))
 }
