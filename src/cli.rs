@@ -21,9 +21,6 @@ mod check;
 mod client_args;
 #[cfg(feature = "daemon")]
 mod daemon;
-#[cfg(not(feature = "daemon"))]
-#[path = "cli/without_daemon.rs"]
-mod daemon;
 mod export;
 mod features;
 mod init;
@@ -34,7 +31,6 @@ mod lab;
 #[path = "cli/without_lab.rs"]
 mod lab;
 mod locate;
-mod log_writer;
 mod logs;
 mod offered;
 mod output;
@@ -70,6 +66,7 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage::answer(&error),
     };
+    #[cfg(feature = "daemon")]
     if let Command::Serve(_) = cli.command {
         daemon::hold_back_sigusr1();
     }
@@ -98,10 +95,14 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
         Command::Export(args) => export::export(&args, common),
+        #[cfg(feature = "daemon")]
         Command::Serve(args) => daemon::serve(&args, common),
+        #[cfg(feature = "daemon")]
+        Command::Client(command) => daemon::client_command(&command, common),
+        #[cfg(not(feature = "daemon"))]
+        Command::Serve(_) | Command::Client(_) => Err(features::lacking(features::DAEMON, "a command of the daemon")),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => schema::schema(&args),
-        Command::Client(command) => daemon::client_command(&command, common),
         Command::Completions(args) => {
             outln!("{}", offered::completions(args.shell, &mut Cli::command()).trim_end())?;
             Ok(0)

@@ -7,12 +7,8 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-const FEATURES: [(&str, bool); 4] = [
-    ("rerun", cfg!(feature = "rerun")),
-    ("daemon", cfg!(feature = "daemon")),
-    ("lab", cfg!(feature = "lab")),
-    ("parquet", cfg!(feature = "parquet")),
-];
+const FEATURES: [(&str, bool); 3] =
+    [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon")), ("lab", cfg!(feature = "lab"))];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))

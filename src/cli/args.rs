@@ -4,12 +4,14 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::batch::Seeds;
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
-use super::offered::{experiments, rerun_modes, scenes, schemas};
+use super::offered::{experiments, scenes, schemas};
 use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
+use upm_recording::RerunMode;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
 #[derive(Parser, Debug)]
@@ -110,7 +112,7 @@ pub struct RunArgs {
     /// Run the job with each of these seeds, on all cores, and print the figures of all: 1..20 (both ends included),
     /// 1,5,9
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "job")]
-    pub seeds: Option<String>,
+    pub seeds: Option<Seeds>,
     /// Folder that run folders are made in; a batch's summary.json and plate-time.svg go there, too, and replace those
     /// of an earlier batch [default: runs; with --seeds a new folder in it]
     #[arg(long, value_name = "DIR")]
@@ -120,8 +122,8 @@ pub struct RunArgs {
     pub pace: Pace,
     /// Recording for Rerun: off, save, connect[=URL] or spawn [default: save where this build can record; with --seeds
     /// off, since a recording for each run is a lot]
-    #[arg(long, value_name = "MODE", value_parser = rerun_modes(), hide_possible_values = true)]
-    pub rerun: Option<String>,
+    #[arg(long, value_name = "MODE")]
+    pub rerun: Option<RerunMode>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several
     /// by comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
@@ -228,8 +230,8 @@ pub struct LocateArgs {
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
     /// Recordings for Rerun, one for each picture: off, save, connect[=URL] or spawn
-    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_modes(), hide_possible_values = true)]
-    pub rerun: String,
+    #[arg(long, value_name = "MODE", default_value = "off")]
+    pub rerun: RerunMode,
     /// Folder that recordings go into
     #[arg(long, value_name = "DIR", default_value = "runs/locate")]
     pub out: PathBuf,
@@ -243,10 +245,8 @@ fn response_methods() -> impl TypedValueParser<Value = ResponseMethod> {
         (ResponseMethod::Fft, "fft", "Products of spectra"),
     ];
     let names = methods.map(|(_, name, help)| PossibleValue::new(name).help(help));
-    PossibleValuesParser::new(names).map(move |given| {
-        let known = methods.into_iter().find(|(_, name, _)| *name == given);
-        known.map_or(ResponseMethod::Auto, |(method, ..)| method)
-    })
+    let known = move |given: &str| methods.into_iter().find(|(_, name, _)| *name == given);
+    PossibleValuesParser::new(names).map(move |given| known(&given).map_or(ResponseMethod::Auto, |(method, ..)| method))
 }
 
 /// `upm simulate`.

@@ -4,7 +4,6 @@ mod plan;
 mod plan_picture;
 mod plan_table;
 
-use std::io::IsTerminal;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -15,7 +14,6 @@ use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
 use coverage_report::CoverageReport;
 use plan::PlanReport;
-use upm_chart::Chart;
 use upm_cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
@@ -24,28 +22,15 @@ use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_fau
 struct ValidFile {
     /// Description on one line.
     says: String,
-    covered: Option<CoverageReport>,
-    /// Forecast of a job, if requested.
-    planned: Option<PlanReport>,
+    /// Coverage of a library, or the forecast of a job, if requested.
+    report: Option<FileReport>,
     /// Warnings of tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
 
-impl ValidFile {
-    fn new(says: String) -> Self {
-        Self { says, covered: None, planned: None, warnings: Vec::new() }
-    }
-
-    fn lines(&self) -> Vec<String> {
-        let covered = self.covered.as_ref().map(CoverageReport::lines);
-        covered.or_else(|| self.planned.as_ref().map(PlanReport::lines)).unwrap_or_default()
-    }
-
-    fn chart(&self) -> Option<Chart> {
-        let covered =
-            self.covered.as_ref().map(|covered| picture::coverage_chart(&covered.coverage, &covered.rig_name));
-        covered.or_else(|| self.planned.as_ref().map(plan_picture::plan_chart))
-    }
+enum FileReport {
+    Coverage(CoverageReport),
+    Plan(PlanReport),
 }
 
 /// Contents of a file, or its faults.
@@ -57,39 +42,40 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
-    let progress = ProgressMode::of(common.quiet, std::io::stderr().is_terminal());
-    let asked = CheckRequest { rig: rig.as_ref(), plan: args.plan, progress };
+    let asked = CheckRequest { rig: rig.as_ref(), plan: args.plan, progress: ProgressMode::on_stderr(common) };
     let findings: Vec<(&Path, CheckFinding)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, asked))).collect();
-    if args.plan {
-        check_planned(&findings)?;
-    }
-    if let Some(path) = &args.picture {
-        draw(path, &findings)?;
-    }
-    if common.json {
-        let rows = findings.iter().map(|(path, finding)| row(path, finding));
-        print_json(&rows.collect::<Vec<_>>())?;
-    } else {
-        for (path, finding) in &findings {
-            print(path, finding)?;
+    for (file, finding) in &findings {
+        let Ok(ValidFile { says, report, .. }) = finding else { continue };
+        let file = file.display();
+        if args.plan && !matches!(report, Some(FileReport::Plan(_))) {
+            return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {file}, a {says}")));
+        }
+        if let Some(picture) = &args.picture {
+            let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
+            let chart = match report.as_ref().ok_or_else(|| Failure::bad_input(line))? {
+                FileReport::Coverage(covered) => picture::coverage_chart(&covered.coverage, &covered.rig_name),
+                FileReport::Plan(planned) => plan_picture::plan_chart(planned),
+            };
+            std::fs::write(picture, lab::svg(&chart)?).map_err(|error| Failure::write(picture, error))?;
         }
     }
-    Ok(status(&findings))
+    if common.json {
+        print_json(&findings.iter().map(|(path, finding)| row(path, finding)).collect::<Vec<_>>())?;
+    } else {
+        findings.iter().try_for_each(|(path, finding)| print(path, finding))?;
+    }
+    Ok(findings.iter().map(|(_, finding)| status(finding)).max().unwrap_or(0))
 }
 
-/// Exit status for the findings of all files.
-fn status(findings: &[(&Path, CheckFinding)]) -> u8 {
-    let cannot = |finding: &CheckFinding| {
-        let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
-        planned.is_some_and(|planned| planned.forecast.verdict().is_failure())
-    };
-    if findings.iter().any(|(_, finding)| finding.is_err()) {
-        BAD_INPUT
-    } else if findings.iter().any(|(_, finding)| cannot(finding)) {
-        NOT_REACHED
-    } else {
-        0
+/// Exit status for the finding of a file.
+fn status(finding: &CheckFinding) -> u8 {
+    match finding {
+        Err(_) => BAD_INPUT,
+        Ok(ValidFile { report: Some(FileReport::Plan(plan)), .. }) if plan.forecast.verdict().is_failure() => {
+            NOT_REACHED
+        }
+        Ok(_) => 0,
     }
 }
 
@@ -103,63 +89,33 @@ struct CheckRequest<'a> {
     progress: ProgressMode,
 }
 
-/// Refuses `--plan` for files other than jobs.
-fn check_planned(findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> {
-    for (file, finding) in findings {
-        if let Ok(ValidFile { planned: None, says, .. }) = finding {
-            return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {}, a {says}", file.display())));
-        }
-    }
-    Ok(())
-}
-
 fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     if files != 1 {
         return Err(Failure::bad_input(format!(
             "--picture: expected one library or, with --plan, one job, found {files} files to check"
         )));
     }
-    let is_svg = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
-    if is_svg {
-        Ok(())
-    } else {
-        Err(Failure::bad_input(format!("--picture: expected a name ending in svg, found {}", path.display())))
-    }
-}
-
-/// Draws the coverage of the one library or the forecast of the one job; nothing if the file is faulty, which is
-/// reported elsewhere.
-fn draw(path: &Path, findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> {
-    for (file, finding) in findings {
-        let Ok(found) = finding else { continue };
-        let Some(chart) = found.chart() else {
-            let (file, says) = (file.display(), &found.says);
-            let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
-            return Err(Failure::bad_input(line));
-        };
-        let drawn = lab::svg(&chart)?;
-        std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
+    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg")) {
+        return Err(Failure::bad_input(format!("--picture: expected a name ending in svg, found {}", path.display())));
     }
     Ok(())
 }
 
 fn row(path: &Path, finding: &CheckFinding) -> Value {
+    let found = finding.as_ref().ok();
     let mut row = json!({
         "file": path.display().to_string(),
         "valid": finding.is_ok(),
-        "says": finding.as_ref().ok().map(|found| &found.says),
+        "says": found.map(|found| &found.says),
         "faults": finding.as_ref().err(),
     });
-    if let Ok(ValidFile { covered: Some(covered), .. }) = finding {
-        row["coverage"] = covered.json();
+    match found.and_then(|found| found.report.as_ref()) {
+        Some(FileReport::Coverage(covered)) => row["coverage"] = covered.json(),
+        Some(FileReport::Plan(planned)) => row["plan"] = planned.json(),
+        None => {}
     }
-    if let Ok(ValidFile { planned: Some(planned), .. }) = finding {
-        row["plan"] = planned.json();
-    }
-    if let Ok(ValidFile { warnings, .. }) = finding
-        && !warnings.is_empty()
-    {
-        row["warnings"] = json!(warnings);
+    if let Some(found) = found.filter(|found| !found.warnings.is_empty()) {
+        row["warnings"] = json!(found.warnings);
     }
     row
 }
@@ -168,7 +124,12 @@ fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
     match finding {
         Ok(found) => {
             outln!("{}: ok, {}", path.display(), found.says)?;
-            found.lines().iter().try_for_each(|line| outln!("  {line}"))?;
+            let lines = match &found.report {
+                Some(FileReport::Coverage(covered)) => covered.lines(),
+                Some(FileReport::Plan(planned)) => planned.lines(),
+                None => Vec::new(),
+            };
+            lines.iter().try_for_each(|line| outln!("  {line}"))?;
             found.warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
         }
         Err(faults) => faults.iter().for_each(|fault| errln!("upm: {fault}")),
@@ -194,7 +155,7 @@ fn check_file(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
         Some(Document::Rig) => check_rig(path)?,
         Some(Document::Job) | None => return check_job(path, asked),
     };
-    Ok(ValidFile::new(says))
+    Ok(ValidFile { says, report: None, warnings: Vec::new() })
 }
 
 /// Validates a daemon file with the rigs it names and their libraries.
@@ -232,7 +193,7 @@ fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
     let planned = asked.plan.then(|| PlanReport::of(&job, &library, asked.progress)).transpose().map_err(lines_of)?;
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
-    Ok(ValidFile { planned, warnings, ..ValidFile::new(says) })
+    Ok(ValidFile { says, report: planned.map(FileReport::Plan), warnings })
 }
 
 fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
@@ -242,7 +203,8 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
         return Err(lines(faults));
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
-    Ok(ValidFile { covered: Some(CoverageReport::by(&library)), ..ValidFile::new(says) })
+    let report = Some(FileReport::Coverage(CoverageReport::by(&library)));
+    Ok(ValidFile { says, report, warnings: Vec::new() })
 }
 
 fn lines<F: std::fmt::Display>(faults: Vec<F>) -> Vec<String> {

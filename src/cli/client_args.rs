@@ -43,25 +43,6 @@ pub enum ClientCommand {
     Resume(PlateArgs),
 }
 
-#[cfg(not(feature = "daemon"))]
-impl ClientCommand {
-    /// Name of the command on the command line.
-    pub(super) fn name(&self) -> &'static str {
-        match self {
-            Self::Submit(_) => "submit",
-            Self::Jobs(_) => "jobs",
-            Self::Show(_) => "show",
-            Self::Watch(_) => "watch",
-            Self::RunNext(_) => "run-next",
-            Self::Cancel(_) => "cancel",
-            Self::Plates(_) => "plates",
-            Self::Estop(_) => "estop",
-            Self::Reset(_) => "reset",
-            Self::Resume(_) => "resume",
-        }
-    }
-}
-
 /// Reads a pace by its name.
 pub fn pace() -> impl TypedValueParser<Value = Pace> {
     let max = PossibleValue::new(Pace::Max.code()).help("As fast as the machine can");

@@ -1,57 +1,57 @@
 //! `upm export`: writes a run as tables, for programs that do not read journals.
 
-mod journal;
-#[cfg(feature = "parquet")]
 mod parquet_file;
-mod table;
 mod tables;
 
 use std::fs::{self, File};
-use std::io::{self, BufReader};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::args::Common;
-use super::features::PARQUET;
 use super::output::{Failure, print};
 use super::run_args::ExportArgs;
 use super::run_folder::run_folder;
-use journal::{ExportLine, JournalFault, Lines};
-use table::{CsvFile, ExportTable, TableCell, TableFile};
-use tables::{POSITIONS, PULSES, PartNames, TABLES, TARGETS, TIMINGS};
+use parquet_file::ParquetFile;
+use tables::{Column, POSITIONS, PULSES, TABLES, TARGETS, TIMINGS, Table};
 use upm_recording::Report;
 use upm_runner::config::reason;
 
 /// Largest report that is read, bytes; one of a thousand parts is far smaller.
 const MOST_REPORT_BYTES: u64 = 16 << 20;
 
-/// File name extensions of the table formats; that of Parquet is the name of its feature.
-const CSV: &str = "csv";
+/// Longest line of a journal that is read, bytes; a cycle of some hundred pulses is far shorter.
+const LONGEST_LINE: u64 = 16 << 20;
+
+const EXPECTED: &str = "expected what `upm run` left in a run folder";
 
 /// Writes the tables of a run folder.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
     if !args.csv && !args.parquet {
         return Err(Failure::bad_input("export: expected --csv, --parquet or both, found neither"));
     }
-    let run = &run_folder(&args.run)?;
-    let report = report_of(run)?;
-    let folder = args.to.clone().unwrap_or_else(|| beside(run));
-    let forms = [(args.csv, CSV), (args.parquet, PARQUET)];
-    let journal = run.join("journal.jsonl");
-    let lines = open_journal(&journal)?;
-    let mut written =
-        WrittenTable::create(&folder, forms.iter().filter(|(asked, _)| *asked).map(|(_, ending)| *ending))?;
-    let parts = report.as_ref().map_or(&[][..], |report| &report.parts);
-    write_journal(&journal, lines, &PartNames(parts), &mut written)?;
+    let run = run_folder(&args.run)?;
+    let report = report_of(&run)?;
+    let path = run.join("journal.jsonl");
+    let journal = File::open(&path).map_err(|error| read_failed(&path, &error))?;
+    let folder = args.to.clone().unwrap_or_else(|| beside(&run));
+    let mut files = TableFiles::create(&folder, args)?;
+    let parts = report.as_ref().map_or(Value::Null, |report| json!(report.parts));
+    files.add_journal(&path, journal, &parts)?;
     match &report {
-        Some(report) => tables::timings(&report.timing_us).try_for_each(|row| written.row(&TIMINGS, &row))?,
+        Some(report) => {
+            let timings: Vec<_> = json!(report.timing_us).as_object().into_iter().flatten().map(|t| json!(t)).collect();
+            let rows = TIMINGS.rows(&json!({ "timings": timings })).map_err(Failure::failed)?;
+            files.add(&TIMINGS, &rows)?;
+        }
         None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
     }
-    let files = written.finish()?;
-    let rows = files.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
+    let written = files.finish()?;
+    let rows = written.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
     let result = json!({ "folder": folder.display().to_string(), "files": rows.collect::<Vec<Value>>() });
-    print(common.json, &result, || files.iter().try_for_each(|(path, rows)| outln!("{}: {rows} rows", path.display())))
+    let print_rows = || written.iter().try_for_each(|(path, rows)| outln!("{}: {rows} rows", path.display()));
+    print(common.json, &result, print_rows)
 }
 
 /// Default output folder, beside the run folder `run` and named after it.
@@ -63,6 +63,10 @@ fn beside(run: &Path) -> PathBuf {
     run.with_file_name(name)
 }
 
+fn read_failed(path: &Path, error: &io::Error) -> Failure {
+    Failure::bad_input(format!("cannot read {}: {}; {EXPECTED}", path.display(), reason(error)))
+}
+
 /// Report of the run; `None` for a run that never ended.
 fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
     let path = run.join("report.json");
@@ -70,90 +74,85 @@ fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(|error| Failure::read_failed(&path, &error))?,
     };
-    let report = serde_json::from_reader(BufReader::new(io::Read::take(file, MOST_REPORT_BYTES)));
-    report.map(Some).map_err(|error| {
-        let allowed = "what `upm run` left in a run folder";
-        Failure::bad_input(format!("{}: expected {allowed}, found {error}", path.display()))
-    })
+    let report = serde_json::from_reader(BufReader::new(file.take(MOST_REPORT_BYTES)));
+    report.map(Some).map_err(|error| Failure::bad_input(format!("{}: {EXPECTED}, found {error}", path.display())))
 }
 
-fn open_journal(path: &Path) -> Result<Lines<BufReader<File>>, Failure> {
-    let file = File::open(path).map_err(|error| read_failed(path, JournalFault::File(error)))?;
-    Ok(Lines::of(BufReader::new(file)))
-}
-
-fn read_failed(path: &Path, fault: JournalFault) -> Failure {
-    let (path, allowed) = (path.display(), "what `upm run` left in a run folder");
-    Failure::bad_input(match fault {
-        JournalFault::File(error) => format!("cannot read {path}: {}; expected {allowed}", reason(&error)),
-        JournalFault::Line(number, error) => format!("{path}: line {number}: expected {allowed}, found {error}"),
-    })
-}
-
-/// Writes the rows of all lines of the journal at `path`.
-fn write_journal(
-    path: &Path,
-    mut lines: Lines<BufReader<File>>,
-    parts: &PartNames<'_>,
-    written: &mut WrittenTable,
-) -> Result<(), Failure> {
-    while let Some(line) = lines.next().map_err(|fault| read_failed(path, fault))? {
-        match line {
-            ExportLine::Cycle(cycle) => {
-                tables::positions(&cycle, parts).try_for_each(|row| written.row(&POSITIONS, &row))?;
-                tables::targets(&cycle, parts).try_for_each(|row| written.row(&TARGETS, &row))?;
-                tables::pulses(cycle.cycle, &cycle.sent).try_for_each(|row| written.row(&PULSES, &row))?;
-            }
-            ExportLine::UnfinishedCycle(unfinished) => {
-                tables::pulses(unfinished.cycle, &unfinished.sent).try_for_each(|row| written.row(&PULSES, &row))?;
-            }
-            ExportLine::Other => {}
-        }
-    }
-    if lines.cut_short {
-        tracing::warn!("{}: ends in half a line: the run was killed", path.display());
-    }
-    Ok(())
-}
-
-/// Table files being written.
-struct WrittenTable(Vec<Open>);
-
-struct Open {
-    table: &'static str,
+/// File of a table in one format.
+struct TableFile {
+    table: &'static Table,
     path: PathBuf,
-    file: Box<dyn TableFile>,
+    writer: TableWriter,
     rows: u64,
 }
 
-impl WrittenTable {
-    /// Creates a file for every table in each format of `endings`.
-    fn create(folder: &Path, endings: impl Iterator<Item = &'static str> + Clone) -> Result<Self, Failure> {
-        if endings.clone().any(|ending| ending == PARQUET) {
-            check_parquet()?;
-        }
+enum TableWriter {
+    /// Comma-separated values as in RFC 4180, with a header row.
+    Csv(csv::Writer<File>),
+    Parquet(ParquetFile),
+}
+
+struct TableFiles(Vec<TableFile>);
+
+impl TableFiles {
+    /// Creates a file for every table in each format that `args` name.
+    fn create(folder: &Path, args: &ExportArgs) -> Result<Self, Failure> {
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        let open = |table: &ExportTable, ending| {
+        let create = |table: &'static Table, ending| {
             let path = folder.join(format!("{}.{ending}", table.name));
-            let file = if ending == CSV { create_csv(&path, table) } else { create_parquet(&path, table) };
-            let file = file.map_err(|error| Failure::write(&path, error))?;
-            Ok(Open { table: table.name, path, file, rows: 0 })
+            let writer = TableWriter::create(&path, table, ending).map_err(|error| Failure::write(&path, error))?;
+            Ok(TableFile { table, path, writer, rows: 0 })
         };
-        let files = endings.flat_map(|ending| TABLES.map(|table| open(table, ending)));
+        let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
+        let files = endings.flat_map(|(_, ending)| TABLES.map(|table| create(table, ending)));
         files.collect::<Result<_, _>>().map(Self)
     }
 
-    fn row(&mut self, table: &ExportTable, row: &[TableCell<'_>]) -> Result<(), Failure> {
-        for open in self.0.iter_mut().filter(|open| open.table == table.name) {
-            open.file.row(row).map_err(|error| Failure::write(&open.path, error))?;
-            open.rows += 1;
+    /// Writes the rows of all lines of `journal`. An incomplete last line, as a killed run leaves it, counts as the end.
+    fn add_journal(&mut self, path: &Path, journal: File, parts: &Value) -> Result<(), Failure> {
+        let mut journal = BufReader::new(journal);
+        let mut bytes = Vec::new();
+        for number in 1.. {
+            bytes.clear();
+            let read = journal.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes);
+            let read = read.map_err(|error| read_failed(path, &error))?;
+            let fault = |found: String| {
+                Failure::bad_input(format!("{}: line {number}: {EXPECTED}, found {found}", path.display()))
+            };
+            if read as u64 == LONGEST_LINE && !bytes.ends_with(b"\n") {
+                return Err(fault(format!("more than {LONGEST_LINE} bytes")));
+            }
+            if !bytes.ends_with(b"\n") {
+                if read > 0 {
+                    tracing::warn!("{}: ends in half a line: the run was killed", path.display());
+                }
+                break;
+            }
+            let mut line: Value = serde_json::from_slice(&bytes).map_err(|error| fault(error.to_string()))?;
+            let tables: &[&Table] = match line.get("type").and_then(Value::as_str) {
+                Some("cycle") => &[&POSITIONS, &TARGETS, &PULSES],
+                Some("unfinished_cycle") => &[&PULSES],
+                Some(_) => continue,
+                None => return Err(fault("no type".to_owned())),
+            };
+            line["parts"] = parts.clone();
+            for table in tables {
+                self.add(table, &table.rows(&line).map_err(fault)?)?;
+            }
         }
         Ok(())
     }
 
+    fn add(&mut self, table: &Table, rows: &[Vec<Value>]) -> Result<(), Failure> {
+        self.0.iter_mut().filter(|file| file.table.name == table.name).try_for_each(|file| {
+            file.rows += rows.len() as u64;
+            rows.iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(&file.path, error))
+        })
+    }
+
     /// Closes the files; their paths and numbers of rows.
     fn finish(self) -> Result<Vec<(PathBuf, u64)>, Failure> {
-        let finish = |Open { path, file, rows, .. }: Open| match file.finish() {
+        let finish = |TableFile { path, writer, rows, .. }| match writer.finish() {
             Ok(()) => Ok((path, rows)),
             Err(error) => Err(Failure::write(&path, error)),
         };
@@ -161,26 +160,78 @@ impl WrittenTable {
     }
 }
 
-fn create_csv(path: &Path, table: &ExportTable) -> io::Result<Box<dyn TableFile>> {
-    Ok(Box::new(CsvFile::create(path, table)?))
+impl TableWriter {
+    fn create(path: &Path, table: &'static Table, ending: &str) -> io::Result<Self> {
+        if ending == "parquet" {
+            return Ok(Self::Parquet(ParquetFile::create(path, table)?));
+        }
+        let mut file = csv::Writer::from_writer(File::create(path)?);
+        file.write_record(table.columns.iter().map(|Column(name, ..)| name))?;
+        Ok(Self::Csv(file))
+    }
+
+    /// Appends a row with one value per column.
+    fn row(&mut self, row: &[Value]) -> io::Result<()> {
+        match self {
+            Self::Csv(file) => Ok(file.write_record(row.iter().map(text))?),
+            Self::Parquet(file) => file.row(row),
+        }
+    }
+
+    /// Writes buffered rows and closes the file.
+    fn finish(self) -> io::Result<()> {
+        match self {
+            Self::Csv(mut file) => file.flush(),
+            Self::Parquet(file) => file.finish(),
+        }
+    }
 }
 
-#[cfg(feature = "parquet")]
-fn create_parquet(path: &Path, table: &ExportTable) -> io::Result<Box<dyn TableFile>> {
-    Ok(Box::new(parquet_file::ParquetFile::create(path, table)?))
+/// A value as text; a number as the shortest text that reads back to it.
+fn text(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.as_i64().map_or_else(
+            || number.as_f64().map_or_else(String::new, |number| number.to_string()),
+            |number| number.to_string(),
+        ),
+        other => other.to_string(),
+    }
 }
 
-#[cfg(feature = "parquet")]
-fn check_parquet() -> Result<(), Failure> {
-    Ok(())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[cfg(not(feature = "parquet"))]
-fn create_parquet(_: &Path, _: &ExportTable) -> io::Result<Box<dyn TableFile>> {
-    Err(io::ErrorKind::Unsupported.into())
-}
+    /// Exports a journal of this text as CSV; the rows of its pulses, or the fault.
+    fn exported(text: &str) -> Result<u64, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        fs::write(&path, text).unwrap();
+        let run = crate::cli::run_args::RunFolderArgs { run: folder.path().into(), out: "runs".into() };
+        let args = ExportArgs { run, csv: true, parquet: true, to: None };
+        let mut files = TableFiles::create(&folder.path().join("tables"), &args).unwrap();
+        let added = files.add_journal(&path, File::open(&path).unwrap(), &Value::Null);
+        added.map_err(|failure| failure.lines.join("\n"))?;
+        Ok(files.finish().unwrap()[2].1)
+    }
 
-#[cfg(not(feature = "parquet"))]
-fn check_parquet() -> Result<(), Failure> {
-    Err(super::features::lacking(PARQUET, "upm export --parquet"))
+    #[test]
+    fn journal_that_ends_in_half_a_line_is_read_up_to_there() {
+        let pulse = r#"{"started_at_s":1,"read":{"cor_mm":[1.5,null]}}"#;
+        let whole =
+            format!("{{\"type\":\"event\"}}\n{{\"type\":\"unfinished_cycle\",\"cycle\":3,\"sent\":[{pulse}]}}\n");
+        assert_eq!(exported(&format!("{whole}{{\"type")), Ok(1));
+    }
+
+    #[test]
+    fn invalid_journal_line_is_reported_by_its_number() {
+        let event = "{\"type\":\"event\"}\n";
+        let odd = "{\"type\":\"unfinished_cycle\",\"cycle\":true,\"sent\":[{}]}\n";
+        for line in ["nonsense\n", "\n", "{}\n", "{\"type\":\"cycle\",\"cycle\":0}\n", odd] {
+            let fault = exported(&format!("{event}{line}")).unwrap_err();
+            assert!(fault.contains(": line 2: expected what `upm run` left"), "{line}: {fault}");
+        }
+    }
 }

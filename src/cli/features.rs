@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-#[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
+#[cfg(not(all(feature = "daemon", feature = "lab")))]
 use super::output::Failure;
 
 /// The daemon and its client commands.
@@ -12,16 +12,9 @@ pub(super) const LAB: &str = "lab";
 /// Recordings for the Rerun viewer.
 const RERUN: &str = "rerun";
 
-/// Tables for Apache Parquet.
-pub(super) const PARQUET: &str = "parquet";
-
 /// Each feature, and whether this build has it.
-const FEATURES: [(&str, bool); 4] = [
-    (RERUN, upm_viewer::BUILT_IN),
-    (DAEMON, cfg!(feature = "daemon")),
-    (LAB, cfg!(feature = "lab")),
-    (PARQUET, cfg!(feature = "parquet")),
-];
+const FEATURES: [(&str, bool); 3] =
+    [(RERUN, upm_viewer::BUILT_IN), (DAEMON, cfg!(feature = "daemon")), (LAB, cfg!(feature = "lab"))];
 
 /// Version, with the features that this build lacks.
 pub(super) static VERSION: LazyLock<String> = LazyLock::new(|| match missing() {
@@ -35,11 +28,11 @@ pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
     missing => format!("Built without {missing}. `cargo install --path .` builds everything."),
 });
 
-#[cfg(not(all(feature = "daemon", feature = "lab", feature = "parquet")))]
+#[cfg(not(all(feature = "daemon", feature = "lab")))]
 /// Failure of `command`, which needs a feature that this build lacks.
 pub(super) fn lacking(feature: &str, command: &str) -> Failure {
     Failure::bad_input(format!(
-        "`{command}` needs the feature `{feature}`, and this build was made without it; \
+        "{command} needs the feature `{feature}`, and this build was made without it; \
          `cargo install --path . --features {feature}` adds it"
     ))
 }

@@ -18,16 +18,13 @@ const MOST_FILES: usize = 500;
 const MOST_BYTES: u64 = 1 << 20;
 
 /// A job file with its content, or the number of its faults.
-struct JobEntry {
-    file: PathBuf,
-    job: Result<JobSpec, usize>,
-}
+type JobEntry = (PathBuf, Result<JobSpec, usize>);
 
 /// Lists the jobs in `configs` and in the current folder. Returns the exit status of a missing argument.
 pub(super) fn list(common: Common) -> Result<u8, Failure> {
     let jobs: Vec<JobEntry> = FOLDERS.iter().flat_map(|folder| jobs_in(Path::new(folder))).collect();
     if common.json {
-        print_json(&jobs.iter().map(JobEntry::json).collect::<Vec<_>>())?;
+        print_json(&jobs.iter().map(json).collect::<Vec<_>>())?;
         return Ok(BAD_INPUT);
     }
     if jobs.is_empty() {
@@ -35,7 +32,7 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
         return Err(Failure::bad_input(line));
     }
     errln!("upm: run: expected a job file, found none; these are here:");
-    let rows: Vec<[String; 4]> = jobs.iter().map(JobEntry::row).collect();
+    let rows: Vec<[String; 4]> = jobs.iter().map(row).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let [file_width, parts_width, task_width] = [0, 1, 2].map(width);
     for [file, parts, task, time] in &rows {
@@ -47,15 +44,14 @@ pub(super) fn list(common: Common) -> Result<u8, Failure> {
 
 /// Files of `folder` whose keys are those of a job, sorted by name.
 fn jobs_in(folder: &Path) -> Vec<JobEntry> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let is_here = folder == Path::new(".");
-    let named = |name: std::ffi::OsString| if is_here { PathBuf::from(name) } else { folder.join(name) };
-    let files = entries.filter_map(Result::ok).map(|entry| named(entry.file_name()));
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let files = entries.map(|file| file.strip_prefix(".").map_or_else(|_| file.clone(), Path::to_owned));
     let mut files: Vec<PathBuf> =
         files.filter(|file| file.extension().is_some_and(|ending| ending == "json")).take(MOST_FILES).collect();
     // sorts arrange-4 before arrange-16
     files.sort_by_cached_key(|file| (numberless(file), file.as_os_str().len(), file.clone()));
-    files.into_iter().filter(|file| is_job(file)).map(|file| JobEntry { job: read(&file), file }).collect()
+    let jobs = files.into_iter().filter(|file| is_job(file));
+    jobs.map(|file| (file.clone(), JobSpec::load(&file).map_err(|faults| faults.len()))).collect()
 }
 
 /// The path up to its first digit.
@@ -70,33 +66,27 @@ fn is_job(file: &Path) -> bool {
     value.and_then(|value| Document::of(&value)) == Some(Document::Job)
 }
 
-fn read(file: &Path) -> Result<JobSpec, usize> {
-    JobSpec::load(file).map_err(|faults| faults.len())
+fn row((file, job): &JobEntry) -> [String; 4] {
+    let file = file.display().to_string();
+    match job {
+        Ok(job) => [file, parts(job), task(job), time(job)],
+        Err(count) => [file, format!("faults: `upm check` shows them ({count})"), String::new(), String::new()],
+    }
 }
 
-impl JobEntry {
-    fn row(&self) -> [String; 4] {
-        let file = self.file.display().to_string();
-        match &self.job {
-            Ok(job) => [file, parts(job), task(job), time(job)],
-            Err(1) => [file, "1 fault: `upm check` shows it".to_owned(), String::new(), String::new()],
-            Err(faults) => [file, format!("{faults} faults: `upm check` shows them"), String::new(), String::new()],
-        }
-    }
-
-    fn json(&self) -> Value {
-        match &self.job {
-            Ok(job) => json!({
-                "file": self.file.display().to_string(),
-                "name": job.name,
-                "rig": job.rig.model.name,
-                "parts": parts(job),
-                "task": task(job),
-                "plate_time_limit_s": job.plate_time_limit_s,
-                "endless": job.is_endless(),
-            }),
-            Err(faults) => json!({ "file": self.file.display().to_string(), "faults": faults }),
-        }
+fn json((file, job): &JobEntry) -> Value {
+    let file = file.display().to_string();
+    match job {
+        Ok(job) => json!({
+            "file": file,
+            "name": job.name,
+            "rig": job.rig.model.name,
+            "parts": parts(job),
+            "task": task(job),
+            "plate_time_limit_s": job.plate_time_limit_s,
+            "endless": job.is_endless(),
+        }),
+        Err(count) => json!({ "file": file, "faults": count }),
     }
 }
 

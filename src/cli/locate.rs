@@ -28,14 +28,14 @@ use upm_recording::{LocalisedRecord, RerunMode};
 /// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = LocateSetup::of(args)?;
-    let rerun = recording::checked_mode(&args.rerun)?;
-    if args.reference && rerun != RerunMode::Off {
+    recording::check_mode(&args.rerun)?;
+    if args.reference && args.rerun != RerunMode::Off {
         return Err(Failure::bad_input("--reference: expected no recording, found --rerun"));
     }
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
-        let shown = args.stages.is_some() || rerun != RerunMode::Off;
+        let shown = args.stages.is_some() || args.rerun != RerunMode::Off;
         let located = if args.reference {
             locate_by_reference(image, &setting, common)
         } else {
@@ -44,7 +44,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
         let made = located.and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
             let mut written = draw((&located.found, &kinds), &name, args)?;
-            written.extend(record((&located.found, &kinds), image, &name, args, &rerun)?);
+            written.extend(record((&located.found, &kinds), image, &name, args)?);
             Ok((written, located))
         });
         match made {
@@ -75,7 +75,7 @@ use reference::locate_by_reference;
 
 #[cfg(not(feature = "lab"))]
 fn locate_by_reference(_: &Path, _: &LocateSetup, _: Common) -> Result<report::LocatedPicture, Failure> {
-    Err(super::features::lacking(super::features::LAB, "upm locate --reference"))
+    Err(super::features::lacking(super::features::LAB, "`upm locate --reference`"))
 }
 
 /// Draws the stages if `args` request it; `kinds` are those of the parts. Returns the paths.
@@ -99,20 +99,19 @@ fn names_of(images: &[PathBuf]) -> Vec<String> {
     images.iter().map(&mut free).collect()
 }
 
-/// Makes the recording called `name` according to `rerun`; returns its path.
+/// Makes the recording called `name` if `args` request one; returns its path.
 fn record(
     (found, kinds): (&LocalisedRecord, &[&str]),
     image: &Path,
     name: &str,
     args: &LocateArgs,
-    rerun: &RerunMode,
 ) -> Result<Option<PathBuf>, Failure> {
-    if *rerun == RerunMode::Off {
+    if args.rerun == RerunMode::Off {
         return Ok(None);
     }
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let path = args.out.join(format!("{name}.rrd"));
-    recording::located(rerun, &path, &image.display().to_string(), found, kinds)?;
+    recording::located(&args.rerun, &path, &image.display().to_string(), found, kinds)?;
     Ok(Some(path))
 }
 

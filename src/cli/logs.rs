@@ -1,11 +1,10 @@
-use std::fmt;
-use std::fs::File;
 use std::io::IsTerminal;
-use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
+use std::{env, fmt, fs, io};
 
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
+use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::format::{Format, Writer};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
@@ -13,7 +12,6 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
 
 use super::args::{Common, LogFormat};
-use super::log_writer::{FlushGuard, LogWriter};
 use super::panics;
 
 /// Destination and level of the log.
@@ -29,15 +27,17 @@ struct LogSettings {
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
 /// returned value at the end of the process flushes its queue.
 pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGuard> {
-    let stream = std::env::var("JOURNAL_STREAM").ok();
     let setting = LogSettings {
         level: level(common, daemon.is_some()),
-        is_journal: is_journal(stream.as_deref(), file_of_stderr()),
-        is_colored: std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
+        is_journal: is_journal(env::var("JOURNAL_STREAM").ok().as_deref(), file_of_stderr()),
+        is_colored: io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
     };
-    let (subscriber, flush_guard) = match daemon.and_then(|_| patient()) {
-        Some((writer, flush_guard)) => (subscriber(daemon, setting, writer), Some(flush_guard)),
-        None => (subscriber(daemon, setting, std::io::stderr), None),
+    let (subscriber, flush_guard) = match daemon {
+        Some(_) => {
+            let (writer, flush_guard) = non_blocking(io::stderr());
+            (subscriber(daemon, setting, writer), Some(flush_guard))
+        }
+        None => (subscriber(daemon, setting, io::stderr), None),
     };
     if tracing::subscriber::set_global_default(subscriber).is_err() {
         errln!("upm: the log was started before");
@@ -48,10 +48,27 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
     flush_guard
 }
 
-/// Non-blocking writer of a daemon's log.
-fn patient() -> Option<(LogWriter, FlushGuard)> {
-    let started = LogWriter::start(std::io::stderr());
-    started.map_err(|error| errln!("upm: no thread for the log: {error}")).ok()
+/// On drop, logs how many lines were dropped, and flushes the queue of the log, for about a second at most.
+pub(super) struct FlushGuard {
+    dropped: ErrorCounter,
+    _worker: WorkerGuard,
+}
+
+impl Drop for FlushGuard {
+    fn drop(&mut self) {
+        let lost = self.dropped.dropped_lines();
+        if lost > 0 {
+            tracing::warn!("{lost} lines of the log were lost");
+        }
+    }
+}
+
+/// Log writer that never blocks: a thread writes the lines to `out`. When its queue is full, lines are dropped and
+/// counted.
+fn non_blocking(out: impl io::Write + Send + 'static) -> (NonBlocking, FlushGuard) {
+    let (writer, worker) = NonBlockingBuilder::default().buffered_lines_limit(1024).thread_name("log").finish(out);
+    let dropped = writer.error_counter();
+    (writer, FlushGuard { dropped, _worker: worker })
 }
 
 /// True if stderr goes to the journal: `stream` gives its device and inode, see systemd.exec(5). They differ if stderr
@@ -63,8 +80,7 @@ fn is_journal(stream: Option<&str>, stderr: Option<(u64, u64)>) -> bool {
 
 /// Device and inode of stderr.
 fn file_of_stderr() -> Option<(u64, u64)> {
-    let stderr = std::io::stderr().as_fd().try_clone_to_owned().ok()?;
-    let meta = File::from(stderr).metadata().ok()?;
+    let meta = fs::metadata("/dev/stderr").ok()?;
     Some((meta.dev(), meta.ino()))
 }
 
@@ -174,6 +190,18 @@ mod tests {
         let lines: Vec<&str> = journal.lines().collect();
         assert_eq!(lines.len(), 3, "{journal}");
         assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
+    }
+
+    #[test]
+    fn end_flushes_the_queue_of_the_log() {
+        let page = TestBuffer::default();
+        let (writer, flush_guard) = non_blocking(page.clone());
+        let setting = LogSettings { level: LevelFilter::INFO, is_journal: true, is_colored: false };
+        tracing::subscriber::with_default(subscriber(Some(LogFormat::Text), setting, writer), || {
+            (0..100).for_each(|i| tracing::info!("{i}."));
+            drop(flush_guard);
+        });
+        assert_eq!(page.lines().len(), 100);
     }
 
     #[test]

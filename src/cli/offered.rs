@@ -1,9 +1,7 @@
-//! Shell completions for the values of arguments.
+//! Names that arguments accept, for their checks and for shell completions.
 
-use std::ffi::OsStr;
-
-use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
-use clap::{Arg, Command, Error};
+use clap::Command;
+use clap::builder::PossibleValuesParser;
 use clap_complete::Shell;
 
 use upm_runner::config::schema_names;
@@ -11,58 +9,31 @@ use upm_runner::config::schema_names;
 /// Files of a run folder that have a schema; the journal's is that of a line.
 const FILES_OF_RUNS: [&str; 2] = ["journal", "report"];
 
-/// The modes of a recording.
-const RERUN_MODES: [&str; 4] = ["off", "save", "connect", "spawn"];
-
-/// Value parser that accepts any text and completes these names. The command itself refuses other names, with its own
-/// message.
-#[derive(Clone, Debug)]
-pub struct CompletableName(Vec<&'static str>);
-
-impl CompletableName {
-    pub fn names(&self) -> &[&'static str] {
-        &self.0
-    }
-}
-
-impl TypedValueParser for CompletableName {
-    type Value = String;
-
-    fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<String, Error> {
-        StringValueParser::new().parse_ref(command, arg, value)
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(self.0.iter().map(|&name| PossibleValue::new(name))))
-    }
-}
-
 /// The names of schemas.
-pub fn schemas() -> CompletableName {
-    CompletableName(schema_names().iter().copied().chain(FILES_OF_RUNS).collect())
+pub fn schemas() -> PossibleValuesParser {
+    PossibleValuesParser::new(names_of_schemas())
 }
 
-/// Values of `--rerun` for completions.
-pub fn rerun_modes() -> CompletableName {
-    CompletableName(RERUN_MODES.to_vec())
+fn names_of_schemas() -> impl Iterator<Item = &'static str> {
+    schema_names().iter().copied().chain(FILES_OF_RUNS)
 }
 
 /// The experiments of `upm lab`.
-pub fn experiments() -> CompletableName {
+pub fn experiments() -> PossibleValuesParser {
     #[cfg(feature = "lab")]
     let names = upm_lab::EXPERIMENTS.iter().map(|experiment| experiment.name).chain(["all"]);
     #[cfg(not(feature = "lab"))]
-    let names = std::iter::empty();
-    CompletableName(names.collect())
+    let names: [&str; 0] = [];
+    PossibleValuesParser::new(names)
 }
 
 /// The families of drawn scenes.
-pub fn scenes() -> CompletableName {
+pub fn scenes() -> PossibleValuesParser {
     #[cfg(feature = "lab")]
     let names = upm_scene::Difficulty::ALL.iter().map(|difficulty| difficulty.name());
     #[cfg(not(feature = "lab"))]
-    let names = std::iter::empty();
-    CompletableName(names.collect())
+    let names: [&str; 0] = [];
+    PossibleValuesParser::new(names)
 }
 
 /// The script of completions for a shell.
@@ -72,10 +43,8 @@ pub fn completions(shell: Shell, command: &mut Command) -> String {
     let mut script = String::from_utf8_lossy(&script).into_owned();
     if shell == Shell::Fish {
         // clap leaves out the values of positional arguments there
-        for (of, names) in [("lab", experiments()), ("schema", schemas())] {
-            let names = names.names().join(" ");
-            script += &format!("complete -c upm -n \"__fish_upm_using_subcommand {of}\" -f -a \"{names}\"\n");
-        }
+        let names = names_of_schemas().collect::<Vec<_>>().join(" ");
+        script += &format!("complete -c upm -n \"__fish_upm_using_subcommand schema\" -f -a \"{names}\"\n");
     }
     script
 }

@@ -6,41 +6,27 @@ pub(super) const LAST: &str = "last";
 /// Most candidates listed in a message.
 const SHOWN: usize = 6;
 
-/// Result of a match.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) enum Match {
-    None,
-    /// Index of the only match.
-    One(usize),
-    /// Indices of all names that begin with the text.
-    Several(Vec<usize>),
-}
-
-/// Finds the name equal to `text`, else those that begin with it.
-pub(super) fn match_prefix<'a>(text: &str, names: impl Iterator<Item = &'a str>) -> Match {
-    let mut found = Vec::new();
-    for (index, name) in names.enumerate() {
-        if name == text {
-            return Match::One(index);
-        }
-        if name.starts_with(text) {
-            found.push(index);
-        }
+/// The item whose name is `text`, else the only one whose name begins with it. If several do, the error has their
+/// number and the first of them as `shown` writes them.
+pub(super) fn by_prefix<'a, T>(
+    text: &str,
+    items: &'a [T],
+    name: impl Fn(&T) -> &str,
+    shown: impl Fn(&T) -> String,
+) -> Result<Option<&'a T>, String> {
+    if let Some(item) = items.iter().find(|item| name(item) == text) {
+        return Ok(Some(item));
     }
-    match found.as_slice() {
-        [] => Match::None,
-        [one] => Match::One(*one),
-        _ => Match::Several(found),
+    let found: Vec<&T> = items.iter().filter(|item| name(item).starts_with(text)).collect();
+    if found.len() < 2 {
+        return Ok(found.into_iter().next());
     }
-}
-
-/// The first [`SHOWN`] of `candidates` on one line.
-pub(super) fn in_one_line(candidates: &[String]) -> String {
-    let shown = candidates.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-    match candidates.len().saturating_sub(SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
+    let candidates = found.iter().take(SHOWN).map(|item| shown(item)).collect::<Vec<_>>().join(", ");
+    let more = match found.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    Err(format!("{}: {candidates}{more}", found.len()))
 }
 
 #[cfg(test)]
@@ -48,21 +34,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_name_wins_over_longer_ones_and_several_are_all_found() {
+    fn whole_name_wins_over_longer_ones_and_long_lists_are_cut() {
         let names = ["arrange-2", "arrange-24", "hold-4"];
-        let found = |text| match_prefix(text, names.into_iter());
-        assert_eq!(found("arrange-2"), Match::One(0));
-        assert_eq!(found("arrange-24"), Match::One(1));
-        assert_eq!(found("h"), Match::One(2));
-        assert_eq!(found("arr"), Match::Several(vec![0, 1]));
-        assert_eq!(found(""), Match::Several(vec![0, 1, 2]));
-        assert_eq!(found("arrange-3"), Match::None);
-    }
-
-    #[test]
-    fn long_list_of_candidates_is_cut_with_a_count() {
+        let found = |text| by_prefix(text, &names, |name| name, ToString::to_string).map(|name| name.copied());
+        assert_eq!(found("arrange-2"), Ok(Some("arrange-2")));
+        assert_eq!(found("h"), Ok(Some("hold-4")));
+        assert_eq!(found("arr"), Err("2: arrange-2, arrange-24".to_owned()));
+        assert_eq!(found("arrange-3"), Ok(None));
         let names: Vec<String> = (0..8).map(|i| format!("run-{i}")).collect();
-        assert_eq!(in_one_line(&names), "run-0, run-1, run-2, run-3, run-4, run-5 and 2 more");
-        assert_eq!(in_one_line(&names[..2]), "run-0, run-1");
+        let all = by_prefix("", &names, String::as_str, String::clone).unwrap_err();
+        assert_eq!(all, "8: run-0, run-1, run-2, run-3, run-4, run-5 and 2 more");
     }
 }

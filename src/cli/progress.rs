@@ -20,7 +20,7 @@ pub(super) const FULL: u64 = 1000;
 /// Least delay against real time that is reported, s.
 const LEAST_BEHIND_S: f64 = 0.1;
 
-/// Work that takes no longer than this shows no progress.
+/// Work that takes no longer than this writes no line.
 const LATE: Duration = Duration::from_secs(2);
 
 /// Time between two lines of progress.
@@ -109,56 +109,41 @@ impl ProgressMode {
     }
 }
 
-/// Progress on stderr of work that has taken a while.
+/// Progress on stderr: a bar at once, or lines for work that takes a while.
 pub(super) struct LateProgress<C> {
     clock: C,
-    mode: ProgressMode,
     bar: Option<ProgressBar>,
-    /// Earliest time of the next line.
-    line_from: Duration,
+    /// Earliest time of the next line; `None` without lines.
+    line_from: Option<Duration>,
 }
 
 impl LateProgress<MonotonicClock> {
-    /// Progress on stderr; a bar is shown from the beginning.
+    /// Progress on the stderr of this process.
     pub fn at_once(common: Common) -> Self {
-        let mode = ProgressMode::on_stderr(common);
-        let bar = (mode == ProgressMode::Bar).then(|| bar(false));
-        Self { bar, ..Self::new(mode, MonotonicClock::new()) }
+        Self::new(ProgressMode::on_stderr(common), MonotonicClock::new())
     }
 }
 
 impl<C: Clock> LateProgress<C> {
     pub fn new(mode: ProgressMode, clock: C) -> Self {
-        let line_from = clock.elapsed() + LATE;
-        Self { clock, mode, bar: None, line_from }
+        let line_from = (mode == ProgressMode::Lines).then(|| clock.elapsed() + LATE);
+        Self { clock, bar: (mode == ProgressMode::Bar).then(|| bar(false)), line_from }
     }
 
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
-        match self.mode {
-            ProgressMode::Hidden => {}
-            ProgressMode::Lines => {
-                if let Some(line) = self.line(done, message) {
-                    errln!("{line}");
-                }
-            }
-            ProgressMode::Bar => {
-                if self.bar.is_none() && self.clock.elapsed() < LATE {
-                    return;
-                }
-                let bar = self.bar.get_or_insert_with(|| bar(false));
-                bar.set_position((done * FULL as f64) as u64);
-                bar.set_message(message());
-            }
+        if let Some(bar) = &self.bar {
+            bar.set_position((done * FULL as f64) as u64);
+            bar.set_message(message());
+        } else if let Some(line) = self.line(done, message) {
+            errln!("{line}");
         }
     }
 
     /// The line to write now, without a share where `done` is NaN; `None` while the previous one is recent.
     fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
         let now = self.clock.elapsed();
-        if now < self.line_from {
-            return None;
-        }
-        self.line_from = now + BETWEEN_LINES;
+        self.line_from.filter(|&from| now >= from)?;
+        self.line_from = Some(now + BETWEEN_LINES);
         let share = if done.is_nan() { String::new() } else { format!("{:3.0} %  ", 100.0 * done) };
         Some(share + &message())
     }

@@ -7,16 +7,9 @@ use upm_viewer::{RerunSink, record_located};
 
 use super::output::Failure;
 
-/// Recording mode named by `--rerun`.
-pub(super) fn mode(text: &str) -> Result<RerunMode, Failure> {
-    text.parse().map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
-}
-
-/// Recording mode named by `--rerun`; refused at once if the recording cannot go there.
-pub(super) fn checked_mode(text: &str) -> Result<RerunMode, Failure> {
-    let mode = mode(text)?;
-    RerunSink::check(&mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))?;
-    Ok(mode)
+/// Refuses a recording that cannot be made.
+pub(super) fn check_mode(mode: &RerunMode) -> Result<(), Failure> {
+    RerunSink::check(mode).map_err(|error| Failure::bad_input(format!("--rerun: {error}")))
 }
 
 /// Records how table and parts, of those kinds, were found in a picture, into `path` and to the viewer of `mode`.

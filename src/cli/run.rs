@@ -4,24 +4,20 @@ use super::args::{Common, RunArgs};
 use super::job_list;
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
-use super::recording;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{RecordingOptions, Report, Verdict};
+use upm_recording::{RecordingOptions, Report, RerunMode, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
 
 /// Default folder for run folders.
 pub(super) const USUAL_OUT: &str = "runs";
 
-/// Default recording mode of a single run.
-const USUAL_RERUN: &str = if upm_viewer::BUILT_IN { "save" } else { "off" };
-
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let Some(file) = &args.job else { return job_list::list(common) };
-    let rerun = recording::mode(args.rerun.as_deref().unwrap_or(USUAL_RERUN))?;
+    let rerun = args.rerun.clone().unwrap_or(if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off });
     let job = load_job(file, args)?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::output::Failure;
-use super::prefix::{LAST, Match, in_one_line, match_prefix};
+use super::prefix::{LAST, by_prefix};
 use super::run_args::RunFolderArgs;
 
 /// First file written into a run folder; its time is the start of the run.
@@ -26,17 +26,13 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
         });
     }
     runs.sort_by(|a, b| a.name.cmp(&b.name));
-    match match_prefix(&text, runs.iter().map(|run| run.name.as_str())) {
-        Match::One(index) => Ok(runs.swap_remove(index).path),
-        Match::None => {
+    match by_prefix(&text, &runs, |run| &run.name, |run| run.name.clone()) {
+        Ok(Some(run)) => Ok(run.path.clone()),
+        Ok(None) => {
             Err(Failure::bad_input(format!("RUN: expected {allowed} in {shown_out} (--out DIR), found {text:?}")))
         }
-        Match::Several(found) => {
-            let names: Vec<String> = found.iter().filter_map(|&index| Some(runs.get(index)?.name.clone())).collect();
-            let (count, names) = (names.len(), in_one_line(&names));
-            Err(Failure::bad_input(format!(
-                "RUN: expected more of the name of one of {count}: {names}; found {text:?}"
-            )))
+        Err(several) => {
+            Err(Failure::bad_input(format!("RUN: expected more of the name of one of {several}; found {text:?}")))
         }
     }
 }

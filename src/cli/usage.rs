@@ -1,5 +1,6 @@
 //! Messages about wrong command lines: one line with a remedy.
 
+use std::error::Error as _;
 use std::net::AddrParseError;
 use std::num::{ParseFloatError, ParseIntError};
 use std::process::ExitCode;
@@ -23,44 +24,46 @@ pub(super) fn answer(error: &Error) -> ExitCode {
 
 fn line(error: &Error) -> String {
     let command = command_of(error);
-    let help = format!("`{command} --help`");
+    let help = format!("see `{command} --help`");
     let argument = first(error, ContextKind::InvalidArg);
+    // `--seed` of `--seed N`
+    let name = argument.split(' ').next().unwrap_or_default();
+    let found = format!("found {:?}", first(error, ContextKind::InvalidValue));
     match error.kind() {
         ErrorKind::InvalidSubcommand => unknown_command(error),
-        ErrorKind::UnknownArgument if argument.starts_with('-') => {
+        ErrorKind::UnknownArgument => {
             let meant = did_you_mean(&first(error, ContextKind::SuggestedArg));
-            format!("expected an option of `{command}`{meant}, found {argument:?}; {help} lists them")
+            format!("expected an option of `{command}`{meant}, found {argument:?}; {help}")
         }
-        ErrorKind::UnknownArgument => format!("`{command}` takes no further argument, found {argument:?}; see {help}"),
         ErrorKind::MissingRequiredArgument => {
-            format!(
-                "{}: expected {}, found nothing; see {help}",
-                command.strip_prefix("upm ").unwrap_or(&command),
-                all(error, ContextKind::InvalidArg).join(" and ")
-            )
+            let expected = all(error, ContextKind::InvalidArg).join(" and ");
+            format!("{}: expected {expected}, found nothing; {help}", command.trim_start_matches("upm "))
         }
-        ErrorKind::InvalidValue => invalid_value(error, &argument, &help),
-        ErrorKind::ValueValidation => {
-            let found = first(error, ContextKind::InvalidValue);
-            format!(
-                "{}: {}found {found:?}",
-                name_of(&argument),
-                std::error::Error::source(error).map(wanted).unwrap_or_default()
-            )
-        }
+        ErrorKind::InvalidValue => match all(error, ContextKind::ValidValue).join(", ") {
+            none if none.is_empty() => format!("expected {argument}, found nothing; {help}"),
+            choices => {
+                let meant = did_you_mean(&first(error, ContextKind::SuggestedValue));
+                format!("{name}: expected one of {choices}{meant}, {found}")
+            }
+        },
+        ErrorKind::ValueValidation => match error.source() {
+            Some(why) if why.is::<ParseIntError>() => format!("{name}: expected a whole number, {found}"),
+            Some(why) if why.is::<ParseFloatError>() => format!("{name}: expected a number, {found}"),
+            Some(why) if why.is::<AddrParseError>() => {
+                format!("{name}: expected an IP address and a port like 127.0.0.1:8750, {found}")
+            }
+            Some(why) if why.to_string().contains(", found ") => format!("{name}: {why}"),
+            Some(why) => format!("{name}: {why}; {found}"),
+            None => format!("{name}: {found}; {help}"),
+        },
         ErrorKind::ArgumentConflict => {
             let prior = all(error, ContextKind::PriorArg).join(" or ");
-            let prior = if prior.is_empty() { "the others".to_owned() } else { prior };
-            format!(
-                "expected {} or {}, found both; see {help}",
-                argument.trim_end_matches("..."),
-                prior.trim_end_matches("...")
-            )
+            format!("expected {argument} or {prior}, found both; {help}")
         }
         _ => {
             let text = error.render().to_string();
             let line = text.lines().next().unwrap_or_default();
-            format!("{}; see {help}", line.strip_prefix("error: ").unwrap_or(line))
+            format!("{}; {help}", line.trim_start_matches("error: "))
         }
     }
 }
@@ -72,38 +75,10 @@ fn unknown_command(error: &Error) -> String {
         return format!("expected a command, found the file {found:?}; `upm run {found}` runs a job");
     }
     let cli = Cli::command();
-    let names = || cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
-    let begun = || names().find(|name| found.len() >= 3 && name.starts_with(&found));
-    let meant = did_you_mean(nearest(&found, names()).or_else(begun).unwrap_or_default());
+    let names = cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
+    let suggested = first(error, ContextKind::SuggestedSubcommand);
+    let meant = did_you_mean(nearest(&found, names).unwrap_or(&suggested));
     format!("expected a command{meant}, found {found:?}; `upm --help` lists them")
-}
-
-fn invalid_value(error: &Error, argument: &str, help: &str) -> String {
-    let (found, choices) = (first(error, ContextKind::InvalidValue), all(error, ContextKind::ValidValue));
-    let meant = did_you_mean(&first(error, ContextKind::SuggestedValue));
-    let found = if found.is_empty() { "nothing".to_owned() } else { format!("{found:?}") };
-    match choices.as_slice() {
-        [] => format!("expected {argument}, found {found}; see {help}"),
-        choices => format!("{}: expected one of {}{meant}, found {found}", name_of(argument), choices.join(", ")),
-    }
-}
-
-/// Expected form of a value that cannot be parsed, with a trailing comma.
-fn wanted(why: &(dyn std::error::Error + 'static)) -> String {
-    if why.is::<ParseIntError>() {
-        "expected a whole number, ".to_owned()
-    } else if why.is::<ParseFloatError>() {
-        "expected a number, ".to_owned()
-    } else if why.is::<AddrParseError>() {
-        "expected an IP address and a port like 127.0.0.1:8750, ".to_owned()
-    } else {
-        format!("{why}; ")
-    }
-}
-
-/// Flag without its value: `--seed` of `--seed N`.
-fn name_of(argument: &str) -> &str {
-    argument.split(' ').next().unwrap_or(argument)
 }
 
 fn did_you_mean(word: &str) -> String {
@@ -127,7 +102,7 @@ fn first(error: &Error, kind: ContextKind) -> String {
 
 /// Words that `error` has under `kind`; arguments as `--rig RIG.json`.
 fn all(error: &Error, kind: ContextKind) -> Vec<String> {
-    let plain = |text: &String| text.replace(['<', '>'], "");
+    let plain = |text: &String| text.replace(['<', '>'], "").trim_end_matches("...").to_owned();
     match error.get(kind) {
         Some(ContextValue::String(text)) => vec![plain(text)],
         Some(ContextValue::Strings(texts)) => texts.iter().map(plain).collect(),

@@ -9,17 +9,17 @@ use super::features::{LAB, lacking};
 use super::output::Failure;
 
 pub(super) fn lab(_: &LabArgs, _: Common) -> Result<u8, Failure> {
-    Err(lacking(LAB, "upm lab"))
+    Err(lacking(LAB, "`upm lab`"))
 }
 
 pub(super) fn of_scene(_: &str, _: &RenderArgs) -> Result<(Frame, Value), Failure> {
-    Err(lacking(LAB, "upm render --scene"))
+    Err(lacking(LAB, "`upm render --scene`"))
 }
 
 pub(super) fn check_svg() -> Result<(), Failure> {
-    Err(lacking(LAB, "upm check --picture"))
+    Err(lacking(LAB, "`upm check --picture`"))
 }
 
 pub(super) fn svg(_: &Chart) -> Result<String, Failure> {
-    Err(lacking(LAB, "upm check --picture"))
+    Err(lacking(LAB, "`upm check --picture`"))
 }

@@ -1,5 +1,5 @@
 use std::io;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -23,9 +23,6 @@ pub struct RecordingOptions {
     /// True for real-time runs: the writer threads then run at lower priority. In other runs a lower priority would
     /// only make them lag.
     pub has_clock: bool,
-    /// Set once the run is to end: from then on it waits for its recording for at most 0.1 s, unless the overflow
-    /// policy is to wait without limit.
-    pub stop: Arc<AtomicBool>,
     /// Clock by which the writer threads time their batches.
     pub clock: MonotonicClock,
 }
@@ -39,7 +36,6 @@ impl RecordingOptions {
             recording_overflow: OverflowPolicy::Wait,
             recording: RecordingHandle::default(),
             has_clock: false,
-            stop: Arc::default(),
             clock,
         }
     }

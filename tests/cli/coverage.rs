@@ -32,8 +32,7 @@ fn coverage_of_the_shipped_libraries_is_reported() {
         assert_eq!(coverage(&[&library]), known, "a library knows its plate");
 
         let (said, _) = status(&["check", &library, "--rig", &rig], 0);
-        assert_eq!(said.lines().filter(|line| line.split(' ').all(|c| c.len() < 2) && line.len() > 40).count(), 21);
-        for label in ["centres", "largest gap", "weakest place", "out of reach", "never strongest"] {
+        for label in ["centres", "largest gap", "weakest place", "longest step", "out of reach", "never strongest"] {
             assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{said}");
         }
     }
@@ -96,19 +95,11 @@ fn unreachable_places_are_marked() {
     let (path, map) = (folder.path().join("poor.json"), folder.path().join("map.svg"));
     fs::write(&path, library.to_string()).unwrap();
     let (path, map) = (path.to_str().unwrap(), map.to_str().unwrap());
-    let (said, _) = status(&["check", path, "--rig", "configs/rigs/upm-1.json", "--picture", map], 0);
-    let marked = said
-        .lines()
-        .skip_while(|line| !line.contains("! out of reach"))
-        .skip(1)
-        .collect::<String>()
-        .matches('!')
-        .count();
-    assert!((50..200).contains(&marked), "{said}");
+    status(&["check", path, "--rig", "configs/rigs/upm-1.json", "--picture", map], 0);
     assert!(fs::read_to_string(map).unwrap().contains("out of reach"));
     let report = coverage(&[path, "--rig", "configs/rigs/upm-1.json"]);
     let share = report["out_of_reach_share"].as_f64().unwrap();
-    assert!((share - marked as f64 / 441.0).abs() < 1e-4, "{share} {marked}");
+    assert!((50.0 / 441.0..200.0 / 441.0).contains(&share), "{share}");
     assert_eq!(report["centres"], json!({"inside": 1, "outside": 0, "translations": 2}));
     let degrees = report["weakest"]["direction_deg"].as_f64().unwrap();
     assert!((degrees - 90.0).abs() < 5.0, "{degrees}");

@@ -201,7 +201,6 @@ fn invalid_run_folder_is_refused_in_one_line_without_tables() {
 }
 
 #[test]
-#[cfg(feature = "parquet")]
 fn parquet_tables_have_the_values_of_the_csv_tables() {
     use parquet::file::reader::{FileReader, SerializedFileReader};
 
@@ -224,7 +223,6 @@ fn parquet_tables_have_the_values_of_the_csv_tables() {
     }
 }
 
-#[cfg(feature = "parquet")]
 fn text_of(field: &parquet::record::Field) -> String {
     use parquet::record::Field;
 
@@ -236,15 +234,6 @@ fn text_of(field: &parquet::record::Field) -> String {
         Field::Str(text) => text.clone(),
         other => panic!("no table has a {other:?}"),
     }
-}
-
-#[test]
-#[cfg(not(feature = "parquet"))]
-fn parquet_in_a_build_without_it_names_the_feature() {
-    let folder = TempDir::new().unwrap();
-    let run = run(folder.path(), &by_rotations(folder.path()), &[]);
-    let (_, stderr) = status(&["export", run.to_str().unwrap(), "--parquet"], 2);
-    assert!(stderr.contains("feature `parquet`") && stderr.lines().count() == 1, "{stderr}");
 }
 
 /// A schema that the command prints, compiled by an independent validator.

@@ -7,9 +7,10 @@ const MOST_SEEDS: u64 = 10_000;
 /// The seeds of a batch, each once, in the order in which they are named: `1..20` (both ends included), `1,5,9` or
 /// `1..3,7`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Seeds(Vec<u64>);
+pub struct Seeds(Vec<u64>);
 
 impl Seeds {
+    /// The seeds in their order.
     pub fn as_slice(&self) -> &[u64] {
         &self.0
     }

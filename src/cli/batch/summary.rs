@@ -2,9 +2,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 use upm_core::job::{Outcome, StopCause};
-use upm_recording::{PathReport, Report, Verdict};
+use upm_recording::{Report, Verdict};
 
 /// Result of one run of a batch.
 #[derive(Clone, Debug, Serialize)]
@@ -17,45 +18,41 @@ pub(super) struct SeedRun {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<StopCause>,
     pub reason: String,
-    /// `None` if the job cannot be run with this seed.
+    /// Figures of the report by [`KEYS`]; empty if the job cannot be run with this seed.
     #[serde(flatten)]
-    pub figures: Option<RunFigures>,
+    pub figures: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub folder: Option<String>,
     /// Exit status of `upm run` with this seed.
     pub status: u8,
 }
 
-/// Figures of one run, named as in `report.json`.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct RunFigures {
-    pub plate_time_s: f64,
-    pub wall_time_s: f64,
-    pub cycles: u64,
-    pub pulses: u64,
-    pub collisions: Option<u64>,
-    pub max_error_mm: Option<f64>,
-    #[serde(flatten)]
-    pub path: PathReport,
-}
+/// Figures of one run, as in `report.json`.
+const KEYS: [&str; 12] = [
+    "plate_time_s",
+    "wall_time_s",
+    "cycles",
+    "pulses",
+    "collisions",
+    "max_error_mm",
+    "cross_track_rms_mm",
+    "cross_track_max_mm",
+    "travel_ratio",
+    "phase_error_max",
+    "speed_asked_mm_s",
+    "speed_held_mm_s",
+];
 
 impl SeedRun {
     pub fn of(report: &Report, folder: &Path, status: u8) -> Self {
+        let figures = json!(report).as_object().cloned().unwrap_or_default();
         Self {
             seed: report.seed,
             outcome: report.outcome,
             verdict: report.verdict,
             code: report.stop.as_ref().map(|stop| stop.code),
             reason: report.reason.clone(),
-            figures: Some(RunFigures {
-                plate_time_s: report.plate_time_s,
-                wall_time_s: report.wall_time_s,
-                cycles: report.cycles,
-                pulses: report.pulses,
-                collisions: report.collisions,
-                max_error_mm: report.max_error_mm,
-                path: report.path.clone(),
-            }),
+            figures: figures.into_iter().filter(|(key, _)| KEYS.contains(&key.as_str())).collect(),
             folder: Some(folder.display().to_string()),
             status,
         }
@@ -64,7 +61,7 @@ impl SeedRun {
     /// Entry of a job that could not be run with `seed`, or whose run could not be written.
     pub fn not_run(seed: u64, reason: String, status: u8) -> Self {
         let outcome = Outcome::Failed;
-        Self { seed, outcome, verdict: None, code: None, reason, figures: None, folder: None, status }
+        Self { seed, outcome, verdict: None, code: None, reason, figures: Map::new(), folder: None, status }
     }
 
     /// True if the run completed and the ground truth does not contradict it.
@@ -75,43 +72,26 @@ impl SeedRun {
     pub fn is_false_success(&self) -> bool {
         self.verdict == Some(Verdict::FalseSuccess)
     }
+
+    fn figure(&self, key: &str) -> Option<f64> {
+        let value = |key| self.figures.get(key).and_then(Value::as_f64);
+        if key == SPEED_SHORT { Some(value("speed_asked_mm_s")? - value("speed_held_mm_s")?) } else { value(key) }
+    }
 }
 
-/// A figure that is summarised over the completed runs.
-pub(super) struct BatchFigure {
-    /// Key in `report.json`.
-    pub key: &'static str,
-    /// Label in the table, with the unit.
-    pub name: &'static str,
-    /// Decimals in the table.
-    pub decimals: usize,
-    of: fn(&RunFigures) -> Option<f64>,
-}
+/// Key of the speed that a run is short of what its job asks for.
+const SPEED_SHORT: &str = "speed_short_mm_s";
 
-/// All figures; smaller is better for each.
-pub(super) const FIGURES: [BatchFigure; 7] = [
-    BatchFigure { key: "plate_time_s", name: "plate time (s)", decimals: 1, of: |run| Some(run.plate_time_s) },
-    BatchFigure { key: "cycles", name: "cycles", decimals: 0, of: |run| Some(run.cycles as f64) },
-    BatchFigure { key: "pulses", name: "pulses", decimals: 0, of: |run| Some(run.pulses as f64) },
-    BatchFigure { key: "max_error_mm", name: "final error (mm)", decimals: 2, of: |run| run.max_error_mm },
-    BatchFigure {
-        key: "cross_track_rms_mm",
-        name: "cross-track (mm rms)",
-        decimals: 2,
-        of: |run| run.path.cross_track_rms_mm,
-    },
-    BatchFigure {
-        key: "cross_track_max_mm",
-        name: "cross-track (mm max)",
-        decimals: 2,
-        of: |run| run.path.cross_track_max_mm,
-    },
-    BatchFigure {
-        key: "speed_short_mm_s",
-        name: "short of speed (mm/s)",
-        decimals: 2,
-        of: |run| Some(run.path.speed_asked_mm_s? - run.path.speed_held_mm_s?),
-    },
+/// Figures summarised over the completed runs: the key, the label and the decimals in the table. Smaller is better for
+/// each.
+pub(super) const FIGURES: [(&str, &str, usize); 7] = [
+    ("plate_time_s", "plate time (s)", 1),
+    ("cycles", "cycles", 0),
+    ("pulses", "pulses", 0),
+    ("max_error_mm", "final error (mm)", 2),
+    ("cross_track_rms_mm", "cross-track (mm rms)", 2),
+    ("cross_track_max_mm", "cross-track (mm max)", 2),
+    (SPEED_SHORT, "short of speed (mm/s)", 2),
 ];
 
 /// Median, best and worst value of a figure over the completed runs that have it.
@@ -166,7 +146,7 @@ impl BatchSummary {
     /// Summary of a batch of `seeds` seeds, of which `runs` were started.
     pub fn new(name: &str, rig: &str, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
         let count = |is: fn(&SeedRun) -> bool| runs.iter().filter(|&run| is(run)).count();
-        let spread = |figure: &BatchFigure| Some((figure.key, FigureSpread::of(values(&runs, figure))?));
+        let spread = |&(key, ..): &(&'static str, &str, usize)| Some((key, FigureSpread::of(values(&runs, key))?));
         Self {
             name: name.to_owned(),
             rig: rig.to_owned(),
@@ -185,7 +165,7 @@ impl BatchSummary {
 
     /// Plate times of the completed runs, s, in the order of the seeds.
     pub fn plate_times_s(&self) -> Vec<f64> {
-        values(&self.runs, &FIGURES[0]).into_iter().map(|(time_s, _)| time_s).collect()
+        values(&self.runs, "plate_time_s").into_iter().map(|(time_s, _)| time_s).collect()
     }
 
     /// Exit status of the first run that did not complete; `0` if all did.
@@ -195,9 +175,8 @@ impl BatchSummary {
 }
 
 /// Value and seed of each completed run that has the figure.
-fn values(runs: &[SeedRun], figure: &BatchFigure) -> Vec<(f64, u64)> {
-    let done = runs.iter().filter(|run| run.is_done());
-    done.filter_map(|run| Some(((figure.of)(run.figures.as_ref()?)?, run.seed))).collect()
+fn values(runs: &[SeedRun], key: &str) -> Vec<(f64, u64)> {
+    runs.iter().filter(|run| run.is_done()).filter_map(|run| Some((run.figure(key)?, run.seed))).collect()
 }
 
 #[cfg(test)]
@@ -206,16 +185,11 @@ pub(super) mod tests {
 
     /// Test data: a run as its report describes it.
     pub fn run(seed: u64, outcome: Outcome, plate_time_s: f64) -> SeedRun {
-        let figures = RunFigures {
-            plate_time_s,
-            wall_time_s: 1.0,
-            cycles: 10 * seed,
-            pulses: 3,
-            collisions: Some(0),
-            max_error_mm: seed.is_multiple_of(2).then_some(0.1 * seed as f64),
-            path: PathReport::default(),
-        };
-        let (reason, figures) = (format!("as seed {seed} has it"), Some(figures));
+        let max_error_mm = seed.is_multiple_of(2).then_some(0.1 * seed as f64);
+        let figures = json!({
+            "plate_time_s": plate_time_s, "cycles": 10 * seed, "pulses": 3, "max_error_mm": max_error_mm,
+        });
+        let (reason, figures) = (format!("as seed {seed} has it"), figures.as_object().cloned().unwrap());
         let status = u8::from(outcome != Outcome::Completed);
         SeedRun { seed, outcome, verdict: None, code: None, reason, figures, folder: None, status }
     }

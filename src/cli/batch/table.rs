@@ -27,14 +27,14 @@ fn figures(summary: &BatchSummary) -> Vec<String> {
         return Vec::new();
     }
     let heads = format!("  {:20} {:>9} {:>9}  {:12} {:>9}  {}", "of the completed", "median", "best", "", "worst", "");
-    let row = |figure: &super::summary::BatchFigure| {
-        let spread = summary.figures.get(figure.key)?;
-        let shown = |value: f64| format!("{value:.*}", figure.decimals);
+    let row = |&(key, name, decimals): &(&str, &str, usize)| {
+        let spread = summary.figures.get(key)?;
+        let shown = |value: f64| format!("{value:.decimals$}");
         let [best, worst] = [spread.best, spread.worst].map(shown);
-        let is_half = figure.decimals == 0 && spread.median.fract() != 0.0;
+        let is_half = decimals == 0 && spread.median.fract() != 0.0;
         let median = if is_half { format!("{:.1}", spread.median) } else { shown(spread.median) };
         let [best_seed, worst_seed] = [spread.best_seed, spread.worst_seed].map(|seed| format!("seed {seed}"));
-        Some(format!("  {:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}", figure.name))
+        Some(format!("  {name:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}"))
     };
     std::iter::once(heads.trim_end().to_owned()).chain(FIGURES.iter().filter_map(row)).collect()
 }

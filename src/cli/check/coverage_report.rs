@@ -20,24 +20,9 @@ impl CoverageReport {
         Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
     }
 
-    /// Text output: figures, then a map.
+    /// Text output; the picture has the places one by one.
     pub fn lines(&self) -> Vec<String> {
-        let coverage = &self.coverage;
-        let mut lines: Vec<String> =
-            figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
-        let unreached = coverage.unreached_share();
-        match coverage.steps_m() {
-            // one number says as much as a map of equal ones
-            Some([_, most_m]) if coverage.is_even() && unreached == 0.0 => {
-                lines.push(format!("longest step in the weakest direction: {} mm everywhere", step_text(most_m)));
-            }
-            _ => {
-                let out = if unreached > 0.0 { ", ! out of reach" } else { "" };
-                lines.push(format!("longest step in the weakest direction, {}{out}:", digits(coverage)));
-                lines.extend(map(coverage));
-            }
-        }
-        lines
+        figures(&self.coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect()
     }
 
     /// JSON output; lengths in millimetres.
@@ -84,6 +69,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
         ));
         figures.push(("one pulse there", steps(place)));
     }
+    figures.push(("longest step", format!("{} in the weakest direction (--picture draws it)", scale(coverage))));
     let unreached = 100.0 * coverage.unreached_share();
     let least = mm(WorstDirection::LEAST_SHARE * coverage.best_step_m);
     figures.push((
@@ -116,38 +102,13 @@ pub(super) fn steps(place: &WorstDirection) -> String {
     }
 }
 
-/// A step of one pulse as text, mm.
-fn step_text(step_m: f64) -> String {
-    format!("{:.2}", mm(step_m))
-}
-
 /// Range of the longest steps in the weakest direction: `26.15 to 26.88 mm`.
 pub(super) fn scale(coverage: &Coverage) -> String {
-    match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
+    match coverage.steps_m().map(|steps_m| steps_m.map(|step_m| format!("{:.2}", mm(step_m)))) {
         Some([_, most]) if coverage.is_even() => format!("{most} mm everywhere"),
         Some([least, most]) => format!("{least} to {most} mm"),
         None => "none".into(),
     }
-}
-
-/// Meaning of the digits of the map.
-fn digits(coverage: &Coverage) -> String {
-    match coverage.steps_m().map(|steps_m| steps_m.map(step_text)) {
-        Some([_, most]) if coverage.is_even() => format!("5 for {most} mm"),
-        Some([least, most]) => format!("from 0 for {least} mm to 9 for {most} mm"),
-        None => "nowhere every direction".into(),
-    }
-}
-
-/// Map of the plate from above, one character per place.
-fn map(coverage: &Coverage) -> Vec<String> {
-    let character = |(place, shade): (&WorstDirection, f64)| {
-        let digit = ((10.0 * shade) as u32).min(9);
-        if place.is_reached() { char::from_digit(digit, 10).unwrap_or('?') } else { '!' }
-    };
-    let characters: Vec<String> =
-        coverage.places.iter().zip(coverage.shades()).map(|place| character(place).to_string()).collect();
-    characters.chunks(coverage.columns).map(|row| format!("  {}", row.join(" "))).collect()
 }
 
 pub(super) fn mm(length_m: f64) -> f64 {
@@ -202,17 +163,10 @@ mod tests {
     }
 
     #[test]
-    fn scale_map_and_digits_agree_on_an_even_plate() {
+    fn scale_of_an_even_plate_is_one_number() {
         // the difference is rounding noise, and lies at the edge of two texts
         let even = coverage(&[0.014_145, 0.014_145 + 1e-9, 0.014_145 - 1e-9]);
         assert_eq!(scale(&even), "14.15 mm everywhere");
-        assert_eq!(digits(&even), "5 for 14.15 mm");
-        assert_eq!(map(&even), ["  5 5 5"]);
-        let report = CoverageReport { rig_name: "a".into(), coverage: even }.lines();
-        assert_eq!(report.last().unwrap(), "longest step in the weakest direction: 14.15 mm everywhere");
-        let uneven = coverage(&[0.012, 0.014, 0.0135, 0.0001]);
-        assert_eq!((scale(&uneven), map(&uneven)), ("12.00 to 14.00 mm".into(), vec!["  0 9 7 !".to_owned()]));
-        let holed = CoverageReport { rig_name: "a".into(), coverage: coverage(&[0.012, 0.012, 0.0001]) }.lines();
-        assert_eq!(holed[holed.len() - 2], "longest step in the weakest direction, 5 for 12.00 mm, ! out of reach:");
+        assert_eq!(scale(&coverage(&[0.012, 0.014, 0.0135, 0.0001])), "12.00 to 14.00 mm");
     }
 }

@@ -20,7 +20,7 @@ use upm_server::api::JobsPage;
 
 pub(super) use refusal::{ClientRefusal, on_one_line};
 
-pub(super) const USUAL_URL: &str = "http://127.0.0.1:8750";
+const USUAL_URL: &str = "http://127.0.0.1:8750";
 const JSON: &str = "application/json";
 
 /// Largest response that is read, bytes; a page of the longest jobs with their reports is far smaller.
@@ -74,6 +74,7 @@ impl Timeouts {
 pub(super) struct Client {
     base: String,
     bearer: Option<String>,
+    timeouts: Timeouts,
 }
 
 impl Client {
@@ -85,18 +86,18 @@ impl Client {
         Ok(Self { bearer, ..client })
     }
 
-    /// As [`Self::new`], but a token that cannot be read is only reported: an emergency stop may not need it.
+    /// As [`Self::new`], with the short timeouts of a stop. A token that cannot be read is only reported: an emergency
+    /// stop may not need it.
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
-        Self::new(args).or_else(|failure| {
-            let client = Self::without_token(args)?;
+        let client = Self::new(args).or_else(|failure| {
             failure.report();
-            Ok(client)
-        })
+            Self::without_token(args)
+        })?;
+        Ok(Self { timeouts: Timeouts::Stop, ..client })
     }
 
     fn without_token(args: &DaemonArgs) -> Result<Self, Failure> {
-        let url = args.url.clone().or_else(|| std::env::var("UPM_URL").ok());
-        Self::at(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
+        Self::at(&url_of(args))
     }
 
     /// Client of the daemon at `url`, without a token.
@@ -109,12 +110,12 @@ impl Client {
         if !(is_http && is_plain) {
             return Err(Failure::bad_input(format!("--url: expected http://HOST:PORT, found {url:?}")));
         }
-        Ok(Self { base: base.to_owned(), bearer: None })
+        Ok(Self { base: base.to_owned(), bearer: None, timeouts: Timeouts::Usual })
     }
 
     /// GET of the value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::GET, path, &[], "", Timeouts::Usual)?)
+        self.read(self.send(Method::GET, path, &[], "", self.timeouts)?)
     }
 
     /// POST to `path`; an empty `json` sends no body.
@@ -124,7 +125,7 @@ impl Client {
         json: &str,
         headers: &[(&str, &str)],
     ) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::POST, path, headers, json, Timeouts::Usual)?)
+        self.read(self.send(Method::POST, path, headers, json, self.timeouts)?)
     }
 
     /// The `most` newest jobs, fetched page by page.
@@ -142,16 +143,6 @@ impl Client {
                 return Ok(all);
             }
         }
-    }
-
-    /// GET of the value at `path` with the short timeouts of a stop.
-    pub fn get_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::GET, path, &[], "", Timeouts::Stop)?)
-    }
-
-    /// POST to `path` without a body, with the short timeouts of a stop.
-    pub fn post_urgently<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::POST, path, &[], "", Timeouts::Stop)?)
     }
 
     /// Stream of the events at `path`, from the one after `after` on.
@@ -181,15 +172,8 @@ impl Client {
         if !body.is_empty() {
             request = request.header(header::CONTENT_TYPE, JSON);
         }
-        let agent = timeouts.agent();
         let lost = |error| ClientRefusal::lost(&self.base, error);
-        let response = if method == Method::GET {
-            let request = request.body(()).map_err(|error| lost(error.into()))?;
-            agent.run(request)
-        } else {
-            let request = request.body(body.to_owned()).map_err(|error| lost(error.into()))?;
-            agent.run(request)
-        };
+        let response = request.body(body.to_owned()).map_err(ureq::Error::from).and_then(|r| timeouts.agent().run(r));
         let mut response = response.map_err(lost)?;
         if response.status().is_success() {
             return Ok(response);
@@ -209,15 +193,20 @@ impl Client {
     }
 }
 
+/// Address of the daemon that the arguments, else the environment, name.
+pub(super) fn url_of(args: &DaemonArgs) -> String {
+    args.url.clone().or_else(|| std::env::var("UPM_URL").ok()).unwrap_or_else(|| USUAL_URL.to_owned())
+}
+
 /// Value of the `Authorization` header with the token in `file`.
 fn bearer_of(file: &Path) -> Result<String, Failure> {
-    let fault = |what: String| Failure::bad_input(format!("{}: {what}", file.display()));
     let mut text = String::new();
     let read = File::open(file).and_then(|open| open.take(MOST_TOKEN_BYTES).read_to_string(&mut text));
     read.map_err(|error| Failure::read_failed(file, &error))?;
     let token = text.trim();
     if token.is_empty() || !token.bytes().all(|b| b.is_ascii_graphic()) {
-        return Err(fault("expected a token, one word of visible ASCII characters".to_owned()));
+        let expected = "expected a token, one word of visible ASCII characters";
+        return Err(Failure::bad_input(format!("{}: {expected}", file.display())));
     }
     Ok(format!("Bearer {token}"))
 }

@@ -1,6 +1,6 @@
 use super::client::Client;
 use crate::cli::output::Failure;
-use crate::cli::prefix::{LAST, Match, in_one_line, match_prefix};
+use crate::cli::prefix::{LAST, by_prefix};
 use upm_server::api::Job;
 
 /// Number of hex digits in an id.
@@ -24,14 +24,12 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
         return Ok(text.to_owned());
     }
     let jobs = client.jobs(None, u32::MAX)?.jobs;
-    match match_prefix(text, jobs.iter().map(|job| job.id.as_str())) {
-        Match::One(index) => jobs.get(index).map(|job| job.id.clone()).ok_or_else(|| wrong(&format!("{text:?}"))),
-        Match::None => Err(wrong(&format!("{text:?}, which no job's id begins with"))),
-        Match::Several(found) => {
-            let candidate = |job: &Job| format!("{} ({}, {})", job.id, job.name, job.state.code());
-            let candidates: Vec<String> = found.iter().filter_map(|&index| jobs.get(index)).map(candidate).collect();
-            let (count, candidates) = (candidates.len(), in_one_line(&candidates));
-            Err(Failure::bad_input(format!("ID: expected more digits of one of {count}: {candidates}; found {text:?}")))
+    let shown = |job: &Job| format!("{} ({}, {})", job.id, job.name, job.state.code());
+    match by_prefix(text, &jobs, |job| &job.id, shown) {
+        Ok(Some(job)) => Ok(job.id.clone()),
+        Ok(None) => Err(wrong(&format!("{text:?}, which no job's id begins with"))),
+        Err(several) => {
+            Err(Failure::bad_input(format!("ID: expected more digits of one of {several}; found {text:?}")))
         }
     }
 }

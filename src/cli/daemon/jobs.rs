@@ -79,7 +79,7 @@ fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
         rows.push(("pace", "as fast as possible".to_owned()));
     }
     if job.recording != RecordingStatus::None {
-        rows.push(("recording", recording(job.recording).to_owned()));
+        rows.push(("recording", job.recording.code().to_owned()));
     }
     let report = job.report.clone().map(serde_json::Value::Object);
     let report: Option<Report> = report.and_then(|report| serde_json::from_value(report).ok());
@@ -88,16 +88,6 @@ fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
         rows.extend(report.warnings.into_iter().map(|warning| ("warning", warning)));
     }
     rows
-}
-
-fn recording(state: RecordingStatus) -> &'static str {
-    match state {
-        RecordingStatus::None => "none",
-        RecordingStatus::Partial => "not closed: it opens up to its last whole message",
-        RecordingStatus::Whole => "whole",
-        RecordingStatus::Failed => "failed",
-        RecordingStatus::Pruned => "deleted to make room",
-    }
 }
 
 pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use ureq::http::Uri;
 
-use super::client::USUAL_URL;
+use super::client::url_of;
 use crate::cli::client_args::EstopArgs;
 use upm_server::daemon::{ESTOP_SOCKET, LocalStop, LocalStopRequest, stop_locally};
 
@@ -21,7 +21,7 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
     let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
     let (folders, port) = match named {
         Some(folder) => (vec![folder], None),
-        None => (usual_folders(), Some(local_port(args)?)),
+        None => (usual_folders(), Some(port_on_loopback(&url_of(&args.daemon))?)),
     };
     let request = LocalStopRequest { plates: args.plates.clone(), port };
     folders.iter().find_map(|data| match stop_locally(data, &request) {
@@ -44,12 +44,7 @@ fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
     }
 }
 
-/// Port of the daemon if its address is on this machine; distinguishes its socket from that of another daemon.
-fn local_port(args: &EstopArgs) -> Option<u16> {
-    let url = args.daemon.url.clone().or_else(|| std::env::var("UPM_URL").ok());
-    port_on_loopback(&url.unwrap_or_else(|| USUAL_URL.to_owned()))
-}
-
+/// Port of a daemon whose address is on this machine; distinguishes its socket from that of another daemon.
 fn port_on_loopback(url: &str) -> Option<u16> {
     let uri = url.trim_end_matches('/').parse::<Uri>().ok()?;
     let host = uri.host()?.trim_matches(['[', ']']);
@@ -74,7 +69,8 @@ mod tests {
 
     #[test]
     fn port_for_the_socket_is_found_for_loopback_addresses_only() {
-        let found = [USUAL_URL, "http://localhost/", "http://[::1]:9000", "http://127.0.0.9:1"].map(port_on_loopback);
+        let found = ["http://127.0.0.1:8750", "http://localhost/", "http://[::1]:9000", "http://127.0.0.9:1"]
+            .map(port_on_loopback);
         assert_eq!(found, [Some(8750), Some(80), Some(9000), Some(1)]);
         assert_eq!(["http://192.0.2.1:8750", "http://lab.example", "nonsense"].map(port_on_loopback), [None; 3]);
     }

@@ -83,9 +83,8 @@ fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {
 
 /// Names of all plates. If they cannot be read, the failure names other methods to stop.
 fn all_plates(client: &Client) -> Result<Vec<String>, Failure> {
-    let (listed, _) = with_retries(|| client.get_urgently::<Plates>("/v1/plates"));
-    let plates = listed.map_err(|refusal| {
-        let mut failure = Failure::from(refusal);
+    let (listed, _) = with_retries(|| client.get::<Plates>("/v1/plates"));
+    let plates = listed.map_err(|mut failure| {
         failure.lines.push("the plates could not be listed, so NOTHING WAS STOPPED: upm estop PLATE...".to_owned());
         failure
     })?;
@@ -107,40 +106,26 @@ pub(super) fn stop_all(client: &Client, names: &[String]) -> Vec<Stop> {
 
 fn stop_one(client: &Client, name: &str) -> Stop {
     let clock = MonotonicClock::new();
-    let path = match plate_path(name) {
-        Ok(path) => format!("{path}/estop"),
-        Err(Failure { status, lines }) => {
-            let error = Some(lines.join("; "));
-            return Stop {
-                plate: name.to_owned(),
-                answer: None,
-                error,
-                via: Transport::Http,
-                attempts: 0,
-                wall_s: 0.0,
-                status,
-            };
-        }
+    let (answer, attempts) = match plate_path(name) {
+        Ok(path) => with_retries(|| client.post::<EStopped>(&format!("{path}/estop"), "", &[])),
+        Err(failure) => (Err(failure), 0),
     };
-    let (answer, attempts) = with_retries(|| client.post_urgently::<EStopped>(&path));
     let wall_s = clock.elapsed().as_secs_f64();
-    let (answer, error, status) = match answer {
-        Ok(answer) => {
-            let status = status_of(&answer);
-            (Some(answer), None, status)
-        }
-        Err(refusal) => (None, Some(refusal.line()), Failure::from(refusal).status),
+    let status = answer.as_ref().map_or_else(|failure| failure.status, status_of);
+    let (answer, error) = match answer {
+        Ok(answer) => (Some(answer), None),
+        Err(failure) => (None, Some(failure.lines.join("; "))),
     };
     Stop { plate: name.to_owned(), answer, error, via: Transport::Http, attempts, wall_s, status }
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.
-fn with_retries<T>(ask: impl Fn() -> Result<T, ClientRefusal>) -> (Result<T, ClientRefusal>, u32) {
+fn with_retries<T>(ask: impl Fn() -> Result<T, ClientRefusal>) -> (Result<T, Failure>, u32) {
     let mut attempts = 1;
     loop {
         match ask() {
             Err(refusal) if refusal.may_pass() && attempts < ATTEMPTS => thread::sleep(PAUSE),
-            answer => return (answer, attempts),
+            answer => return (answer.map_err(Failure::from), attempts),
         }
         attempts += 1;
     }

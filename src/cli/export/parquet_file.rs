@@ -4,13 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type, TypePtr};
+use serde_json::Value;
 
-use super::table::{Column, ExportTable, Kind, TableCell, TableFile};
+use super::tables::{Column, Kind, Table};
 
 /// Rows of a row group, which is buffered in memory until it is written.
 const GROUP_ROWS: usize = 1 << 16;
@@ -18,111 +19,65 @@ const GROUP_ROWS: usize = 1 << 16;
 /// Apache Parquet file, uncompressed, with every column optional.
 pub(super) struct ParquetFile {
     file: SerializedFileWriter<File>,
-    columns: Vec<Values>,
-    rows: usize,
-}
-
-/// Buffered values of a column, one entry per row.
-enum Values {
-    Whole(Vec<Option<i64>>),
-    Real(Vec<Option<f64>>),
-    Flag(Vec<Option<bool>>),
-    Text(Vec<Option<ByteArray>>),
+    table: &'static Table,
+    rows: Vec<Vec<Value>>,
 }
 
 impl ParquetFile {
-    pub fn create(path: &Path, table: &ExportTable) -> io::Result<Self> {
-        let schema = schema(table).map_err(io::Error::other)?;
-        let file = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(WriterProperties::default()));
-        let columns = table.columns.iter().map(|Column(_, kind)| Values::of(*kind)).collect();
-        Ok(Self { file: file.map_err(io::Error::other)?, columns, rows: 0 })
+    pub fn create(path: &Path, table: &'static Table) -> io::Result<Self> {
+        let schema = schema(table)?;
+        let file = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(WriterProperties::default()))?;
+        Ok(Self { file, table, rows: Vec::new() })
+    }
+
+    pub fn row(&mut self, row: &[Value]) -> io::Result<()> {
+        self.rows.push(row.to_vec());
+        if self.rows.len() < GROUP_ROWS { Ok(()) } else { Ok(self.write_group()?) }
+    }
+
+    /// Writes buffered rows and closes the file.
+    pub fn finish(mut self) -> io::Result<()> {
+        if !self.rows.is_empty() {
+            self.write_group()?;
+        }
+        self.file.close()?;
+        Ok(())
     }
 
     fn write_group(&mut self) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
-        for values in &mut self.columns {
-            if let Some(mut column) = group.next_column()? {
-                values.write(&mut column)?;
-                column.close()?;
+        for (index, Column(_, kind, _)) in self.table.columns.iter().enumerate() {
+            let Some(mut column) = group.next_column()? else { break };
+            let values: Vec<&Value> = self.rows.iter().filter_map(|row| row.get(index)).collect();
+            match kind {
+                Kind::Whole => write::<Int64Type>(&mut column, &values, Value::as_i64)?,
+                Kind::Real => write::<DoubleType>(&mut column, &values, Value::as_f64)?,
+                Kind::Flag => write::<BoolType>(&mut column, &values, Value::as_bool)?,
+                Kind::Text => {
+                    write::<ByteArrayType>(&mut column, &values, |value| value.as_str().map(ByteArray::from))?
+                }
             }
+            column.close()?;
         }
         group.close()?;
-        self.rows = 0;
+        self.rows.clear();
         Ok(())
     }
 }
 
-impl TableFile for ParquetFile {
-    fn row(&mut self, cells: &[TableCell<'_>]) -> io::Result<()> {
-        self.columns.iter_mut().zip(cells).for_each(|(values, cell)| values.push(cell));
-        self.rows += 1;
-        if self.rows < GROUP_ROWS { Ok(()) } else { self.write_group().map_err(io::Error::other) }
-    }
-
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        if self.rows > 0 {
-            self.write_group().map_err(io::Error::other)?;
-        }
-        self.file.close().map(|_| ()).map_err(io::Error::other)
-    }
+/// Writes a column: the definition level of each row is 1 where it has a value.
+fn write<T: DataType>(
+    column: &mut SerializedColumnWriter<'_>,
+    values: &[&Value],
+    of: impl Fn(&Value) -> Option<T::T>,
+) -> Result<(), ParquetError> {
+    let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_null())).collect();
+    let present: Vec<T::T> = values.iter().filter_map(|value| of(value)).collect();
+    column.typed::<T>().write_batch(&present, Some(&levels), None).map(drop)
 }
 
-impl Values {
-    fn of(kind: Kind) -> Self {
-        match kind {
-            Kind::Whole => Self::Whole(Vec::new()),
-            Kind::Real => Self::Real(Vec::new()),
-            Kind::Flag => Self::Flag(Vec::new()),
-            Kind::Text => Self::Text(Vec::new()),
-        }
-    }
-
-    /// Appends a cell; one of another kind is stored as empty.
-    fn push(&mut self, cell: &TableCell<'_>) {
-        match (self, cell) {
-            (Self::Whole(values), TableCell::Whole(value)) => values.push(Some(*value)),
-            (Self::Real(values), TableCell::Real(value)) => values.push(Some(*value)),
-            (Self::Flag(values), TableCell::Flag(value)) => values.push(Some(*value)),
-            (Self::Text(values), TableCell::Text(value)) => values.push(Some(ByteArray::from(*value))),
-            (Self::Whole(values), _) => values.push(None),
-            (Self::Real(values), _) => values.push(None),
-            (Self::Flag(values), _) => values.push(None),
-            (Self::Text(values), _) => values.push(None),
-        }
-    }
-
-    /// Writes the values and clears the buffer.
-    fn write(&mut self, column: &mut SerializedColumnWriter<'_>) -> Result<(), ParquetError> {
-        match self {
-            Self::Whole(values) => {
-                let (levels, present) = split(values);
-                column.typed::<Int64Type>().write_batch(&present, Some(&levels), None)
-            }
-            Self::Real(values) => {
-                let (levels, present) = split(values);
-                column.typed::<DoubleType>().write_batch(&present, Some(&levels), None)
-            }
-            Self::Flag(values) => {
-                let (levels, present) = split(values);
-                column.typed::<BoolType>().write_batch(&present, Some(&levels), None)
-            }
-            Self::Text(values) => {
-                let (levels, present) = split(values);
-                column.typed::<ByteArrayType>().write_batch(&present, Some(&levels), None)
-            }
-        }
-        .map(|_| ())
-    }
-}
-
-/// Definition level of each row (1 where it has a value), and the values present; empties `values`.
-fn split<T>(values: &mut Vec<Option<T>>) -> (Vec<i16>, Vec<T>) {
-    let levels = values.iter().map(|value| i16::from(value.is_some())).collect();
-    (levels, values.drain(..).flatten().collect())
-}
-
-fn schema(table: &ExportTable) -> Result<TypePtr, ParquetError> {
-    let field = |Column(name, kind): &Column| {
+fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
+    let field = |Column(name, kind, _): &Column| {
         let (physical, logical) = match kind {
             Kind::Whole => (Physical::INT64, None),
             Kind::Real => (Physical::DOUBLE, None),

@@ -1,179 +1,145 @@
-//! The tables of a run: their columns, and the rows made from journal lines or a report.
+//! The tables of a run: their columns, and the rows that a line of its journal adds to them.
 
-use super::journal::{ExportCycle, ExportPointMm, Sent};
-use super::table::{Column, ExportTable, Kind, TableCell};
-use upm_recording::{PartReport, Quantiles, TimingsReport};
+use serde_json::{Value, json};
+
+/// Type of the values of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Whole,
+    Real,
+    Flag,
+    Text,
+}
+
+/// Name, with the unit where there is one, type, and JSON pointer to the value in a line. In the pointer `#` is the
+/// index of the row; [`NUMBER`] alone is the number of the row, from 1.
+#[derive(Debug)]
+pub(super) struct Column(pub &'static str, pub Kind, pub &'static str);
+
+/// A table of a run.
+#[derive(Debug)]
+pub(super) struct Table {
+    /// Stem of the file name.
+    pub name: &'static str,
+    pub columns: &'static [Column],
+    /// JSON pointers to lists in a line: it adds as many rows as the longest has items.
+    lists: &'static [&'static str],
+}
+
+const NUMBER: &str = "#";
 
 use Kind::{Flag, Real, Text, Whole};
 
 /// Position of each part before and after each cycle, and the position that the plan predicted.
-pub(super) const POSITIONS: ExportTable = ExportTable {
+pub(super) const POSITIONS: Table = Table {
     name: "positions",
+    lists: &["/observed_mm"],
     columns: &[
-        Column("cycle", Whole),
-        Column("part", Whole),
-        Column("id", Text),
-        Column("kind", Text),
-        Column("observed_at_s", Real),
-        Column("observed_x_mm", Real),
-        Column("observed_y_mm", Real),
-        Column("predicted_x_mm", Real),
-        Column("predicted_y_mm", Real),
-        Column("ended_at_s", Real),
-        Column("result_x_mm", Real),
-        Column("result_y_mm", Real),
+        Column("cycle", Whole, "/cycle"),
+        Column("part", Whole, NUMBER),
+        Column("id", Text, "/parts/#/id"),
+        Column("kind", Text, "/parts/#/kind"),
+        Column("observed_at_s", Real, "/observed_at_s"),
+        Column("observed_x_mm", Real, "/observed_mm/#/0"),
+        Column("observed_y_mm", Real, "/observed_mm/#/1"),
+        Column("predicted_x_mm", Real, "/predicted_mm/#/0"),
+        Column("predicted_y_mm", Real, "/predicted_mm/#/1"),
+        Column("ended_at_s", Real, "/ended_at_s"),
+        Column("result_x_mm", Real, "/result_mm/#/0"),
+        Column("result_y_mm", Real, "/result_mm/#/1"),
     ],
 };
 
 /// Target of each part in each cycle.
-pub(super) const TARGETS: ExportTable = ExportTable {
+pub(super) const TARGETS: Table = Table {
     name: "targets",
+    lists: &["/wanted/subgoals_mm", "/wanted/targets_mm"],
     columns: &[
-        Column("cycle", Whole),
-        Column("at_s", Real),
-        Column("phase", Text),
-        Column("part", Whole),
-        Column("id", Text),
-        Column("kind", Text),
-        Column("subgoal_x_mm", Real),
-        Column("subgoal_y_mm", Real),
-        Column("target_x_mm", Real),
-        Column("target_y_mm", Real),
-        Column("cross_track_mm", Real),
+        Column("cycle", Whole, "/cycle"),
+        Column("at_s", Real, "/observed_at_s"),
+        Column("phase", Text, "/wanted/phase"),
+        Column("part", Whole, NUMBER),
+        Column("id", Text, "/parts/#/id"),
+        Column("kind", Text, "/parts/#/kind"),
+        Column("subgoal_x_mm", Real, "/wanted/subgoals_mm/#/0"),
+        Column("subgoal_y_mm", Real, "/wanted/subgoals_mm/#/1"),
+        Column("target_x_mm", Real, "/wanted/targets_mm/#/0"),
+        Column("target_y_mm", Real, "/wanted/targets_mm/#/1"),
+        Column("cross_track_mm", Real, "/wanted/cross_track_mm/#"),
     ],
 };
 
 /// Each pulse as sent, and its measurements by the accelerometers.
-pub(super) const PULSES: ExportTable = ExportTable {
+pub(super) const PULSES: Table = Table {
     name: "pulses",
+    lists: &["/sent"],
     columns: &[
-        Column("cycle", Whole),
-        Column("pulse", Whole),
-        Column("started_at_s", Real),
-        Column("probe", Flag),
-        Column("base_hz", Real),
-        Column("attack_s", Real),
-        Column("sustain_s", Real),
-        Column("rest_s", Real),
-        Column("read_pump_x_mm_s", Real),
-        Column("read_pump_y_mm_s", Real),
-        Column("read_pump_rad_s", Real),
-        Column("read_cor_x_mm", Real),
-        Column("read_cor_y_mm", Real),
-        Column("read_rotation", Whole),
-        Column("read_direction_x", Real),
-        Column("read_direction_y", Real),
-        Column("read_residual_m_s2", Real),
-        Column("read_off_asked", Real),
-        Column("read_fault", Text),
+        Column("cycle", Whole, "/cycle"),
+        Column("pulse", Whole, NUMBER),
+        Column("started_at_s", Real, "/sent/#/started_at_s"),
+        Column("probe", Flag, "/sent/#/probe"),
+        Column("base_hz", Real, "/sent/#/base_hz"),
+        Column("attack_s", Real, "/sent/#/attack_s"),
+        Column("sustain_s", Real, "/sent/#/sustain_s"),
+        Column("rest_s", Real, "/sent/#/rest_s"),
+        Column("read_pump_x_mm_s", Real, "/sent/#/read/pump_mm_s/0"),
+        Column("read_pump_y_mm_s", Real, "/sent/#/read/pump_mm_s/1"),
+        Column("read_pump_rad_s", Real, "/sent/#/read/pump_rad_s"),
+        Column("read_cor_x_mm", Real, "/sent/#/read/cor_mm/0"),
+        Column("read_cor_y_mm", Real, "/sent/#/read/cor_mm/1"),
+        Column("read_rotation", Whole, "/sent/#/read/rotation"),
+        Column("read_direction_x", Real, "/sent/#/read/direction/0"),
+        Column("read_direction_y", Real, "/sent/#/read/direction/1"),
+        Column("read_residual_m_s2", Real, "/sent/#/read/residual_m_s2"),
+        Column("read_off_asked", Real, "/sent/#/read/off_asked"),
+        Column("read_fault", Text, "/sent/#/read/fault"),
     ],
 };
 
 /// Wall times of the run's steps, from its report.
-pub(super) const TIMINGS: ExportTable = ExportTable {
+pub(super) const TIMINGS: Table = Table {
     name: "timings",
-    columns: &[Column("step", Text), Column("p50_us", Real), Column("p99_us", Real), Column("max_us", Real)],
+    lists: &["/timings"],
+    columns: &[
+        Column("step", Text, "/timings/#/0"),
+        Column("p50_us", Real, "/timings/#/1/p50"),
+        Column("p99_us", Real, "/timings/#/1/p99"),
+        Column("max_us", Real, "/timings/#/1/max"),
+    ],
 };
 
 /// All tables, in the order in which they are written.
-pub(super) const TABLES: [&ExportTable; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
+pub(super) const TABLES: [&Table; 4] = [&POSITIONS, &TARGETS, &PULSES, &TIMINGS];
 
-/// Parts by their number in the journal; empty for a run without a report.
-pub(super) struct PartNames<'a>(pub &'a [PartReport]);
-
-impl PartNames<'_> {
-    /// Number from 1, id and kind.
-    fn cells(&self, index: usize) -> [TableCell<'_>; 3] {
-        let part = self.0.get(index);
-        let text = |of: fn(&PartReport) -> &String| part.map_or(TableCell::Empty, |part| TableCell::Text(of(part)));
-        [whole(index as u64 + 1), text(|part| &part.id), text(|part| &part.kind)]
+impl Table {
+    /// Rows that `line` adds, one value per column, null where the run has none; the error says what the line lacks.
+    pub fn rows(&self, line: &Value) -> Result<Vec<Vec<Value>>, String> {
+        let mut count = 0;
+        for pointer in self.lists {
+            let list = line.pointer(pointer).and_then(Value::as_array);
+            count = count.max(list.ok_or_else(|| format!("no list {pointer}"))?.len());
+        }
+        let row = |index| self.columns.iter().map(|column| column.value(line, index)).collect();
+        (0..count).map(row).collect()
     }
 }
 
-/// Rows of [`POSITIONS`].
-pub(super) fn positions<'a>(
-    cycle: &'a ExportCycle,
-    parts: &'a PartNames<'a>,
-) -> impl Iterator<Item = Vec<TableCell<'a>>> {
-    (0..cycle.observed_mm.len()).map(move |index| {
-        let predicted_mm = cycle.predicted_mm.as_deref().unwrap_or_default();
-        let mut row = vec![whole(cycle.cycle)];
-        row.extend(parts.cells(index));
-        row.push(TableCell::Real(cycle.observed_at_s));
-        row.extend(point(cycle.observed_mm.get(index)));
-        row.extend(point(predicted_mm.get(index)));
-        row.push(TableCell::Real(cycle.ended_at_s));
-        row.extend(point(cycle.result_mm.get(index)));
-        row
-    })
-}
-
-/// Rows of [`TARGETS`].
-pub(super) fn targets<'a>(
-    cycle: &'a ExportCycle,
-    parts: &'a PartNames<'a>,
-) -> impl Iterator<Item = Vec<TableCell<'a>>> {
-    let wanted = &cycle.wanted;
-    let count = wanted.subgoals_mm.len().max(wanted.targets_mm.len());
-    (0..count).map(move |index| {
-        let mut row = vec![whole(cycle.cycle), TableCell::Real(cycle.observed_at_s), TableCell::Text(&wanted.phase)];
-        row.extend(parts.cells(index));
-        row.extend(point(wanted.subgoals_mm.get(index)));
-        row.extend(point(wanted.targets_mm.get(index)));
-        row.push(real(wanted.cross_track_mm.get(index).copied().flatten()));
-        row
-    })
-}
-
-/// Rows of [`PULSES`], the pulses of one cycle.
-pub(super) fn pulses(cycle: u64, sent: &[Sent]) -> impl Iterator<Item = Vec<TableCell<'_>>> {
-    sent.iter().zip(1..).map(move |(pulse, number)| {
-        let read = &pulse.read;
-        let mut row = vec![
-            whole(cycle),
-            whole(number),
-            TableCell::Real(pulse.started_at_s),
-            TableCell::Flag(pulse.probe),
-            TableCell::Real(pulse.base_hz),
-            TableCell::Real(pulse.attack_s),
-            TableCell::Real(pulse.sustain_s),
-            TableCell::Real(pulse.rest_s),
-        ];
-        row.extend(point(read.pump_mm_s.as_ref()));
-        row.push(real(read.pump_rad_s));
-        row.extend(point(read.cor_mm.as_ref()));
-        row.push(read.rotation.map_or(TableCell::Empty, TableCell::Whole));
-        row.extend(point(read.direction.as_ref()));
-        row.extend([real(read.residual_m_s2), real(read.off_asked)]);
-        row.push(read.fault.as_deref().map_or(TableCell::Empty, TableCell::Text));
-        row
-    })
-}
-
-/// Rows of [`TIMINGS`].
-pub(super) fn timings(report: &TimingsReport) -> impl Iterator<Item = Vec<TableCell<'static>>> + use<> {
-    let TimingsReport { localise, track, plan, plan_new, plan_correction, cycle } = *report;
-    let steps = [
-        ("localise", localise),
-        ("track", track),
-        ("plan", plan),
-        ("plan_new", plan_new),
-        ("plan_correction", plan_correction),
-        ("cycle", cycle),
-    ];
-    steps.into_iter().map(|(step, Quantiles { p50, p99, max })| {
-        vec![TableCell::Text(step), TableCell::Real(p50), TableCell::Real(p99), TableCell::Real(max)]
-    })
-}
-
-fn whole(number: u64) -> TableCell<'static> {
-    i64::try_from(number).map_or(TableCell::Empty, TableCell::Whole)
-}
-
-fn real(number: Option<f64>) -> TableCell<'static> {
-    number.map_or(TableCell::Empty, TableCell::Real)
-}
-
-fn point(point: Option<&ExportPointMm>) -> [TableCell<'static>; 2] {
-    point.copied().unwrap_or([None; 2]).map(real)
+impl Column {
+    fn value(&self, line: &Value, index: usize) -> Result<Value, String> {
+        let Self(_, kind, pointer) = *self;
+        if pointer == NUMBER {
+            return Ok(json!(index + 1));
+        }
+        let pointer = pointer.replace('#', &index.to_string());
+        let value = line.pointer(&pointer).unwrap_or(&Value::Null);
+        match (kind, value) {
+            // the journal leaves out flags that are not set
+            (Flag, Value::Null) => Ok(Value::Bool(false)),
+            (_, Value::Null) | (Flag, Value::Bool(_)) | (Real, Value::Number(_)) | (Text, Value::String(_)) => {
+                Ok(value.clone())
+            }
+            (Whole, value) if value.as_i64().is_some() => Ok(value.clone()),
+            (_, value) => Err(format!("{value} at {pointer}")),
+        }
+    }
 }

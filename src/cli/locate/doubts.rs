@@ -1,7 +1,7 @@
 //! Messages about discs that are not parts, and about missing parts or tables.
 
 use super::naming::{OtherDisc, RejectionReason};
-use super::scale::{PlateSide, SideSource};
+use super::scale::{PlateSide, SideCandidate, SideSource};
 use super::setup::LocateSetup;
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
@@ -58,28 +58,20 @@ fn known_sizes(setting: &LocateSetup) -> String {
 
 /// Basis of the plate's side where neither the command line nor a rig gives it.
 pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<String> {
-    let side_mm = mm_from_m(side.side_m);
-    match side.source {
-        SideSource::Given | SideSource::Rig => None,
-        SideSource::Parts | SideSource::TwoKinds => {
-            Some(format!("plate: {side_mm:.1} mm, from the ratio of the parts' sizes"))
-        }
-        SideSource::Assumed if side.candidates.is_empty() => {
-            Some(format!("plate: {side_mm:.1} mm assumed; --plate-side-mm sets it"))
-        }
+    let basis = match side.source {
+        SideSource::Given | SideSource::Rig => return None,
+        SideSource::Parts | SideSource::TwoKinds => ", from the ratio of the parts' sizes".to_owned(),
+        SideSource::Assumed if side.candidates.is_empty() => " assumed; --plate-side-mm sets it".to_owned(),
         SideSource::Assumed => {
-            let names = |kinds: &[usize]| setting.known_names(kinds).join(" and ");
-            let fits: Vec<String> = side
-                .candidates
-                .iter()
-                .map(|candidate| format!("{:.0} mm for {}", mm_from_m(candidate.side_m), names(&candidate.kinds)))
-                .collect();
-            Some(format!(
-                "plate: {side_mm:.1} mm assumed; the sizes allow {}; --plate-side-mm sets it",
-                fits.join(", ")
-            ))
+            let fit = |candidate: &SideCandidate| {
+                let kinds = setting.known_names(&candidate.kinds).join(" and ");
+                format!("{:.0} mm for {kinds}", mm_from_m(candidate.side_m))
+            };
+            let fits = side.candidates.iter().map(fit).collect::<Vec<_>>().join(", ");
+            format!(" assumed; the sizes allow {fits}; --plate-side-mm sets it")
         }
-    }
+    };
+    Some(format!("plate: {:.1} mm{basis}", mm_from_m(side.side_m)))
 }
 
 /// Message if no part was found, with the discs that were.
@@ -123,14 +115,8 @@ pub(super) fn about_table(fault: &TableFault, frame: &Frame) -> String {
 }
 
 /// Gray level below which that share of the pixels is.
-fn quantile(pixels: &[u8], share: f64) -> usize {
-    let mut counts = [0usize; 256];
-    pixels.iter().for_each(|&level| counts[usize::from(level)] += 1);
-    let wanted = (share * pixels.len() as f64) as usize;
-    let mut seen = 0;
-    let reached = |count: &usize| {
-        seen += count;
-        seen > wanted
-    };
-    counts.iter().position(reached).unwrap_or(255)
+fn quantile(pixels: &[u8], share: f64) -> u8 {
+    let mut levels = pixels.to_vec();
+    let index = (share * levels.len() as f64) as usize;
+    if levels.is_empty() { 0 } else { *levels.select_nth_unstable(index).1 }
 }

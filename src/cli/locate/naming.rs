@@ -65,7 +65,7 @@ pub(super) struct OtherDisc {
 
 /// Names the detections of the part finder and the additional discs of the survey.
 pub(super) fn named(
-    found: Vec<Detection>,
+    mut found: Vec<Detection>,
     survey: &Survey,
     table: &Table,
     setting: &LocateSetup,
@@ -73,31 +73,18 @@ pub(super) fn named(
     colors: Option<&RgbImage>,
 ) -> (Vec<NamedPart>, Vec<OtherDisc>) {
     let judge = KindJudge { table, setting, side };
-    let mut taken = vec![false; survey.discs.len()];
     let mut parts: Vec<(NamedPart, Option<&DetectedDisc>)> = Vec::new();
     let mut others = Vec::new();
-    for detection in found {
-        let near = |disc: &DetectedDisc| (disc.center_px - detection.center_px).norm() < 0.5 * detection.radius_px;
-        let Some(i) = survey.discs.iter().position(near) else {
-            parts.push((judge.unmeasured(detection), None));
-            continue;
-        };
-        if std::mem::replace(&mut taken[i], true) {
-            continue;
-        }
-        let disc = &survey.discs[i];
-        match judge.part(disc, Some(detection)) {
+    for disc in &survey.discs {
+        let (near, far): (Vec<_>, Vec<_>) = found.into_iter().partition(|part| is_near(part, disc));
+        found = far;
+        match judge.part(disc, near.into_iter().next()) {
             Some(part) => parts.push((part, Some(disc))),
+            None if judge.is_speck(disc) => {}
             None => others.push(judge.other(disc)),
         }
     }
-    for (disc, _) in survey.discs.iter().zip(&taken).filter(|(_, taken)| !**taken) {
-        match judge.part(disc, None) {
-            Some(part) => parts.push((part, Some(disc))),
-            None => others.push(judge.other(disc)),
-        }
-    }
-    others.retain(|other| !judge.is_speck(&other.disc));
+    parts.extend(found.into_iter().map(|part| (judge.unmeasured(part), None)));
     judge_tones(&mut parts, setting, colors);
     let (parts, unclear): (Vec<_>, Vec<_>) =
         parts.into_iter().partition(|(named, disc)| named.part.score >= LEAST_SCORE || disc.is_none());
@@ -109,20 +96,26 @@ pub(super) fn named(
     (parts, others)
 }
 
+/// True if the part finder's detection is of this disc.
+pub(super) fn is_near(part: &Detection, disc: &DetectedDisc) -> bool {
+    (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px
+}
+
 /// Lowers the scores of coins whose tone is that of another metal.
 fn judge_tones(parts: &mut [(NamedPart, Option<&DetectedDisc>)], setting: &LocateSetup, colors: Option<&RgbImage>) {
     if !setting.has_metals() {
         return;
     }
-    let measured: Vec<usize> = (0..parts.len()).filter(|&i| parts[i].1.is_some()).collect();
-    let of = |&i: &usize| parts[i].1.map(|disc| (metal_of(setting.kind_name(parts[i].0.part.kind)), disc));
-    let metals: Vec<_> = measured.iter().filter_map(of).collect();
-    for (i, is_other) in measured.into_iter().zip(contradicted(&metals, colors)) {
-        if is_other {
-            let (named, _) = &mut parts[i];
-            named.part.score *= OTHER_TONE;
-            named.doubts.push("tone of another metal".into());
-        }
+    let (measured, metals): (Vec<&mut NamedPart>, Vec<_>) = parts
+        .iter_mut()
+        .filter_map(|(named, disc)| {
+            let metal = metal_of(setting.kind_name(named.part.kind));
+            disc.map(|disc| (named, (metal, disc)))
+        })
+        .unzip();
+    for (named, _) in measured.into_iter().zip(contradicted(&metals, colors)).filter(|(_, is_other)| *is_other) {
+        named.part.score *= OTHER_TONE;
+        named.doubts.push("tone of another metal".into());
     }
 }
 
@@ -215,7 +208,7 @@ impl KindJudge<'_> {
     }
 
     fn unclear(&self, disc: &DetectedDisc) -> OtherDisc {
-        let kind = self.nearest(disc, &self.setting.kinds).map_or(String::new(), |(_, kind, _)| kind.name.clone());
+        let kind = self.nearest(disc, &self.setting.kinds).map(|(_, kind, _)| kind.name.clone()).unwrap_or_default();
         OtherDisc { disc: disc.clone(), why: RejectionReason::Unclear { kind } }
     }
 

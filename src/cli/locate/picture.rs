@@ -17,9 +17,8 @@ const MOST_PIXELS: u64 = 64_000_000;
 /// Largest size of a file, and of its decoded pixels, bytes.
 const MOST_BYTES: u64 = 512 << 20;
 
-/// Markers of JPEG files (ITU-T T.81, Annex B).
+/// Marker of JPEG files (ITU-T T.81, Annex B).
 const END_OF_IMAGE: u8 = 0xD9;
-const START_OF_SCAN: u8 = 0xDA;
 
 /// A decoded picture, as it is searched.
 #[derive(Debug)]
@@ -36,11 +35,8 @@ pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
         Failure::bad_input(format!("{}: expected a picture (PNG, JPEG, PNM or TIFF), found {found}", path.display()))
     };
     let unread = |error: io::Error| {
-        let why = reason(&error);
-        Failure::bad_input(format!(
-            "cannot read {}: {why}; expected a picture (PNG, JPEG, PNM or TIFF)",
-            path.display()
-        ))
+        let (path, why) = (path.display(), reason(&error));
+        Failure::bad_input(format!("cannot read {path}: {why}; expected a picture (PNG, JPEG, PNM or TIFF)"))
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(unread)?;
@@ -90,35 +86,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
 /// reports no error. Bytes after the picture are ignored.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(2..).unwrap_or_default();
-    loop {
-        let Some((marker, after)) = next_marker(rest) else { return false };
-        match marker {
-            END_OF_IMAGE => return true,
-            // these markers have no length
-            0x01 | 0xD0..=0xD8 => {
-                rest = after;
-                continue;
-            }
-            _ => {}
-        }
-        let Some(&[high, low]) = after.first_chunk() else { return false };
-        let Some(beyond) = after.get(usize::from(u16::from_be_bytes([high, low]))..) else { return false };
-        rest = if marker == START_OF_SCAN { beyond_scan(beyond) } else { beyond };
+    while let Some(start) = rest.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0x00 | 0xFF)) {
+        let (marker, after) = (rest[start + 1], &rest[start + 2..]);
+        let length = match (marker, after.first_chunk()) {
+            (END_OF_IMAGE, _) => return true,
+            // restart markers in a scan's data, and others without a length
+            (0x01 | 0xD0..=0xD8, _) => 0,
+            (_, Some(&[high, low])) => usize::from(u16::from_be_bytes([high, low])),
+            (_, None) => return false,
+        };
+        rest = after.get(length..).unwrap_or_default();
     }
-}
-
-/// The next marker and the bytes after it; any number of fill bytes 0xFF may precede it.
-fn next_marker(bytes: &[u8]) -> Option<(u8, &[u8])> {
-    let start = bytes.iter().position(|&byte| byte == 0xFF)?;
-    let bytes = bytes.get(start..)?;
-    let at = bytes.iter().position(|&byte| byte != 0xFF)?;
-    Some((*bytes.get(at)?, bytes.get(at + 1..)?))
-}
-
-/// The bytes after a scan's data: in the data 0xFF is followed by zero, by a restart marker or by another 0xFF.
-fn beyond_scan(data: &[u8]) -> &[u8] {
-    let ends = |pair: &[u8]| matches!(*pair, [0xFF, after] if !matches!(after, 0x00 | 0xD0..=0xD7 | 0xFF));
-    data.windows(2).position(ends).and_then(|end| data.get(end..)).unwrap_or_default()
+    false
 }
 
 fn no_picture(error: impl Display) -> String {
@@ -143,24 +122,20 @@ fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
     let (pixels, bits) = match color {
         ColorType::L8 | ColorType::Rgb8 => (image.into_luma8().into_raw(), None),
         ColorType::La8 | ColorType::Rgba8 => {
-            let pairs = image.into_luma_alpha8().into_raw();
-            (over_black(&pairs, u32::from(u8::MAX), |level| level as u8), None)
+            (over_black(image).iter().map(|&level| (level / 257) as u8).collect(), None)
         }
-        ColorType::L16 | ColorType::Rgb16 => narrowed(&image.into_luma16().into_raw()),
-        ColorType::La16 | ColorType::Rgba16 => {
-            let pairs = image.into_luma_alpha16().into_raw();
-            narrowed(&over_black(&pairs, u32::from(u16::MAX), |level| level as u16))
-        }
+        ColorType::L16 | ColorType::Rgb16 | ColorType::La16 | ColorType::Rgba16 => narrowed(&over_black(image)),
         _ => return Err(format!("{color:?} pixels")),
     };
     let gray = GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
     Ok((gray, bits))
 }
 
-/// Levels of pairs of level and opacity, composed over black; `full` is the largest value of either.
-fn over_black<T: Copy + Into<u32>>(pairs: &[T], full: u32, narrow: fn(u32) -> T) -> Vec<T> {
-    let pairs = pairs.chunks_exact(2).filter_map(|pair| <[T; 2]>::try_from(pair).ok());
-    pairs.map(|[level, opacity]| narrow((level.into() * opacity.into() + full / 2) / full)).collect()
+/// Levels of 16 bits, composed over black.
+fn over_black(image: DynamicImage) -> Vec<u16> {
+    let full = u32::from(u16::MAX);
+    let composed = |[level, opacity]: [u16; 2]| ((u32::from(level) * u32::from(opacity) + full / 2) / full) as u16;
+    image.into_luma_alpha16().pixels().map(|pixel| composed(pixel.0)).collect()
 }
 
 /// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often use the low bits only, so white is the largest number of

@@ -9,7 +9,7 @@ use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use crate::cli::args::Common;
 use crate::cli::output::Failure;
-use crate::cli::progress::{LateProgress, ProgressMode, with_progress};
+use crate::cli::progress::{LateProgress, with_progress};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{DebugImages, Detection, Survey};
 use upm_recording::LocalisedRecord;
@@ -21,8 +21,7 @@ pub(super) fn locate_by_reference(
     setting: &LocateSetup,
     common: Common,
 ) -> Result<LocatedPicture, Failure> {
-    let progress = LateProgress::new(ProgressMode::on_stderr(common), MonotonicClock::new());
-    with_progress(progress, &format!("searching {}", image.display()), |_| located(image, setting))
+    with_progress(LateProgress::at_once(common), &format!("searching {}", image.display()), |_| located(image, setting))
 }
 
 fn located(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {

@@ -78,7 +78,7 @@ pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value 
         },
         "plate": {
             "side_mm": mm_from_m(side.side_m),
-            "source": side.source.name(),
+            "source": side.source,
             "candidates": candidates.collect::<Vec<_>>(),
         },
         "parts": parts,

@@ -1,5 +1,7 @@
 //! Estimates the plate's side from the sizes of the discs on it, where neither command line nor rig gives it.
 
+use serde::Serialize;
+
 use upm_core::rig::PartKind;
 use upm_perception::vision::DetectedDisc;
 
@@ -20,7 +22,8 @@ const LEAST_SHARE: f64 = 0.55;
 const LEAST_CRISPNESS: f64 = 0.45;
 
 /// Source of a plate's side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub(super) enum SideSource {
     /// The command line.
     Given,
@@ -31,18 +34,6 @@ pub(super) enum SideSource {
     TwoKinds,
     /// No information: the papers' plate is assumed.
     Assumed,
-}
-
-impl SideSource {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Given => "given",
-            Self::Rig => "rig",
-            Self::Parts => "parts",
-            Self::TwoKinds => "two_kinds",
-            Self::Assumed => "assumed",
-        }
-    }
 }
 
 /// A plate's side that agrees with the discs.

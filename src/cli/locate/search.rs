@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::doubts::about_table;
-use super::naming::named;
+use super::naming::{is_near, named};
 use super::report::{LocateMethod, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
@@ -13,8 +13,7 @@ use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
-    CoinFinder, DebugImages, DetectedDisc, Detection, ResponseMethod, Survey, Table, TableFault, locate_table,
-    locate_table_in_stages, survey,
+    CoinFinder, DebugImages, ResponseMethod, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
 };
 use upm_recording::LocalisedRecord;
 
@@ -50,8 +49,7 @@ pub(super) fn locate_picture(
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
-    let near = |part: &Detection, disc: &DetectedDisc| (disc.center_px - part.center_px).norm() < 0.5 * part.radius_px;
-    let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| near(part, disc)));
+    let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| is_near(part, disc)));
     let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
     let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());
     if shown {
@@ -96,7 +94,8 @@ fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSi
     let factor = side.side_m / table.side_m;
     let corners = table.corners_px.map(|corner| table.lens.ideal_from_image(corner));
     let Some(table) = Table::from_ideal_corners(corners, side.side_m, &table.lens) else {
-        return (table.clone(), PlateSide::known(table.side_m, SideSource::Assumed), survey);
+        let side = PlateSide::known(table.side_m, SideSource::Assumed);
+        return (table, side, survey);
     };
     for disc in &mut survey.discs {
         (disc.at_m, disc.radius_m) = (disc.at_m * factor, disc.radius_m * factor);

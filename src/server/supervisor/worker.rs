@@ -188,7 +188,6 @@ impl PlateWorker {
                 },
                 recording: recording.clone(),
                 has_clock: real_time,
-                stop: Arc::clone(&shared.job.end_run),
                 clock: self.place.clock,
             },
             live: shared.live.clone(),

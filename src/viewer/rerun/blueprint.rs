@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 
 use re_sdk_types::blueprint::archetypes::{PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D};
 use re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange};
@@ -53,21 +53,21 @@ const ERROR_COLUMNS: u32 = 3;
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
     let key = key(context);
-    let known = made().get(&key).cloned();
-    let written = match known {
-        Some(written) => written,
+    let known = MADE.lock().get(&key).cloned();
+    let layout = match known {
+        Some(layout) => layout,
         None => {
             let mut layout = ViewLayout::default();
             let pages = pages(&mut layout, context);
-            let written = layout.written(pages)?;
-            let mut made = made();
+            let layout = layout.encoded(pages)?;
+            let mut made = MADE.lock();
             if made.len() < MOST_MADE {
-                made.insert(key, written.clone());
+                made.insert(key, layout.clone());
             }
-            written
+            layout
         }
     };
-    written.send(stream);
+    stream.send_blueprint(layout.messages, layout.activation);
     Ok(())
 }
 
@@ -76,21 +76,11 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 static MADE: Mutex<BTreeMap<String, EncodedLayout>> = Mutex::new(BTreeMap::new());
 const MOST_MADE: usize = 64;
 
-fn made() -> MutexGuard<'static, BTreeMap<String, EncodedLayout>> {
-    MADE.lock()
-}
-
 /// A layout, encoded as messages.
 #[derive(Clone)]
 struct EncodedLayout {
     messages: Vec<LogMsg>,
     activation: BlueprintActivationCommand,
-}
-
-impl EncodedLayout {
-    fn send(self, stream: &RecordingStream) {
-        stream.send_blueprint(self.messages, self.activation);
-    }
 }
 
 /// Everything that the layout depends on, as one text.
@@ -219,10 +209,10 @@ impl ViewLayout {
 
     /// Sends the pages, each a tab, into `stream`.
     pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
-        self.written(pages).map(|written| written.send(stream))
+        self.encoded(pages).map(|layout| stream.send_blueprint(layout.messages, layout.activation))
     }
 
-    fn written(self, pages: Vec<ContainerLike>) -> Result<EncodedLayout, String> {
+    fn encoded(self, pages: Vec<ContainerLike>) -> Result<EncodedLayout, String> {
         let blueprint = Blueprint::new(Tabs::new(pages))
             .with_auto_layout(false)
             .with_auto_views(false)

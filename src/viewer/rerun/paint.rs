@@ -9,38 +9,29 @@ use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
 
 /// Red, green and blue.
-pub(super) type Rgb = (u8, u8, u8);
+pub(super) type Rgb = [u8; 3];
 
 /// Colour of measurements.
-pub(super) const MEASURED: Rgb = (80, 165, 255);
+pub(super) const MEASURED: Rgb = [80, 165, 255];
 /// Colour of the ground truth.
-pub(super) const TRUE: Rgb = (90, 225, 120);
+pub(super) const TRUE: Rgb = [90, 225, 120];
 /// Colour of the true outlines and trails of parts, which lie on the measured ones in the colour of their part.
-pub(super) const TRUE_PART: Rgb = (250, 250, 250);
+pub(super) const TRUE_PART: Rgb = [250, 250, 250];
 /// Colour of targets.
-pub(super) const TARGET: Rgb = (255, 165, 40);
+pub(super) const TARGET: Rgb = [255, 165, 40];
 /// Colour of subgoals.
-pub(super) const SUBGOAL: Rgb = (255, 225, 120);
+pub(super) const SUBGOAL: Rgb = [255, 225, 120];
 /// Colour of predictions.
-pub(super) const PREDICTED: Rgb = (200, 130, 255);
+pub(super) const PREDICTED: Rgb = [200, 130, 255];
 /// Colour of chosen centres of rotation.
-pub(super) const CENTER: Rgb = (255, 80, 110);
+pub(super) const CENTER: Rgb = [255, 80, 110];
 /// Colour of the background.
-pub(super) const FAINT: Rgb = (135, 140, 155);
+pub(super) const FAINT: Rgb = [135, 140, 155];
 
 /// Colours of numbered items.
-const SERIES: [Rgb; 8] = [
-    (80, 165, 255),
-    (255, 165, 40),
-    (90, 225, 120),
-    (255, 80, 110),
-    (200, 130, 255),
-    (255, 225, 120),
-    (90, 220, 220),
-    (200, 200, 200),
-];
+const SERIES: [Rgb; 8] = [MEASURED, TARGET, TRUE, CENTER, PREDICTED, SUBGOAL, [90, 220, 220], [200, 200, 200]];
 
-pub(super) fn color((r, g, b): Rgb) -> Color {
+pub(super) fn color([r, g, b]: Rgb) -> Color {
     Color::from_rgb(r, g, b)
 }
 
@@ -49,8 +40,8 @@ pub(super) fn palette(parts: &[PartAppearance]) -> Palette {
     Palette::of(&parts.iter().map(|part| part.kind.as_str()).collect::<Vec<_>>(), Ground::Dark)
 }
 
-pub(super) fn colors(rgb: &[[u8; 3]]) -> Vec<Color> {
-    rgb.iter().map(|&[r, g, b]| Color::from_rgb(r, g, b)).collect()
+pub(super) fn colors(rgb: &[Rgb]) -> Vec<Color> {
+    rgb.iter().copied().map(color).collect()
 }
 
 /// Colours of `count` series, repeated as needed.

@@ -54,8 +54,7 @@ impl Plots {
             return Ok(());
         }
         let errors = distances_mm(&samples.measured_m, &samples.true_m);
-        let columns = Scalars::new(errors).columns(samples.at.iter().map(|_| parts)).map_err(|e| e.to_string())?;
-        stream.log_columns("errors/sensing_mm", samples.at.iter().copied().map(nanos), columns)
+        stream.log_scalars("errors/sensing_mm", samples.at.iter().copied().map(nanos), errors, parts)
     }
 
     /// Logs the errors at the observation that starts a cycle, and its plan.

@@ -2,8 +2,12 @@
 
 use std::time::Duration;
 
+use re_sdk_types::archetypes::Scalars;
 use rerun::log::{ChunkBatcherConfig, TimeColumn};
-use rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, TimeCell};
+use rerun::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializationResult, SerializedComponentColumn,
+    TimeCell,
+};
 
 use super::file::RrdFile;
 use upm_core::time::PlateTime;
@@ -81,10 +85,26 @@ impl RunStream {
         &self,
         path: &str,
         times_ns: impl IntoIterator<Item = i64>,
-        columns: impl IntoIterator<Item = SerializedComponentColumn>,
+        columns: SerializationResult<impl IntoIterator<Item = SerializedComponentColumn>>,
     ) -> LogResult {
         let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
+        let columns = columns.map_err(|e| format!("{path}: {e}"))?;
         self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
+    }
+
+    /// Logs `series` values at each of many times.
+    pub(super) fn log_scalars(
+        &self,
+        path: &str,
+        times_ns: impl ExactSizeIterator<Item = i64>,
+        values: impl IntoIterator<Item = f64>,
+        series: usize,
+    ) -> LogResult {
+        if times_ns.len() == 0 {
+            return Ok(());
+        }
+        let rows = vec![series; times_ns.len()];
+        self.log_columns(path, times_ns, Scalars::new(values).columns(rows))
     }
 }
 

@@ -1,4 +1,4 @@
-use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
+use re_sdk_types::archetypes::{SeriesLines, SeriesPoints};
 
 use super::paint;
 use super::run_stream::{LogResult, RunStream, nanos};
@@ -42,43 +42,31 @@ impl Signals {
     pub(super) fn pulse(&self, stream: &RunStream, pulse: &PulseRecord) -> LogResult {
         let start_ns = nanos(pulse.started_at);
         let (times_s, counts) = motor_samples(&pulse.drive);
-        log_scalars(stream, "motors", start_ns, &times_s, counts, MOTORS)?;
+        stream.log_scalars("motors", times_ns(start_ns, &times_s), counts, MOTORS)?;
         let window = trace_window(&pulse.drive, &pulse.trace);
-        let mut times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
+        let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
         let measured = |channel| window.iter().map(move |&i| measured_mps2(&pulse.trace, channel, i));
         for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
             let values = interleaved(channels.map(|channel| measured(channel).collect()));
-            log_scalars(stream, &format!("{entity}/measured"), start_ns, &times_s, values, 2)?;
+            stream.log_scalars(&format!("{entity}/measured"), times_ns(start_ns, &times_s), values, 2)?;
         }
         let Ok(fit) = &pulse.fit else { return Ok(()) };
         // a last sample that is not a number ends the line, so that it is not connected to the next pulse
         let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
+        let ended_s = [&times_s[..], &[end_s]].concat();
         for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
             let fitted =
                 |channel| times_s.iter().map(move |&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
             let values = interleaved(channels.map(fitted));
-            times_s.push(end_s);
-            log_scalars(stream, &format!("{entity}/fitted"), start_ns, &times_s, values, 2)?;
-            times_s.pop();
+            stream.log_scalars(&format!("{entity}/fitted"), times_ns(start_ns, &ended_s), values, 2)?;
         }
         Ok(())
     }
 }
 
-fn log_scalars(
-    stream: &RunStream,
-    path: &str,
-    start_ns: i64,
-    times_s: &[f64],
-    values: impl IntoIterator<Item = f64>,
-    series: usize,
-) -> LogResult {
-    if times_s.is_empty() {
-        return Ok(());
-    }
-    let rows = times_s.iter().map(|_| series);
-    let columns = Scalars::new(values).columns(rows).map_err(|e| format!("{path}: {e}"))?;
-    stream.log_columns(path, times_s.iter().map(|t| start_ns + (t * 1e9).round() as i64), columns)
+/// Times on Rerun's timeline, ns.
+fn times_ns(start_ns: i64, times_s: &[f64]) -> impl ExactSizeIterator<Item = i64> {
+    times_s.iter().map(move |t| start_ns + (t * 1e9).round() as i64)
 }
 
 fn interleaved(pair: [Vec<f64>; 2]) -> impl Iterator<Item = f64> {

@@ -1,6 +1,4 @@
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::blueprint;
@@ -25,12 +23,6 @@ const QUEUE: usize = 32;
 /// The same where the run waits for the recorder: a fraction of a second of plate time, so that a kill loses little.
 const QUEUE_OF_WAITING: usize = 8;
 
-/// Interval at which a run that waits for its recorder checks for a request to stop.
-const STOP_CHECKED_AT: Duration = Duration::from_millis(10);
-
-/// Longest such wait of a run that was asked to stop: enough for a recorder that works.
-const STOPPED_WITHIN: Duration = Duration::from_millis(100);
-
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -51,8 +43,6 @@ struct Running {
     /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
-    /// Set when the run was asked to end.
-    stop: Arc<AtomicBool>,
     spare_pixels: Receiver<Vec<u8>>,
     recorder: BackgroundThread<Closed>,
     handle: RecordingHandle,
@@ -114,7 +104,6 @@ impl RerunSink {
             is_kept,
             queue: Some(queue),
             overflow,
-            stop: Arc::clone(&recording_options.stop),
             spare_pixels,
             recorder,
             handle,
@@ -130,6 +119,12 @@ impl RerunSink {
     /// the recording is not a fault.
     pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
         self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
+    }
+
+    fn send(&mut self, message: impl FnOnce() -> Message) {
+        if let Some(running) = &mut self.0 {
+            running.send(message());
+        }
     }
 }
 
@@ -170,26 +165,9 @@ impl Running {
     /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
     /// `close`.
     fn send(&mut self, message: Message) {
-        let Some(queue) = &self.queue else { return };
-        let mut waited = Duration::ZERO;
-        let mut sent = match self.overflow {
-            OverflowPolicy::Wait => return drop(queue.send(message)),
-            _ => queue.send_within(message, Duration::ZERO),
-        };
-        while let Err(QueueError::Full(message)) = sent {
-            let most = match self.overflow {
-                OverflowPolicy::WaitAtMost(most) if self.stop.load(Ordering::Relaxed) => most.min(STOPPED_WITHIN),
-                OverflowPolicy::WaitAtMost(most) => most,
-                _ => Duration::ZERO,
-            };
-            if waited >= most {
-                self.handle.fail("the recorder lags");
-                self.queue = None;
-                return;
-            }
-            let longest = (most - waited).min(STOP_CHECKED_AT);
-            waited += longest;
-            sent = queue.send_within(message, longest);
+        if let Some(Err(QueueError::Full(_))) = self.queue.as_ref().map(|queue| queue.send(message)) {
+            self.handle.fail("the recorder lags");
+            self.queue = None;
         }
     }
 
@@ -226,9 +204,7 @@ impl Running {
 
 impl Sink for RerunSink {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        if let Some(running) = &mut self.0 {
-            running.send(Message::Localised(Box::new(facts.into())));
-        }
+        self.send(|| Message::Localised(Box::new(facts.into())));
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
@@ -238,9 +214,7 @@ impl Sink for RerunSink {
     }
 
     fn pulse(&mut self, facts: &PulseFacts<'_>) {
-        if let Some(running) = &mut self.0 {
-            running.send(Message::Pulse(Box::new(facts.into())));
-        }
+        self.send(|| Message::Pulse(Box::new(facts.into())));
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
@@ -251,15 +225,11 @@ impl Sink for RerunSink {
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        if let Some(running) = &mut self.0 {
-            running.send(Message::Event(EventRecord::new(at, level, text)));
-        }
+        self.send(|| Message::Event(EventRecord::new(at, level, text)));
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        if let Some(running) = &mut self.0 {
-            running.send(Message::Event(facts.into()));
-        }
+        self.send(|| Message::Event(facts.into()));
     }
 }
 

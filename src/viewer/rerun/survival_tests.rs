@@ -181,35 +181,6 @@ impl Write for HangingFile {
 }
 
 #[test]
-fn stopping_run_does_not_wait_for_a_hung_disk() {
-    let (_folder, path) = place();
-    let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
-    let most = Duration::from_secs(3600);
-    let recording_options =
-        RecordingOptions { recording_overflow: OverflowPolicy::WaitAtMost(most), ..recording_options() };
-    let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
-    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
-    run.draw();
-    let hanging = gate.lock().unwrap();
-    let stopper = thread::spawn({
-        let stop = Arc::clone(&recording_options.stop);
-        // usually in the middle of the wait
-        move || {
-            thread::sleep(Duration::from_millis(300));
-            stop.store(true, Ordering::Relaxed);
-        }
-    });
-    let lagging = RecordingState::Failed("the recorder lags".into());
-    let ended = (1..=5000).any(|_| {
-        run.observe(&mut sink, false, true);
-        recording_options.recording.state() == lagging
-    });
-    assert!(ended && stopper.join().is_ok(), "{:?}", recording_options.recording.state());
-    drop(hanging);
-    assert!(matches!(sink.finish(), Err(RecordingError::Write { .. })));
-}
-
-#[test]
 fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path) = place();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));

@@ -1,4 +1,4 @@
-use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, Points2D};
+use re_sdk_types::archetypes::{Ellipses2D, Points2D};
 use re_sdk_types::components::Color;
 
 use super::field::{mean_direction, over_a_period};
@@ -9,6 +9,7 @@ use super::samples::Samples;
 use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
+use upm_chart::bin_outline;
 use upm_cor_library::Library;
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::units::mm_from_m;
@@ -44,21 +45,22 @@ impl TableView {
     /// Logs the static data: the plate, the library's centres of rotation, sizes and colours of the parts.
     pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
         let half_side_m = context.model.plate_side_m / 2.0;
-        let h = half_side_m;
-        let rim = [(-h, -h), (h, -h), (h, h), (-h, h), (-h, -h)].map(|(x, y)| above(Vec2::new(x, y)));
-        stream.log_static("table/outline", &paint::lines([rim], (210, 210, 220), 1.0))?;
+        let rim = bin_outline([-half_side_m; 2], [half_side_m; 2]).map(|corner| above(corner.into()));
+        stream.log_static("table/outline", &paint::lines([rim], [210, 210, 220], 1.0))?;
         let window_m = WINDOW * half_side_m;
         let centers = context.library.entries.iter().filter_map(|entry| place_of(&entry.pump, window_m)).map(above);
         stream.log_static("table/library", &paint::dots(centers, paint::FAINT, 1.5))?;
-        let sizes = || context.parts.iter().map(|part| [mm_from_m(part.radius_m) as f32; 2]);
-        let measured = Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(1.75)]);
+        let radii_mm: Vec<f32> = context.parts.iter().map(|part| mm_from_m(part.radius_m) as f32).collect();
+        let discs = |points: f32| {
+            let sizes = radii_mm.iter().map(|&radius_mm| [radius_mm; 2]);
+            Ellipses2D::update_fields().with_half_sizes(sizes).with_line_radii([thin(points)])
+        };
         let palette = paint::palette(&context.parts);
         let colors = paint::colors(palette.parts());
-        stream.log_static("table/measured", &measured.with_colors(colors.clone()))?;
-        // thinner than the line of the measured one, so that both are visible where they agree
-        let truth =
-            Ellipses2D::update_fields().with_half_sizes(sizes()).with_line_radii([thin(0.6)]).with_draw_order(50.0);
+        stream.log_static("table/measured", &discs(1.75).with_colors(colors.clone()))?;
         if context.truth.is_some() {
+            // thinner than the line of the measured one, so that both are visible where they agree
+            let truth = discs(0.6).with_draw_order(50.0);
             stream.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE_PART)]))?;
         }
         let trails = Trails::new(context.parts.len(), 1.5e-3);
@@ -66,7 +68,6 @@ impl TableView {
         TaskOverlay { root: "table", is_static: true, place: above, label: names.label_height() }
             .log(stream, context)?;
         stream.log_static("table/names", &names.without_places())?;
-        let radii_mm = context.parts.iter().map(|part| mm_from_m(part.radius_m) as f32).collect();
         Ok(Self {
             half_side_m,
             names,
@@ -93,7 +94,7 @@ impl TableView {
             }
             points_m.chunks_exact(parts).for_each(|observation| trails.push(observation));
             let centers = Ellipses2D::update_fields().with_centers(points_m.iter().copied().map(above));
-            let columns = centers.columns(samples.at.iter().map(|_| parts)).map_err(|e| format!("{path}: {e}"))?;
+            let columns = centers.columns(samples.at.iter().map(|_| parts));
             stream.log_columns(path, samples.at.iter().copied().map(nanos), columns)?;
         }
         Ok(())
@@ -107,20 +108,18 @@ impl TableView {
             places.extend(self.names.places(observation.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
         }
         let columns = Points2D::update_fields().with_positions(places).columns(samples.at.iter().map(|_| parts));
-        let columns = columns.map_err(|e| format!("table/names: {e}"))?;
         stream.log_columns("table/names", samples.at.iter().copied().map(nanos), columns)
     }
 
     /// Logs the trails of the parts up to now.
     pub(super) fn trails(&self, stream: &RunStream) -> LogResult {
-        let strips = self.measured.strips(above);
-        if strips.iter().any(|strip| !strip.is_empty()) {
-            let lines = paint::lines(strips, paint::MEASURED, 1.0).with_colors(self.colors.clone());
-            stream.log("table/trails/measured", &lines)?;
+        if !self.measured.is_empty() {
+            let lines = paint::lines(self.measured.strips(above), paint::MEASURED, 1.0);
+            stream.log("table/trails/measured", &lines.with_colors(self.colors.clone()))?;
         }
-        let strips = self.truth.strips(above);
-        if strips.iter().any(|strip| !strip.is_empty()) {
-            stream.log("table/trails/true", &paint::lines(strips, paint::TRUE_PART, 0.3).with_draw_order(35.0))?;
+        if !self.truth.is_empty() {
+            let lines = paint::lines(self.truth.strips(above), paint::TRUE_PART, 0.3);
+            stream.log("table/trails/true", &lines.with_draw_order(35.0))?;
         }
         Ok(())
     }
@@ -151,11 +150,8 @@ impl TableView {
         if steps_m.is_empty() {
             return Ok(());
         }
-        let arrows = Arrows2D::from_vectors(steps_m.iter().map(|(from_m, to_m)| above(to_m - from_m)))
-            .with_origins(steps_m.iter().map(|(from_m, _)| above(*from_m)))
-            .with_colors([paint::color(paint::PREDICTED)])
-            .with_radii([thin(1.75)]);
-        stream.log("table/forecast", &arrows)
+        let ends = steps_m.into_iter().map(|ends_m| ends_m.map(above));
+        stream.log("table/forecast", &paint::arrows(ends, paint::PREDICTED, 1.75))
     }
 
     fn log_wanted(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
@@ -203,21 +199,18 @@ impl TableView {
         let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|flow| flow.at(p_m)).sum())).collect();
         let longest_m = field.iter().map(|(_, step_m)| step_m.norm()).fold(0.0, f64::max);
         let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
-        let arrows = Arrows2D::from_vectors(field.iter().map(|(_, step_m)| above(step_m * scale)))
-            .with_origins(field.iter().map(|(p_m, step_m)| above(p_m - step_m * (0.5 * scale))))
-            .with_colors([Color::from_unmultiplied_rgba(170, 175, 190, 130)])
-            .with_radii([thin(0.75)])
-            .with_draw_order(-5.0);
-        stream.log("table/field", &arrows)
+        let ends = field.iter().map(|(p_m, step_m)| [-0.5, 0.5].map(|share| above(p_m + step_m * (share * scale))));
+        let arrows = paint::arrows(ends, paint::FAINT, 0.75).with_draw_order(-5.0);
+        stream.log("table/field", &arrows.with_colors([Color::from_unmultiplied_rgba(170, 175, 190, 130)]))
     }
 }
 
 /// Start and end of the forecast displacement of each part by each field of a cycle, m.
-fn forecast_steps(cycle: &CycleRecord) -> Vec<(Vec2, Vec2)> {
+fn forecast_steps(cycle: &CycleRecord) -> Vec<[Vec2; 2]> {
     let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
     let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
     let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
-    of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().copied().zip(to_m.iter().copied())).collect()
+    of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().zip(to_m).map(|(from_m, to_m)| [*from_m, *to_m])).collect()
 }
 
 /// Field of directions of a pulse, with its weight relative to the plan's others of the same kind.

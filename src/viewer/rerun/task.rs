@@ -10,9 +10,6 @@ use upm_chart::{Palette, bin_label, bin_outline};
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
 
-/// Colour of bins and paths that belong to several kinds or parts.
-const FAINT: [u8; 3] = [paint::FAINT.0, paint::FAINT.1, paint::FAINT.2];
-
 /// Longest piece of a drawn line, m: a lens bends longer ones visibly.
 const PIECE_M: f64 = 0.01;
 
@@ -41,8 +38,9 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         if context.paths.is_empty() {
             return Ok(());
         }
-        let rgb =
-            |path: &PathAppearance| path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(FAINT);
+        let rgb = |path: &PathAppearance| {
+            path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(paint::FAINT)
+        };
         let colors: Vec<[u8; 3]> = context.paths.iter().map(rgb).collect();
         let lines = context.paths.iter().map(|path| self.strip(&path.line_m));
         let paths = LineStrips2D::new(lines).with_colors(paint::colors(&colors)).with_radii([thin(0.5)]);
@@ -51,7 +49,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
 
     /// Rims of the bins, and their names above them.
     fn bins(&self, bins: &[Bin], palette: &Palette) -> (LineStrips2D, Points2D) {
-        let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(FAINT);
+        let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(paint::FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
         let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
         let above = |bin: &Bin| {

@@ -31,6 +31,10 @@ impl Trails {
         }
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.paths.iter().all(VecDeque::is_empty)
+    }
+
     /// Each trail, oldest point first, with every point mapped by `place`.
     pub(super) fn strips(&self, place: impl Fn(Vec2) -> [f32; 2]) -> Vec<Vec<[f32; 2]>> {
         self.paths.iter().map(|path| path.iter().map(|&point| place(point)).collect()).collect()
