@@ -1,6 +1,6 @@
 //! Commands of README.md, CONTRIBUTING.md, ARCHITECTURE.md and `docs/`: each is run as written, in the order of its
 //! page, in a folder that `upm init .` made. CONTRIBUTING.md says how a page marks its commands.
-#![cfg(all(feature = "daemon", feature = "lab", target_os = "linux"))]
+#![cfg(all(feature = "daemon", target_os = "linux"))]
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 #[path = "doc_commands/pages.rs"]

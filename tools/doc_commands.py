@@ -93,11 +93,12 @@ def in_one_line(command):
 def inline_runner(code, long):
     """Runner of inline code; None when it is no command."""
     words = code.split(" ")
-    if words[0] not in ("upm", "cargo", "python3") or len(words) < 2:
+    if words[0] not in ("upm", "upm-lab", "cargo", "python3") or len(words) < 2:
         return None
     if any(map(PLACEHOLDER.search, words)):
         return "inline, named"
-    if words[0] == "upm" and len(words) > 2 and not words[2].startswith("-"):
+    argument = {"upm": words[2:3], "upm-lab": words[1:2]}.get(words[0])
+    if argument and not argument[0].startswith("-"):
         return "inline, tool" if code in long else "inline, long test"
     builds = words[0] == "cargo" and words[1] in ("bench", "build", "run", "test") and len(words) > 2
     # this tool does not run itself
@@ -122,7 +123,7 @@ def listed(pages):
 
 
 class Workspace:
-    """A folder that `upm init .` made, with the program on the PATH."""
+    """A folder that `upm init .` made, with `upm` and `upm-lab` (`cargo build -p upm-lab`) on the PATH."""
 
     def __init__(self, upm, folder):
         self.upm, self.typed = os.path.abspath(upm), pathlib.Path(folder) / "typed"
@@ -130,6 +131,7 @@ class Workspace:
         for made in (self.typed, binaries):
             made.mkdir()
         (binaries / "upm").symlink_to(self.upm)
+        (binaries / "upm-lab").symlink_to(pathlib.Path(self.upm).with_name("upm-lab"))
         self.env = os.environ | {"PATH": f"{binaries}:{os.environ['PATH']}"}
         subprocess.run([self.upm, "init", ".", "--quiet"], cwd=self.typed, check=True, stdout=subprocess.DEVNULL)
 
@@ -138,7 +140,7 @@ class Workspace:
         words = command.split()
         if words[0] == "python3" and "--upm" in (ROOT / words[1]).read_text():
             command += f" --upm '{self.upm}'"
-        folder = self.typed if words[0] == "upm" else ROOT
+        folder = self.typed if words[0] in ("upm", "upm-lab") else ROOT
         begun = time.monotonic()
         with tempfile.TemporaryFile("w+") as printed:
             shell = subprocess.Popen(["bash", "-c", command], cwd=folder, env=self.env, stdin=subprocess.DEVNULL,

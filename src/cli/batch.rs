@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use super::args::{Common, RunArgs};
-use super::lab;
 use super::output::{Failure, INTERRUPTED, print_json, stop_on_interrupt};
 use super::progress::{LateProgress, ProgressMode};
 use super::recording;
@@ -102,7 +101,7 @@ impl BatchMeter {
     }
 }
 
-/// Writes `summary.json` and, where this build can draw, the chart of plate times; returns the paths in this order.
+/// Writes `summary.json` and the chart of plate times; returns the paths in this order.
 fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
     let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
@@ -112,11 +111,7 @@ fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
         let (name, rig, completed) = (&summary.name, &summary.rig, summary.completed);
         Some(histogram.chart(&format!("{name} on {rig}: plate time of {completed} completed runs"), median_s))
     });
-    if let Some(chart) = chart
-        && let Ok(drawn) = lab::svg(&chart)
-    {
-        files.push((out.join(format!("{}.svg", chart.name)), drawn));
-    }
+    files.extend(chart.map(|chart| (out.join(format!("{}.svg", chart.name)), upm_chart::svg(&chart))));
     for (path, text) in &files {
         std::fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }

@@ -10,7 +10,6 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
-use super::lab;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
 use coverage_report::CoverageReport;
@@ -53,7 +52,6 @@ type CheckFinding = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
-        lab::check_svg()?;
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
@@ -137,8 +135,7 @@ fn draw(path: &Path, findings: &[(&Path, CheckFinding)]) -> Result<(), Failure> 
             let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
             return Err(Failure::bad_input(line));
         };
-        let drawn = lab::svg(&chart)?;
-        std::fs::write(path, drawn).map_err(|error| Failure::write(path, error))?;
+        std::fs::write(path, upm_chart::svg(&chart)).map_err(|error| Failure::write(path, error))?;
     }
     Ok(())
 }

@@ -86,7 +86,6 @@ fn say_laid(folder: &Path, laid: &InitReport) -> Result<(), Failure> {
     outln!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
     outln!("  upm run                                         # the jobs there are")?;
     outln!("  upm simulate configs/simulate/rotation.json     # given pulses, without a camera")?;
-    outln!("  upm lab waveform-fit --trace configs/traces/upm-1.json")?;
     outln!("  upm serve                                       # the daemon with its page")
 }
 

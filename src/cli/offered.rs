@@ -47,24 +47,6 @@ pub fn rerun_modes() -> CompletableName {
     CompletableName(RERUN_MODES.to_vec())
 }
 
-/// The experiments of `upm lab`.
-pub fn experiments() -> CompletableName {
-    #[cfg(feature = "lab")]
-    let names = upm_lab::EXPERIMENTS.iter().map(|experiment| experiment.name).chain(["all"]);
-    #[cfg(not(feature = "lab"))]
-    let names = std::iter::empty();
-    CompletableName(names.collect())
-}
-
-/// The families of drawn scenes.
-pub fn scenes() -> CompletableName {
-    #[cfg(feature = "lab")]
-    let names = upm_scene::Difficulty::ALL.iter().map(|difficulty| difficulty.name());
-    #[cfg(not(feature = "lab"))]
-    let names = std::iter::empty();
-    CompletableName(names.collect())
-}
-
 /// The script of completions for a shell.
 pub fn completions(shell: Shell, command: &mut Command) -> String {
     let mut script = Vec::new();
@@ -72,10 +54,8 @@ pub fn completions(shell: Shell, command: &mut Command) -> String {
     let mut script = String::from_utf8_lossy(&script).into_owned();
     if shell == Shell::Fish {
         // clap leaves out the values of positional arguments there
-        for (of, names) in [("lab", experiments()), ("schema", schemas())] {
-            let names = names.names().join(" ");
-            script += &format!("complete -c upm -n \"__fish_upm_using_subcommand {of}\" -f -a \"{names}\"\n");
-        }
+        let names = schemas().names().join(" ");
+        script += &format!("complete -c upm -n \"__fish_upm_using_subcommand schema\" -f -a \"{names}\"\n");
     }
     script
 }

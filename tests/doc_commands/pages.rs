@@ -5,7 +5,7 @@
 const LANGUAGES: [&str; 5] = ["", "json", "sh", "text", "toml"];
 
 /// Beginnings of lines that are commands.
-const COMMANDS: [&str; 4] = ["$ ", "upm ", "cargo ", "python3 "];
+const COMMANDS: [&str; 5] = ["$ ", "upm ", "upm-lab ", "cargo ", "python3 "];
 
 /// How a block of commands is run.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ impl Block {
 /// Use of a command in inline code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Inline {
-    /// Complete and of `upm`: a reader may type it, and the long test does.
+    /// Complete and of `upm` or `upm-lab`: a reader may type it, and the long test does.
     Prose,
     /// The same, longer than a minute: run by the tool.
     Minutes,
@@ -225,7 +225,7 @@ fn codes(prose: &str) -> Vec<String> {
 /// Use of inline code; `None` when it is no command.
 pub fn usage(code: &str, long: &[String]) -> Option<Inline> {
     let words: Vec<&str> = code.split(' ').collect();
-    if !["upm", "cargo", "python3"].contains(&words[0]) || words.len() < 2 {
+    if !["upm", "upm-lab", "cargo", "python3"].contains(&words[0]) || words.len() < 2 {
         return None;
     }
     // two capital letters in a row, brackets or an ellipsis: something that the reader puts in
@@ -237,8 +237,13 @@ pub fn usage(code: &str, long: &[String]) -> Option<Inline> {
     }
     let takes_long = long.iter().any(|command| command == code);
     Some(match words[..] {
-        ["upm", _, argument, ..] if !argument.starts_with('-') && takes_long => Inline::Minutes,
-        ["upm", _, argument, ..] if !argument.starts_with('-') => Inline::Prose,
+        ["upm", _, argument, ..] | ["upm-lab", argument, ..] if !argument.starts_with('-') => {
+            if takes_long {
+                Inline::Minutes
+            } else {
+                Inline::Prose
+            }
+        }
         ["cargo", "bench" | "build" | "run" | "test", _, ..] => Inline::Heavy,
         // the tool does not run itself
         ["python3", "tools/doc_commands.py", ..] => Inline::Named,

@@ -54,13 +54,13 @@ fn breaches_of_the_rules_are_found() {
 
 #[test]
 fn complete_inline_commands_are_distinguished_from_names() {
-    let long = ["upm lab mchip".to_owned()];
+    let long = ["upm-lab mchip".to_owned()];
     for (code, expected) in [
-        ("upm lab feeder", Some(Inline::Prose)),
-        ("upm lab mchip", Some(Inline::Minutes)),
+        ("upm-lab feeder", Some(Inline::Prose)),
+        ("upm-lab mchip", Some(Inline::Minutes)),
         ("upm run", Some(Inline::Named)),
         ("upm run JOB.json", Some(Inline::Named)),
-        ("upm locate --reference", Some(Inline::Named)),
+        ("upm locate --stages", Some(Inline::Named)),
         ("cargo test --workspace", Some(Inline::Heavy)),
         ("cargo test", Some(Inline::Named)),
         ("cargo install --path .", Some(Inline::Named)),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::net::TcpListener;
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use tempfile::TempDir;
@@ -18,12 +18,14 @@ const PAUSE_S: f64 = 0.5;
 /// Lines of output in the report of a command that fails.
 const SHOWN_LINES: usize = 15;
 
-/// `cargo` of this shell: the program under test takes the place of a build.
+/// `cargo` of this shell: the programs under test take the place of a build.
 const CARGO: &str = r#"#!/usr/bin/env bash
 if [ "$1" = run ] && [[ " $* " == *" -- "* ]] && [[ " $* " != *" --example "* ]]; then
+  program=upm
+  [[ " $* " == *" -p upm-lab "* ]] && program=upm-lab
   while [ "$1" != -- ]; do shift; done
   shift
-  exec upm "$@"
+  exec $program "$@"
 fi
 echo "this test builds nothing: cargo $*" >&2
 exit 101
@@ -90,7 +92,11 @@ impl Shell {
         for folder in ["bin", "notes", "typed"] {
             fs::create_dir(shell.path(folder)).unwrap();
         }
-        symlink(env!("CARGO_BIN_EXE_upm"), shell.path("bin/upm")).unwrap();
+        let upm = Path::new(env!("CARGO_BIN_EXE_upm"));
+        let lab = upm.with_file_name("upm-lab");
+        assert!(lab.is_file(), "{} is missing: `cargo build -p upm-lab` makes it", lab.display());
+        symlink(upm, shell.path("bin/upm")).unwrap();
+        symlink(lab, shell.path("bin/upm-lab")).unwrap();
         let cargo = shell.path("bin/cargo");
         fs::write(&cargo, CARGO).unwrap();
         fs::set_permissions(&cargo, fs::Permissions::from_mode(0o755)).unwrap();

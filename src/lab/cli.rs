@@ -1,26 +1,31 @@
-//! `upm lab`, rendered scenes, and SVG charts.
+//! The command line of `upm-lab`: experiments, rendered scenes, and the reference vision. Exit status: 0 done, 1 no
+//! result, 2 bad usage or a bad file.
 
+mod args;
+mod failure;
+mod locate;
 mod scene;
-mod table;
-mod track_speed;
 
-use serde_json::{Value, json};
 use std::fs;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
 
-use super::args::{Common, LabArgs};
-use super::output::{Failure, print, print_json};
-use super::progress::{LateProgress, with_progress};
-use upm_chart::Chart;
-use upm_lab::{
-    EXPERIMENTS, Experiment, ExperimentResult, LabFault, LabRig, Request, VISION, WAVEFORM_FIT, experiment, vision_of,
-    waveform_fit_of,
-};
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use super::experiment::{EXPERIMENTS, Experiment, Request, VISION, WAVEFORM_FIT, experiment};
+use super::outcome::ExperimentResult;
+use super::recorded::waveform_fit_of;
+use super::settings::SettingInfo;
+use super::table::{columns, table};
+use super::vision::vision_of;
+use super::{LabFault, LabRig};
+use args::{Cli, Command, ExperimentArgs};
+use failure::Failure;
 use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
-
-pub(super) use scene::of_scene;
-use table::{columns, table};
-use track_speed::{TrackTimes, tracking};
 
 /// Name that selects all experiments.
 const ALL: &str = "all";
@@ -34,20 +39,46 @@ struct ExperimentOutput {
     written: Vec<PathBuf>,
 }
 
-pub(super) fn lab(args: &LabArgs, common: Common) -> Result<u8, Failure> {
-    let Some(name) = &args.experiment else { return list(common) };
-    if name == ALL {
-        return all(args, common);
-    }
-    if args.settings {
-        return list_settings(named(name)?, args, common);
-    }
-    let made = make(name, args, common)?;
-    print(common.json, &made.as_json(), || made.print())
+/// Parses the command line and runs the command.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match &cli.command {
+        Some(Command::Scene(args)) => scene::draw(args, cli.json),
+        Some(Command::Locate(args)) => locate::locate(args, cli.json),
+        None => run(&cli),
+    };
+    done.and_then(print).map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }
 
-/// Runs every experiment; prints one JSON document with figures and series of all, or one table each.
-fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
+/// Writes the result of a command to stdout. A reader that has gone is no failure.
+fn print(mut result: String) -> Result<(), Failure> {
+    if !result.is_empty() && !result.ends_with('\n') {
+        result.push('\n');
+    }
+    match io::stdout().write_all(result.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::failed(format!("stdout: {error}"))),
+        _ => Ok(()),
+    }
+}
+
+/// Runs the experiments of the command line; returns their result as text or JSON.
+fn run(cli: &Cli) -> Result<String, Failure> {
+    let args = &cli.experiment;
+    match args.name.as_deref() {
+        None => Ok(list(cli.json)),
+        Some(ALL) => all(cli),
+        Some(name) if args.settings => list_settings(named(name)?, args, cli.json),
+        Some(name) => make(name, cli).map(|made| if cli.json { pretty(&made.as_json()) } else { made.as_text() }),
+    }
+}
+
+fn pretty(value: &Value) -> String {
+    format!("{value:#}")
+}
+
+/// Runs every experiment: one JSON document with figures and series of all, or a table of each.
+fn all(cli: &Cli) -> Result<String, Failure> {
+    let args = &cli.experiment;
     let given = [
         ("--set", !args.set.is_empty()),
         ("--sweep", args.sweep.is_some()),
@@ -57,53 +88,40 @@ fn all(args: &LabArgs, common: Common) -> Result<u8, Failure> {
         ("--plot", args.plot.is_some()),
     ];
     if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
-        let allowed = "the name of one experiment";
-        return Err(Failure::bad_input(format!("{option}: expected {allowed}, found {ALL:?}")));
+        return Err(Failure::bad_input(format!("{option}: expected the name of one experiment, found {ALL:?}")));
     }
     let mut rows = Vec::new();
     for experiment in EXPERIMENTS {
-        let made = make(experiment.name, args, common)?;
-        if common.json {
+        let made = make(experiment.name, cli)?;
+        if cli.json {
             rows.push(made.as_json());
         } else {
-            made.print()?;
+            print(made.as_text())?;
         }
     }
-    if common.json {
-        print_json(&json!({ "seed": args.seed, "experiments": rows }))?;
-    }
-    Ok(0)
+    Ok(if cli.json { pretty(&json!({ "seed": args.seed, "experiments": rows })) } else { String::new() })
 }
 
 /// Runs an experiment, or evaluates a recorded trace, and writes its plots.
-fn make(name: &str, args: &LabArgs, common: Common) -> Result<ExperimentOutput, Failure> {
+fn make(name: &str, cli: &Cli) -> Result<ExperimentOutput, Failure> {
+    let args = &cli.experiment;
     let (on, outcome) = match &args.trace {
         Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
-        None => measure(name, args, common)?,
+        None => measure(name, cli)?,
     };
     let written = write_files(name, &outcome, args)?;
     Ok(ExperimentOutput { name: name.to_owned(), on, outcome, written })
 }
 
 impl ExperimentOutput {
-    /// Prints title, tables, notes and files.
-    fn print(&self) -> Result<(), Failure> {
+    /// Title, tables, notes and files.
+    fn as_text(&self) -> String {
         let Self { name, on, outcome, written } = self;
-        outln!("{name}, {on}")?;
-        if !outcome.figures.is_empty() {
-            table(&outcome.figures).into_iter().try_for_each(|line| outln!("  {line}"))?;
-        }
-        if let Some(sheet) = &outcome.sheet {
-            columns(sheet).into_iter().try_for_each(|line| outln!("  {line}"))?;
-        }
-        outcome.notes.iter().try_for_each(|note| outln!("  {note}"))?;
-        if let Some(TrackTimes { cached, fresh }) = (name == VISION).then(tracking).flatten() {
-            let [cached, fresh] = [cached, fresh].map(|time| time.as_secs_f64() * 1e6);
-            outln!(
-                "  tracking one part of 40 px radius: {cached:.1} us a frame, {fresh:.1} us in pictures not yet in the cache"
-            )?;
-        }
-        written.iter().try_for_each(|path| outln!("  {:10} {}", "written", path.display()))
+        let mut lines = if outcome.figures.is_empty() { Vec::new() } else { table(&outcome.figures) };
+        lines.extend(outcome.sheet.iter().flat_map(columns));
+        lines.extend(outcome.notes.iter().cloned());
+        lines.extend(written.iter().map(|path| format!("{:10} {}", "written", path.display())));
+        lines.iter().fold(format!("{name}, {on}\n"), |text, line| text + "  " + line + "\n")
     }
 
     fn as_json(&self) -> Value {
@@ -132,40 +150,41 @@ impl ExperimentOutput {
     }
 }
 
-fn list(common: Common) -> Result<u8, Failure> {
-    if common.json {
+fn list(json: bool) -> String {
+    if json {
         let rows = EXPERIMENTS.iter().map(|one| json!({ "experiment": one.name, "about": one.about }));
-        print_json(&rows.collect::<Vec<_>>())?;
-    } else {
-        let width = EXPERIMENTS.iter().map(|one| one.name.len()).max().unwrap_or(0);
-        EXPERIMENTS.iter().try_for_each(|one| outln!("{:width$}  {}", one.name, one.about))?;
-        outln!("{ALL:width$}  all of these")?;
+        return pretty(&rows.collect());
     }
-    Ok(0)
+    let names = EXPERIMENTS.iter().map(|one| (one.name, one.about)).chain([(ALL, "all of these")]);
+    aligned(names.map(|(name, about)| (name, about.to_owned())).collect())
+}
+
+/// Lines of a key and its text, the texts in one column.
+fn aligned(rows: Vec<(&str, String)>) -> String {
+    let width = rows.iter().map(|(key, _)| key.len()).max().unwrap_or(0);
+    rows.into_iter().map(|(key, text)| format!("{key:width$}  {text}\n")).collect()
 }
 
 fn named(name: &str) -> Result<&'static Experiment, Failure> {
     experiment(name).ok_or_else(|| {
         let names = EXPERIMENTS.iter().map(|one| one.name).chain([ALL]).collect::<Vec<_>>();
-        Failure::bad_input(format!("lab: expected {}, found {name:?}", one_of(name, &names)))
+        Failure::bad_input(format!("expected {}, found {name:?}", one_of(name, &names)))
     })
 }
 
-fn list_settings(experiment: &Experiment, args: &LabArgs, common: Common) -> Result<u8, Failure> {
+fn list_settings(experiment: &Experiment, args: &ExperimentArgs, json: bool) -> Result<String, Failure> {
     let settings = experiment.method.settings(&rig_for(experiment, args)?);
-    if common.json {
-        let row = |one: &upm_lab::SettingInfo| json!({ "key": one.key, "about": one.about, "usual": one.usual, "range": one.range });
-        print_json(&settings.iter().map(row).collect::<Vec<_>>())?;
-    } else if settings.is_empty() {
-        outln!("{} has no settings", experiment.name)?;
-    } else {
-        let width = settings.iter().map(|one| one.key.len()).max().unwrap_or(0);
-        settings.iter().try_for_each(|one| {
-            let [least, most] = one.range;
-            outln!("{:width$}  {} ({least} to {most}); usually {}", one.key, one.about, rounded(one.usual))
-        })?;
+    if json {
+        let row = |SettingInfo { key, about, usual, range }: &SettingInfo| json!({ "key": key, "about": about, "usual": usual, "range": range });
+        return Ok(pretty(&settings.iter().map(row).collect()));
     }
-    Ok(0)
+    let row = |SettingInfo { key, about, usual, range: [least, most] }: &SettingInfo| {
+        (*key, format!("{about} ({least} to {most}); usually {}", rounded(*usual)))
+    };
+    match settings.is_empty() {
+        true => Ok(format!("{} has no settings", experiment.name)),
+        false => Ok(aligned(settings.iter().map(row).collect())),
+    }
 }
 
 /// `value` without the rounding error of its unit conversion.
@@ -174,17 +193,17 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// Rig on which the experiment is run.
-fn rig_for(experiment: &Experiment, args: &LabArgs) -> Result<LabRig, Failure> {
+fn rig_for(experiment: &Experiment, args: &ExperimentArgs) -> Result<LabRig, Failure> {
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
         None if experiment.strong_rig => RigSpec::upm_2(),
         None => RigSpec::upm_1(),
     };
-    lab_rig(&rig.map_err(Failure::faults)?, args.seed)
+    lab_rig(&rig.map_err(Failure::of_files)?, args.seed)
 }
 
 /// Request for the experiment according to the command line.
-fn request(args: &LabArgs) -> Result<Request, Failure> {
+fn request(args: &ExperimentArgs) -> Result<Request, Failure> {
     let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
     let assignments = args.set.iter().map(|text| text.parse().map_err(|error| wrong("--set", error)));
     let sweep = args.sweep.as_ref().map(|text| text.parse().map_err(|error| wrong("--sweep", error)));
@@ -192,24 +211,39 @@ fn request(args: &LabArgs) -> Result<Request, Failure> {
 }
 
 /// Rig on which the experiment called `name` was run, and its result.
-fn measure(name: &str, args: &LabArgs, common: Common) -> Result<(String, ExperimentResult), Failure> {
+fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure> {
+    let args = &cli.experiment;
     let (experiment, request) = (named(name)?, request(args)?);
     if args.scenes.is_some() && name != VISION {
         return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
     }
     let rig = rig_for(experiment, args)?;
-    let outcome = with_progress(LateProgress::at_once(common), experiment.about, |show| match args.scenes {
+    let outcome = with_progress(cli.quiet, experiment.about, |show| match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize, show)),
         None => experiment.method.run(&rig, &request, show),
     });
     let outcome = outcome.map_err(|fault| match fault {
-        LabFault::Setting(fault) => Failure::bad_input(format!("lab {name}: {fault}")),
+        LabFault::Setting(fault) => Failure::bad_input(format!("{name}: {fault}")),
         fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),
     })?;
     let on = if experiment.on_rig { format!("rig {}, ", rig.model.name) } else { String::new() };
     let set = [&args.set[..], args.sweep.as_slice()].concat().join(", ");
     let how = if set.is_empty() { String::new() } else { format!(", {set}") };
     Ok((format!("{on}seed {}{how}", rig.seed), outcome))
+}
+
+/// Runs `work` with its progress on stderr, if that is a terminal.
+fn with_progress<T>(quiet: bool, about: &str, work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T) -> T {
+    const FULL: u64 = 1000;
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(FULL) };
+    if let Ok(style) = ProgressStyle::with_template("[{bar:30}] {percent:>3} %  {elapsed}  {msg}") {
+        bar.set_style(style);
+    }
+    bar.set_message(about.to_owned());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let made = work(&|share| bar.set_position((share * FULL as f64) as u64));
+    bar.finish_and_clear();
+    made
 }
 
 fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
@@ -228,7 +262,7 @@ fn read_trace(name: &str, path: &Path) -> Result<ExperimentResult, Failure> {
 }
 
 /// Writes plots and the trace into the folder; returns the paths in this order.
-fn write_files(name: &str, outcome: &ExperimentResult, args: &LabArgs) -> Result<Vec<PathBuf>, Failure> {
+fn write_files(name: &str, outcome: &ExperimentResult, args: &ExperimentArgs) -> Result<Vec<PathBuf>, Failure> {
     fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let mut files: Vec<(PathBuf, String)> = outcome
         .charts
@@ -246,14 +280,4 @@ fn write_files(name: &str, outcome: &ExperimentResult, args: &LabArgs) -> Result
         fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }
     Ok(files.into_iter().map(|(path, _)| path).collect())
-}
-
-/// Refuses SVG output if this build lacks charts.
-pub(super) fn check_svg() -> Result<(), Failure> {
-    Ok(())
-}
-
-/// A chart as an SVG document.
-pub(super) fn svg(chart: &Chart) -> Result<String, Failure> {
-    Ok(upm_chart::svg(chart))
 }
