@@ -9,10 +9,10 @@
 use std::error::Error;
 
 use upm::geometry::{Lens, Vec2};
-use upm::scene::{Difficulty, Scene, ScenePartTruth, kinds};
 use upm::signal::Frame;
 use upm::units::{INCH_M, mm_from_m};
 use upm::vision::{CoinFinder, Detection, locate_table};
+use upm_scene::{Difficulty, Scene, ScenePartTruth, kinds};
 
 /// Side of the papers' small plate, m; a picture does not reveal the size of its plate.
 const PLATE_SIDE_M: f64 = 8.0 * INCH_M;

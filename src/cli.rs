@@ -25,11 +25,6 @@ mod export;
 mod features;
 mod init;
 mod job_list;
-#[cfg(feature = "lab")]
-mod lab;
-#[cfg(not(feature = "lab"))]
-#[path = "cli/without_lab.rs"]
-mod lab;
 mod locate;
 mod logs;
 mod offered;
@@ -91,7 +86,10 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),
         Command::Simulate(args) => simulate::simulate(&args, common),
-        Command::Lab(args) => lab::lab(&args, common),
+        Command::Lab { args } => Err(Failure::bad_input(format!(
+            "the lab is a program of its own: cargo run -p upm-lab -- {}",
+            args.join(" ")
+        ))),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
         Command::Export(args) => export::export(&args, common),

@@ -18,8 +18,7 @@
 //! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
 //! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
-//! | render pictures with ground truth | `scene`: `Scene`, with the feature `lab` |
-//! | repeat the papers' experiments, draw charts | `lab`, with the feature `lab`; [`chart`] |
+//! | draw charts | [`chart`]: `Chart`, `svg` |
 //! | serve plates over HTTP | `daemon`, `supervisor`, `api`, with the feature `daemon` |
 //! | speak of space, time and signals | [`geometry`], [`units`], [`time`], [`signal`], [`random`], [`job`] |
 //!
@@ -57,14 +56,10 @@ pub use upm_chart as chart;
 pub use upm_control as control;
 pub use upm_cor_library as cor_library;
 pub use upm_core::{geometry, ground_truth, job, random, rig, signal, thread_priority, time, units};
-#[cfg(feature = "lab")]
-pub use upm_lab as lab;
 pub use upm_perception::{estimation, vision};
 pub use upm_planner as planner;
 pub use upm_recording as recording;
 pub use upm_runner::{config, run};
-#[cfg(feature = "lab")]
-pub use upm_scene as scene;
 #[cfg(feature = "daemon")]
 pub use upm_server::{api, daemon, http, states, store, supervisor};
 pub use upm_sim as sim;

@@ -27,10 +27,11 @@ use layers::Crates;
 use map::{MAP, PAGE};
 use rules::Source;
 
-/// Paths and texts of the project's sources.
+/// Paths and texts of the project's sources; tests that run the program `upm-lab` are none.
 static FILES: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
     let mut files = Vec::new();
     read_folder(&root().join("src"), "src", &mut files).unwrap();
+    files.retain(|(name, _)| !name.starts_with("src/lab/tests/"));
     files
 });
 

@@ -16,12 +16,8 @@ mod coin_pictures;
 mod coin_scenes;
 #[path = "cli/coverage.rs"]
 mod coverage;
-#[cfg(feature = "lab")]
 #[path = "cli/documents.rs"]
 mod documents;
-#[cfg(feature = "lab")]
-#[path = "cli/documents_lab.rs"]
-mod documents_lab;
 #[path = "cli/documents_runs.rs"]
 mod documents_runs;
 #[path = "cli/documents_series.rs"]
@@ -30,13 +26,11 @@ mod documents_series;
 mod export;
 #[path = "cli/init.rs"]
 mod init;
-#[path = "cli/lab.rs"]
-mod lab;
 #[path = "cli/locate.rs"]
 mod locate;
 #[path = "cli/locate_doubts.rs"]
 mod locate_doubts;
-#[cfg(all(feature = "daemon", feature = "lab"))]
+#[cfg(feature = "daemon")]
 #[path = "cli/mistakes.rs"]
 mod mistakes;
 #[path = "cli/mixed_coins.rs"]
@@ -230,15 +224,12 @@ fn schemas_and_completions_are_printed() {
 
 #[test]
 fn shells_offer_the_names_that_commands_take() {
-    let mut names = vec!["journal", "daemon", "save", "spawn", "real-time"];
-    if cfg!(feature = "lab") {
-        names.extend(["waveform-fit", "topple", "rough", "papers"]);
-    }
+    let names = ["journal", "daemon", "save", "spawn", "real-time"];
     for shell in ["bash", "zsh", "fish"] {
         let (script, _) = status(&["completions", shell], 0);
         let words: std::collections::BTreeSet<&str> =
             script.split(|c: char| !(c.is_alphanumeric() || c == '-')).collect();
-        for name in &names {
+        for name in names {
             assert!(words.contains(name), "{shell}: {name}");
         }
     }
@@ -247,6 +238,13 @@ fn shells_offer_the_names_that_commands_take() {
         let (_, stderr) = status(args, 2);
         assert!(stderr.lines().count() == 1 && stderr.starts_with("upm: "), "{stderr}");
     }
+}
+
+#[test]
+fn lab_is_named_as_a_program_of_its_own() {
+    let (_, stderr) = status(&["lab", "feeder", "--set", "duty=0.55", "--json"], 2);
+    let line = "upm: the lab is a program of its own: cargo run -p upm-lab -- feeder --set duty=0.55 --json\n";
+    assert_eq!(stderr, line);
 }
 
 #[test]

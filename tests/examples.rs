@@ -24,7 +24,6 @@ fn numbers(line: &str) -> Vec<f64> {
 }
 
 #[test]
-#[cfg(feature = "lab")]
 fn rendered_coins_are_all_located() {
     let printed = output_of("locate_picture", &[]);
     let compared = numbers(printed.lines().last().unwrap());
@@ -33,7 +32,6 @@ fn rendered_coins_are_all_located() {
 }
 
 #[test]
-#[cfg(feature = "lab")]
 fn coin_of_a_picture_file_is_located_without_a_truth() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("frame.png").display().to_string();

@@ -3,7 +3,7 @@
 
 usage: compare_opencv.py [--upm target/debug/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10]
 
-Pictures: `upm render --scene papers`, a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
+Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
 sizes of plate and penny and that parts are dark. OpenCV and numpy are installed from PyPI into the folder `--venv` when
 they are not there.
 
@@ -46,7 +46,8 @@ class Scene:
     def __init__(self, upm, seed, folder):
         self.seed, self.path = seed, folder / f"papers-{seed}.pgm"
         truth = folder / f"papers-{seed}.json"
-        command = [upm, "render", "--scene", "papers", "--seed", str(seed), "--out", self.path, "--truth", truth]
+        lab = pathlib.Path(upm).with_name("upm-lab")
+        command = [lab, "scene", "papers", "--seed", str(seed), "--out", self.path, "--truth", truth]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             sys.exit(done.stderr.strip())

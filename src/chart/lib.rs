@@ -1,19 +1,13 @@
-//! Charts as plain data: their content, independent of how they are drawn. With the feature `svg`, the function `svg`
-//! draws one as a picture.
+//! Charts as plain data: their content, and the pictures of them as SVG.
 
-#[cfg(feature = "svg")]
 mod decades;
 mod labels;
 mod palette;
-#[cfg(feature = "svg")]
 mod svg;
-#[cfg(feature = "svg")]
-mod ticks;
 
 pub use labels::{LabelPlace, LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
 
-#[cfg(feature = "svg")]
 pub use svg::{svg, svg_page};
 
 /// A chart: layers over a pair of axes.

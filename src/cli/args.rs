@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use super::batch::Seeds;
 use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
-use super::offered::{experiments, scenes, schemas};
+use super::offered::schemas;
 use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
@@ -56,9 +56,13 @@ pub enum Command {
     Locate(LocateArgs),
     /// Open loop: given pulses on given parts, true trajectories out
     Simulate(SimulateArgs),
-    /// Run an experiment from the papers: a table, plots; without a name, list them
-    #[cfg_attr(not(feature = "lab"), command(hide = true))]
-    Lab(LabArgs),
+    /// The papers' experiments, which are a program of their own
+    #[command(hide = true, disable_help_flag = true)]
+    Lab {
+        /// Arguments of that program.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        args: Vec<String>,
+    },
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
@@ -181,23 +185,17 @@ pub struct CalibrateArgs {
 #[derive(Args, Debug)]
 pub struct RenderArgs {
     /// Job file
-    #[arg(value_name = "JOB.json", required_unless_present = "scene")]
-    pub job: Option<PathBuf>,
-    /// In place of a job: a drawn scene of this family (clean, rough, hard, papers)
-    #[arg(long, value_name = "FAMILY", conflicts_with = "job", value_parser = scenes(), hide_possible_values = true)]
-    pub scene: Option<String>,
+    #[arg(value_name = "JOB.json")]
+    pub job: PathBuf,
     /// Where the picture goes (png, jpg, pgm, tiff)
     #[arg(long, value_name = "FRAME.png")]
     pub out: PathBuf,
     /// Where the truth goes: corners and parts
     #[arg(long, value_name = "TRUTH.json")]
     pub truth: Option<PathBuf>,
-    /// Seed in place of the job's; of a scene [default: 1]
+    /// Seed in place of the job's
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Where a rig file goes that has the scene's camera and plate, for `upm locate --rig`
-    #[arg(long, value_name = "RIG.json", requires = "scene", conflicts_with = "job")]
-    pub rig_out: Option<PathBuf>,
 }
 
 /// `upm locate`.
@@ -221,10 +219,6 @@ pub struct LocateArgs {
     /// Method of the disks' response: auto takes the cheaper one by the sizes, which for coins is chords
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = response_methods())]
     pub response: ResponseMethod,
-    /// Use the reference method in place of the fast one: Canny, Hough and template matching of imageproc; slow, for
-    /// comparison
-    #[arg(long, conflicts_with_all = ["stages", "response"])]
-    pub reference: bool,
     /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; with several pictures,
     /// into a subfolder for each
     #[arg(long, value_name = "DIR")]
@@ -255,41 +249,6 @@ pub struct SimulateArgs {
     /// Experiment file
     #[arg(value_name = "EXPERIMENT.json")]
     pub experiment: PathBuf,
-}
-
-/// `upm lab`.
-#[derive(Args, Debug)]
-pub struct LabArgs {
-    /// Which one, or `all` of them; left out, they are listed
-    #[arg(value_name = "EXPERIMENT", value_parser = experiments(), hide_possible_values = true)]
-    pub experiment: Option<String>,
-    /// Rig file; without it the shipped upm-1, or upm-2 where the weak upm-1 cannot show it
-    #[arg(long, value_name = "RIG.json")]
-    pub rig: Option<PathBuf>,
-    /// Seed of noise and sensor errors
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-    /// Read this recorded trace in place of playing a pulse (waveform-fit alone)
-    #[arg(long, value_name = "TRACE.json", requires = "experiment", conflicts_with_all = ["rig", "seed"])]
-    pub trace: Option<PathBuf>,
-    /// Scenes of each family, of as many seeds from --seed on (vision alone) [default: 50]
-    #[arg(long, value_name = "N", requires = "experiment", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub scenes: Option<u32>,
-    /// Set a parameter and measure that one machine; any number of times. --settings lists the parameters
-    #[arg(long, value_name = "KEY=VALUE", requires = "experiment", conflicts_with = "trace")]
-    pub set: Vec<String>,
-    /// Measure at so many evenly spaced values of one parameter, all cores at once
-    #[arg(long, value_name = "KEY=FROM:TO:POINTS", requires = "experiment", conflicts_with = "trace")]
-    pub sweep: Option<String>,
-    /// List what --set and --sweep take
-    #[arg(long, requires = "experiment", conflicts_with_all = ["set", "sweep", "trace"])]
-    pub settings: bool,
-    /// Folder that plots go into
-    #[arg(long, value_name = "DIR", default_value = "runs/lab")]
-    pub out: PathBuf,
-    /// One file for all plots, besides the folder
-    #[arg(long, value_name = "FILE.svg")]
-    pub plot: Option<PathBuf>,
 }
 
 /// `upm check`.

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use super::args::{Common, RunArgs};
-use super::lab;
 use super::output::{Failure, INTERRUPTED, print, stop_on_interrupt};
 use super::progress::LateProgress;
 use super::recording;
@@ -64,7 +63,7 @@ fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
     }
 }
 
-/// Writes `summary.json` and, where this build can draw, the chart of plate times; returns the paths in this order.
+/// Writes `summary.json` and the chart of plate times; returns the paths in this order.
 fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
     let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
@@ -74,11 +73,7 @@ fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
         let title = format!("{name} on {rig}: plate time of {completed} completed runs");
         plate_time_chart(&summary.plate_times_s(), figure.median, &title)
     });
-    if let Some(chart) = chart
-        && let Ok(drawn) = lab::svg(&chart)
-    {
-        files.push((out.join(format!("{}.svg", chart.name)), drawn));
-    }
+    files.extend(chart.map(|chart| (out.join(format!("{}.svg", chart.name)), upm_chart::svg(&chart))));
     for (path, text) in &files {
         std::fs::write(path, text).map_err(|error| Failure::write(path, error))?;
     }

@@ -9,7 +9,6 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
-use super::lab;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::ProgressMode;
 use coverage_report::CoverageReport;
@@ -38,7 +37,6 @@ type CheckFinding = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
-        lab::check_svg()?;
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;

@@ -2,19 +2,16 @@
 
 use std::sync::LazyLock;
 
-#[cfg(not(all(feature = "daemon", feature = "lab")))]
+#[cfg(not(feature = "daemon"))]
 use super::output::Failure;
 
 /// The daemon and its client commands.
 pub(super) const DAEMON: &str = "daemon";
-/// The papers' experiments, rendered scenes and charts.
-pub(super) const LAB: &str = "lab";
 /// Recordings for the Rerun viewer.
 const RERUN: &str = "rerun";
 
 /// Each feature, and whether this build has it.
-const FEATURES: [(&str, bool); 3] =
-    [(RERUN, upm_viewer::BUILT_IN), (DAEMON, cfg!(feature = "daemon")), (LAB, cfg!(feature = "lab"))];
+const FEATURES: [(&str, bool); 2] = [(RERUN, upm_viewer::BUILT_IN), (DAEMON, cfg!(feature = "daemon"))];
 
 /// Version, with the features that this build lacks.
 pub(super) static VERSION: LazyLock<String> = LazyLock::new(|| match missing() {
@@ -28,7 +25,7 @@ pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
     missing => format!("Built without {missing}. `cargo install --path .` builds everything."),
 });
 
-#[cfg(not(all(feature = "daemon", feature = "lab")))]
+#[cfg(not(feature = "daemon"))]
 /// Failure of `command`, which needs a feature that this build lacks.
 pub(super) fn lacking(feature: &str, command: &str) -> Failure {
     Failure::bad_input(format!(

@@ -51,7 +51,6 @@ fn print_report(folder: &Path, report: &InitReport) -> Result<(), Failure> {
     outln!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
     outln!("  upm run                                         # the jobs there are")?;
     outln!("  upm simulate configs/simulate/rotation.json     # given pulses, without a camera")?;
-    outln!("  upm lab waveform-fit --trace configs/traces/upm-1.json")?;
     outln!("  upm serve                                       # the daemon with its page")
 }
 

@@ -5,8 +5,6 @@ mod doubts;
 mod naming;
 mod panels;
 mod picture;
-#[cfg(feature = "lab")]
-mod reference;
 mod report;
 mod scale;
 mod search;
@@ -29,19 +27,11 @@ use upm_recording::{LocalisedRecord, RerunMode};
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = LocateSetup::of(args)?;
     recording::check_mode(&args.rerun)?;
-    if args.reference && args.rerun != RerunMode::Off {
-        return Err(Failure::bad_input("--reference: expected no recording, found --rerun"));
-    }
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
         let shown = args.stages.is_some() || args.rerun != RerunMode::Off;
-        let located = if args.reference {
-            locate_by_reference(image, &setting, common)
-        } else {
-            locate_picture(image, &name, args, &setting, shown)
-        };
-        let made = located.and_then(|located| {
+        let made = locate_picture(image, &name, args, &setting, shown).and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
             let mut written = draw((&located.found, &kinds), &name, args)?;
             written.extend(record((&located.found, &kinds), image, &name, args)?);
@@ -68,14 +58,6 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
         }
     }
     Ok(worst)
-}
-
-#[cfg(feature = "lab")]
-use reference::locate_by_reference;
-
-#[cfg(not(feature = "lab"))]
-fn locate_by_reference(_: &Path, _: &LocateSetup, _: Common) -> Result<report::LocatedPicture, Failure> {
-    Err(super::features::lacking(super::features::LAB, "`upm locate --reference`"))
 }
 
 /// Draws the stages if `args` request it; `kinds` are those of the parts. Returns the paths.

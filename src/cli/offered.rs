@@ -18,24 +18,6 @@ fn names_of_schemas() -> impl Iterator<Item = &'static str> {
     schema_names().iter().copied().chain(FILES_OF_RUNS)
 }
 
-/// The experiments of `upm lab`.
-pub fn experiments() -> PossibleValuesParser {
-    #[cfg(feature = "lab")]
-    let names = upm_lab::EXPERIMENTS.iter().map(|experiment| experiment.name).chain(["all"]);
-    #[cfg(not(feature = "lab"))]
-    let names: [&str; 0] = [];
-    PossibleValuesParser::new(names)
-}
-
-/// The families of drawn scenes.
-pub fn scenes() -> PossibleValuesParser {
-    #[cfg(feature = "lab")]
-    let names = upm_scene::Difficulty::ALL.iter().map(|difficulty| difficulty.name());
-    #[cfg(not(feature = "lab"))]
-    let names: [&str; 0] = [];
-    PossibleValuesParser::new(names)
-}
-
 /// The script of completions for a shell.
 pub fn completions(shell: Shell, command: &mut Command) -> String {
     let mut script = Vec::new();

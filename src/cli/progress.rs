@@ -1,10 +1,4 @@
 use std::io::IsTerminal;
-#[cfg(feature = "lab")]
-use std::sync::Mutex;
-#[cfg(feature = "lab")]
-use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-#[cfg(feature = "lab")]
-use std::thread;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -139,7 +133,7 @@ impl<C: Clock> LateProgress<C> {
         }
     }
 
-    /// The line to write now, without a share where `done` is NaN; `None` while the previous one is recent.
+    /// The line to write now; `None` while the previous one is recent.
     fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
         let now = self.clock.elapsed();
         self.line_from.filter(|&from| now >= from)?;
@@ -161,46 +155,6 @@ impl<C: Clock> LateProgress<C> {
             bar.finish_and_clear();
         }
     }
-}
-
-/// Time between two updates of progress while the work reports none.
-#[cfg(feature = "lab")]
-const TICK: Duration = Duration::from_millis(200);
-
-/// Runs `work` with its progress on stderr: the share of it that is done, which it may report, or else the time so far.
-#[cfg(feature = "lab")]
-pub(super) fn with_progress<T>(
-    shown: LateProgress<MonotonicClock>,
-    about: &str,
-    work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T,
-) -> T {
-    let (clock, shown) = (MonotonicClock::new(), Mutex::new((shown, f64::NAN)));
-    let show = |share: Option<f64>| {
-        // the mutex is poisoned only if a thread panicked, which ends the work anyway
-        if let Ok(mut shown) = shown.lock() {
-            let (progress, last) = &mut *shown;
-            *last = share.unwrap_or(*last);
-            let time = || format!("{about}, {:.0} s", clock.elapsed().as_secs_f64());
-            progress.show(*last, || if last.is_nan() { time() } else { about.to_owned() });
-        }
-    };
-    show(None);
-    let made = thread::scope(|scope| {
-        let (working, ended) = sync_channel::<()>(0);
-        let show = &show;
-        scope.spawn(move || {
-            while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
-                show(None);
-            }
-        });
-        let made = work(&|share| show(Some(share)));
-        drop(working);
-        made
-    });
-    if let Ok(shown) = shown.lock() {
-        shown.0.finish();
-    }
-    made
 }
 
 /// A bar from 0 to [`FULL`] on stderr.
@@ -241,8 +195,6 @@ mod tests {
             lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
         }
         assert_eq!(lines, [" 25 %  at 2500 ms", " 75 %  at 7500 ms"]);
-        now_ms.set(60_000);
-        assert_eq!(progress.line(f64::NAN, || "searching, 60 s".to_owned()).unwrap(), "searching, 60 s");
     }
 
     #[test]

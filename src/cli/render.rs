@@ -5,7 +5,6 @@ use image::GrayImage;
 use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
-use super::lab;
 use super::output::{Failure, print_json};
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
@@ -24,13 +23,7 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
             args.out.display()
         )));
     }
-    let (frame, truth) = match (&args.job, &args.scene) {
-        (Some(job), _) => of_job(job, args.seed)?,
-        (None, Some(difficulty)) => lab::of_scene(difficulty, args)?,
-        (None, None) => {
-            return Err(Failure::bad_input("render: expected a job or --scene, found neither"));
-        }
-    };
+    let (frame, truth) = of_job(&args.job, args.seed)?;
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
         .save(&args.out)

@@ -52,7 +52,7 @@ impl Document {
             Self::Rig => "upm calibrate --rig",
             Self::Library => "upm check",
             Self::Experiment => "upm simulate",
-            Self::Trace => "upm lab waveform-fit --trace",
+            Self::Trace => "upm-lab waveform-fit --trace",
             Self::Daemon => "upm serve --config",
         }
     }

@@ -1,6 +1,7 @@
 //! The papers' experiments, on the simulated plate and on the other machines of the same papers: each measures figures
 //! and compares them with a closed form or with the paper's. Not used by runs.
 
+mod cli;
 mod cor_map;
 mod cor_steering;
 mod coulomb_pump;
@@ -19,6 +20,7 @@ mod pulses;
 mod pumped;
 mod race_track;
 mod recorded;
+mod reference;
 mod rock;
 mod settings;
 mod shaken;
@@ -32,21 +34,18 @@ mod two_parts;
 mod vision;
 mod waveform_fit;
 
-pub use cor_map::cor_map;
-pub use cor_steering::cor_steering;
-pub use experiment::{EXPERIMENTS, Experiment, Method, Procedure, Request, VISION, WAVEFORM_FIT, experiment};
-pub use field_span::field_span;
-pub use force_curve::force_curve;
-pub use outcome::{DataSheet, ExperimentResult, Figure, Series};
-pub use pulse_law::pulse_law;
-pub use race_track::race_track;
-pub use recorded::waveform_fit_of;
-pub use settings::{Field, Setting, SettingAssignment, SettingInfo};
-pub use sweep::{Progress, Sweep};
-pub use table::{COLUMNS, HEADS, NUMBERS, number};
-pub use two_parts::two_parts;
-pub use vision::{vision, vision_of};
-pub use waveform_fit::waveform_fit;
+pub use cli::main;
+
+use cor_map::cor_map;
+use cor_steering::cor_steering;
+use field_span::field_span;
+use force_curve::force_curve;
+use outcome::{DataSheet, ExperimentResult, Figure};
+use pulse_law::pulse_law;
+use race_track::race_track;
+use two_parts::two_parts;
+use vision::vision;
+use waveform_fit::waveform_fit;
 
 use upm_cor_library::{AxisShape, PlateResponse, drive_for};
 use upm_core::rig::RigModel;

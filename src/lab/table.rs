@@ -1,13 +1,11 @@
-use super::Figure;
+//! Tables of figures and of numbers as lines of aligned columns.
 
-/// Columns of the table of figures.
-pub const COLUMNS: usize = 6;
+use super::{DataSheet, Figure};
 
-/// Headings of the columns.
-pub const HEADS: [&str; COLUMNS] = ["figure", "measured", "reference", "unit", "error %", "source"];
-
-/// True for columns of numbers.
-pub const NUMBERS: [bool; COLUMNS] = [false, true, true, false, true, false];
+/// Headings of the table of figures.
+const HEADS: [&str; 6] = ["figure", "measured", "reference", "unit", "error %", "source"];
+/// True for columns of numbers, which are right-aligned.
+const NUMBERS: [bool; 6] = [false, true, true, false, true, false];
 
 /// Significant digits shown.
 const DIGITS: i32 = 4;
@@ -18,21 +16,42 @@ const PLACES: i32 = 6;
 /// Integers below this are shown in full.
 const COUNTED: f64 = 1e6;
 
-impl Figure {
-    /// The figure's row in a table under [`HEADS`].
-    pub fn cells(&self) -> [String; COLUMNS] {
-        let numbers = [Some(self.measured), self.reference];
-        let places = places(numbers.into_iter().flatten());
-        let reference = self.reference.map_or("-".to_owned(), |reference| shown(reference, places));
-        let error = self.relative_error().map(|error| unsigned_zero(format!("{:+.2}", 100.0 * error)));
-        let measured = if self.measured.is_nan() { "-".to_owned() } else { shown(self.measured, places) };
-        let error = error.unwrap_or("-".to_owned());
-        [self.name.clone(), measured, reference, self.unit.clone(), error, self.source.clone()]
-    }
+/// The figures as lines under a header.
+pub(super) fn table(figures: &[Figure]) -> Vec<String> {
+    let head = HEADS.map(str::to_owned).to_vec();
+    aligned(std::iter::once(head).chain(figures.iter().map(cells)).collect(), |column| NUMBERS[column])
+}
+
+/// The numbers of a sheet as lines under a header.
+pub(super) fn columns(sheet: &DataSheet) -> Vec<String> {
+    let rows = sheet.rows.iter().map(|row| row.iter().map(|&value| number(value)).collect());
+    aligned(std::iter::once(sheet.columns.clone()).chain(rows).collect(), |_| true)
+}
+
+fn aligned(rows: Vec<Vec<String>>, is_number: impl Fn(usize) -> bool) -> Vec<String> {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
+    let cell = |(column, cell): (usize, &String)| {
+        let width = widths[column];
+        if is_number(column) { format!("{cell:>width$}") } else { format!("{cell:width$}") }
+    };
+    let line =
+        |row: &Vec<String>| row.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ").trim_end().to_owned();
+    rows.iter().map(line).collect()
+}
+
+/// The figure's row in a table.
+fn cells(figure: &Figure) -> Vec<String> {
+    let dash = || "-".to_owned();
+    let places = places([Some(figure.measured), figure.reference].into_iter().flatten());
+    let reference = figure.reference.map_or_else(dash, |reference| shown(reference, places));
+    let error = figure.relative_error().map_or_else(dash, |error| unsigned_zero(format!("{:+.2}", 100.0 * error)));
+    let measured = if figure.measured.is_nan() { dash() } else { shown(figure.measured, places) };
+    vec![figure.name.clone(), measured, reference, figure.unit.clone(), error, figure.source.clone()]
 }
 
 /// `value` with four significant digits; a dash for NaN.
-pub fn number(value: f64) -> String {
+fn number(value: f64) -> String {
     if value.is_nan() { "-".to_owned() } else { shown(value, places_of(value)) }
 }
 
@@ -75,9 +94,7 @@ mod tests {
 
     fn cells(measured: f64, reference: Option<f64>) -> [String; 3] {
         let figure = Figure { reference, ..Figure::alone("COR", "mm", measured, "Eq. 6") };
-        let [name, measured, reference, unit, error, source] = figure.cells();
-        assert_eq!([name, unit, source], ["COR", "mm", "Eq. 6"]);
-        [measured, reference, error]
+        [1, 2, 4].map(|column| super::cells(&figure)[column].clone())
     }
 
     #[test]
@@ -105,11 +122,16 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_whole_numbers() {
-        for (count, text) in [(62.0, "62"), (-2.0, "-2"), (0.0, "0"), (-0.0, "0"), (999_999.0, "999999")] {
-            assert_eq!(cells(count, None)[0], text);
-        }
-        assert_eq!(cells(64.0, Some(128.0)), ["64", "128", "-50.00"]);
-        assert_eq!(cells(2.0, Some(2.5)), ["2.000", "2.500", "-20.00"]);
+    fn columns_are_aligned_by_characters() {
+        let figures =
+            [Figure::against("a", "m/s²", 2.0, 2.1, "Eq. 1"), Figure::alone("longer name", "mm", -123.456, "counted")];
+        assert_eq!(
+            table(&figures),
+            [
+                "figure       measured  reference  unit  error %  source",
+                "a               2.000      2.100  m/s²    -4.76  Eq. 1",
+                "longer name    -123.5          -  mm          -  counted",
+            ]
+        );
     }
 }

@@ -6,7 +6,7 @@ use super::rules::Source;
 
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
-const CEILINGS: [(&str, usize); 20] = [
+const CEILINGS: [(&str, usize); 19] = [
     ("chart", 1100),
     ("control", 4940),
     ("cor_library", 900),
@@ -18,7 +18,6 @@ const CEILINGS: [(&str, usize); 20] = [
     ("planner", 3420),
     ("qp", 90),
     ("recording", 1720),
-    ("reference", 400),
     ("runner", 5720),
     ("scene", 920),
     ("server", 8660),

@@ -77,8 +77,7 @@ fn failed_seeds_are_named_with_their_reason_and_give_the_exit_status() {
         assert_eq!(after["code"] == "time_limit", failed, "{after}");
     }
     assert!(!table.contains("##") && !table.contains('\u{1b}'), "a pipe gets no picture:\n{table}");
-    let chart = fs::read_to_string(out.join("plate-time.svg")).ok();
-    assert_eq!(chart.is_some_and(|chart| chart.contains("completed runs")), cfg!(feature = "lab"));
+    assert!(fs::read_to_string(out.join("plate-time.svg")).unwrap().contains("completed runs"));
 }
 
 #[test]

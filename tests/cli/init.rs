@@ -138,18 +138,3 @@ fn shipped_experiments_move_their_parts_as_described() {
     let [left, right] = ends("configs/simulate/wave.json")[..] else { panic!("two parts") };
     assert!(left[1] > 1.0 && right[1] > 1.0, "the translation carries both up: {left:?} {right:?}");
 }
-
-#[test]
-#[cfg(feature = "lab")]
-fn shipped_trace_gives_the_centre_of_the_lab_pulse() {
-    let folder = begun();
-    let trace = "configs/traces/upm-1.json";
-    let (code, stdout, stderr) = run_in(folder.path(), &["lab", "waveform-fit", "--json", "--trace", trace]);
-    assert_eq!(code, Some(0), "{stderr}");
-    let result: Value = serde_json::from_str(&stdout).unwrap();
-    let figures = result["figures"].as_array().unwrap();
-    let measured = |name: &str| figures.iter().find(|figure| figure["name"] == name).unwrap()["measured"].as_f64();
-    let [x_mm, y_mm] = ["COR along x", "COR along y"].map(|name| measured(name).unwrap());
-    // the lab's pulse has its centre at about (136.8, 68.1) mm
-    assert!((x_mm - 136.8).abs() < 0.5 && (y_mm - 68.1).abs() < 0.5, "{x_mm} {y_mm}");
-}

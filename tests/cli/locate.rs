@@ -84,8 +84,8 @@ fn the_result_is_as_the_contract_has_it() {
     let folder = TempDir::new().unwrap();
     let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
     assert_found(&found);
-    assert_eq!(keys(&found), ["contrast", "method", "others", "parts", "plate", "response", "table", "time_us"]);
-    assert_eq!((&found["method"], &found["response"]), (&json!("fast"), &json!("chords")));
+    assert_eq!(keys(&found), ["contrast", "others", "parts", "plate", "response", "table", "time_us"]);
+    assert_eq!(found["response"], "chords");
     assert_eq!(keys(&found["table"]), ["corners_px", "rotation_deg", "side_px"]);
     assert_eq!(keys(&found["time_us"]), ["decode", "parts", "survey", "table"]);
     assert_eq!(keys(&found["plate"]), ["candidates", "side_mm", "source"]);
@@ -112,31 +112,6 @@ fn forced_response_methods_find_the_same() {
     }
     let (_, stderr) = status(&["locate", &picture, "--response", "dft"], 2);
     assert!(stderr.contains("auto, chords, fft"), "{stderr}");
-}
-
-#[cfg(feature = "lab")]
-#[test]
-fn reference_method_reports_the_same_shape_and_its_name() {
-    let folder = TempDir::new().unwrap();
-    let picture = saved(&folder, "plate.png", papers_plate());
-    let found = located(&[&picture, "--reference"]);
-    let fast = located(&[&picture]);
-    assert_eq!((&found["method"], &found["response"]), (&json!("reference"), &json!("template")));
-    assert_eq!((keys(&found), keys(&found["parts"][0])), (keys(&fast), keys(&fast["parts"][0])));
-    assert_eq!(found["parts"][0]["covariance_px2"][0][0], Value::Null, "not estimated");
-    for (i, center) in PARTS_PX.into_iter().enumerate() {
-        assert_near(&found["parts"][i]["center_px"], center, 0.3);
-    }
-    for corner in 0..4 {
-        let expected = [0, 1].map(|i| fast["table"]["corners_px"][corner][i].as_f64().unwrap());
-        assert_near(&found["table"]["corners_px"][corner], expected, 0.6);
-    }
-    let (text, _) = status(&["locate", &picture, "--reference"], 0);
-    assert!(text.starts_with("method: reference"), "{text}");
-    let blank = saved(&folder, "blank.png", GrayImage::new(200, 200));
-    assert!(status(&["locate", &blank, "--reference"], 1).1.contains("reference method"));
-    status(&["locate", &picture, "--reference", "--response", "fft"], 2);
-    status(&["locate", &picture, "--reference", "--rerun", "save"], 2);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{root, upm};
 
 /// Wrong command lines, run in a folder that `upm init` made.
-const COMMANDS: [&str; 30] = [
+const COMMANDS: [&str; 28] = [
     "rnu configs/plus-sign.json",
     "configs/plus-sign.json",
     "run plus-sign.json",
@@ -35,8 +35,6 @@ const COMMANDS: [&str; 30] = [
     "render configs/plus-sign.json --out frame.bmp",
     "simulate configs/plus-sign.json",
     "verify configs",
-    "lab waveform-fir",
-    "lab feeder --set duti=0.5",
     "serve --config configs/deamon.json",
     "serve --listen localhost",
     "plates --url http://127.0.0.1:9",

@@ -124,8 +124,10 @@ impl FigurePage {
     }
 }
 
+/// A file of the repository, below which the package under test is.
 fn path(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join(name));
+    folders.find(|path| path.is_file()).unwrap()
 }
 
 fn cells_of(line: &str) -> Vec<String> {

@@ -3,8 +3,8 @@
 
 usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3] [--response auto|chords|fft] [--json]
 
-Pictures: `upm render --scene papers`, a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both methods get the
-same file and looks for pennies on a plate of 203.2 mm: `upm locate --json` and `upm locate --reference --json`. Times are `time_us.table + time_us.parts`, from the
+Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both methods get the
+same file and looks for pennies on a plate of 203.2 mm: `upm locate --json` and `upm-lab locate --json`. Times are `time_us.table + time_us.parts`, from the
 decoded picture to corners and centres, medians over rounds in which the methods take turns; the survey of other discs
 and of outlines, which the reference method does not do, is the column beside. Errors are the largest distance
 of a corner or centre from the truth, px.
@@ -22,7 +22,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 NEAR_PX, AGREE_PX = 2.0, 0.5
-WANTED = ["--kinds", "penny", "--plate-side-mm", "203.2"]
+SIDE = ["--plate-side-mm", "203.2"]
 
 
 def upm_json(command):
@@ -56,23 +56,23 @@ def main():
     parser.add_argument("--response", default="auto", choices=["auto", "chords", "fft"])
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
+    lab = pathlib.Path(args.upm).with_name("upm-lab")
 
     rows, good = [], True
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(1, args.seeds + 1):
             picture, truth = pathlib.Path(folder) / f"{seed}.pgm", pathlib.Path(folder) / f"{seed}.json"
-            render = [args.upm, "render", "--scene", "papers", "--seed", str(seed), "--out", picture, "--truth", truth]
+            render = [lab, "scene", "papers", "--seed", str(seed), "--out", picture, "--truth", truth]
             subprocess.run(render, capture_output=True, check=True)
             truth = json.loads(truth.read_text())
-            flags = {"fast": ["--response", args.response], "reference": ["--reference"]}
-            times, last, survey_ms = {name: [] for name in flags}, {}, []
+            programs = {"fast": [args.upm, *SIDE, "--response", args.response], "reference": [lab]}
+            times, last, survey_ms = {name: [] for name in programs}, {}, []
             for _ in range(args.rounds):
-                for name, extra in flags.items():
-                    last[name] = upm_json([args.upm, "locate", picture, "--json", *WANTED, *extra])
+                for name, (program, *extra) in programs.items():
+                    last[name] = upm_json([program, "locate", picture, "--json", "--kinds", "penny", *extra])
                     time_us = last[name]["time_us"]
                     times[name].append((time_us["table"] + time_us["parts"]) / 1e3)
-                    if time_us["survey"] is not None:
-                        survey_ms.append(time_us["survey"] / 1e3)
+                    survey_ms += [time_us["survey"] / 1e3] if name == "fast" else []
             ms = {name: statistics.median(values) for name, values in times.items()}
             row = {"seed": seed, "response": last["fast"]["response"], "ratio": ms["reference"] / ms["fast"]}
             for name, result in last.items():
@@ -84,7 +84,7 @@ def main():
             row["survey_ms"] = statistics.median(survey_ms)
             row["apart_px"] = worst(centers(last["reference"]), centers(last["fast"]))
             good = good and row["apart_px"] <= AGREE_PX
-            good = good and all(row[name]["part_px"] < NEAR_PX for name in flags)
+            good = good and all(row[name]["part_px"] < NEAR_PX for name in programs)
             rows.append(row)
     if args.json:
         print(json.dumps(rows))

@@ -17,7 +17,8 @@ use upm_recording::LocalisedRecord;
 /// Result of the search of one picture.
 pub(super) struct LocatedPicture {
     pub found: LocalisedRecord,
-    pub method: LocateMethod,
+    /// Method of the disks' response.
+    pub response: ResponseMethod,
     pub time_us: TimeUs,
     /// The parts of `found`, with the doubts about each.
     pub parts: Vec<NamedPart>,
@@ -25,16 +26,6 @@ pub(super) struct LocatedPicture {
     pub others: Vec<OtherDisc>,
     pub survey: Survey,
     pub side: PlateSide,
-}
-
-/// Search method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LocateMethod {
-    /// The program's vision, with the method of the disks' response.
-    Fast(ResponseMethod),
-    /// Standard algorithms of `imageproc`.
-    #[cfg(feature = "lab")]
-    Reference,
 }
 
 /// Wall times of one picture, µs.
@@ -47,30 +38,29 @@ pub(super) struct TimeUs {
     pub parts: f64,
     /// Time to find table and parts.
     pub localise: f64,
-    /// Time to find discs of any size, measure outlines and name them; `None` for the reference method.
-    pub survey: Option<f64>,
+    /// Time to find discs of any size, measure outlines and name them.
+    pub survey: f64,
 }
 
 impl TimeUs {
-    /// Times from that of decoding and from the instants before the table, before the parts and after them.
-    pub fn of(decode: Duration, [begun, found, done]: [Duration; 3]) -> Self {
+    /// Times from those of decoding and of the survey, and from the instants before the table, before the parts and
+    /// after them.
+    pub fn of(decode: Duration, [begun, found, done]: [Duration; 3], survey: Duration) -> Self {
         let us = |time: Duration| 1e6 * time.as_secs_f64();
         let [table, parts, localise] = [found - begun, done - found, done - begun].map(us);
-        Self { decode: us(decode), table, parts, localise, survey: None }
+        Self { decode: us(decode), table, parts, localise, survey: us(survey) }
     }
 }
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
-    let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, side, survey, .. } = located;
-    let (method, response) = named(*method);
+    let LocatedPicture { found: LocalisedRecord { table, .. }, response, time_us, side, survey, .. } = located;
     let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
     let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
     let candidates = side.candidates.iter().map(
         |candidate| json!({ "side_mm": mm_from_m(candidate.side_m), "kinds": setting.known_names(&candidate.kinds) }),
     );
     json!({
-        "method": method,
-        "response": response,
+        "response": if *response == ResponseMethod::Fft { "fft" } else { "chords" },
         "table": {
             "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
             "side_px": table.side_px,
@@ -127,16 +117,6 @@ fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &LocateSetup) -> Val
     })
 }
 
-/// Names of the search method and of the method of the disks' response.
-fn named(method: LocateMethod) -> (&'static str, &'static str) {
-    match method {
-        LocateMethod::Fast(ResponseMethod::Fft) => ("fast", "fft"),
-        LocateMethod::Fast(_) => ("fast", "chords"),
-        #[cfg(feature = "lab")]
-        LocateMethod::Reference => ("reference", "template"),
-    }
-}
-
 /// Prints `value` on one line that begins with the picture's name.
 pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
     let mut line = serde_json::Map::from_iter([("image".to_owned(), json!(image.display().to_string()))]);
@@ -147,11 +127,7 @@ pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
 }
 
 pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
-    let LocatedPicture { found: LocalisedRecord { table, .. }, method, time_us, parts, .. } = located;
-    let is_reference = matches!(named(*method), ("reference", _));
-    if is_reference {
-        outln!("method: reference (Canny, Hough and template matching of imageproc)")?;
-    }
+    let LocatedPicture { found: LocalisedRecord { table, .. }, time_us, parts, .. } = located;
     outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
@@ -164,24 +140,20 @@ pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> 
         let doubts = if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(", ")) };
         outln!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
-    if !is_reference {
-        if parts.is_empty() {
-            outln!("{}", no_parts_message(&located.others, &located.survey, setting))?;
-        }
-        about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
+    if parts.is_empty() {
+        outln!("{}", no_parts_message(&located.others, &located.survey, setting))?;
     }
+    about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
     say_times(located, setting, *time_us)
 }
 
 fn say_times(located: &LocatedPicture, setting: &LocateSetup, time_us: TimeUs) -> Result<(), Failure> {
     let TimeUs { decode, table, parts, survey, .. } = time_us;
-    let [decode, table, parts] = [decode, table, parts].map(|us| us / 1e3);
-    let survey_ms = survey.unwrap_or(0.0) / 1e3;
-    let survey = survey.map_or(String::new(), |_| format!(", survey {survey_ms:.1}"));
+    let [decode, table, parts, survey] = [decode, table, parts, survey].map(|us| us / 1e3);
     outln!(
-        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}{survey}); decoded in {decode:.1} ms",
+        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}, survey {survey:.1}); decoded in {decode:.1} ms",
         counted(located, setting),
-        table + parts + survey_ms
+        table + parts + survey
     )
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::doubts::about_table;
 use super::naming::{is_near, named};
-use super::report::{LocateMethod, LocatedPicture, TimeUs};
+use super::report::{LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use super::{panels, picture};
@@ -57,11 +57,11 @@ pub(super) fn locate_picture(
     }
     let survey_time = clock.elapsed() - done + (scaled - found);
     let times = [begun, found, found + (done - scaled)];
-    let time_us = TimeUs { survey: Some(1e6 * survey_time.as_secs_f64()), ..TimeUs::of(decode, times) };
+    let time_us = TimeUs::of(decode, times, survey_time);
     let detections = parts.iter().map(|named| named.part.clone()).collect();
     let record = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
-    let method = LocateMethod::Fast(finder.response_method());
-    Ok(LocatedPicture { found: record, method, time_us, parts, others, survey, side })
+    let response = finder.response_method();
+    Ok(LocatedPicture { found: record, response, time_us, parts, others, survey, side })
 }
 
 /// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.

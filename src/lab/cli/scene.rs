@@ -1,26 +1,28 @@
 use std::fs;
 
+use image::GrayImage;
 use serde_json::{Value, json};
 
-use crate::cli::args::RenderArgs;
-use crate::cli::output::Failure;
-use upm_core::signal::Frame;
+use super::args::SceneArgs;
+use super::failure::Failure;
 use upm_core::units::mm_from_m;
 use upm_runner::config::{RawLevels, RawRig, RigSpec};
 use upm_scene::{Scene, kinds};
 
-/// Default seed.
-const SEED: u64 = 1;
-
-/// Picture and ground truth of a rendered scene; also writes its rig file if requested.
-pub(crate) fn of_scene(difficulty: &str, args: &RenderArgs) -> Result<(Frame, Value), Failure> {
-    let difficulty = difficulty.parse().map_err(|error| Failure::bad_input(format!("--scene: {error}")))?;
-    let scene = Scene::generate(difficulty, args.seed.unwrap_or(SEED));
-    if let Some(path) = &args.rig_out {
-        let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(Failure::failed)?;
-        fs::write(path, format!("{rig}\n")).map_err(|error| Failure::write(path, error))?;
+/// Draws a scene: its picture, and the files of truth and rig that are asked for; returns the truth as JSON.
+pub fn draw(args: &SceneArgs, json: bool) -> Result<String, Failure> {
+    let difficulty = args.family.parse().map_err(Failure::bad_input)?;
+    let scene = Scene::generate(difficulty, args.seed);
+    let (frame, truth) = (scene.frame(), format!("{:#}\n", truth(&scene)));
+    GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
+        .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
+        .save(&args.out)
+        .map_err(|error| Failure::write(&args.out, error))?;
+    let rig = serde_json::to_string_pretty(&rig(&scene)?).map_err(Failure::failed)? + "\n";
+    for (path, text) in [(&args.truth, &truth), (&args.rig_out, &rig)] {
+        path.iter().try_for_each(|path| fs::write(path, text).map_err(|error| Failure::write(path, error)))?;
     }
-    Ok((scene.frame(), truth(&scene)))
+    Ok(if json { truth } else { String::new() })
 }
 
 fn truth(scene: &Scene) -> Value {
@@ -40,7 +42,7 @@ fn truth(scene: &Scene) -> Value {
 /// The shipped upm-1 with the scene's plate, camera and light. A scene tilts the plate and a rig tilts the camera, so
 /// the tilt changes sign.
 fn rig(scene: &Scene) -> Result<RawRig, Failure> {
-    let mut raw = RigSpec::upm_1().map_err(Failure::faults)?.raw;
+    let mut raw = RigSpec::upm_1().map_err(Failure::of_files)?.raw;
     let [ground, plate, part] = scene.levels;
     raw.name = format!("scene-{}", scene.seed);
     raw.plate.side_mm = mm_from_m(scene.side_m);
