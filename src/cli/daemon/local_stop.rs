@@ -69,7 +69,8 @@ mod tests {
 
     #[test]
     fn port_for_the_socket_is_found_for_loopback_addresses_only() {
-        let found = ["http://127.0.0.1:8750", "http://localhost/", "http://[::1]:9000", "http://127.0.0.9:1"].map(port_on_loopback);
+        let found = ["http://127.0.0.1:8750", "http://localhost/", "http://[::1]:9000", "http://127.0.0.9:1"]
+            .map(port_on_loopback);
         assert_eq!(found, [Some(8750), Some(80), Some(9000), Some(1)]);
         assert_eq!(["http://192.0.2.1:8750", "http://lab.example", "nonsense"].map(port_on_loopback), [None; 3]);
     }
