@@ -37,7 +37,6 @@ mod output;
 mod panics;
 mod prefix;
 mod progress;
-mod recording;
 mod render;
 mod replay;
 mod run;
