@@ -32,7 +32,6 @@ mod output;
 mod panics;
 mod prefix;
 mod progress;
-mod recording;
 mod render;
 mod replay;
 mod run;

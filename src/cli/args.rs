@@ -11,7 +11,7 @@ use super::offered::schemas;
 use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::Pace;
 use upm_perception::vision::ResponseMethod;
-use upm_recording::RerunMode;
+use upm_recording::{BadRerunMode, RerunMode};
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
 #[derive(Parser, Debug)]
@@ -126,7 +126,7 @@ pub struct RunArgs {
     pub pace: Pace,
     /// Recording for Rerun: off, save, connect[=URL] or spawn [default: save where this build can record; with --seeds
     /// off, since a recording for each run is a lot]
-    #[arg(long, value_name = "MODE")]
+    #[arg(long, value_name = "MODE", value_parser = rerun_mode)]
     pub rerun: Option<RerunMode>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several
     /// by comma or again
@@ -224,11 +224,18 @@ pub struct LocateArgs {
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
     /// Recordings for Rerun, one for each picture: off, save, connect[=URL] or spawn
-    #[arg(long, value_name = "MODE", default_value = "off")]
+    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_mode)]
     pub rerun: RerunMode,
     /// Folder that recordings go into
     #[arg(long, value_name = "DIR", default_value = "runs/locate")]
     pub out: PathBuf,
+}
+
+/// Reads a recording mode; refuses one whose recordings cannot be made.
+fn rerun_mode(text: &str) -> Result<RerunMode, String> {
+    let mode = text.parse().map_err(|error: BadRerunMode| error.to_string())?;
+    upm_viewer::RerunSink::check(&mode).map_err(|error| error.to_string())?;
+    Ok(mode)
 }
 
 /// Reads the method of the disks' response by its name.

@@ -12,7 +12,6 @@ use std::sync::atomic::Ordering;
 use super::args::{Common, RunArgs};
 use super::output::{Failure, INTERRUPTED, print, stop_on_interrupt};
 use super::progress::LateProgress;
-use super::recording;
 use super::run::{USUAL_OUT, load_job, utc_now};
 use histogram::plate_time_chart;
 pub use seeds::Seeds;
@@ -25,7 +24,11 @@ use workers::{SeedBatch, Turns};
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names.
 pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) -> Result<u8, Failure> {
-    let rerun = recording_mode(args)?;
+    let rerun = args.rerun.clone().unwrap_or(RerunMode::Off);
+    if !matches!(rerun, RerunMode::Off | RerunMode::Save) {
+        // many runs at once would be unreadable in a viewer
+        return Err(Failure::bad_input(format!("--rerun: expected off or save (with --seeds), found {rerun}")));
+    }
     if args.pace == Pace::RealTime {
         // runs that share the cores cannot keep it
         let found = args.pace.code();
@@ -51,16 +54,6 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
         files.iter().try_for_each(|path| outln!("  {:15} {}", "written", path.display()))
     })?;
     Ok(if interrupted.load(Ordering::Relaxed) { INTERRUPTED } else { summary.status() })
-}
-
-/// Recording mode of a batch. Streaming to a viewer is refused: many runs at once would be unreadable in it.
-fn recording_mode(args: &RunArgs) -> Result<RerunMode, Failure> {
-    let mode = args.rerun.clone().unwrap_or(RerunMode::Off);
-    recording::check_mode(&mode)?;
-    match mode {
-        RerunMode::Off | RerunMode::Save => Ok(mode),
-        mode => Err(Failure::bad_input(format!("--rerun: expected off or save (with --seeds), found {mode}"))),
-    }
 }
 
 /// Writes `summary.json` and the chart of plate times; returns the paths in this order.

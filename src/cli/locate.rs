@@ -18,15 +18,14 @@ use serde_json::json;
 
 use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
-use super::recording;
 use search::locate_picture;
 use setup::LocateSetup;
 use upm_recording::{LocalisedRecord, RerunMode};
+use upm_viewer::record_located;
 
 /// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = LocateSetup::of(args)?;
-    recording::check_mode(&args.rerun)?;
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
@@ -93,7 +92,12 @@ fn record(
     }
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
     let path = args.out.join(format!("{name}.rrd"));
-    recording::located(&args.rerun, &path, &image.display().to_string(), found, kinds)?;
+    let stats = record_located(&args.rerun, &path, &image.display().to_string(), found, kinds)
+        .map_err(|error| Failure::failed(format!("recording: {error}")))?;
+    let is_live = matches!(args.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
+    if is_live && (!stats.viewer_caught_up || stats.viewer_missed > 0) {
+        tracing::warn!("the viewer did not take all of it; {} is whole", path.display());
+    }
     Ok(Some(path))
 }
 

@@ -27,8 +27,9 @@ fn line(error: &Error) -> String {
     let help = format!("see `{command} --help`");
     let argument = first(error, ContextKind::InvalidArg);
     // `--seed` of `--seed N`
-    let name = argument.split(' ').next().unwrap_or_default();
-    let found = format!("found {:?}", first(error, ContextKind::InvalidValue));
+    let name = argument.split(' ').next().unwrap_or_default().trim_matches(['[', ']']);
+    let value = first(error, ContextKind::InvalidValue);
+    let found = format!("found {value:?}");
     match error.kind() {
         ErrorKind::InvalidSubcommand => unknown_command(error),
         ErrorKind::UnknownArgument => {
@@ -39,11 +40,11 @@ fn line(error: &Error) -> String {
             let expected = all(error, ContextKind::InvalidArg).join(" and ");
             format!("{}: expected {expected}, found nothing; {help}", command.trim_start_matches("upm "))
         }
-        ErrorKind::InvalidValue => match all(error, ContextKind::ValidValue).join(", ") {
-            none if none.is_empty() => format!("expected {argument}, found nothing; {help}"),
+        ErrorKind::InvalidValue => match all(error, ContextKind::ValidValue).as_slice() {
+            [] => format!("expected {argument}, found nothing; {help}"),
             choices => {
-                let meant = did_you_mean(&first(error, ContextKind::SuggestedValue));
-                format!("{name}: expected one of {choices}{meant}, {found}")
+                let meant = nearest(&value, choices.iter().map(String::as_str)).unwrap_or_default();
+                format!("{name}: expected one of {}{}, {found}", choices.join(", "), did_you_mean(meant))
             }
         },
         ErrorKind::ValueValidation => match error.source() {

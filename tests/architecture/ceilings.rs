@@ -24,8 +24,8 @@ const CEILINGS: [(&str, usize); 19] = [
     ("shapes", 460),
     ("sim", 3430),
     ("task", 2000),
-    ("upm", 7010),
-    ("viewer", 2230),
+    ("upm", 6160),
+    ("viewer", 2130),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

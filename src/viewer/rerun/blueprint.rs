@@ -96,7 +96,11 @@ fn pages(layout: &mut ViewLayout, context: &RunContext) -> Vec<ContainerLike> {
 }
 
 fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
-    let above = Horizontal::new([layout.camera(context), layout.table(context)]).with_column_shares([1.25, 1.0]);
+    let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
+    let camera = layout.image("Camera", "camera", width, height);
+    let table = Spatial2DView::new("Table from above, mm").with_origin("table");
+    let table = layout.bounded(table, reach_mm(context), reach_mm(context));
+    let above = Horizontal::new([camera, table]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
         layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
         plan(layout, context.method),
@@ -157,16 +161,6 @@ pub(super) struct ViewLayout {
 }
 
 impl ViewLayout {
-    fn camera(&mut self, context: &RunContext) -> ContainerLike {
-        let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
-        self.image("Camera", "camera", width, height)
-    }
-
-    fn table(&mut self, context: &RunContext) -> ContainerLike {
-        let view = Spatial2DView::new("Table from above, mm").with_origin("table");
-        self.bounded(view, reach_mm(context), reach_mm(context))
-    }
-
     fn image(&mut self, name: &str, origin: &str, width: f64, height: f64) -> ContainerLike {
         self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
     }

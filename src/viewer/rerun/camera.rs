@@ -47,7 +47,7 @@ impl CameraView {
     }
 
     pub(super) fn samples(&mut self, samples: &Samples) {
-        samples.image_px.chunks(samples.parts().max(1)).for_each(|observation| self.trails.push(observation));
+        samples.image_px.chunks(samples.parts.max(1)).for_each(|observation| self.trails.push(observation));
     }
 
     pub(super) fn picture(&mut self, stream: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {

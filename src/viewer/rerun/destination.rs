@@ -29,13 +29,10 @@ impl Destination {
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();
-        let feeds = feed.into_iter().collect();
-        if *mode == RerunMode::Off {
-            return Ok(Self { out: None, path: path.to_owned(), viewer, feeds });
-        }
-        let file =
-            File::create(path).map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self { out: Some(Box::new(file)), path: path.to_owned(), viewer, feeds })
+        let create = || -> std::io::Result<Box<dyn Write + Send>> { Ok(Box::new(File::create(path)?)) };
+        let out = (*mode != RerunMode::Off).then(create).transpose();
+        let out = out.map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
+        Ok(Self { out, path: path.to_owned(), viewer, feeds: feed.into_iter().collect() })
     }
 
     /// Adds `live` as a destination; `layout` gives everything that the layout depends on.
@@ -77,7 +74,10 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
         RerunMode::Connect { url } => url.clone().unwrap_or_else(|| rerun::DEFAULT_CONNECT_URL.to_owned()),
         RerunMode::Spawn => {
             let viewer = rerun::spawn(&loopback_viewer());
-            let viewer = viewer.map_err(|e| RecordingError::Spawn(first_line(&e.to_string())))?;
+            // the first line of Rerun's message for a missing viewer, which has the whole search path in a dozen
+            let viewer = viewer.map_err(|e| {
+                RecordingError::Spawn(e.to_string().lines().next().unwrap_or_default().trim_end().to_owned())
+            })?;
             format!("rerun+http://{LOOPBACK}:{}/proxy", viewer.port)
         }
     };
@@ -93,11 +93,6 @@ fn loopback_viewer() -> SpawnOptions {
 pub(super) fn parse_address(url: String) -> Result<ProxyUri, RecordingError> {
     let address = url.parse::<ProxyUri>().map_err(|e| e.to_string());
     address.map_err(|reason| RecordingError::Address { url, reason })
-}
-
-/// The first line of Rerun's message for a missing viewer, which runs over a dozen lines with the whole search path.
-fn first_line(text: &str) -> String {
-    text.lines().next().unwrap_or_default().trim_end().to_owned()
 }
 
 #[cfg(test)]

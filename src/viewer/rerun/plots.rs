@@ -47,9 +47,9 @@ impl Plots {
 
     /// Logs the distance of measured from true positions.
     pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let (frames, track_us) = samples.tracked();
+        let (frames, track_us) = samples.tracked;
         self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
-        let parts = samples.parts();
+        let parts = samples.parts;
         if parts == 0 || samples.is_empty() || samples.true_m.len() != samples.measured_m.len() {
             return Ok(());
         }

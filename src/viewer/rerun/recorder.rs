@@ -7,7 +7,7 @@ use super::log_view::LogView;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
 use super::samples::Samples;
-use super::signals::Signals;
+use super::signals;
 use super::table::TableView;
 use super::vision;
 use crate::types::RunContext;
@@ -54,7 +54,6 @@ pub(super) struct Recorder {
     cycle: u64,
     camera: CameraView,
     table: TableView,
-    signals: Signals,
     plots: Plots,
     log_view: LogView,
     context: RunContext,
@@ -69,14 +68,13 @@ impl Recorder {
         let stream = RunStream::start(file, name, |recording| blueprint::send(recording, &context))?;
         let camera = CameraView::new(&context);
         let table = TableView::start(&stream, &context)?;
-        let signals = Signals::start(&stream)?;
+        signals::start(&stream)?;
         let plots = Plots::start(&stream, &context)?;
         Ok(Self {
             stream,
             cycle: 0,
             camera,
             table,
-            signals,
             plots,
             log_view: LogView::default(),
             context,
@@ -146,7 +144,7 @@ impl Recorder {
             }
             Message::Pulse(pulse) => {
                 self.table.pulse(&self.stream, &pulse)?;
-                self.signals.pulse(&self.stream, &pulse)
+                signals::pulse(&self.stream, &pulse)
             }
             Message::Cycle(cycle) => {
                 self.stream.at(cycle.observed_at, cycle.index);
@@ -160,10 +158,7 @@ impl Recorder {
                 Ok(())
             }
             Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
-                match self.is_end_reported {
-                    true => Ok(()),
-                    false => self.write_final_event(event.text),
-                }
+                self.write_final_event(event.text)
             }
             Message::Event(event) => {
                 self.stream.at(event.at, self.cycle);

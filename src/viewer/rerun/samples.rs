@@ -6,14 +6,14 @@ use upm_perception::vision::Track;
 /// Consecutive observations, thinned out. Every list but `at` has `parts` values per observation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Samples {
-    parts: usize,
+    pub(super) parts: usize,
     pub(super) at: Vec<PlateTime>,
     pub(super) measured_m: Vec<Vec2>,
     pub(super) image_px: Vec<Vec2>,
     /// True positions, m; empty on a rig without ground truth.
     pub(super) true_m: Vec<Vec2>,
-    frames: u32,
-    track_us: f64,
+    /// Number of frames tracked, and the total time of tracking, µs.
+    pub(super) tracked: (u32, f64),
 }
 
 impl Samples {
@@ -21,22 +21,8 @@ impl Samples {
         Self { parts, ..Self::default() }
     }
 
-    pub(super) fn parts(&self) -> usize {
-        self.parts
-    }
-
     pub(super) fn is_empty(&self) -> bool {
         self.at.is_empty()
-    }
-
-    pub(super) fn tracked_in(&mut self, us: f64) {
-        self.frames += 1;
-        self.track_us += us;
-    }
-
-    /// Number of frames tracked, and the total time of tracking, µs.
-    pub(super) fn tracked(&self) -> (u32, f64) {
-        (self.frames, self.track_us)
     }
 
     /// Adds one observation; one with another number of parts is ignored.

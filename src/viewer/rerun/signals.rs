@@ -18,50 +18,41 @@ const TRACE_HZ: f64 = 2500.0;
 /// Entities of the two accelerometers; each has x and y.
 const ACCELEROMETERS: [&str; 2] = ["accelerometers/1", "accelerometers/2"];
 
-/// The signals of each pulse: the drive of the motors and the accelerometers' trace.
-pub(super) struct Signals;
-
-impl Signals {
-    /// Logs names and colours of the series.
-    pub(super) fn start(stream: &RunStream) -> Result<Self, String> {
-        let names = ["X1", "X2", "Y1", "Y2"];
-        let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
-        stream.log_static("motors", &lines)?;
-        for entity in ACCELEROMETERS {
-            let dots = SeriesPoints::new()
-                .with_names(["x measured", "y measured"])
-                .with_colors(paint::series(2))
-                .with_marker_sizes([2.0]);
-            stream.log_static(&format!("{entity}/measured"), &dots)?;
-            let lines = SeriesLines::new().with_names(["x fitted", "y fitted"]).with_widths([1.0]);
-            stream.log_static(&format!("{entity}/fitted"), &lines.with_colors(paint::series(2)))?;
-        }
-        Ok(Self)
+/// Logs names and colours of the series.
+pub(super) fn start(stream: &RunStream) -> LogResult {
+    let names = ["X1", "X2", "Y1", "Y2"];
+    let lines = SeriesLines::new().with_names(names).with_colors(paint::series(MOTORS)).with_widths([1.0]);
+    stream.log_static("motors", &lines)?;
+    for entity in ACCELEROMETERS {
+        let dots = SeriesPoints::new().with_names(["x measured", "y measured"]).with_marker_sizes([2.0]);
+        stream.log_static(&format!("{entity}/measured"), &dots.with_colors(paint::series(2)))?;
+        let lines = SeriesLines::new().with_names(["x fitted", "y fitted"]).with_widths([1.0]);
+        stream.log_static(&format!("{entity}/fitted"), &lines.with_colors(paint::series(2)))?;
     }
+    Ok(())
+}
 
-    pub(super) fn pulse(&self, stream: &RunStream, pulse: &PulseRecord) -> LogResult {
-        let start_ns = nanos(pulse.started_at);
-        let (times_s, counts) = motor_samples(&pulse.drive);
-        stream.log_scalars("motors", times_ns(start_ns, &times_s), counts, MOTORS)?;
-        let window = trace_window(&pulse.drive, &pulse.trace);
-        let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
-        let measured = |channel| window.iter().map(move |&i| measured_mps2(&pulse.trace, channel, i));
-        for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
-            let values = interleaved(channels.map(|channel| measured(channel).collect()));
-            stream.log_scalars(&format!("{entity}/measured"), times_ns(start_ns, &times_s), values, 2)?;
-        }
-        let Ok(fit) = &pulse.fit else { return Ok(()) };
-        // a last sample that is not a number ends the line, so that it is not connected to the next pulse
-        let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
-        let ended_s = [&times_s[..], &[end_s]].concat();
-        for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
-            let fitted =
-                |channel| times_s.iter().map(move |&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
+/// Logs the signals of a pulse: the drive of the motors and the accelerometers' trace.
+pub(super) fn pulse(stream: &RunStream, pulse: &PulseRecord) -> LogResult {
+    let start_ns = nanos(pulse.started_at);
+    let (times_s, counts) = motor_samples(&pulse.drive);
+    stream.log_scalars("motors", times_ns(start_ns, &times_s), counts, MOTORS)?;
+    let window = trace_window(&pulse.drive, &pulse.trace);
+    let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
+    // a last sample that is not a number ends the line, so that it is not connected to the next pulse
+    let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
+    let ended_s = [&times_s[..], &[end_s]].concat();
+    for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
+        let measured = |channel| window.iter().map(|&i| measured_mps2(&pulse.trace, channel, i)).collect();
+        let values = interleaved(channels.map(measured));
+        stream.log_scalars(&format!("{entity}/measured"), times_ns(start_ns, &times_s), values, 2)?;
+        if let Ok(fit) = &pulse.fit {
+            let fitted = |channel| times_s.iter().map(|&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
             let values = interleaved(channels.map(fitted));
             stream.log_scalars(&format!("{entity}/fitted"), times_ns(start_ns, &ended_s), values, 2)?;
         }
-        Ok(())
     }
+    Ok(())
 }
 
 /// Times on Rerun's timeline, ns.

@@ -173,7 +173,7 @@ impl Running {
 
     fn send_samples(&mut self) {
         if !self.samples.is_empty() {
-            let next = Samples::new(self.samples.parts());
+            let next = Samples::new(self.samples.parts);
             let samples = std::mem::replace(&mut self.samples, next);
             self.send(Message::Samples(samples));
         }
@@ -181,7 +181,7 @@ impl Running {
 
     fn observe(&mut self, facts: &FrameFacts<'_>) {
         let at = facts.frame.exposed_at;
-        self.samples.tracked_in(facts.track_us);
+        self.samples.tracked = (self.samples.tracked.0 + 1, self.samples.tracked.1 + facts.track_us);
         let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / SAMPLES_HZ);
         if due || facts.starts_cycle {
             self.last_look = Some(at);

@@ -80,7 +80,7 @@ impl TableView {
     }
 
     pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let parts = samples.parts();
+        let parts = samples.parts;
         if parts == 0 || samples.is_empty() {
             return Ok(());
         }
@@ -102,7 +102,7 @@ impl TableView {
 
     /// Logs the names of the parts beside them.
     fn log_names(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let parts = samples.parts();
+        let parts = samples.parts;
         let mut places = Vec::with_capacity(samples.measured_m.len());
         for observation in samples.measured_m.chunks_exact(parts) {
             places.extend(self.names.places(observation.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
@@ -194,9 +194,8 @@ impl TableView {
         let middle = (FIELD as f64 - 1.0) / 2.0;
         let grid =
             (0..FIELD * FIELD).map(|i| Vec2::new((i % FIELD) as f64 - middle, (i / FIELD) as f64 - middle) * pitch_m);
-        let fields: Vec<DirectionField> =
-            pulses.iter().filter_map(|pulse| DirectionField::of(pulse, library)).collect();
-        let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|flow| flow.at(p_m)).sum())).collect();
+        let fields: Vec<_> = pulses.iter().filter_map(|pulse| direction_field(pulse, library)).collect();
+        let field: Vec<(Vec2, Vec2)> = grid.map(|p_m| (p_m, fields.iter().map(|at| at(p_m)).sum())).collect();
         let longest_m = field.iter().map(|(_, step_m)| step_m.norm()).fold(0.0, f64::max);
         let scale = if longest_m > 0.0 { 0.95 * pitch_m / longest_m } else { 0.0 };
         let ends = field.iter().map(|(p_m, step_m)| [-0.5, 0.5].map(|share| above(p_m + step_m * (share * scale))));
@@ -213,31 +212,19 @@ fn forecast_steps(cycle: &CycleRecord) -> Vec<[Vec2; 2]> {
     of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().zip(to_m).map(|(from_m, to_m)| [*from_m, *to_m])).collect()
 }
 
-/// Field of directions of a pulse, with its weight relative to the plan's others of the same kind.
-enum DirectionField {
-    /// A rotation: `d τ(p)`, m.
-    Rotation { pump: Twist, distance_m: f64 },
-    /// The mean direction of the plate's velocity over this period.
-    Field(Vec<Twist>),
-}
-
-impl DirectionField {
-    fn of(pulse: &PlannedPulse, library: &Library) -> Option<Self> {
-        match pulse {
-            PlannedPulse::Rotation(Rotation { entry, distance_m, .. }) => {
-                let pump = library.entries.get(*entry)?.pump;
-                Some(Self::Rotation { pump, distance_m: *distance_m })
-            }
-            PlannedPulse::Field(field) => Some(Self::Field(over_a_period(&field.wave).collect())),
+/// Field of directions of a pulse, with its weight relative to the plan's others of the same kind: `d τ(p)`, m, of a
+/// rotation, or the mean direction of the plate's velocity over a period of a synthesised motion.
+fn direction_field(pulse: &PlannedPulse, library: &Library) -> Option<Box<dyn Fn(Vec2) -> Vec2>> {
+    Some(match pulse {
+        PlannedPulse::Rotation(Rotation { entry, distance_m, .. }) => {
+            let (pump, distance_m) = (library.entries.get(*entry)?.pump, *distance_m);
+            Box::new(move |p_m| pump.direction_at(p_m) * distance_m)
         }
-    }
-
-    fn at(&self, p_m: Vec2) -> Vec2 {
-        match self {
-            Self::Rotation { pump, distance_m } => pump.direction_at(p_m) * *distance_m,
-            Self::Field(period) => mean_direction(period, p_m),
+        PlannedPulse::Field(field) => {
+            let period: Vec<Twist> = over_a_period(&field.wave).collect();
+            Box::new(move |p_m| mean_direction(&period, p_m))
         }
-    }
+    })
 }
 
 /// The centre of rotation of `pump`, clamped to the rim of a square of half side `window_m`.
@@ -277,7 +264,7 @@ mod tests {
             sustain_s: 0.1,
             rest_s: 0.04,
         });
-        let step_m = DirectionField::of(&pulse, &library).unwrap().at(Vec2::new(0.05, 0.0));
+        let step_m = direction_field(&pulse, &library).unwrap()(Vec2::new(0.05, 0.0));
         assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
     }
 }
