@@ -1,43 +1,38 @@
-//! The API as one table of operations, from which router and OpenAPI document are made. It reaches store and plates
-//! only through the trait [`Backend`].
+//! The API: typed routes, from which the OpenAPI document is made, too. It reaches store and plates only through the
+//! trait [`Backend`].
 
 use std::sync::Arc;
 
+use aide::openapi::OpenApi;
 use axum::Router;
-use axum::middleware::from_fn_with_state;
 use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
 
-use crate::http::{AllowedHosts, ShutdownSignal, Tokens, with_layers};
+use crate::http::{AllowedHosts, Tokens, with_layers};
 
 mod backend;
 mod event_queue;
 mod events;
+mod extract;
 mod files;
-mod http_metrics;
 mod jobs;
 mod layout;
-mod openapi;
-mod operation;
+mod page;
 mod plates;
-mod query;
-mod request;
-mod router;
 mod routes;
 #[cfg(test)]
 mod tests;
 mod types;
 
-use request::Api;
+use extract::Api;
 
 pub use backend::{
-    Asset, Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, pending, ready,
+    Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, pending, ready,
 };
 pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
-pub use events::JOB_OVER;
-pub use http_metrics::{HttpMetrics, Requests};
+pub use events::{EVENT_STREAMS, JOB_OVER};
 pub use layout::{Checked, LayoutPartView, LayoutPathView, LayoutView};
-pub use query::JobsQuery;
-pub use types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
+pub use types::{EStopped, Job, JobsPage, JobsQuery, Plate, Plates, ResetRequest};
 
 /// Inputs of the API.
 pub struct AppParts {
@@ -47,32 +42,28 @@ pub struct AppParts {
     pub tokens: Arc<Tokens>,
     /// Host names and addresses under which clients may call it.
     pub hosts: AllowedHosts,
-    /// Ends event streams; the same flag that ends the server.
-    pub stop: ShutdownSignal,
-    /// Counters of requests and event streams.
-    pub http_metrics: HttpMetrics,
+    /// Ends event streams; the same token that ends the server.
+    pub stop: CancellationToken,
+    /// A permit for each of [`EVENT_STREAMS`].
+    pub event_streams: Arc<Semaphore>,
+    /// Port of the listener for emergency stops, if there is one: the operator page may call it.
+    pub stop_port: Option<u16>,
     /// The program's version.
     pub version: &'static str,
 }
 
-impl Default for HttpMetrics {
-    fn default() -> Self {
-        Self::of(routes::operations().iter().map(|operation| (operation.id, operation.statuses())))
-    }
-}
-
 /// The complete API as a router, layers included. Needs no socket.
 pub fn app(parts: AppParts) -> Router {
-    let operations = routes::operations();
-    let api = Arc::new(Api {
+    let mut document = OpenApi::default();
+    let routes = routes::routes(&parts.tokens);
+    let routes = routes.finish_api_with(&mut document, |api| routes::described(api, parts.version));
+    let api = Api {
         backend: parts.backend,
-        tokens: parts.tokens,
         stop: parts.stop,
-        document: openapi::document(&operations, parts.version).to_string().into(),
-        http_metrics: parts.http_metrics.clone(),
-        watchers: Arc::new(Semaphore::new(events::WATCHERS)),
+        document: serde_json::to_vec(&document).unwrap_or_default().into(),
+        stop_port: parts.stop_port,
+        event_streams: parts.event_streams,
         downloads: Arc::new(Semaphore::new(files::DOWNLOADS)),
-    });
-    let app = with_layers(router::router(operations, &api), parts.hosts);
-    app.layer(from_fn_with_state(parts.http_metrics, http_metrics::count))
+    };
+    with_layers(routes.with_state(Arc::new(api)), parts.hosts)
 }

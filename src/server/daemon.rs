@@ -8,7 +8,6 @@ mod estop_socket;
 mod files;
 mod health;
 mod metrics;
-mod page;
 mod prepare;
 mod recovery_log;
 mod start;

@@ -113,7 +113,7 @@ fn addresses(served: &TestDaemon, id: &str) {
     {
         get(&format!("/v1/jobs?{query}")).is_problem(400);
     }
-    get(&format!("/v1/jobs?cursor={}", "x".repeat(5000))).is_problem(414);
+    get(&format!("/v1/jobs?cursor={}", "x".repeat(5000))).is_problem(400);
     for last in ["-1", "x", "", "99999999999999999999"] {
         served.ask("GET", &format!("/v1/jobs/{id}/events"), &[("Last-Event-ID", last)], "").is_problem(400);
     }
@@ -137,7 +137,7 @@ fn methods_and_types(served: &TestDaemon, id: &str) {
 
 fn heads(served: &TestDaemon) {
     let large = "x".repeat(20 << 10);
-    served.ask("GET", "/v1/jobs", &[("X-Large", &large)], "").is_problem(431);
+    assert_eq!(served.ask("GET", "/v1/jobs", &[("X-Large", &large)], "").status, 431);
     let many: Vec<(&str, &str)> = (0..80).map(|_| ("X-Many", "1")).collect();
     assert_eq!(served.ask("GET", "/v1/jobs", &many, "").status, 431);
     let address = served.address();

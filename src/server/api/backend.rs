@@ -8,8 +8,7 @@ use tokio::sync::oneshot;
 
 use super::event_queue::{EventSender, ReplayPage, StreamStart};
 use super::layout::{Checked, LayoutView};
-use super::query::JobsQuery;
-use super::types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
+use super::types::{EStopped, Job, JobsPage, JobsQuery, Plate, Plates, ResetRequest};
 use crate::http::{Caller, Problem, ProblemKind, Reason};
 use upm_core::job::Pace;
 use upm_runner::config::Diagnostic;
@@ -21,13 +20,13 @@ pub type Pending<T> = Pin<Box<dyn Future<Output = Result<T, Refusal>> + Send>>;
 /// the promise, see [`pending`]. A promise may be dropped before that, when the client disconnects or the answer takes
 /// too long.
 ///
-/// Ids are 32 hex digits and names of plates plain names; the API rejects anything else first.
+/// Ids and names of plates are any text that a client sent.
 pub trait Backend: Send + Sync {
     /// Checks a job and queues it. The promise is fulfilled once the job is on the disk.
     fn submit(&self, submission: Submission) -> Pending<JobCreated>;
 
-    /// Checks a job as for queueing. Queues nothing.
-    fn check(&self, submission: Submission) -> Pending<Checked>;
+    /// Checks the text of a job as for queueing. Queues nothing.
+    fn check(&self, text: String) -> Pending<Checked>;
 
     /// The job with that id.
     fn job(&self, id: &str) -> Pending<Job>;
@@ -82,9 +81,6 @@ pub trait Backend: Send + Sync {
 
     /// The job's recording, opened for reading.
     fn recording(&self, id: &str) -> Pending<Recording>;
-
-    /// A file of the operator page; `index.html` is the page itself.
-    fn asset(&self, name: &str) -> Option<Asset>;
 }
 
 /// A submitted job.
@@ -129,17 +125,6 @@ pub struct Recording {
     pub name: String,
 }
 
-/// A file of the operator page.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Asset {
-    /// Media type.
-    pub media: &'static str,
-    /// Content.
-    pub bytes: Bytes,
-    /// Entity tag, with its quotes; changes with the content.
-    pub etag: String,
-}
-
 /// Why the daemon does not do what a request asks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
@@ -180,14 +165,10 @@ pub enum Refusal {
 
 impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
-        let counted = |faults: &[Diagnostic]| match faults.len() {
-            1 => "1 fault".to_owned(),
-            n => format!("{n} faults"),
-        };
         match refusal {
             Refusal::Unknown(what) => Self::new(ProblemKind::NotFound, what),
-            Refusal::Malformed(faults) => Self::new(ProblemKind::Malformed, counted(&faults)).with_faults(faults),
-            Refusal::Invalid(faults) => Self::new(ProblemKind::Invalid, counted(&faults)).with_faults(faults),
+            Refusal::Malformed(faults) => Problem::of_faults(ProblemKind::Malformed, faults),
+            Refusal::Invalid(faults) => Problem::of_faults(ProblemKind::Invalid, faults),
             Refusal::KeyReused => Self::new(
                 ProblemKind::Invalid,
                 "this Idempotency-Key was already used, with a different body or for a job since deleted",

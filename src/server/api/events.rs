@@ -2,6 +2,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Body;
+use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
@@ -9,20 +10,21 @@ use bytes::{Bytes, BytesMut};
 use futures_util::stream;
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
+use tokio_util::sync::CancellationToken;
 
 use super::backend::Backend;
 use super::event_queue::{EventReceiver, StreamEvent, StreamStart, event_queue};
-use super::http_metrics::StreamGauge;
-use super::request::RequestContext;
-use crate::http::{Problem, ProblemKind, ShutdownSignal};
+use super::extract::{ApiState, FromPath};
+use super::jobs::JobPath;
+use crate::http::{Problem, ProblemKind};
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
 /// Code of the `bye` of a job that has ended: clients do not reconnect after it.
 pub const JOB_OVER: &str = "job_over";
-pub(super) const LAST_EVENT_ID: &str = "Last-Event-ID";
+const LAST_EVENT_ID: &str = "Last-Event-ID";
 
 /// Most event streams at once.
-pub(super) const WATCHERS: usize = 256;
+pub const EVENT_STREAMS: usize = 256;
 
 /// Longest silence on an event stream.
 const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
@@ -32,18 +34,19 @@ const PAGE: usize = 500;
 
 /// Streams a job's events: its state, the events missed since the last one the client saw, then new ones. Ends with the
 /// job, with the daemon, or with the client.
-pub(super) async fn watch(call: RequestContext) -> Result<Response, Problem> {
-    let id = call.job_id()?.to_owned();
-    let after = last_event_id(&call.headers)?;
-    let permit = call.api.watchers.clone().try_acquire_owned();
+pub(super) async fn watch(
+    State(api): ApiState,
+    FromPath(JobPath { id }): FromPath<JobPath>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let after = last_event_id(&headers)?;
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
-    let counted = (permit.map_err(full)?, call.api.http_metrics.stream());
+    let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
     let (sender, receiver) = event_queue();
-    let stream_start = call.backend.watch(&id, sender).await?;
-    let stop = call.api.stop.clone();
+    let stream_start = api.backend.watch(&id, sender).await?;
+    let (backend, stop) = (api.backend.clone(), api.stop.clone());
     let stage = StreamPhase::Opening { stream_start, after };
-    let watcher =
-        EventStreamWatcher { backend: call.backend, id, stop, receiver, sent: 0, is_over: false, stage, counted };
+    let watcher = EventStreamWatcher { backend, id, stop, receiver, sent: 0, is_over: false, stage, permit };
     let stream = stream::unfold(watcher, |mut watcher| async {
         let text = watcher.next().await?;
         Some((Ok::<_, std::convert::Infallible>(text), watcher))
@@ -64,14 +67,14 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
 struct EventStreamWatcher {
     backend: Arc<dyn Backend>,
     id: String,
-    stop: ShutdownSignal,
+    stop: CancellationToken,
     receiver: EventReceiver,
     /// Number of the last stored event that was sent, or that the client does not need.
     sent: u64,
     is_over: bool,
     stage: StreamPhase,
     #[allow(dead_code)] // held for as long as the stream is
-    counted: (OwnedSemaphorePermit, StreamGauge),
+    permit: OwnedSemaphorePermit,
 }
 
 enum StreamPhase {
@@ -162,7 +165,7 @@ impl EventStreamWatcher {
         }
         tokio::select! {
             biased;
-            () = self.stop.stopped() => bye("daemon_ends", "the daemon ends"),
+            () = self.stop.cancelled() => bye("daemon_ends", "the daemon ends"),
             event = self.receiver.next() => {
                 let Some(event) = event else { return feed_closed() };
                 let mut text = BytesMut::new();

@@ -1,65 +1,100 @@
-use axum::Json;
+use axum::extract::State;
 use axum::http::header::LOCATION;
-use axum::http::{HeaderMap, HeaderName, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderName, StatusCode};
+use axum::response::{IntoResponse, NoContent, Response};
+use axum::{Extension, Json};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use super::backend::Submission;
-use super::query::JobsQuery;
-use super::request::RequestContext;
-use crate::http::{Problem, ProblemKind};
+use super::extract::{Answer, ApiState, FromHeaders, FromPath, FromQuery, JsonBody, RequestCaller};
+use super::layout::{Checked, LayoutView};
+use super::types::{Job, JobsPage, JobsQuery};
+use crate::http::Problem;
+use upm_core::job::Pace;
+use upm_runner::config::RawJob;
 
-pub(super) const IDEMPOTENCY_KEY: &str = "Idempotency-Key";
-const LONGEST_KEY: usize = 255;
 const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
 
-pub(super) async fn submit(call: RequestContext) -> Result<Response, Problem> {
-    let (text, pace, key) = (call.text()?.to_owned(), call.query.pace()?, key_of(&call.headers)?);
-    let submitted = call.backend.submit(Submission { text, pace, key, caller: call.caller }).await?;
+/// Path of an operation on one job.
+#[derive(Deserialize, JsonSchema)]
+#[schemars(inline)]
+pub(super) struct JobPath {
+    /// Id of a job.
+    #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
+    pub id: String,
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[schemars(inline)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SubmitQuery {
+    /// How fast the job runs; left out: the pace in the daemon's configuration, `real-time` if none is set.
+    pace: Option<Pace>,
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[schemars(inline)]
+pub(super) struct SubmitHeaders {
+    /// The same key and body again within a day give the same job again.
+    #[serde(rename = "Idempotency-Key")]
+    #[schemars(length(min = 1, max = 255))]
+    key: Option<String>,
+}
+
+type OneJob = FromPath<JobPath>;
+
+pub(super) async fn submit(
+    State(api): ApiState,
+    Extension(caller): RequestCaller,
+    FromQuery(query): FromQuery<SubmitQuery>,
+    FromHeaders(headers): FromHeaders<SubmitHeaders>,
+    body: JsonBody<RawJob>,
+) -> Result<Response, Problem> {
+    let submission = Submission { text: body.text, pace: query.pace, key: headers.key, caller };
+    let submitted = api.backend.submit(submission).await?;
     let location = [(LOCATION, format!("/v1/jobs/{}", submitted.job.id))];
     let replayed = submitted.replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
 }
 
-pub(super) async fn check(call: RequestContext) -> Result<Response, Problem> {
-    let order = Submission { text: call.text()?.to_owned(), pace: None, key: None, caller: call.caller };
-    Ok(Json(call.backend.check(order).await?).into_response())
+pub(super) async fn check(State(api): ApiState, body: JsonBody<RawJob>) -> Answer<Checked> {
+    Ok(Json(api.backend.check(body.text).await?))
 }
 
-pub(super) async fn list(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.backend.jobs(JobsQuery::of(&call.query)?).await?).into_response())
+pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {
+    Ok(Json(api.backend.jobs(query).await?))
 }
 
-pub(super) async fn show(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.backend.job(call.job_id()?).await?).into_response())
+pub(super) async fn show(State(api): ApiState, FromPath(job): OneJob) -> Answer<Job> {
+    Ok(Json(api.backend.job(&job.id).await?))
 }
 
-pub(super) async fn layout(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.backend.layout(call.job_id()?).await?).into_response())
+pub(super) async fn layout(State(api): ApiState, FromPath(job): OneJob) -> Answer<LayoutView> {
+    Ok(Json(api.backend.layout(&job.id).await?))
 }
 
-pub(super) async fn run_next(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.backend.run_next(call.job_id()?, call.caller.clone()).await?).into_response())
+pub(super) async fn run_next(
+    State(api): ApiState,
+    FromPath(job): OneJob,
+    Extension(caller): RequestCaller,
+) -> Answer<Job> {
+    Ok(Json(api.backend.run_next(&job.id, caller).await?))
 }
 
-pub(super) async fn cancel(call: RequestContext) -> Result<Response, Problem> {
-    Ok(Json(call.backend.cancel(call.job_id()?, call.caller.clone()).await?).into_response())
+pub(super) async fn cancel(
+    State(api): ApiState,
+    FromPath(job): OneJob,
+    Extension(caller): RequestCaller,
+) -> Answer<Job> {
+    Ok(Json(api.backend.cancel(&job.id, caller).await?))
 }
 
-pub(super) async fn delete(call: RequestContext) -> Result<Response, Problem> {
-    call.backend.delete(call.job_id()?, call.caller.clone()).await?;
-    Ok(StatusCode::NO_CONTENT.into_response())
-}
-
-fn key_of(headers: &HeaderMap) -> Result<Option<String>, Problem> {
-    let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
-    let Some(value) = values.next() else { return Ok(None) };
-    let bytes = value.as_bytes();
-    let is_key = (1..=LONGEST_KEY).contains(&bytes.len()) && bytes.iter().all(u8::is_ascii_graphic);
-    match value.to_str() {
-        Ok(key) if is_key && values.next().is_none() => Ok(Some(key.to_owned())),
-        _ => {
-            let detail = format!("{IDEMPOTENCY_KEY} is one word of 1 to {LONGEST_KEY} visible ASCII characters");
-            Err(Problem::new(ProblemKind::Malformed, detail))
-        }
-    }
+pub(super) async fn delete(
+    State(api): ApiState,
+    FromPath(job): OneJob,
+    Extension(caller): RequestCaller,
+) -> Result<NoContent, Problem> {
+    api.backend.delete(&job.id, caller).await?;
+    Ok(NoContent)
 }

@@ -1,242 +1,144 @@
+//! Every operation of the API, with the token that it needs; router and OpenAPI document are made from these routes.
+
+use std::sync::Arc;
+
+use aide::OperationOutput;
+use aide::axum::ApiRouter;
+use aide::axum::routing::{delete_with, get_with, post_with};
+use aide::generate::{GenContext, in_context};
+use aide::openapi::{Operation, Response as Described, SecurityScheme};
+use aide::transform::{TransformOpenApi, TransformOperation};
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::Response;
+use axum::routing::get;
+use schemars::generate::SchemaSettings;
 use serde_json::json;
 
-use super::layout::{Checked, LayoutView};
-use super::operation::{Handler, HttpMethod, MediaType, Operation, Param, ParamIn, ResponseSpec, schema_of};
-use super::types::{EStopped, Health, Job, JobsPage, Plate, Plates, ResetRequest};
-use super::{events, files, jobs, plates};
-use crate::http::{ProblemKind, Scope};
-use crate::states::JobState;
-use upm_core::job::Pace;
-use upm_runner::config::RawJob;
+use super::extract::Api;
+use super::types::Job;
+use super::{events, files, jobs, page, plates};
+use crate::http::{Caller, PROBLEM_JSON, Peer, Problem, ProblemDocument, Scope, Tokens};
 
-/// Every operation of the API.
-pub(super) fn operations() -> Vec<Operation> {
-    [job_operations(), file_operations(), plate_operations(), own_operations()].into_iter().flatten().collect()
+type Routes = ApiRouter<Arc<Api>>;
+
+/// All routes. Every operation beyond health and page needs one of `tokens`, where there are any.
+pub(super) fn routes(tokens: &Arc<Tokens>) -> Routes {
+    in_context(|context| {
+        let settings = SchemaSettings::draft2020_12();
+        context.schema = settings.with(|of| of.definitions_path = "/components/schemas".into()).into_generator();
+    });
+    let routes = open().merge(admitted(read(), Scope::Read, tokens));
+    routes.merge(admitted(operate(), Scope::Operate, tokens))
 }
 
-fn job_operations() -> Vec<Operation> {
-    const JOBS: &[ResponseSpec] = &[answer(200, "A page of jobs.", MediaType::Json(schema_of::<JobsPage>))];
-    const JOB: &[ResponseSpec] = &[answer(200, "The job.", MediaType::Json(schema_of::<Job>))];
-    const LAYOUT: &[ResponseSpec] = &[answer(200, "The layout.", MediaType::Json(schema_of::<LayoutView>))];
-    const CHECKED: &[ResponseSpec] = &[answer(200, "It may be queued.", MediaType::Json(schema_of::<Checked>))];
-    const DELETED: &[ResponseSpec] = &[answer(204, "The job is deleted.", MediaType::Nothing)];
+fn open() -> Routes {
+    ApiRouter::new()
+        .api_route("/healthz", get_with(plates::healthz, named("healthz", "Liveness; on failure 503 with the reasons")))
+        .api_route("/readyz", get_with(plates::readyz, named("readyz", "Does it take jobs? If not, 503 with reasons")))
+        .route("/", get(page::index))
+        .route("/assets/{file}", get(page::asset))
+}
+
+fn read() -> Routes {
     let layout = "Parts, targets, bins and paths of a job that is on its plate";
-    vec![
-        Operation {
-            params: SUBMIT_PARAMS,
-            body: Some(schema_of::<RawJob>),
-            problems: &[
-                ProblemKind::Conflict,
-                ProblemKind::Invalid,
-                ProblemKind::QueueFull,
-                ProblemKind::InsufficientStorage,
-            ],
-            ..post("submit", "/v1/jobs", "Queue a job", SUBMIT_ANSWERS, jobs::submit)
-        },
-        Operation {
-            body: Some(schema_of::<RawJob>),
-            problems: &[ProblemKind::Invalid],
-            ..post("check", "/v1/check", "Check a job without queueing it", CHECKED, jobs::check)
-        },
-        Operation { params: LIST_PARAMS, ..get("jobs", "/v1/jobs", "List jobs, newest first", JOBS, jobs::list) },
-        get("job", "/v1/jobs/{id}", "A job and its report", JOB, jobs::show),
-        get("layout", "/v1/jobs/{id}/layout", layout, LAYOUT, jobs::layout),
-        Operation {
-            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
-            ..post("run-next", "/v1/jobs/{id}/run-next", "Run a queued job before the others", JOB, jobs::run_next)
-        },
-        Operation {
-            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
-            ..post("cancel", "/v1/jobs/{id}/cancel", "Take a job out of the queue, or stop it", JOB, jobs::cancel)
-        },
-        Operation {
-            method: HttpMethod::Delete,
-            problems: &[ProblemKind::Conflict, ProblemKind::InsufficientStorage],
-            ..post("delete", "/v1/jobs/{id}", "Delete a queued or ended job and its run folder", DELETED, jobs::delete)
-        },
-    ]
-}
-
-const SUBMIT_PARAMS: &[Param] = &[
-    Param {
-        name: jobs::IDEMPOTENCY_KEY,
-        location: ParamIn::Header,
-        description: "The same key and body again within a day give the same job again.",
-        schema: || json!({"type": "string", "pattern": "^[!-~]{1,255}$"}),
-    },
-    Param {
-        name: "pace",
-        location: ParamIn::Query,
-        description: "How fast the job runs; left out: the pace in the daemon's configuration, `real-time` if none is set.",
-        schema: || json!({"type": "string", "enum": Pace::ALL.map(Pace::code)}),
-    },
-];
-
-const SUBMIT_ANSWERS: &[ResponseSpec] = &[ResponseSpec {
-    headers: &[
-        ("Location", "Where the job is."),
-        ("Idempotency-Replayed", "`true` when the job had been queued before, under the same key."),
-    ],
-    ..answer(201, "The job is queued, and on the disk.", MediaType::Json(schema_of::<Job>))
-}];
-
-const LIST_PARAMS: &[Param] = &[
-    Param {
-        name: "state",
-        location: ParamIn::Query,
-        description: "Only jobs in this state.",
-        schema: || json!({"type": "string", "enum": JobState::ALL.map(JobState::code)}),
-    },
-    Param {
-        name: "limit",
-        location: ParamIn::Query,
-        description: "Most jobs on the page.",
-        schema: || json!({"type": "integer", "minimum": 1, "maximum": 200, "default": 50}),
-    },
-    Param { name: "cursor", location: ParamIn::Query, description: "`next` of the page before.", ..JOB_ID },
-];
-
-fn file_operations() -> Vec<Operation> {
-    const EVENTS: &[ResponseSpec] = &[answer(
-        200,
-        "Server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen can be resumed from, \
-         that of a `snapshot` too; `gap` tells of events that cannot be had any more. `bye` ends the stream: unless a \
-         `finished` came before, it can be resumed.",
-        MediaType::Media(events::EVENT_STREAM),
-    )];
-    const PICTURE: &[ResponseSpec] = &[ResponseSpec {
-        headers: &[("Upm-Age-Ms", "Wall time since it was taken, ms: a whole number.")],
-        ..answer(200, "The picture, at most a few seconds old.", MediaType::Media("image/png"))
-    }];
-    const RECORDING: &[ResponseSpec] = &[
-        ResponseSpec {
-            headers: &[("ETag", "Changes with the file."), ("Accept-Ranges", "`bytes`.")],
-            ..answer(200, "The whole file.", MediaType::Media(files::RRD))
-        },
-        ResponseSpec {
-            headers: &[("ETag", "Changes with the file."), ("Content-Range", "Which bytes of how many.")],
-            ..answer(206, "The bytes asked for.", MediaType::Media(files::RRD))
-        },
-    ];
-    let picture = "The latest camera frame, what is known drawn over it";
-    vec![
-        Operation {
-            params: const { &[JOB_ID, LAST_EVENT_ID] },
-            ..get("events", "/v1/jobs/{id}/events", "Watch a job", EVENTS, events::watch)
-        },
-        Operation {
-            params: const { &[JOB_ID, RANGE] },
-            problems: &[ProblemKind::Conflict, ProblemKind::RangeNotSatisfiable],
-            ..get("recording", "/v1/jobs/{id}/recording", "The job's recording (.rrd)", RECORDING, files::recording)
-        },
-        get("frame", "/v1/jobs/{id}/frame.png", picture, PICTURE, files::frame),
-    ]
-}
-
-const LAST_EVENT_ID: Param = Param {
-    name: events::LAST_EVENT_ID,
-    location: ParamIn::Header,
-    description: "Number of the last event seen; later ones are sent first. 0 for all that are kept.",
-    schema: || json!({"type": "string", "pattern": "^[0-9]{1,18}$"}),
-};
-
-const RANGE: Param = Param {
-    name: "Range",
-    location: ParamIn::Header,
-    description: "A single byte range; any other value is ignored.",
-    schema: || json!({"type": "string"}),
-};
-
-fn plate_operations() -> Vec<Operation> {
-    const PLATES: &[ResponseSpec] = &[answer(200, "All plates.", MediaType::Json(schema_of::<Plates>))];
-    const PLATE: &[ResponseSpec] = &[answer(200, "The plate.", MediaType::Json(schema_of::<Plate>))];
-    const STOPPED: &[ResponseSpec] = &[answer(200, "The plate is stopped.", MediaType::Json(schema_of::<EStopped>))];
+    let frame = "The latest camera frame, what is known drawn over it; `Upm-Age-Ms` is its age, ms";
+    let recording = "The job's recording (.rrd), or the one byte range of it that `Range` names";
     let estop = "Emergency stop: motors to zero, held until a reset; any token may";
+    let watch = "Watch a job by server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen \
+                 can be resumed from; `bye` ends the stream";
+    ApiRouter::new()
+        .api_route("/v1/jobs", get_with(jobs::list, named("jobs", "List jobs, newest first")))
+        .api_route("/v1/jobs/{id}", get_with(jobs::show, named("job", "A job and its report")))
+        .api_route("/v1/jobs/{id}/layout", get_with(jobs::layout, named("layout", layout)))
+        .api_route("/v1/jobs/{id}/events", get_with(events::watch, file("events", watch, events::EVENT_STREAM)))
+        .api_route("/v1/jobs/{id}/recording", get_with(files::recording, file("recording", recording, files::RRD)))
+        .api_route("/v1/jobs/{id}/frame.png", get_with(files::frame, file("frame", frame, "image/png")))
+        .api_route("/v1/plates", get_with(plates::list, named("plates", "All plates as they are")))
+        .api_route("/v1/plates/{name}/estop", post_with(plates::estop, named("estop", estop)))
+        .api_route("/metrics", get_with(plates::metrics, file("metrics", "For Prometheus", plates::OPENMETRICS)))
+        .api_route("/openapi.json", get_with(files::openapi, file("openapi", "This document", "application/json")))
+}
+
+fn operate() -> Routes {
+    let submit = "Queue a job: 201 once it is on the disk, with its address in `Location`; \
+                  `Idempotency-Replayed: true` when it had been queued before, under the same key";
+    let delete = "Delete a queued or ended job and its run folder";
+    let run_next = "Run a queued job before the others";
+    let cancel = "Take a job out of the queue, or stop it";
     let reset = "End an emergency stop; the plate stays paused";
     let resume = "Let a paused plate go on with its queue, and a paused standing job run";
-    vec![
-        get("plates", "/v1/plates", "All plates as they are", PLATES, plates::list),
-        Operation {
-            scope: Some(Scope::Read),
-            ..post("estop", "/v1/plates/{name}/estop", estop, STOPPED, plates::estop)
-        },
-        Operation {
-            body: Some(schema_of::<ResetRequest>),
-            problems: &[ProblemKind::Conflict, ProblemKind::Invalid, ProblemKind::InsufficientStorage],
-            ..post("reset", "/v1/plates/{name}/reset", reset, PLATE, plates::reset)
-        },
-        Operation {
-            problems: &[ProblemKind::Conflict],
-            ..post("resume", "/v1/plates/{name}/resume", resume, PLATE, plates::resume)
-        },
-    ]
+    ApiRouter::new()
+        .api_route(
+            "/v1/jobs",
+            post_with(jobs::submit, |operation| named("submit", submit)(operation).response::<201, Json<Job>>()),
+        )
+        .api_route("/v1/check", post_with(jobs::check, named("check", "Check a job without queueing it")))
+        .api_route("/v1/jobs/{id}", delete_with(jobs::delete, named("delete", delete)))
+        .api_route("/v1/jobs/{id}/run-next", post_with(jobs::run_next, named("run-next", run_next)))
+        .api_route("/v1/jobs/{id}/cancel", post_with(jobs::cancel, named("cancel", cancel)))
+        .api_route("/v1/plates/{name}/reset", post_with(plates::reset, named("reset", reset)))
+        .api_route("/v1/plates/{name}/resume", post_with(plates::resume, named("resume", resume)))
 }
 
-/// Operations on the daemon itself, and the files it serves. Those without a scope need no token.
-fn own_operations() -> Vec<Operation> {
-    const HEALTHY: &[ResponseSpec] =
-        &[answer(200, "The check passed. On failure: 503 with the reasons.", MediaType::Json(schema_of::<Health>))];
-    const METRICS: &[ResponseSpec] = &[answer(200, "OpenMetrics.", MediaType::Media(plates::OPENMETRICS))];
-    const DOCUMENT: &[ResponseSpec] = &[answer(200, "OpenAPI 3.1.", MediaType::Media("application/json"))];
-    const UNCHANGED: ResponseSpec =
-        answer(304, "Not modified: the tag in `If-None-Match` is current.", MediaType::Nothing);
-    const PAGE: &[ResponseSpec] = &[answer(200, "The page.", MediaType::Media("text/html")), UNCHANGED];
-    const ASSET: &[ResponseSpec] = &[answer(200, "The file.", MediaType::Media("*/*")), UNCHANGED];
-    vec![
-        Operation { scope: None, ..get("healthz", "/healthz", "Liveness", HEALTHY, plates::healthz) },
-        Operation { scope: None, ..get("readyz", "/readyz", "Does it take jobs?", HEALTHY, plates::readyz) },
-        get("metrics", "/metrics", "Figures for Prometheus", METRICS, plates::metrics),
-        get("openapi", "/openapi.json", "This document", DOCUMENT, files::openapi),
-        Operation {
-            scope: None,
-            problems: &[ProblemKind::NotFound],
-            ..get("page", "/", "The operator page", PAGE, files::page)
-        },
-        Operation { scope: None, ..get("asset", "/assets/{file}", "A file of the operator page", ASSET, files::asset) },
-    ]
+/// The same routes for clients whose token grants `scope`.
+fn admitted(routes: Routes, scope: Scope, tokens: &Arc<Tokens>) -> Routes {
+    routes
+        .with_path_items(|path| path.security_requirement_scopes("token", [scope.name()]))
+        .route_layer(from_fn_with_state((tokens.clone(), scope), admit))
 }
 
-const fn answer(status: u16, description: &'static str, content: MediaType) -> ResponseSpec {
-    ResponseSpec { status, description, content, headers: &[] }
+type Needed = (Arc<Tokens>, Scope);
+
+async fn admit(State((tokens, scope)): State<Needed>, mut request: Request, next: Next) -> Result<Response, Problem> {
+    let name = tokens.admit(request.headers(), scope)?;
+    let remote = request.extensions().get().map(|Peer(address)| *address);
+    request.extensions_mut().insert(Caller { name, remote });
+    Ok(next.run(request).await)
 }
 
-const JOB_ID: Param = Param {
-    name: "id",
-    location: ParamIn::Path,
-    description: "Id of a job.",
-    schema: || json!({"type": "string", "pattern": "^[0-9a-f]{32}$"}),
-};
-const PLATE_NAME: Param = Param { name: "name", description: "Name of a plate.", ..ASSET_NAME };
-const ASSET_NAME: Param = Param {
-    name: "file",
-    location: ParamIn::Path,
-    description: "Name of the file.",
-    schema: || json!({"type": "string", "pattern": "^[A-Za-z0-9._-]{1,64}$"}),
-};
+/// Describes an operation whose answer has a type.
+fn named(id: &'static str, summary: &'static str) -> impl FnOnce(TransformOperation<'_>) -> TransformOperation<'_> {
+    move |operation| operation.id(id).summary(summary)
+}
 
-fn get(
+/// Describes an operation that answers with text or bytes of this media type.
+fn file(
     id: &'static str,
-    path: &'static str,
     summary: &'static str,
-    answers: &'static [ResponseSpec],
-    handler: impl Handler,
-) -> Operation {
-    let params: &[Param] = match path {
-        path if path.contains("{id}") => const { &[JOB_ID] },
-        path if path.contains("{name}") => const { &[PLATE_NAME] },
-        path if path.contains("{file}") => const { &[ASSET_NAME] },
-        _ => &[],
+    media: &'static str,
+) -> impl FnOnce(TransformOperation<'_>) -> TransformOperation<'_> {
+    move |operation| {
+        let mut operation = named(id, summary)(operation);
+        let answer = json!({"200": {"description": summary, "content": {media: {}}}});
+        operation.inner_mut().responses = serde_json::from_value(answer).ok();
+        operation
+    }
+}
+
+impl OperationOutput for Problem {
+    type Inner = ProblemDocument;
+
+    fn operation_response(context: &mut GenContext, _: &mut Operation) -> Option<Described> {
+        let schema = context.schema.subschema_for::<ProblemDocument>();
+        let content = json!({PROBLEM_JSON: {"schema": schema}});
+        serde_json::from_value(json!({"description": "The request failed.", "content": content})).ok()
+    }
+}
+
+/// Completes the OpenAPI document of the routes.
+pub(super) fn described<'t>(api: TransformOpenApi<'t>, version: &str) -> TransformOpenApi<'t> {
+    let description = "Jobs for plates that move coins. Errors are problem documents (RFC 9457); `X-Request-Id` names \
+                       the request in them and in the log. What is no HTTP request at all, or has more than 16 KiB or \
+                       64 lines of header, is answered 400 or 431 without a body; a header that does not come within \
+                       5 s ends the connection.";
+    let token = SecurityScheme::Http {
+        scheme: "bearer".to_owned(),
+        bearer_format: None,
+        description: Some("Needed when the daemon has tokens; it must have some to listen beyond loopback.".to_owned()),
+        extensions: Default::default(),
     };
-    let (method, scope, handler) = (HttpMethod::Get, Some(Scope::Read), Box::new(handler));
-    Operation { id, method, path, scope, summary, params, body: None, answers, problems: &[], handler }
-}
-
-fn post(
-    id: &'static str,
-    path: &'static str,
-    summary: &'static str,
-    answers: &'static [ResponseSpec],
-    handler: impl Handler,
-) -> Operation {
-    Operation { method: HttpMethod::Post, scope: Some(Scope::Operate), ..get(id, path, summary, answers, handler) }
+    let api = api.title("upm").version(version).description(description);
+    api.security_scheme("token", token).default_response::<Problem>()
 }

@@ -49,6 +49,26 @@ pub struct Job {
     pub turn: i64,
 }
 
+/// Selection of jobs to list, newest first.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[schemars(inline)]
+#[serde(deny_unknown_fields)]
+pub struct JobsQuery {
+    /// Only jobs in this state.
+    pub state: Option<JobState>,
+    /// Most jobs on the page.
+    #[serde(default = "usual_limit")]
+    #[schemars(range(min = 1, max = 200))]
+    pub limit: usize,
+    /// `next` of the page before, a job that need not exist any more: only older ones.
+    #[schemars(length(equal = 32))]
+    pub cursor: Option<String>,
+}
+
+fn usual_limit() -> usize {
+    50
+}
+
 /// A page of jobs, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JobsPage {
@@ -115,6 +135,9 @@ pub struct Plate {
 pub struct Plates {
     /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
+    /// Address and port of the listener whose `POST /v1/estop` stops every plate; null where there is none.
+    #[serde(default)]
+    pub stop_listen: Option<String>,
 }
 
 /// Result of an emergency stop.

@@ -2,10 +2,10 @@ use std::io;
 use std::sync::Arc;
 
 use super::state::{DaemonState, no_job};
-use super::{convert, estop, files, health, metrics, page, submit};
+use super::{convert, estop, files, health, metrics, submit};
 use crate::api::{
-    Asset, Backend, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery, LayoutView,
-    Pending, Plate, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, pending, ready,
+    Backend, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery, LayoutView, Pending,
+    Plate, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, pending, ready,
 };
 use crate::http::{Caller, Reason};
 use crate::store::{JobId, JobRow, JobSelection};
@@ -70,12 +70,12 @@ impl Backend for DaemonBackend {
         })
     }
 
-    fn check(&self, submission: Submission) -> Pending<Checked> {
+    fn check(&self, text: String) -> Pending<Checked> {
         pending(|reply| {
             let state = Arc::clone(&self.state);
             self.checkers.submit(move || {
                 if reply.is_listening() {
-                    reply.send(state.examined(&submission.text));
+                    reply.send(state.examined(&text));
                 }
             });
         })
@@ -86,7 +86,10 @@ impl Backend for DaemonBackend {
     }
 
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
-        let cursor = query.cursor.as_deref().and_then(JobId::parse);
+        let cursor = match query.cursor.as_deref().map(JobId::parse) {
+            Some(None) => return ready(Err(no_job())),
+            cursor => cursor.flatten(),
+        };
         let page = JobSelection { state: query.state, limit: query.limit, cursor };
         pending(|reply| {
             self.state.store.list(page, move |listed| {
@@ -222,9 +225,5 @@ impl Backend for DaemonBackend {
                 files.submit(move || reply.send(files::recording(state.store.runs(), &row)));
             });
         })
-    }
-
-    fn asset(&self, name: &str) -> Option<Asset> {
-        page::asset(name)
     }
 }

@@ -113,18 +113,7 @@ fn of_store(observed: &Observed) -> Vec<MetricFamily> {
 }
 
 fn of_http(observed: &Observed) -> Vec<MetricFamily> {
-    let sample = |requests: &crate::api::Requests| {
-        let labels = vec![("operation", requests.operation.into()), ("status", requests.status.to_string())];
-        MetricSample::new(labels, requests.count as f64)
-    };
-    vec![
-        MetricFamily::counter(
-            "http_requests",
-            "Requests by operation and status; operation none if no route matched, status 0 for other codes",
-        )
-        .with_all(observed.requests.iter().map(sample)),
-        MetricFamily::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64),
-    ]
+    vec![MetricFamily::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64)]
 }
 
 /// One sample for each state: 1 for the current state, 0 for the others.

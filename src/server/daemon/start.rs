@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use jiff::Timestamp;
+use tokio_util::sync::CancellationToken;
 
 use super::backend::DaemonBackend;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
@@ -15,11 +16,10 @@ use super::state::DaemonState;
 use super::systemd::{ServiceManager, WatchdogPing};
 use super::{health, recovery_log};
 use crate::api::{AppParts, app};
-use crate::http::{
-    AllowedHosts, STOP_PATH, ShutdownReport, ShutdownSender, ShutdownSignal, Tokens, joined, serve, serve_stops,
-};
+use crate::http::{AllowedHosts, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
 use crate::store::{self, Clocks, OpenOutcome, Store, StoreFault};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
+use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
@@ -161,23 +161,24 @@ impl Daemon {
     pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
         let alive = start_watchdog_ping(&state, manager);
-        let (stopper, flag) = ShutdownSignal::new();
-        let answering = self.answer(flag);
+        let end_http = CancellationToken::new();
+        let answering = self.answer(end_http.clone());
         manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
         count_until(stop, &state, &answering);
-        let ended = end(&state, &stopper, answering, estop_socket, manager);
+        let ended = end(&state, &end_http, answering, estop_socket, manager);
         drop(alive);
         ended
     }
 
-    /// Serves HTTP on another thread until `flag` is set.
-    fn answer(self, flag: ShutdownSignal) -> JoinHandle<io::Result<ShutdownReport>> {
+    /// Serves HTTP on another thread until `stop` is cancelled.
+    fn answer(self, stop: CancellationToken) -> JoinHandle<io::Result<ShutdownReport>> {
         let Self { backend, listener, tokens, .. } = self;
-        let (spec, http_metrics, version) =
-            (&backend.state.spec, backend.state.http_metrics.clone(), backend.state.version);
-        let hosts = AllowedHosts::new(spec.listen, &spec.hosts);
-        let app = app(AppParts { backend, tokens, hosts, stop: flag.clone(), http_metrics, version });
-        thread::spawn(move || serve(listener, app, &flag, REQUESTS_WITHIN))
+        let state = &backend.state;
+        let hosts = AllowedHosts::new(state.spec.listen, &state.spec.hosts);
+        let (event_streams, version) = (state.event_streams.clone(), state.version);
+        let stop_port = state.spec.stop_listen.map(|address| address.port());
+        let app = app(AppParts { backend, tokens, hosts, stop: stop.clone(), event_streams, stop_port, version });
+        thread::spawn(move || serve(listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
     }
 }
 
@@ -211,13 +212,13 @@ fn count_until(stop: &Receiver<()>, state: &Arc<DaemonState>, answering: &JoinHa
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
 fn end(
     state: &DaemonState,
-    stopper: &ShutdownSender,
+    end_http: &CancellationToken,
     answering: JoinHandle<io::Result<ShutdownReport>>,
     estop_socket: Option<EStopSocket>,
     manager: &ServiceManager,
 ) -> ExitReport {
     state.ending.store(true, Ordering::SeqCst);
-    stopper.stop();
+    end_http.cancel();
     // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
     tracing::info!("shutting down");
@@ -248,7 +249,7 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
 /// Takes emergency stops on the port that has nothing else.
 fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
     let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
-    let hosts = AllowedHosts::new(address, &state.spec.hosts);
+    let hosts = AllowedHosts::new(address, &state.spec.hosts).with_page(state.spec.listen);
     serve_stops(listener, hosts, Arc::clone(tokens), move |caller| stop.stop_for(caller))?;
     tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
     Ok(())

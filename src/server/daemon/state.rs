@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::{Mutex, MutexGuard};
 use serde_json::json;
+use tokio::sync::Semaphore;
 
 use super::convert;
 use super::status::{DiskObserved, Observed, PlateObserved};
-use crate::api::{EventSender, HttpMetrics, Plate, Refusal, Responder, StreamEvent, StreamStart};
+use crate::api::{EVENT_STREAMS, EventSender, Plate, Refusal, Responder, StreamEvent, StreamStart};
 use crate::store::{JobId, JobRow, JobState, Store};
 use crate::supervisor::{self, EventSubscriber, JobEvent, PlateSnapshot, PlateState, PlateSupervisor};
 use upm_core::time::{Clock, MonotonicClock};
@@ -29,7 +30,8 @@ pub(super) struct DaemonState {
     /// Numbers of jobs at the last count.
     counted: Mutex<JobCounts>,
     /// Counts of requests and streams.
-    pub http_metrics: HttpMetrics,
+    /// A permit for each event stream that may be opened.
+    pub event_streams: Arc<Semaphore>,
     /// Damage found in the store when it was opened.
     pub damage: StoreDamage,
     pub version: &'static str,
@@ -67,7 +69,7 @@ impl DaemonState {
             clock,
             ending: AtomicBool::new(false),
             counted: Mutex::default(),
-            http_metrics: HttpMetrics::default(),
+            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
             damage: StoreDamage::found(damage),
             version,
         }
@@ -79,7 +81,8 @@ impl DaemonState {
 
     /// All plates now, with their queues as last counted.
     pub fn plate_statuses(&self) -> crate::api::Plates {
-        crate::api::Plates { plates: self.plates.iter().map(|plate| self.plate_status(plate)).collect() }
+        let plates = self.plates.iter().map(|plate| self.plate_status(plate)).collect();
+        crate::api::Plates { plates, stop_listen: self.spec.stop_listen.map(|address| address.to_string()) }
     }
 
     /// A plate now, with its queue as last counted.
@@ -143,8 +146,7 @@ impl DaemonState {
             jobs: counted.jobs,
             store: self.store.health(),
             disk: DiskObserved { min_free_bytes: self.spec.min_free_bytes, runs_bytes: self.store.runs_bytes() },
-            requests: self.http_metrics.requests(),
-            event_streams: self.http_metrics.event_streams(),
+            event_streams: EVENT_STREAMS - self.event_streams.available_permits(),
         }
     }
 

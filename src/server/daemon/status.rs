@@ -1,6 +1,5 @@
 use std::time::Duration;
 
-use crate::api::Requests;
 use crate::store::{JobState, StoreHealth};
 use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
@@ -24,10 +23,8 @@ pub(super) struct Observed {
     pub store: StoreHealth,
     /// Space on the disk.
     pub disk: DiskObserved,
-    /// Number of requests answered so far.
-    pub requests: Vec<Requests>,
     /// Number of open event streams.
-    pub event_streams: u64,
+    pub event_streams: usize,
 }
 
 /// A plate at one moment.
@@ -98,10 +95,6 @@ impl Observed {
                 reader_busy: Duration::ZERO,
             },
             disk: DiskObserved { min_free_bytes: 500_000_000, runs_bytes: Some(123) },
-            requests: vec![
-                Requests { operation: "submit", status: 201, count: 12 },
-                Requests { operation: "submit", status: 422, count: 0 },
-            ],
             event_streams: 5,
         }
     }

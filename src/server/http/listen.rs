@@ -10,16 +10,15 @@ use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
-
-use upm_core::thread_priority::lower_thread_priority;
+use tokio_util::sync::CancellationToken;
 
 /// Threads that serve requests.
 const WORKERS: usize = 2;
 
-/// Most threads that read files.
-const FILE_READERS: usize = 8;
+/// Most threads that read files or confirm stops.
+const BLOCKING_THREADS: usize = 8;
 
 /// Most connections at once; further ones wait in the kernel's queue.
 const CONNECTIONS: usize = 512;
@@ -30,8 +29,9 @@ const HEADER_TIME: Duration = Duration::from_secs(5);
 /// Longest time for which a client may accept no bytes of an answer.
 const STALLED_TIME: Duration = Duration::from_secs(20);
 
-/// Largest header that hyper reads, bytes.
-const READ_BYTES: usize = 32 << 10;
+/// Largest header, bytes, and most of its lines.
+const HEADER_BYTES: usize = 16 << 10;
+const HEADER_LINES: usize = 64;
 
 /// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
@@ -47,47 +47,20 @@ pub struct ShutdownReport {
     pub dropped: usize,
 }
 
-/// Shuts the server down, from any thread, without waiting.
-#[derive(Clone, Debug)]
-pub struct ShutdownSender(Arc<watch::Sender<bool>>);
-
-impl ShutdownSender {
-    /// Refuses new connections, answers requests under way and ends event streams, within a time limit.
-    pub fn stop(&self) {
-        self.0.send_replace(true);
-    }
-}
-
-/// True once the server is to shut down, or no [`ShutdownSender`] is left.
-#[derive(Clone, Debug)]
-pub struct ShutdownSignal(watch::Receiver<bool>);
-
-impl ShutdownSignal {
-    /// A flag with its sender.
-    pub fn new() -> (ShutdownSender, Self) {
-        let (sender, receiver) = watch::channel(false);
-        (ShutdownSender(Arc::new(sender)), Self(receiver))
-    }
-
-    /// Waits until the server is to shut down.
-    pub(crate) async fn stopped(&self) {
-        let _ = self.0.clone().wait_for(|stop| *stop).await;
-    }
-}
-
-/// Serves `app` on `listener` until `stop` is set, in its own runtime. Blocks. Requests under way then have the time
-/// `ending` for their end, whatever clients do.
+/// Serves `app` on `listener` until `stop` is cancelled, in its own runtime, each of whose threads begins with
+/// `on_thread_start`. Blocks. Requests under way then have the time `ending` for their end, whatever clients do.
 pub fn serve(
     listener: std::net::TcpListener,
     app: Router,
-    stop: &ShutdownSignal,
+    stop: &CancellationToken,
     ending: Duration,
+    on_thread_start: fn(),
 ) -> io::Result<ShutdownReport> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(WORKERS)
-        .max_blocking_threads(FILE_READERS)
+        .max_blocking_threads(BLOCKING_THREADS)
         .thread_name("http")
-        .on_thread_start(lower_thread_priority)
+        .on_thread_start(on_thread_start)
         .enable_all()
         .build()?;
     let served = runtime.block_on(serve_until_stopped(listener, app, stop, ending));
@@ -98,17 +71,18 @@ pub fn serve(
 async fn serve_until_stopped(
     listener: std::net::TcpListener,
     app: Router,
-    stop: &ShutdownSignal,
+    stop: &CancellationToken,
     ending: Duration,
 ) -> io::Result<ShutdownReport> {
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
     let (places, open) = (Arc::new(Semaphore::new(CONNECTIONS)), GracefulShutdown::new());
     let mut builder = http1::Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME).max_buf_size(READ_BYTES);
+    builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME);
+    builder.max_buf_size(HEADER_BYTES).max_headers(HEADER_LINES);
     loop {
         let accepted = tokio::select! {
-            () = stop.stopped() => break,
+            () = stop.cancelled() => break,
             accepted = accept(&listener, &places) => accepted,
         };
         let (stream, peer, place) = match accepted {

@@ -1,4 +1,4 @@
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 
 use axum::extract::{Request, State};
@@ -7,7 +7,7 @@ use axum::http::{HeaderMap, HeaderValue, Method};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::{Problem, ProblemKind};
+use super::problem::{Problem, ProblemKind};
 
 static SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 static SEC_FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
@@ -20,6 +20,7 @@ static RESOURCE_POLICY: HeaderName = HeaderName::from_static("cross-origin-resou
 pub struct AllowedHosts {
     listen: IpAddr,
     names: Vec<String>,
+    page_port: Option<u16>,
 }
 
 impl AllowedHosts {
@@ -27,31 +28,29 @@ impl AllowedHosts {
     /// addresses, any address is accepted as well: rebinding needs a name.
     pub fn new(listen: SocketAddr, names: &[String]) -> Self {
         let names = names.iter().map(|name| name.trim_end_matches('.').to_ascii_lowercase()).collect();
-        Self { listen: listen.ip().to_canonical(), names }
+        Self { listen: listen.ip().to_canonical(), names, page_port: None }
     }
 
-    fn knows(&self, authority: &Authority) -> bool {
-        match &authority.host {
-            Host::Address(address) => {
-                self.listen.is_unspecified()
-                    || *address == self.listen
-                    || *address == IpAddr::from([127, 0, 0, 1])
-                    || *address == IpAddr::from([0, 0, 0, 0, 0, 0, 0, 1])
-                    || self.names_hold(&address.to_string())
-            }
-            Host::Name(name) => name == "localhost" || self.names_hold(name),
-        }
+    /// Admits the operator page that the daemon serves at `page`, too: on another port, it is of another origin.
+    pub fn with_page(mut self, page: SocketAddr) -> Self {
+        self.names.push(page.ip().to_canonical().to_string());
+        Self { page_port: Some(page.port()), ..self }
     }
 
-    fn names_hold(&self, name: &str) -> bool {
-        self.names.iter().any(|known| known == name)
+    fn knows(&self, host: &str) -> bool {
+        let loopback = [IpAddr::from(Ipv4Addr::LOCALHOST), IpAddr::from(Ipv6Addr::LOCALHOST)];
+        let is_own = match host.parse() {
+            Ok(address) => self.listen.is_unspecified() || self.listen == address || loopback.contains(&address),
+            Err(_) => host == "localhost",
+        };
+        is_own || self.names.iter().any(|name| name == host)
     }
 
     /// Checks the host that a request names, its origin and its site.
     pub(super) fn check(&self, request: &Request) -> Result<(), Problem> {
         let host = self.check_host(request)?;
-        check_origin(request.headers(), &host)?;
-        check_site(request)
+        self.check_origin(request.headers(), &host)?;
+        self.check_site(request)
     }
 
     fn check_host(&self, request: &Request) -> Result<Authority, Problem> {
@@ -63,61 +62,54 @@ impl AllowedHosts {
         let host = value.to_str().ok().and_then(Authority::parse);
         let host =
             host.ok_or_else(|| malformed("the Host header is not a name or an address, with or without port"))?;
-        let mut asked = vec![host];
-        if let Some(absolute) = request.uri().authority() {
-            let absolute = Authority::parse(absolute.as_str());
-            asked.insert(0, absolute.ok_or_else(|| malformed("the address asked for has no plain host"))?);
-        }
-        if !asked.iter().all(|authority| self.knows(authority)) {
+        let absolute = request.uri().authority().map(|authority| Authority::parse(authority.as_str()));
+        let absolute = absolute.unwrap_or_else(|| Some(host.clone()));
+        let absolute = absolute.ok_or_else(|| malformed("the address asked for has no plain host"))?;
+        if ![&host, &absolute].iter().all(|authority| self.knows(&authority.host)) {
             let detail = "the daemon is not known by the name in Host; `hosts` in its configuration adds names";
             return Err(Problem::new(ProblemKind::Forbidden, detail));
         }
-        Ok(asked.swap_remove(0))
+        Ok(absolute)
     }
-}
 
-/// Checks the Origin header, which pages send with every request that is not plainly harmless: it must name the host
-/// and port of the request. Other services may serve pages under the same name on other ports.
-fn check_origin(headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
-    for value in headers.get_all(ORIGIN) {
-        let origin = value.to_str().ok().and_then(RequestOrigin::parse);
-        let ours = origin.is_some_and(|RequestOrigin { authority, default_port }| {
-            let port = |of: &Authority| of.port.unwrap_or(default_port);
-            authority.host == host.host && port(&authority) == port(host)
-        });
-        if !ours {
-            return Err(Problem::new(ProblemKind::Forbidden, "pages of other origins may not call the daemon"));
+    /// Checks the Origin header, which pages send with every request that is not plainly harmless: it must name the
+    /// host and port of the request, or the operator page. Other services may serve pages under the same name on other
+    /// ports.
+    fn check_origin(&self, headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
+        let is_ours = |value: &HeaderValue| {
+            let (authority, default_port) = origin(value.to_str().ok()?)?;
+            let port = authority.port.unwrap_or(default_port);
+            let is_same = authority.host == host.host && port == host.port.unwrap_or(default_port);
+            (is_same || self.page_port == Some(port) && self.knows(&authority.host)).then_some(())
+        };
+        if headers.get_all(ORIGIN).iter().all(|value| is_ours(value).is_some()) {
+            return Ok(());
         }
+        Err(Problem::new(ProblemKind::Forbidden, "pages of other origins may not call the daemon"))
     }
-    Ok(())
-}
 
-/// Checks the site that browsers report for every request, reads included. Another site may only link to the operator
-/// page.
-fn check_site(request: &Request) -> Result<(), Problem> {
-    let headers = request.headers();
-    let is = |name: &HeaderName, wanted: &str| headers.get(name).is_some_and(|value| value == wanted);
-    let own = headers.get_all(&SEC_FETCH_SITE).iter().all(|value| value == "same-origin" || value == "none");
-    let link = request.method() == Method::GET
-        && request.uri().path() == "/"
-        && is(&SEC_FETCH_MODE, "navigate")
-        && is(&SEC_FETCH_DEST, "document");
-    if own || link {
-        return Ok(());
+    /// Checks the site that browsers report for every request, reads included. Another site may only link to the
+    /// operator page. To the listener beside it, that page is another site, which its origin has told already.
+    fn check_site(&self, request: &Request) -> Result<(), Problem> {
+        let headers = request.headers();
+        let is = |name: &HeaderName, wanted: &str| headers.get(name).is_some_and(|value| value == wanted);
+        let own = headers.get_all(&SEC_FETCH_SITE).iter().all(|value| value == "same-origin" || value == "none");
+        let page = self.page_port.is_some() && headers.contains_key(ORIGIN);
+        let link = request.method() == Method::GET
+            && request.uri().path() == "/"
+            && is(&SEC_FETCH_MODE, "navigate")
+            && is(&SEC_FETCH_DEST, "document");
+        if own || page || link {
+            return Ok(());
+        }
+        Err(Problem::new(ProblemKind::Forbidden, "pages of other sites may not call the daemon"))
     }
-    Err(Problem::new(ProblemKind::Forbidden, "pages of other sites may not call the daemon"))
 }
 
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Host {
-    Address(IpAddr),
-    Name(String),
-}
-
-/// `host[:port]`, the host in lower case and without a trailing dot.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// `host[:port]`: a name in lower case and without a trailing dot, or an address in its canonical form.
+#[derive(Clone, Debug)]
 struct Authority {
-    host: Host,
+    host: String,
     port: Option<u16>,
 }
 
@@ -126,45 +118,30 @@ impl Authority {
         let (host, port) = match text.strip_prefix('[') {
             Some(rest) => {
                 let (address, port) = rest.split_once(']')?;
-                (Host::Address(IpAddr::V6(address.parse().ok()?).to_canonical()), port)
+                (IpAddr::V6(address.parse().ok()?).to_canonical().to_string(), port)
             }
             None => {
                 let (name, port) = text.split_at(text.find(':').unwrap_or(text.len()));
-                (Self::host(name)?, port)
+                let name = name.strip_suffix('.').unwrap_or(name);
+                let is_plain = |b: u8| b.is_ascii_alphanumeric() || b"-._".contains(&b);
+                let is_name = !name.is_empty() && name.bytes().all(is_plain);
+                (is_name.then(|| name.to_ascii_lowercase())?, port)
             }
         };
         let port = match port.strip_prefix(':') {
             Some(digits) if digits.bytes().all(|b| b.is_ascii_digit()) => Some(digits.parse().ok()?),
-            Some(_) => return None,
             None if port.is_empty() => None,
-            None => return None,
+            _ => return None,
         };
         Some(Self { host, port })
     }
-
-    fn host(name: &str) -> Option<Host> {
-        if let Ok(address) = name.parse() {
-            return Some(Host::Address(IpAddr::V4(address)));
-        }
-        let name = name.strip_suffix('.').unwrap_or(name);
-        let plain = |b: u8| b.is_ascii_alphanumeric() || b"-._".contains(&b);
-        (!name.is_empty() && name.bytes().all(plain)).then(|| Host::Name(name.to_ascii_lowercase()))
-    }
 }
 
-struct RequestOrigin {
-    authority: Authority,
-    default_port: u16,
-}
-
-impl RequestOrigin {
-    fn parse(text: &str) -> Option<Self> {
-        let (authority, default_port) = match text.strip_prefix("http://") {
-            Some(rest) => (rest, 80),
-            None => (text.strip_prefix("https://")?, 443),
-        };
-        Some(Self { authority: Authority::parse(authority)?, default_port })
-    }
+/// Host and port of an origin, with the usual port of its scheme.
+fn origin(text: &str) -> Option<(Authority, u16)> {
+    let plain = text.strip_prefix("http://").map(|rest| (rest, 80));
+    let (rest, default_port) = plain.or_else(|| Some((text.strip_prefix("https://")?, 443)))?;
+    Some((Authority::parse(rest)?, default_port))
 }
 
 /// The layer that refuses requests by [`AllowedHosts`], and forbids every answer to be sniffed, cached or embedded.

@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_runner::config::Diagnostic;
+use upm_document::{Diagnostic, counted};
 
 /// Media type of problem documents.
 pub(crate) const PROBLEM_JSON: &str = "application/problem+json";
@@ -20,9 +20,6 @@ macro_rules! problem_kinds {
         }
 
         impl ProblemKind {
-            /// All kinds, by status.
-            pub const ALL: [Self; [$($word),*].len()] = [$(Self::$kind),*];
-
             fn row(self) -> (StatusCode, &'static str, &'static str) {
                 match self {
                     $(Self::$kind => (StatusCode::$status, $word, $title),)*
@@ -41,7 +38,6 @@ problem_kinds! {
     RequestTimeout REQUEST_TIMEOUT "request-timeout" "The request was sent too slowly";
     Conflict CONFLICT "conflict" "The present state does not allow this";
     ContentTooLarge PAYLOAD_TOO_LARGE "content-too-large" "The body is too large";
-    UriTooLong URI_TOO_LONG "uri-too-long" "The address is too long";
     UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The body is of another type";
     RangeNotSatisfiable RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range lies outside the file";
     Invalid UNPROCESSABLE_ENTITY "invalid" "The request is not valid";
@@ -138,33 +134,36 @@ pub struct ProblemDocument {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     kind: ProblemKind,
-    detail: String,
-    faults: Vec<Diagnostic>,
-    reasons: Vec<Reason>,
+    document: ProblemDocument,
     headers: Vec<(HeaderName, HeaderValue)>,
 }
 
 impl Problem {
     /// A problem of this kind; `detail` is a sentence for people.
     pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), faults: Vec::new(), reasons: Vec::new(), headers: Vec::new() }
+        let document = ProblemDocument {
+            kind: kind.address(),
+            title: kind.title().to_owned(),
+            status: kind.status().as_u16(),
+            detail: detail.into(),
+            instance: None,
+            faults: Vec::new(),
+            reasons: Vec::new(),
+        };
+        Self { kind, document, headers: Vec::new() }
     }
 
-    /// Adds faults.
-    pub fn with_faults(mut self, faults: impl IntoIterator<Item = Diagnostic>) -> Self {
-        self.faults.extend(faults);
-        self
+    /// The problem of a request with these faults.
+    pub fn of_faults(kind: ProblemKind, faults: Vec<Diagnostic>) -> Self {
+        let mut problem = Self::new(kind, counted(faults.len(), "fault"));
+        problem.document.faults = faults;
+        problem
     }
 
     /// Adds reasons of the daemon's state.
     pub fn with_reasons(mut self, reasons: impl IntoIterator<Item = Reason>) -> Self {
-        self.reasons.extend(reasons);
+        self.document.reasons.extend(reasons);
         self
-    }
-
-    /// Adds one fault at `path`.
-    pub fn with_fault(self, path: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        self.with_faults([Diagnostic::new("", path, found.into(), allowed)])
     }
 
     /// Adds the time after which to try again, s.
@@ -185,15 +184,8 @@ impl Problem {
 
     /// The document for the request with the id `instance`.
     pub fn document(&self, instance: Option<&str>) -> ProblemDocument {
-        ProblemDocument {
-            kind: self.kind.address(),
-            title: self.kind.title().to_owned(),
-            status: self.kind.status().as_u16(),
-            detail: self.detail.clone(),
-            instance: instance.map(|id| format!("urn:upm:request:{id}")),
-            faults: self.faults.clone(),
-            reasons: self.reasons.clone(),
-        }
+        let instance = instance.map(|id| format!("urn:upm:request:{id}"));
+        ProblemDocument { instance, ..self.document.clone() }
     }
 
     /// The document as the body of an answer.
@@ -215,23 +207,13 @@ impl IntoResponse for Problem {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
-    use upm_runner::config::Path;
-
-    #[test]
-    fn every_kind_has_its_own_status_and_address() {
-        let statuses: BTreeSet<u16> = ProblemKind::ALL.iter().map(|kind| kind.status().as_u16()).collect();
-        let addresses: BTreeSet<String> = ProblemKind::ALL.iter().map(|kind| kind.address()).collect();
-        assert_eq!((statuses.len(), addresses.len()), (ProblemKind::ALL.len(), ProblemKind::ALL.len()));
-        assert!(statuses.iter().all(|status| (400..600).contains(status)));
-    }
+    use upm_document::Path;
 
     #[test]
     fn a_problem_is_sent_as_its_document() {
         let fault = Diagnostic::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
-        let problem = Problem::new(ProblemKind::Invalid, "1 fault").with_faults([fault]).retry_after(7);
+        let problem = Problem::of_faults(ProblemKind::Invalid, vec![fault]).retry_after(7);
         let json = serde_json::to_value(problem.document(Some("a1"))).unwrap();
         assert_eq!(
             json,

@@ -7,9 +7,8 @@ use http_body_util::BodyExt;
 
 use super::fake::JOB;
 use super::{TestApi, request};
-use crate::api::events::WATCHERS;
-use crate::api::{Refusal, ReplayPage, StreamEvent, StreamStart};
-use crate::http::{ShutdownReport, ShutdownSignal, serve};
+use crate::api::{EVENT_STREAMS, Refusal, ReplayPage, StreamEvent, StreamStart};
+use crate::http::{ShutdownReport, serve};
 
 const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
 
@@ -159,7 +158,7 @@ async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
     assert_eq!(next(&mut body).await, head_at(0));
     let heartbeat = body.frame().await.unwrap().unwrap().into_data().unwrap();
     assert_eq!(heartbeat, ": hb\n\n");
-    asked.stop.stop();
+    asked.stop.cancel();
     assert_eq!(next(&mut body).await, "event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}\n\n");
     assert_eq!(next(&mut body).await, "");
 }
@@ -168,13 +167,15 @@ async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
 async fn streams_are_counted() {
     let asked = asked(1, 0, false);
     let mut held = Vec::new();
-    for _ in 0..WATCHERS {
+    for _ in 0..EVENT_STREAMS {
         held.push(watch(&asked, "").await);
     }
     let seen = asked.get(&format!("/v1/jobs/{JOB}/events")).await;
     assert_eq!((seen.status, seen.header("retry-after")), (503, "10"));
+    assert_eq!(asked.event_streams.available_permits(), 0);
     held.pop();
     drop(watch(&asked, "").await);
+    assert_eq!(asked.event_streams.available_permits(), 1);
 }
 
 #[test]
@@ -183,9 +184,8 @@ fn fifty_clients_get_a_bye_at_shutdown() {
     stand(&asked, 1, 0, false);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let (stop, flag) = ShutdownSignal::new();
-    let app = asked.app.clone();
-    let server = std::thread::spawn(move || serve(listener, app, &flag, Duration::from_secs(10)).unwrap());
+    let (app, stop) = (asked.app.clone(), asked.stop.clone());
+    let server = std::thread::spawn(move || serve(listener, app, &stop, Duration::from_secs(10), || ()).unwrap());
     let mut clients: Vec<TcpStream> = (0..50)
         .map(|_| {
             let mut client = TcpStream::connect(address).unwrap();
@@ -195,8 +195,7 @@ fn fifty_clients_get_a_bye_at_shutdown() {
             client
         })
         .collect();
-    asked.stop.stop();
-    stop.stop();
+    asked.stop.cancel();
     for client in &mut clients {
         let mut rest = String::new();
         client.read_to_string(&mut rest).unwrap();

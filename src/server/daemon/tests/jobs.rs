@@ -8,9 +8,7 @@ const ENDLESS: &str = r#"{"plate": "upm-1", "name": "rest", "parts": [{"kind": "
 #[test]
 fn checked_job_is_laid_out_and_not_queued() {
     let running = RunningDaemon::new();
-    let check = |text: &str| {
-        kept(running.backend.check(Submission { text: text.to_owned(), pace: None, key: None, caller: caller() }))
-    };
+    let check = |text: &str| kept(running.backend.check(text.to_owned()));
     let sort = r#"{"plate": "upm-2", "name": "s", "parts": [{"kind": "dime", "count": 2}], "task": {"type": "sort",
         "bins": [{"kinds": ["dime"], "region_mm": {"min": [-50, -40], "max": [50, 40.5]}}]}}"#;
     let checked = check(sort).unwrap();

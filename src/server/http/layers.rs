@@ -1,0 +1,114 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::Request;
+use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE, HeaderName};
+use axum::http::{HeaderValue, StatusCode};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
+use axum::response::Response;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::limit::RequestBodyLimitLayer;
+use tower_http::timeout::TimeoutLayer;
+use upm_document::MOST_BYTES;
+use uuid::Uuid;
+
+use super::origin_check::{AllowedHosts, guard};
+use super::problem::{PROBLEM_JSON, Problem, ProblemKind};
+
+/// Longest time until an answer starts, the arrival of the request's body included.
+const ANSWER_TIME: Duration = Duration::from_secs(10);
+
+static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// Adds the layers around `app` that every request passes, the outermost last.
+pub(crate) fn with_layers(app: Router, hosts: AllowedHosts) -> Router {
+    app.layer(RequestBodyLimitLayer::new(usize::try_from(MOST_BYTES).unwrap_or(usize::MAX)))
+        .layer(TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, ANSWER_TIME))
+        .layer(from_fn_with_state(Arc::new(hosts), guard))
+        .layer(CatchPanicLayer::new())
+        .layer(from_fn(identify))
+}
+
+/// The problem of a body above the limit.
+pub(crate) fn too_large() -> Problem {
+    Problem::new(ProblemKind::ContentTooLarge, format!("a body has at most {MOST_BYTES} bytes"))
+}
+
+/// The problem behind a status that the router or one of the layers answered with alone.
+fn problem_of(status: StatusCode) -> Option<Problem> {
+    let (kind, detail) = match status {
+        StatusCode::NOT_FOUND => (ProblemKind::NotFound, "unknown path; see /openapi.json".to_owned()),
+        StatusCode::METHOD_NOT_ALLOWED => {
+            (ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header".to_owned())
+        }
+        StatusCode::PAYLOAD_TOO_LARGE => return Some(too_large()),
+        StatusCode::SERVICE_UNAVAILABLE => {
+            (ProblemKind::Unavailable, format!("no answer within {} s", ANSWER_TIME.as_secs()))
+        }
+        StatusCode::INTERNAL_SERVER_ERROR => (ProblemKind::Internal, "internal error".to_owned()),
+        _ => return None,
+    };
+    Some(Problem::new(kind, detail))
+}
+
+/// The outermost layer: assigns the request an id (32 hex digits that sort by time) and writes it into the answer, its
+/// problem document and the log. An id sent by the client is ignored: clients must not write log lines.
+async fn identify(request: Request, next: Next) -> Response {
+    let id = Uuid::now_v7().simple().to_string();
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let mut response = next.run(request).await;
+    let status = response.status();
+    if let Some(problem) = response.extensions_mut().remove::<Problem>().or_else(|| problem_of(status)) {
+        *response.body_mut() = problem.body(Some(&id));
+        response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
+        response.headers_mut().remove(CONTENT_LENGTH);
+    }
+    if let Ok(value) = HeaderValue::from_str(&id) {
+        response.headers_mut().insert(X_REQUEST_ID.clone(), value);
+    }
+    let status = status.as_u16();
+    if is_alarming(&path, status) {
+        tracing::warn!(request = id, %method, path, status, "request");
+    } else {
+        tracing::debug!(request = id, %method, path, status, "request");
+    }
+    response
+}
+
+/// True for answers that are logged as warnings. Failed health probes are not, since they come every few seconds.
+fn is_alarming(path: &str, status: u16) -> bool {
+    let is_probe = path == "/healthz" || path == "/readyz";
+    status >= 500 && !(is_probe && status == 503)
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::Body;
+    use axum::routing::get;
+    use http_body_util::BodyExt;
+    use tower::ServiceExt;
+
+    use super::*;
+    use crate::http::ProblemDocument;
+
+    #[test]
+    fn failed_probe_is_not_logged_as_a_warning() {
+        let alarming = [("/readyz", 503), ("/readyz", 500), ("/v1/jobs", 503), ("/v1/jobs", 429)];
+        assert_eq!(alarming.map(|(path, status)| is_alarming(path, status)), [false, true, true, false]);
+    }
+
+    #[tokio::test]
+    async fn a_problem_carries_the_name_of_its_request() {
+        let app = Router::new()
+            .route("/", get(|| async { Problem::new(ProblemKind::NotFound, "nothing here") }))
+            .layer(from_fn(identify));
+        let request = Request::get("/").header("x-request-id", "mine").body(Body::empty()).unwrap();
+        let response = app.oneshot(request).await.unwrap();
+        let id = response.headers()["x-request-id"].to_str().unwrap().to_owned();
+        assert_eq!(id.len(), 32);
+        let body = response.into_body().collect().await.unwrap().to_bytes();
+        let document: ProblemDocument = serde_json::from_slice(&body).unwrap();
+        assert_eq!(document.instance, Some(format!("urn:upm:request:{id}")));
+    }
+}
