@@ -163,14 +163,6 @@ mod tests {
     }
 
     #[test]
-    fn other_commands_log_as_before() {
-        let text = logged(None, LevelFilter::WARN, true);
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], " WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"");
-        assert_eq!(lines[1..], [" WARN ureq::pool: a warning of another library"]);
-    }
-
-    #[test]
     fn internals_of_libraries_are_logged_at_trace_level_only() {
         let text = |level| logged(None, level, false);
         assert!(text(LevelFilter::DEBUG).contains("not \"told\""));

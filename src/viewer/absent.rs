@@ -50,11 +50,6 @@ impl LiveServer {
     pub fn uri(&self) -> &str {
         match *self {}
     }
-
-    /// Messages dropped.
-    pub fn dropped(&self) -> u64 {
-        match *self {}
-    }
 }
 
 /// Refuses every mode but [`RerunMode::Off`].

@@ -79,13 +79,4 @@ mod tests {
             ]
         );
     }
-
-    #[test]
-    fn batch_without_a_completed_run_has_no_figures() {
-        let lines = lines(&summary(vec![run(1, Outcome::Failed, 1.0)]));
-        assert_eq!(
-            lines,
-            ["ring on upm-2, 2 seeds: 0 completed, 1 failed, 1 not started", "  seed 1 failed: as seed 1 has it"]
-        );
-    }
 }

@@ -32,13 +32,6 @@ impl Canvas {
         });
     }
 
-    /// An upright cross with arms of length `arm`, px.
-    pub fn cross(&mut self, center: Vec2, arm: f64, color: [u8; 3]) {
-        for arm in [Vec2::new(arm, 0.0), Vec2::new(0.0, arm)] {
-            self.line(center - arm, center + arm, color);
-        }
-    }
-
     /// Colours the pixels at most half a line's width away by `distance`, within `reach` of the box from `first` to
     /// `last`.
     fn stroke(&mut self, [first, last]: [Vec2; 2], reach: f64, color: [u8; 3], distance: impl Fn(Vec2) -> f64) {
@@ -89,7 +82,6 @@ mod tests {
         let mut canvas = Canvas::new(RgbImage::new(8, 8));
         canvas.circle(Vec2::new(-1e9, 1e12), 3.0, [255, 0, 0]);
         canvas.line(Vec2::new(f64::NAN, 0.0), Vec2::new(1.0, f64::INFINITY), [255, 0, 0]);
-        canvas.cross(Vec2::new(40.0, -40.0), 2.0, [255, 0, 0]);
         assert_eq!(ink(&canvas), 0.0);
     }
 }

@@ -101,7 +101,7 @@ fn overlay(found: &LocalisedRecord, kinds: &[&str], picture: RgbImage) -> RgbIma
     for (part, kind) in found.detections.iter().zip(kinds) {
         let color = palette.kind(kind).unwrap_or(FOUND);
         canvas.circle(part.center_px, part.radius_px, color);
-        canvas.cross(part.center_px, 0.25 * part.radius_px, color);
+        canvas.circle(part.center_px, canvas.line_px, color);
     }
     canvas.image
 }

@@ -2,7 +2,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 
 use rerun::external::re_log_encoding::{Encoder, EncodingOptions};
 use rerun::log::LogMsg;
@@ -43,13 +43,13 @@ impl RrdFile {
 
     /// Disconnects all viewers.
     pub(super) fn disconnect(&self) {
-        self.state().feeds.clear();
+        self.0.lock().feeds.clear();
     }
 
     /// Writes the footer and closes the file; viewers are still fed. Returns bytes and messages written, or the first
     /// failed write.
     pub(super) fn close(&self) -> Result<(u64, u64), String> {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         if let Some(mut encoder) = state.encoder.take() {
             match encoder.finish().and_then(|()| encoder.into_inner()) {
                 Ok(_) => self.1.close(),
@@ -68,15 +68,11 @@ impl RrdFile {
         self.1.fail(fault.as_str());
         state.fault.get_or_insert(fault);
     }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.0.lock()
-    }
 }
 
 impl LogSink for RrdFile {
     fn send(&self, message: LogMsg) {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         match state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
             Some(Ok(_)) => state.messages += 1,
             Some(Err(fault)) => self.fail(&mut state, fault.to_string()),

@@ -165,7 +165,8 @@ impl Running {
     /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
     /// `close`.
     fn send(&mut self, message: Message) {
-        if let Some(Err(QueueError::Full(_))) = self.queue.as_ref().map(|queue| queue.send(message)) {
+        let Some(queue) = &self.queue else { return };
+        if let Err(QueueError::Full(_)) = queue.send(message) {
             self.handle.fail("the recorder lags");
             self.queue = None;
         }
