@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The same pictures through OpenCV and through upm, one core, one run: time and error side by side.
 
-usage: compare_opencv.py [--upm target/debug/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10] [--json]
+usage: compare_opencv.py [--upm target/debug/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10]
 
 Pictures: `upm render --scene papers`, a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
 sizes of plate and penny and that parts are dark. OpenCV and numpy are installed from PyPI into the folder `--venv` when
@@ -11,15 +11,13 @@ In the pipelines that are judged OpenCV finds the table by GaussianBlur, Canny, 
 cornerSubPix; parts within the plate's box, what is outside the plate masked. "kernel" convolves with a solid disk and
 takes blobs or maxima of the response: every way of filter2D and matchTemplate, every way to read off peaks, several
 thresholds are tried, and the fastest that finds all parts and invents none in all scenes is the one compared. "circles"
-is HoughCircles, tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none. "contours"
-is not judged: threshold, contours and a distance transform find this plate in this light quickly, but take the largest
-bright thing for a plate and need one threshold for all of it. It is there to be seen.
+is HoughCircles, tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none.
 
 Times are wall time, medians of repeats, from the 8-bit picture in memory to centres and corners. Those of upm are
 `time_us.table + time_us.parts`, what `upm locate` takes for that with all kernels and plans made anew, without its survey
-of discs that it was not told of; the same picture is given several times to one process, whose first time is told apart
-as "cold". Repeats of all take turns, and everything runs on one and the same core. The ratio of medians is judged; that
-of the least times is printed for busy machines. Centres are held against the truth, px; a part is missed when nothing is
+of discs that it was not told of; the same picture is given several times to one process, the first of them not counted.
+Repeats of all take turns, and everything runs on one and the same core. The ratio of medians is judged; that of the least
+times is printed for busy machines. Centres are held against the truth, px; a part is missed when nothing is
 found within 2 px.
 
 Exit status 1 when upm is less than `--bar` times as fast as either pipeline in any scene, or misses or invents a part.
@@ -112,40 +110,33 @@ def fastest(scenes, candidates):
 
 
 def run_upm(upm, scene, repeats):
-    """What `upm locate` finds, and its times in ms, the first of them cold."""
+    """What `upm locate` finds, and its times in ms, the first of them left out."""
     told = ["--kinds", "penny", "--plate-side-mm", "203.2"]
     done = subprocess.run([upm, "locate", "--json", *told, *[scene.path] * (repeats + 1)], capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stderr.strip())
     looks = [json.loads(line) for line in done.stdout.splitlines()]
-    steps = [(1e-3 * look["time_us"]["table"], 1e-3 * look["time_us"]["parts"]) for look in looks]
+    times = [1e-3 * (look["time_us"]["table"] + look["time_us"]["parts"]) for look in looks]
     found = looks[-1]["table"]["corners_px"], [part["center_px"] for part in looks[-1]["parts"]]
-    return found, steps
+    return found, times[1:]
 
 
 def compare(upm, scene, pipelines):
     """Time and error of all in one scene."""
-    times, steps, cold = {name: [] for name in pipelines}, [], []
-    table_ms = []
+    times = {name: [] for name in [*pipelines, "upm"]}
     for _ in range(ROUNDS):
         for name, pipeline in pipelines.items():
             times[name] += milliseconds(lambda: pipeline(scene.gray), REPEATS)
-        table_ms += milliseconds(lambda: opencv.find_table(scene.gray), REPEATS)
-        found, looks = run_upm(upm, scene, REPEATS)
-        cold.append(sum(looks[0]))
-        steps += looks[1:]
-    times["upm"] = [sum(look) for look in steps]
-    rows = {
-        name: {"median_ms": statistics.median(ms), "least_ms": min(ms)} for name, ms in times.items()
-    }
-    rows["upm"] |= {"table_ms": statistics.median(t for t, _ in steps), "cold_ms": statistics.median(cold)}
+        found, of_upm = run_upm(upm, scene, REPEATS)
+        times["upm"] += of_upm
+    rows = {name: {"median_ms": statistics.median(ms), "least_ms": min(ms)} for name, ms in times.items()}
     for name, pipeline in pipelines.items():
         rows[name] |= scene.errors(pipeline(scene.gray))
     rows["upm"] |= scene.errors(found)
     for row in rows.values():
         row["ratio"] = row["median_ms"] / rows["upm"]["median_ms"]
         row["least_ratio"] = row["least_ms"] / rows["upm"]["least_ms"]
-    return {"seed": scene.seed, "opencv_table_ms": statistics.median(table_ms), "rows": rows}
+    return {"seed": scene.seed, "rows": rows}
 
 
 def print_scene(result):
@@ -159,9 +150,6 @@ def print_scene(result):
             f"{row['center_rms_px']:12.4f}{row['center_worst_px']:12.4f}{row['corner_rms_px']:12.4f}"
             f"{row['missed']:12}{row['invented']:12}"
         )
-    upm = result["rows"]["upm"]
-    print(f"  of these the table: OpenCV {result['opencv_table_ms']:.3f} ms, upm {upm['table_ms']:.3f} ms")
-    print(f"  upm cold: {upm['cold_ms']:.3f} ms")
 
 
 def bars(results, bar):
@@ -180,7 +168,6 @@ def main():
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/compare-opencv")
     parser.add_argument("--scenes", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--bar", type=float, default=10)
-    parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
     enter_venv(args.venv, PACKAGES, ["cv2", "numpy"])
 
@@ -197,25 +184,17 @@ def main():
         scenes = [Scene(args.upm, seed, pathlib.Path(folder)) for seed in args.scenes]
         kernel_name, kernel, kernels = fastest(scenes, opencv.kernel_candidates())
         circle_name, circles, circle_ways = fastest(scenes, opencv.circle_candidates())
-        pipelines = {"kernel": kernel, "circles": circles, "contours": opencv.contour_pipeline}
+        pipelines = {"kernel": kernel, "circles": circles}
         results = [compare(args.upm, scene, pipelines) for scene in scenes]
     version = subprocess.run([args.upm, "--version"], capture_output=True, text=True).stdout.strip()
-    versions = {"upm": version, "opencv": cv2.__version__, "numpy": np.__version__}
-    settings = {"kernel": kernel_name, "circles": circle_name}
-    if args.json:
-        ways = {"kernel_ms": dict(kernels), "circles_ms": dict(circle_ways)}
-        print(json.dumps({"versions": versions, "settings": settings, "tried": ways, "scenes": results}, indent=1))
-    else:
-        print(f"{version}, OpenCV {cv2.__version__}, numpy {np.__version__}, one core, one thread")
-        print(f"kernel pipelines that find all: {len(kernels)}; the fastest, least ms in the first scene")
-        for name, ms in kernels[:8]:
-            print(f"  {ms:8.2f}  {name}{'  <- compared' if name == kernel_name else ''}")
-        print(f"of {len(circle_ways)} settings of HoughCircles that find all the fastest is {circle_name}")
-        for result in results:
-            print_scene(result)
-        print("\njudged, the worst scene")
-        for what, worst, allowed, met in bars(results, args.bar):
-            print(f"  {what:24}{worst:>10}  allowed: {allowed:13} {'ok' if met else 'MISSED'}")
+    print(f"{version}, OpenCV {cv2.__version__}, numpy {np.__version__}, one core, one thread")
+    print(f"the fastest that find all: of {len(kernels)} kernel pipelines {kernel_name}")
+    print(f"  of {len(circle_ways)} settings of HoughCircles {circle_name}")
+    for result in results:
+        print_scene(result)
+    print("\njudged, the worst scene")
+    for what, worst, allowed, met in bars(results, args.bar):
+        print(f"  {what:24}{worst:>10}  allowed: {allowed:13} {'ok' if met else 'MISSED'}")
     sys.exit(0 if all(met for *_, met in bars(results, args.bar)) else 1)
 
 

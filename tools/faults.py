@@ -17,11 +17,11 @@ schedules  the 55 schedules with a name, against the bars by which their faults 
 daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
            plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
            `resume` (O9), and each run ends as it does alone (O10). Emergency stops in the middle of runs with faults.
-shrink     makes the case of a seed small: fewer faults, fewer parts, rounder onsets.
+shrink     makes the case of a seed small: fewer faults.
 judge      the oracle alone, over run folders.
 mutants    switches one guard off after the other (a build with the feature `mutants`), and counts the seeds until a rule is
            broken that is not broken with all guards on.
-selftest   the oracle and the shrinker over run folders made by hand, the rules of the daemon over answers made by hand.
+selftest   the oracle over run folders made by hand, the rules of the daemon over answers made by hand.
 
 Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
 """

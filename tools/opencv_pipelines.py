@@ -159,23 +159,6 @@ def circle_pipeline(method, dp, edge, votes):
     return pipeline
 
 
-def contour_pipeline(gray):
-    """Largest bright outline, its four corners; cores of what is dark inside."""
-    blurred = cv2.GaussianBlur(gray, (3, 3), 0)
-    _, bright = cv2.threshold(blurred, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    outline = cv2.convexHull(max(outlines, key=cv2.contourArea))
-    corners = cv2.approxPolyDP(outline, 0.02 * cv2.arcLength(outline, True), True).astype(np.float32)
-    if len(corners) != 4:
-        raise NotFound
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 0.01)
-    corners = cv2.cornerSubPix(gray, corners, (5, 5), (-1, -1), criteria)[:, 0]
-    first, dark = darkness(corners, gray)
-    _, dark = cv2.threshold(dark, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    depth = cv2.distanceTransform(dark, cv2.DIST_L2, 3)
-    return corners, blob_moments(depth, 0.6 * radius_of(corners)) + first
-
-
 def kernel_candidates():
     """Every kernel pipeline by name, for all thresholds."""
     u8, f32 = np.uint8, np.float32

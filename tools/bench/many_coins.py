@@ -6,17 +6,14 @@ usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthe
 
 Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
 relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
-seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables, the last one in
-Markdown:
+seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables:
 
   jobs        --seeds runs of each job, --jobs at once, and the bars that they miss. Prediction errors and speed are medians
               over the runs; speed is that of --jobs runs at once.
-  alone       --alone runs of arrange-8 and arrange-16 one at a time on one core, of arrange-8 with recording too (with
-              rotations of arrange-16, on one core and on all): planning times and the speed of the whole. The p99 of planning
-              is over the cycles of all runs; that of the worst run is told beside it, which with fewer than 100 cycles in a
-              run is its longest.
-  comparison  the arrange jobs beside what others reported: --compare runs with each of the other planners, from the same
-              starts to the same targets. In it a run of more than --compare-limit s of plate time is not done, whosever it is.
+  alone       --alone runs of arrange-8 and arrange-16 one at a time on one core: planning times, with the p99 over the cycles
+              of all runs, and speed; of one job with recording, too, rotations on all cores.
+  comparison  --compare runs of the arrange jobs with each of the other planners, from the same starts to the same targets; a
+              run of more than --compare-limit s of plate time is not done.
 
 Exit status 1 when a bar is missed.
 """
@@ -56,13 +53,6 @@ PLANNERS = {
     "cor_sequence": "COR sequences",
     "synthesized_field": "synthesised fields",
 }
-
-# what others moved at once; neither speed nor accuracy of the papers' rigs was published
-REPORTED = [
-    ("1", "along a plus sign: first prototype, 8 in plate (Reznik, Moshkovich, Canny); no times published"),
-    ("3", "second rig (the same authors), which also sorted 8 chips one at a time; no times published"),
-    ("6", "best elsewhere, on a vibrating plate; another task"),
-]
 
 
 def arrange(parts):
@@ -237,16 +227,14 @@ def p99(found):
     return sorted(found)[math.ceil(0.99 * len(found)) - 1]
 
 
-HEAD = "job         seed outcome      plate s  pulses  touch   lost   err mm path rms   phase  times  reason"
+HEAD = "job         seed outcome      plate s  touch   lost   err mm path rms   phase  times  reason"
 
 
 def line(name, seed, report):
-    counts = "".join(shown(value(report, key), 0, width) for key, width in (("pulses", 8), ("collisions", 7), ("lost_parts", 7)))
-    return (
-        f"{name:11} {seed:4d} {report['outcome']:10s} {shown(value(report, 'plate_time_s'))}{counts}"
-        f"{shown(value(report, 'max_error_mm'), 3)}{shown(value(report, 'cross_track_rms_mm'), 3)}"
-        f"{shown(value(report, 'phase_error_max'), 3, 8)}{shown(speed(report), 1, 7)}  {report['reason']}"
-    )
+    counts = "".join(shown(value(report, key), 0, 7) for key in ("collisions", "lost_parts"))
+    errors = "".join(shown(value(report, key), 3) for key in ("max_error_mm", "cross_track_rms_mm", "phase_error_max"))
+    plate_s, times = shown(value(report, "plate_time_s")), shown(speed(report), 1, 7)
+    return f"{name:11} {seed:4d} {report['outcome']:10s} {plate_s}{counts}{errors}{times}  {report['reason']}"
 
 
 def completed(reports, most_s=math.inf):
@@ -277,23 +265,21 @@ def misses(name, reports):
 
 
 def print_jobs(campaign, at_once):
-    print(f"\njobs, {at_once} at once")
-    print(
-        "job           done  touches   lost  worst err mm  median s (bar)   worst s   predicted mm: library   learned"
-        "  path rms mm  phase  times"
-    )
+    print(f"\njobs, {at_once} at once; largest errors, median of predicted errors and of speeds")
+    print("job           done  touch   lost   err mm  median s (bar)  worst s  library  learned path rms    phase    times")
     for name, reports in campaign.items():
-        bar = JOBS[name].median_s
-        predicted = [over(statistics.median, values(reports, "prediction_error_mm", key)) for key in ("library", "learned")]
-        worst_s = over(max, values(completed(reports), "plate_time_s"))
-        print(
-            f"{name:11} {len(completed(reports)):3d}/{len(reports):<3d} {shown(over(sum, values(reports, 'collisions')), 0, 7)} "
-            f"{shown(over(sum, values(reports, 'lost_parts')), 0, 6)} {shown(over(max, values(completed(reports), 'max_error_mm')), 3, 13)} "
-            f"{shown(median_s(reports))} {'' if bar is None else f'({bar:g})':>5} {shown(worst_s)} "
-            f"{shown(predicted[0], 3, 23)} {shown(predicted[1], 3)} {shown(over(max, values(reports, 'cross_track_rms_mm')), 3, 12)} "
-            f"{shown(over(max, values(reports, 'phase_error_max')), 3, 6)} "
-            f"{shown(over(statistics.median, [s for s in map(speed, reports) if s]), 1, 6)}"
-        )
+        done, bar = completed(reports), JOBS[name].median_s
+        figures = [
+            shown(over(sum, values(reports, "collisions")), 0, 6),
+            shown(over(sum, values(reports, "lost_parts")), 0, 6),
+            shown(over(max, values(done, "max_error_mm")), 3),
+            f"{shown(median_s(reports))} {'' if bar is None else f'({bar:g})':>5}",
+            shown(over(max, values(done, "plate_time_s"))),
+            *(shown(over(statistics.median, values(reports, "prediction_error_mm", of)), 3, 8) for of in ("library", "learned")),
+            *(shown(over(max, values(reports, key)), 3, 8) for key in ("cross_track_rms_mm", "phase_error_max")),
+            shown(over(statistics.median, [s for s in map(speed, reports) if s]), 1, 8),
+        ]
+        print(f"{name:11} {len(done):3d}/{len(reports):<3d} {' '.join(figures)}")
 
 
 def alone(bench, names, planner, seeds):
@@ -303,26 +289,21 @@ def alone(bench, names, planner, seeds):
         reports = [bench.run(name, planner, seed, one_core=True) for seed in range(1, seeds + 1)]
         bars = zip(("new_ms", "correction_ms"), ROTATION_P99_MS[name]) if planner == ROTATIONS else [("plan_ms", PLAN_P99_MS[name])]
         for key, bar in bars:
-            by_run = [found for found in values(reports, key) if found]
-            cycles = [ms for found in by_run for ms in found]
-            figures = [over(p99, cycles), over(statistics.median, cycles), over(max, [p99(found) for found in by_run])]
-            of_all, median, worst = (shown(figure, 2, 0) for figure in figures)
-            print(f"{name:11} {KINDS[key]} p99 {of_all} ms of {len(cycles)} cycles, bar {bar:g}; median {median}, p99 of the worst run {worst}")
+            cycles = [ms for found in values(reports, key) for ms in found]
+            of_all, median = (shown(over(figure, cycles), 2, 0) for figure in (p99, statistics.median))
+            print(f"{name:11} {KINDS[key]} p99 {of_all} ms of {len(cycles)} cycles, bar {bar:g}; median {median}")
             if not cycles or p99(cycles) > bar:
                 yield f"{name}: {KINDS[key]} p99 {of_all} ms, bar {bar:g}"
         print(f"{name:11} without recording {speeds(reports)}", flush=True)
     recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else (RECORDED, RECORDED_SPEED)
     if recorded in names:
         # a recording is written beside the loop: rotations are held to their bar as people run them, on all cores
-        barred = "all cores" if planner == ROTATIONS else "one core"
-        for cores in sorted({"one core", barred}, reverse=True):
-            one_core = cores == "one core"
-            reports = [bench.run(recorded, planner, seed, rerun="save", one_core=one_core) for seed in range(1, seeds + 1)]
-            found = [times for times in map(speed, reports) if times]
-            held = cores == barred
-            print(f"{recorded:11} with recording on {cores} {speeds(reports)}{f', bar {bar:g}' if held else ''}", flush=True)
-            if held and (not found or statistics.median(found) < bar):
-                yield f"{recorded}: with recording on {cores} {speeds(reports)}, bar {bar:g}"
+        one_core = planner != ROTATIONS
+        reports = [bench.run(recorded, planner, seed, rerun="save", one_core=one_core) for seed in range(1, seeds + 1)]
+        found = [times for times in map(speed, reports) if times]
+        print(f"{recorded:11} with recording {speeds(reports)}, bar {bar:g}", flush=True)
+        if not found or statistics.median(found) < bar:
+            yield f"{recorded}: with recording {speeds(reports)}, bar {bar:g}"
 
 
 def speeds(reports):
@@ -334,23 +315,11 @@ def speeds(reports):
 def print_comparison(campaigns, names, most_s):
     """`campaigns`: reports by job, by planner."""
     print(f"\ncomparison; a run of more than {most_s:g} s of plate time counts as not done")
-    planners = [planner for planner in PLANNERS if planner in campaigns]
-    print(f"\n| parts at once | as reported | {' | '.join(PLANNERS[planner] for planner in planners)} |")
-    print(f"|{'---|' * (2 + len(planners))}")
-    for parts, what in REPORTED:
-        print(f"| {parts} | {what} |{' - |' * len(planners)}")
     for name in names:
-        cells = " | ".join(in_words(campaigns[planner][name], most_s) for planner in planners)
-        print(f"| {name.removeprefix('arrange-')} pennies to random places | - | {cells} |")
-
-
-def in_words(reports, most_s):
-    """`9 of 10, 8.2 s, 1 touch, 0 lost`: the time is the median."""
-    median = median_s(reports, most_s)
-    time = "most not done" if median is None else f"{median:.1f} s"
-    touches, lost = (sum(values(reports, key)) for key in ("collisions", "lost_parts"))
-    done = f"{len(completed(reports, most_s))} of {len(reports)}"
-    return f"{done}, {time}, {touches} touch{'' if touches == 1 else 'es'}, {lost} lost"
+        for planner, reports in ((planner, campaign[name]) for planner, campaign in campaigns.items()):
+            median, lost = median_s(reports, most_s), sum(values(reports, "lost_parts"))
+            time = "most not done" if median is None else f"{median:.1f} s"
+            print(f"{name:11} {PLANNERS[planner]:32} {len(completed(reports, most_s))} of {len(reports)}, {time}, {lost} lost")
 
 
 def main():

@@ -3,12 +3,11 @@ import json
 import pathlib
 import random
 import tempfile
-import types
 import unittest
 
 from . import campaign, detection, jobs, oracle, schedules, shrink, tables, vocabulary
 from .runs import Process
-from .vocabulary import FOR_GOOD, Fault
+from .vocabulary import Fault
 
 CYCLE_S, FRAME_S = 0.5, 1 / 60
 STRONG = [[[300.0, 0.0]], [[200.0, 0.0]], [[250.0, 0.0]], [[250.0, 0.0]]]
@@ -103,11 +102,6 @@ class Claims(unittest.TestCase):
         folder.report["outcome"] = "failed"
         self.assertEqual(folder.rules(), [])
 
-    def test_completed_without_faults_is_judged_by_the_report(self):
-        folder = Folder()
-        folder.true = lambda part, at_s: (folder.target(part)[0] + 0.7, 0.0, 1)
-        self.assertEqual(folder.rules(), ["O1"])
-
     def test_targets_that_are_not_the_jobs_are_a_false_success(self):
         run, _ = Folder("light:gain=0.9@0").judged()
         run.job["task"]["targets_mm"] = [[50.0, 1.0], [-50.0, 0.0]]
@@ -178,15 +172,6 @@ class Claims(unittest.TestCase):
         folder.seen = lambda part, at_s: (1.0, 5.0 * at_s)
         self.assertEqual(folder.rules(), ["O1"])
 
-    def test_endless_job_may_rest_after_its_time_limit(self):
-        for limit_s, rules in ((10.0, []), (16.0, ["O1"])):
-            folder = Folder("light:gain=0.9@0", cycles=20)
-            folder.job["task"] |= {"type": "plus_sign", "laps": 0}
-            folder.job["limits"] = {"plate_time_s": limit_s}
-            folder.true = lambda part, at_s: (0.0, 5.0 * min(at_s, 10.0), 1)
-            folder.end_s = 16.0
-            self.assertEqual([rule for rule in folder.rules() if rule == "O1"], rules)
-
 
 class Detection(unittest.TestCase):
     def test_pulses_after_a_freeze_break_the_bar_and_a_stop_holds_it(self):
@@ -221,20 +206,6 @@ class Detection(unittest.TestCase):
         self.assertEqual(Folder("camera:late=4@0.9").rules(), ["O2"])
         self.assertEqual(Folder("camera:late=4@0.9,plate:bumped=2;1@1.4").rules(), [], "a plate that was pushed")
         self.assertEqual(Folder("camera:late=4@0").guard("camera_late", 1.1, stops=True).rules(), [])
-
-    def test_pulses_late_by_two_equal_ones_are_no_measure(self):
-        run = types.SimpleNamespace(frame_s=FRAME_S)
-
-        def seems_in_time(counts, late_frames):
-            rows = [oracle.Pulse(0.2 * k, 0.02, 0.1, 0.02, 60.0, coils) for k, coils in enumerate(counts)]
-            run.pulses = rows
-            return detection.seems_in_time(run, rows[-1], late_frames)
-
-        strong, weak = [[300.0, 0.0], [-200.0, 5.0]], [[280.0, 0.0], [-200.0, 5.0]]
-        self.assertTrue(seems_in_time([strong] * 3, 12) and seems_in_time([strong] * 3, 24))
-        self.assertFalse(seems_in_time([strong] * 3, 18), "between two pulses")
-        self.assertFalse(seems_in_time([weak, strong, strong], 24), "another pulse")
-        self.assertFalse(seems_in_time([[[300.0, 0.0, 9.0]], strong, strong], 24), "of more harmonics")
 
     def test_second_pulse_with_a_lying_coil_breaks_the_bar(self):
         for fault in ("coil0:dead@0", "coil2:reversed@0", "coils:swapped=0;2@0", "coils:dead@0", "coil1:stuck@0"):
@@ -355,68 +326,29 @@ class OtherRules(unittest.TestCase):
         self.assertEqual(folder.rules(is_liveness=True), ["O9"])
         self.assertEqual(Folder("light:gain=0.9@0-2").guard("time_limit", 3.0, stops=True).rules(is_liveness=True), [])
 
-    def test_onsets_have_phases(self):
-        run, _ = Folder("light:gain=0.9@0").judged()
-        times_s = (0.01, 0.0338, 0.05, 0.2, 0.42, 0.5, 0.53, 0.5335)
-        phases = ["first look", "plan", "attack", "sustain", "decay", "rest", "learn", "plan"]
-        self.assertEqual([campaign.phase_of(run, at_s) for at_s in times_s], phases)
 
-
-class Shrinking(unittest.TestCase):
+class Drawing(unittest.TestCase):
     def test_ddmin_finds_what_matters(self):
         for wanted in ({3}, {0, 7}, {1, 4, 6}):
             self.assertEqual(set(shrink.ddmin(range(8), lambda some: wanted <= set(some))), wanted)
 
-    def test_case_shrinks_to_one_fault_one_part_and_a_round_onset(self):
-        made = jobs.make(random.Random(1), "sort8", seed=1)
-        texts = ("light:gain=0.9@0.2", "part5:ice@1.234-2.334", "camera:dark@3-4", "part2:glued@0.1")
-        faults = [Fault.parse(text) for text in texts]
-
-        def fails(made, faults):
-            ice = [fault for fault in faults if fault.kind == "ice"]
-            return bool(ice) and made.parts >= 2 and int(ice[0].component[4:]) < made.parts
-
-        small, left = shrink.Shrinker(fails, 200).shrink(made, faults)
-        self.assertEqual((small.parts, [str(fault) for fault in left]), (2, ["part0:ice@1-2.1"]))
-        self.assertEqual({row["kinds"][0] for row in small.job["task"]["bins"]}, set(small.kinds))
-
-    def test_shrinking_ends_after_so_many_runs(self):
-        made, runs = jobs.make(random.Random(1), "arr4", seed=1), []
-        faults = [Fault("light", "flicker", (float(i),), i) for i in range(30)]
-        shrink.Shrinker(lambda *case: bool(runs.append(case)), 10).shrink(made, faults)
-        self.assertEqual(len(runs), 10)
-
-
-class Drawing(unittest.TestCase):
     def test_draw_repeats_by_seed_and_holds_its_ranges(self):
         cases = [campaign.case_of(seed) for seed in range(600)]
         self.assertEqual(campaign.case_of(7), cases[7])
-        without = sum(not case.faults for case in cases)
-        self.assertTrue(80 < without < 160, without)
         self.assertEqual({case.made.template for case in cases}, set(jobs.TEMPLATES))
         for case in cases:
             for fault in case.faults:
+                self.assertEqual((Fault.parse(str(fault)), Fault.of(fault.row())), (fault, fault))
                 self.assertLess(fault.from_s, fault.to_s, str(fault))
                 self.assertTrue(not case.is_liveness or fault.to_s <= vocabulary.LIVENESS_END_S)
                 self.assertTrue(fault.group != "part" or int(fault.component[4:]) < case.made.parts)
-        names = {fault.name for case in cases for fault in case.faults}
         every = {f"{component.rstrip('0123456789')} {kind}" for component, kind, _ in vocabulary.vocabulary(2)}
-        self.assertEqual(names, every | {"camera exposure"})
-
-    def test_fault_reads_what_it_writes(self):
-        for text in ("camera:shift=3;-1.5@0.5", "coil0:reversed@1.2-2", "view:ghost=1;2@0", "camera:freeze@3"):
-            fault = Fault.parse(text)
-            self.assertEqual((str(fault), Fault.of(fault.row())), (text, fault))
-        self.assertEqual(Fault.parse("camera:dark"), Fault("camera", "dark", (), 0.0, FOR_GOOD))
-
-    def test_schedules_are_fifty_five_of_the_vocabulary(self):
-        every = {f"{component.rstrip('0123456789')} {kind}" for component, kind, _ in vocabulary.vocabulary(2)}
-        faults = [Fault.parse(text) for text in schedules.SCHEDULES.values()]
-        self.assertEqual(len(set(map(str, faults))), 55)
-        self.assertLessEqual({fault.name for fault in faults}, every)
+        self.assertEqual({fault.name for case in cases for fault in case.faults}, every | {"camera exposure"})
+        named = [Fault.parse(text) for text in schedules.SCHEDULES.values()]
+        self.assertEqual(len(set(map(str, named))), 55)
+        self.assertLessEqual({fault.name for fault in named}, every)
 
     def test_bound_of_a_rate(self):
         self.assertEqual(tables.upper_bound(0, 300), 0.01)
-        # Clopper and Pearson, one-sided 95 %: 1 of 100 and 5 of 50
-        self.assertAlmostEqual(tables.upper_bound(1, 100), 0.04656, places=4)
+        # Clopper and Pearson, one-sided 95 %: 5 of 50
         self.assertAlmostEqual(tables.upper_bound(5, 50), 0.19884, places=3)
