@@ -1,0 +1,231 @@
+//! The closed loop through the command line: run, report, journal, verification, endings.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{file, read, root, run, status, upm};
+
+/// A job on a shipped rig, written to `folder`.
+fn job(folder: &Path, rig: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut job = json!({
+        "name": "test",
+        "seed": 3,
+        "rig": root().join(format!("configs/rigs/{rig}.json")),
+        "parts": [{"kind": "penny"}],
+        "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50},
+        "limits": {"plate_time_s": 200},
+    });
+    change(&mut job);
+    file(folder, "job.json", &job)
+}
+
+/// Runs a job in a new folder.
+fn outcome(rig: &str, change: impl FnOnce(&mut Value), expected: i32) -> (TempDir, PathBuf, Value) {
+    let folder = TempDir::new().unwrap();
+    let (run, report) = run(&job(folder.path(), rig, change), &folder.path().join("out"), &[], expected);
+    (folder, run, report)
+}
+
+fn journal(run: &Path) -> Vec<u8> {
+    fs::read(run.join("journal.jsonl")).unwrap()
+}
+
+#[track_caller]
+fn assert_at_most(report: &Value, bars: &[(&str, f64)]) {
+    for (key, bar) in bars {
+        assert!(report[key].as_f64().is_some_and(|value| value <= *bar), "{key}: at most {bar}: {report}");
+    }
+}
+
+#[test]
+fn plus_sign_completes_on_the_weak_rig() {
+    let (_folder, run, report) = outcome("upm-1", |_| (), 0);
+    assert_eq!((&report["outcome"], &report["laps"]), (&json!("completed"), &json!(1)));
+    let bars = [("cross_track_max_mm", 0.6), ("sensing_rms_error_mm", 0.1), ("max_error_mm", 0.6), ("lost_parts", 0.0)];
+    assert_at_most(&report, &bars);
+    let saved: Value = serde_json::from_str(&fs::read_to_string(run.join("report.json")).unwrap()).unwrap();
+    assert_eq!(saved, report);
+}
+
+#[test]
+fn two_coins_follow_their_own_paths_on_the_strong_rig() {
+    let change = |job: &mut Value| {
+        job["parts"] = json!([
+            {"kind": "penny", "position_mm": [-70, 0]},
+            {"kind": "quarter", "position_mm": [70, 0]},
+        ]);
+        job["task"] = json!({"type": "trajectories", "paths": [
+            {"waypoints_mm": [[-70, 20], [-50, 20]], "speed_mm_s": 15, "repeat": 1},
+            {"waypoints_mm": [[70, -20], [50, 0]], "speed_mm_s": 15, "repeat": 1},
+        ]});
+    };
+    assert_at_most(&outcome("upm-2", change, 0).2, &[("max_error_mm", 1.0), ("collisions", 0.0)]);
+}
+
+#[test]
+fn run_is_repeated_byte_for_byte_from_its_folder_and_by_its_seed_alone() {
+    for rig in ["upm-1", "upm-2"] {
+        let folder = TempDir::new().unwrap();
+        let made = |seed: u64, out: &str, rerun: &str| {
+            let file = job(folder.path(), rig, |job| {
+                job["limits"]["plate_time_s"] = json!(4);
+                job["seed"] = json!(seed);
+            });
+            let out = folder.path().join(out);
+            upm().args(["run", "-q", "--rerun", rerun]).arg(file).arg("--out").arg(&out).output().unwrap();
+            fs::read_dir(out).unwrap().next().unwrap().unwrap().path()
+        };
+        let recorded = if cfg!(feature = "rerun") { "save" } else { "off" };
+        let runs = [made(3, "a", "off"), made(3, "b", recorded), made(4, "c", "off")];
+        let [a, b, other] = [0, 1, 2].map(|i| journal(&runs[i]));
+        assert!(a.len() > 1000 && a == b && a != other, "{rig}: equal seeds, equal journals; with a recording, too");
+        fs::remove_file(folder.path().join("job.json")).unwrap();
+        status(&["verify", runs[0].to_str().unwrap()], 0);
+        let changed = String::from_utf8(a).unwrap().replacen("\"cycle\":1", "\"cycle\":9", 1);
+        fs::write(runs[0].join("journal.jsonl"), changed).unwrap();
+        status(&["verify", runs[0].to_str().unwrap()], 1);
+    }
+}
+
+#[test]
+fn run_that_fails_says_why() {
+    type Change = fn(&mut Value);
+    let cases: [(Change, &str, &str, i32); 2] = [
+        (|job| job["limits"]["plate_time_s"] = json!(1.5), "time_limit", "1.5 s", 0),
+        (
+            |job| job["faults"] = json!([{"component": "part0", "kind": "removed", "from_s": 1.0}]),
+            "part_lost",
+            "penny-1 is lost",
+            1,
+        ),
+    ];
+    for (change, code, reason, lost) in cases {
+        let (_folder, run, report) = outcome("upm-1", change, 1);
+        assert_eq!((&report["outcome"], &report["lost_parts"]), (&json!("failed"), &json!(lost)), "{report}");
+        assert_eq!(report["stop"]["code"], code);
+        assert!(report["reason"].as_str().unwrap().contains(reason) && !journal(&run).is_empty(), "{report}");
+    }
+}
+
+/// The shipped library of `upm-1`, altered by `change`, beside the job that names it.
+fn with_library(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut library = read("assets/libraries/upm-1.json");
+    change(&mut library);
+    file(folder, "library.json", &library);
+    job(folder, "upm-1", |job| job["library"] = json!("library.json"))
+}
+
+#[test]
+fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
+    let folder = TempDir::new().unwrap();
+    // a library with all directions reversed drives the coin away from its target
+    let file = with_library(folder.path(), |library| {
+        for entry in library["entries"].as_array_mut().unwrap() {
+            for amplitude in entry["amplitudes"].as_array_mut().unwrap() {
+                *amplitude = json!(-amplitude.as_i64().unwrap());
+            }
+        }
+    });
+    let (_, report) = run(&file, &folder.path().join("out"), &[], 1);
+    assert_eq!((&report["outcome"], &report["lost_parts"]), (&json!("failed"), &json!(0)));
+    let code = report["stop"]["code"].as_str().unwrap();
+    assert!(["motion_off", "coil_fault", "part_astray"].contains(&code), "{report}");
+}
+
+#[test]
+fn motions_out_of_the_motors_reach_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let file = with_library(folder.path(), |library| library["entries"][3]["amplitudes"] = json!([900, -900, 0, 0]));
+    let (_, stderr) = status(&["run", file.to_str().unwrap()], 2);
+    assert!(stderr.contains("library.json: entries[3].amplitudes: expected amplitudes"), "{stderr}");
+}
+
+#[test]
+fn an_interrupt_closes_the_run_in_good_order() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |job| {
+        job["task"]["laps"] = json!(0);
+        job["limits"]["plate_time_s"] = json!(3600);
+    });
+    let out = folder.path().join("out");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_upm"));
+    command.args(["run", "--json"]).arg(file).arg("--out").arg(&out).stdout(Stdio::piped()).stderr(Stdio::null());
+    let child = command.spawn().unwrap();
+    wait_for_cycle(&out);
+    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&report["outcome"], &report["stop"]["code"]), (&json!("cancelled"), &json!("interrupted")));
+    let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    let journal = String::from_utf8(journal(&folder)).unwrap();
+    assert!(journal.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "no half line");
+    assert!(folder.join("report.json").exists());
+    let verdict: Value = serde_json::from_str(&status(&["verify", folder.to_str().unwrap(), "--json"], 0).0).unwrap();
+    assert_eq!((&verdict["equal"], &verdict["stopped"]), (&json!(true), &json!(true)), "{verdict}");
+}
+
+/// Waits until a run in `out` has a cycle in its journal.
+pub(super) fn wait_for_cycle(out: &Path) {
+    let has_cycle = |run: fs::DirEntry| {
+        fs::read_to_string(run.path().join("journal.jsonl")).is_ok_and(|text| text.contains(r#""type":"cycle""#))
+    };
+    for _ in 0..6000 {
+        if fs::read_dir(out).is_ok_and(|mut runs| runs.any(|run| run.is_ok_and(has_cycle))) {
+            return;
+        }
+        sleep(Duration::from_millis(10));
+    }
+    panic!("no cycle is written");
+}
+
+#[test]
+fn a_run_in_real_time_counts_its_deadlines() {
+    let folder = TempDir::new().unwrap();
+    // at rest, so that a computer that stalls only misses deadlines
+    let file = job(folder.path(), "upm-1", |job| job["task"] = json!({"type": "hold", "duration_s": 0.5}));
+    let (_, report) = run(&file, &folder.path().join("out"), &["--pace", "real-time"], 0);
+    assert!(report["deadline_misses"].is_u64() && report["worst_late_frames"].is_u64(), "{report}");
+    assert!(report["behind_s"].is_f64(), "{report}");
+}
+
+#[test]
+#[cfg(feature = "rerun")]
+fn a_run_that_cannot_begin_leaves_its_reason() {
+    let folder = TempDir::new().unwrap();
+    let file = job(folder.path(), "upm-1", |_| ());
+    let out = folder.path().join("out");
+    let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun"];
+    status(&[&args[..], &["connect=nonsense"]].concat(), 2);
+    assert!(!out.exists(), "bad usage leaves nothing");
+    // with `CI` set, Rerun warns about a viewer that no one would see
+    let no_viewer = upm().args(args).arg("spawn").env("PATH", "").env_remove("CI").output().unwrap();
+    assert_eq!(no_viewer.status.code(), Some(1));
+    assert_eq!(String::from_utf8(no_viewer.stderr).unwrap().lines().count(), 1);
+    let folder = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    let report: Value = serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap();
+    assert_eq!(report["outcome"], "failed");
+    assert!(report["reason"].as_str().unwrap().contains("Rerun viewer"), "{report}");
+}
+
+/// Jobs as newcomers write them: short, without lists of coordinates computed by hand.
+#[test]
+fn short_jobs_complete() {
+    for name in ["line-10", "letters-16", "sort-8", "circle-turns"] {
+        let path = root().join(format!("configs/{name}.json"));
+        let text = fs::read_to_string(&path).unwrap();
+        let packed: String = text.split_whitespace().collect();
+        assert!(text.lines().count() <= 12 && !packed.contains("[["), "{name}: {text}");
+        // another seed than the shipped one, with which the ignored tests run every job
+        let out = TempDir::new().unwrap();
+        let (_, report) = run(&path, out.path(), &["--seed", "41"], 0);
+        assert_eq!(report["verdict"], "true", "{name}: where the parts truly are");
+    }
+}
