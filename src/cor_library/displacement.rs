@@ -136,15 +136,6 @@ mod tests {
     }
 
     #[test]
-    fn falls_to_nothing_on_a_slow_belt() {
-        let m = model();
-        assert_eq!(m.distance(0.0, 0.1), 0.0);
-        assert!((m.distance(0.025, 0.1) - 0.5e-3).abs() < 1e-15);
-        assert_eq!(DisplacementModel::default().distance(1.0, 1.0), 0.0);
-        assert_eq!(DisplacementModel::default().sustain_for(1.0, 1.0), None);
-    }
-
-    #[test]
     fn unreachable_distance_has_no_sustain() {
         let m = model();
         assert_eq!(m.sustain_for(0.2, 1e-4), None);

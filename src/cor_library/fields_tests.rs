@@ -112,53 +112,17 @@ fn unmeasured_wave_has_no_drive() {
 }
 
 #[test]
-fn null_fields_are_read_as_a_library_without_fields() {
-    let bare = Library { fields: None, ..library(Vec::new()) };
-    let text = bare.to_json();
-    assert!(!text.contains("fields"), "{text}");
-    let with_null = text.replacen("  \"rig\"", "  \"fields\": null,\n  \"rig\"", 1);
-    assert_eq!(Library::from_json(&with_null, "l.json").unwrap(), Library::from_json(&text, "l.json").unwrap());
-}
-
-#[test]
-fn a_harmonic_is_a_line_of_the_file() {
-    let text = library(vec![Matrix3::identity().map(|one: f64| Complex::new(0.0, -1e-3 * one)); 2]).to_json();
-    let line =
-        "    [[[0.0,-1.0],[0.0,0.0],[0.0,0.0]],[[0.0,0.0],[0.0,-1.0],[0.0,0.0]],[[0.0,0.0],[0.0,0.0],[0.0,-0.001]]]";
-    assert_eq!(text.lines().filter(|l| l.trim_end_matches(',') == line).count(), 2, "{text}");
-}
-
-#[test]
 fn values_no_rig_has_are_reported() {
-    let good = || library(responses(0.1, [0.0; 6]));
     let fault_lines = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
-        let mut bad = good();
+        let mut bad = library(responses(0.1, [0.0; 6]));
         bad.fields.as_mut().into_iter().for_each(change);
         Library::from_json(&bad.to_json(), "l").unwrap_err().iter().map(ToString::to_string).collect()
     };
-    type Change = fn(&mut FieldResponse);
-    let cases: [(Change, &str); 5] = [
-        (|f| f.base_radps = TAU * 0.5, "l: fields.base_hz: expected a number from 1 to 10000, found 0.5"),
-        (|f| f.rest_s = -1.0, "l: fields.rest_s: expected a number from 0 to 100, found -1.0"),
-        (|f| f.limit_counts = 0.0, "l: fields.limit_counts: expected a number from 1 to 1000000, found 0.0"),
-        (
-            |f| f.twist_from_counts.clear(),
-            "l: fields.twist_from_counts: expected a list of 1 or more items (a list of 3 items (a list of 3 items (a list of 2 items (a number from -100000 to 100000 each) each) each) each), found a list of 0",
-        ),
-        (
-            |f| f.twist_from_counts[1][(2, 2)] = Complex::new(0.0, -2e5),
-            "l: fields.twist_from_counts[1][2][2][1]: expected a number from -100000 to 100000, found -200000.0",
-        ),
-    ];
-    for (change, line) in cases {
-        assert_eq!(fault_lines(&change), [line]);
-    }
+    let faint = fault_lines(&|f| f.limit_counts = 0.0);
+    assert_eq!(faint, ["l: fields.limit_counts: expected a number from 1 to 1000000, found 0.0"]);
     let singular = fault_lines(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
     let allowed = "forces on x, y and spin that move the plate independently";
     assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: expected {allowed}, found a singular matrix")]);
-    let text = good().to_json().replacen("  \"limit_counts\": 2047.0,\n", "", 1);
-    let faults = Library::from_json(&text, "l").unwrap_err();
-    assert_eq!(faults[0].to_string(), "l: fields.limit_counts: expected a number from 1 to 1000000, found nothing");
 }
 
 #[test]

@@ -153,13 +153,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn one_entry_a_line() {
-        let text = library(three()).to_json();
-        let line = r#"    {"amplitudes":[100,-100,0,0],"velocity_mm_s":[100.0,0.0],"spin_rad_s":8.0}"#;
-        assert!(text.lines().any(|l| l == line), "{text}");
-    }
-
     fn fault_lines(text: &str) -> Vec<String> {
         let faults = Library::from_json(text, "l.json").unwrap_err();
         faults.iter().map(|fault| fault.to_string().replacen("l.json: ", "", 1)).collect()
@@ -192,62 +185,22 @@ mod tests {
             ["entries[2].spin_rad_s: expected a number from -10000 to 10000, found \"fast\""]
         );
         for (from, to, line) in [
-            (
-                "\"rest_s\"",
-                "\"color\": 1, \"rest_s\"",
-                "color: expected one of accelerometer_gain, attack_s, base_hz, displacement, entries, fields, fingerprint, motor_arrangement, plate, plate_side_mm, rest_s, rig, shapes, found unknown key \"color\"",
-            ),
             ("\"rest_s\": 0.03,", "", "rest_s: expected a number from 0 to 100, found nothing"),
             (
                 "\"rest_s\"",
                 "\"rig\": \"b\", \"rest_s\"",
                 "rig: expected each key once, found the key \"rig\" a second time",
             ),
-            (",\"spin_rad_s\":8.0", "", "entries[2].spin_rad_s: expected a number from -10000 to 10000, found nothing"),
-            (
-                "  \"speed_mm_s\": [100.0,500.0],",
-                "",
-                "displacement.speed_mm_s: expected a list of 2 or more items (a number from 0 to 100000 each), found nothing",
-            ),
-            (
-                "[100,",
-                "[3000000000,",
-                "entries[0].amplitudes[0]: expected a whole number from -1000000 to 1000000, found 3000000000",
-            ),
-            ("[100,", "[0.5,", "entries[0].amplitudes[0]: expected a whole number from -1000000 to 1000000, found 0.5"),
             (
                 "[100,-100,0,0]",
                 "[100,-100,0]",
                 "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found a list of 3",
             ),
-            (
-                "[100,-100,0,0]",
-                "[100,-100,0,0,0]",
-                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found a list of 5",
-            ),
-            (
-                "[100,-100,0,0]",
-                "{}",
-                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found an object",
-            ),
-            ("0.03", "null", "rest_s: expected a number from 0 to 100, found null"),
-            ("0.03", "[]", "rest_s: expected a number from 0 to 100, found []"),
         ] {
             let changed = text.replacen(from, to, 1);
             assert_ne!(changed, text, "{from}");
             assert_eq!(fault_lines(&changed), [line]);
         }
-        assert!(fault_lines("[]")[0].starts_with("expected "), "{:?}", fault_lines("[]"));
-        assert!(
-            fault_lines("{")[0]
-                .starts_with("expected JSON, found the end of the file: EOF while parsing an object at line 1"),
-            "{:?}",
-            fault_lines("{")
-        );
-        assert!(
-            fault_lines(&format!("{text} x"))[0].starts_with("expected JSON, found a mistake: trailing characters"),
-            "only one document a file"
-        );
     }
 
     #[test]
@@ -311,19 +264,12 @@ mod tests {
             fault_lines(&bad.to_json())
         };
         type Change = fn(&mut Library);
-        let cases: [(Change, &str); 12] = [
+        let cases: [(Change, &str); 6] = [
             (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: expected a number from -1000 to 1000, found 1e+300"),
-            (|l| l.base_radps = TAU * 20_000.0, "base_hz: expected a number from 1 to 10000, found 20000.0"),
-            (|l| l.plate_side_m = 0.0, "plate_side_mm: expected a number from 1 to 10000, found 0.0"),
-            (|l| l.accelerometer_gain[2] = 3.0, "accelerometer_gain[2]: expected a number from 0.5 to 2, found 3.0"),
             (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101.0"),
             (
                 |l| l.entries[1].amplitudes[2] = -1_000_001,
                 "entries[1].amplitudes[2]: expected a whole number from -1000000 to 1000000, found -1000001",
-            ),
-            (
-                |l| l.entries[0].amplitudes = [0; 4],
-                "entries[0].amplitudes: expected four that make a force or a torque, not all the same, found [0, 0, 0, 0]",
             ),
             (
                 |l| l.entries[0].amplitudes = [7; 4],
@@ -334,33 +280,12 @@ mod tests {
                 "entries[2].velocity_mm_s[1]: expected a number from -100000 to 100000, found 101000.0",
             ),
             (
-                |l| l.entries[2].pump = Twist::new(0.1, 0.0, -10_001.0),
-                "entries[2].spin_rad_s: expected a number from -10000 to 10000, found -10001.0",
-            ),
-            (
                 |l| l.displacement.distance_m[1][2] = 1.5,
                 "displacement.distance_mm[1][2]: expected a number from 0 to 1000, found 1500.0",
-            ),
-            (
-                |l| l.displacement.sustain_s[2] = 200.0,
-                "displacement.sustain_s[2]: expected a number from 0 to 100, found 200.0",
             ),
         ];
         for (change, line) in cases {
             assert_eq!(refused(&change), [line]);
         }
-    }
-
-    #[test]
-    fn goes_through_a_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("library.json");
-        library(three()).save(&path).unwrap();
-        let read = Library::load(&path).unwrap();
-        assert_eq!(read, Library::from_json(&library(three()).to_json(), "l.json").unwrap());
-        assert_eq!(read.entries.len(), 3);
-        let missing = Library::load(&folder.path().join("none.json")).unwrap_err();
-        let file = folder.path().join("none.json");
-        assert_eq!(missing[0].to_string(), format!("cannot read {}: no such file", file.display()));
     }
 }

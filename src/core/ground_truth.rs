@@ -79,23 +79,3 @@ impl GroundTruthHandle {
         self.0.lock()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Pose;
-
-    #[test]
-    fn parts_are_listed_as_they_were_seen() {
-        let at = |x: f64| PartTruth {
-            part_in_table: Pose { position_m: Vec2::new(x, 0.0), heading_rad: 0.0 },
-            velocity_mps: Vec2::zeros(),
-            on_plate: true,
-        };
-        let probe = GroundTruthHandle::default();
-        probe.update(|truth| truth.parts = vec![at(0.0), at(1.0), at(2.0)]);
-        probe.order_by(&[Vec2::new(2.1, 0.0), Vec2::new(0.1, 0.0)]);
-        let x: Vec<f64> = probe.read().parts.iter().map(|part| part.part_in_table.position_m.x).collect();
-        assert_eq!(x, [2.0, 0.0, 1.0]);
-    }
-}

@@ -186,34 +186,6 @@ mod tests {
     }
 
     #[test]
-    fn centers_are_fixed_and_spread() {
-        let mut planner = planner();
-        let centers: Vec<usize> = planner.plan(&scene(4, 3e-3, 1)).candidates;
-        assert_eq!(centers.len(), 8);
-        assert_eq!(planner.plan(&scene(4, 3e-3, 2)).candidates, centers, "wherever the parts are");
-        let center_m = |&entry: &usize| library().entries[entry].center_m().unwrap();
-        assert_eq!(center_m(&centers[0]), Vec2::zeros());
-        assert!(centers[1..5].iter().all(|c| (center_m(c).abs() - Vec2::repeat(HALF_SIDE_M)).norm() < 1e-9), "corners");
-        assert!(centers[5..].iter().all(|c| (center_m(c).norm() - HALF_SIDE_M).abs() < 1e-9), "middles of sides");
-        assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, centers[..4]);
-    }
-
-    #[test]
-    fn strong_and_gentle_entries_are_kept_apart() {
-        let mut mixed = (*library()).clone();
-        mixed.entries.iter_mut().skip(1).step_by(2).for_each(|entry| entry.pump = entry.pump * 0.01);
-        let [strong, gentle] = fixed_centers(&mixed, HALF_SIDE_M, 32);
-        assert_eq!((strong.len(), gentle.len()), (32, 32));
-        assert!(strong.iter().all(|entry| entry % 2 == 0), "{strong:?}");
-        assert!(gentle.iter().all(|entry| entry % 2 == 1), "{gentle:?}");
-        let mut planner = PseudoInverse::new(mixed.into(), PlannerParams { min_distance_m: 2e-5, ..params() });
-        assert_eq!(planner.plan(&scene(2, 3e-3, 1)).candidates, strong[..4]);
-        // along the field of the strong centre in the middle, less than half the distance of its shortest pulse
-        let plan = planner.plan(&[penny(mm(40.0, -40.0), mm(0.1, 0.1))]);
-        assert_eq!((plan.status, plan.candidates), (PlanStatus::Solved, gentle[..2].to_vec()));
-    }
-
-    #[test]
     fn unsolvable_inputs_end_without_a_plan() {
         ends_without_a_plan(|parts| planner().plan(parts).status);
         let mut empty = (*library()).clone();

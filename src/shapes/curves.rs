@@ -85,7 +85,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use upm_core::geometry::{Polyline, Segment};
+    use upm_core::geometry::Segment;
 
     proptest! {
         #[test]
@@ -120,22 +120,5 @@ mod tests {
             prop_assert!(off_m.fold(f64::INFINITY, f64::min) <= TOLERANCE_M * (1.0 + 1e-9));
         }
 
-        #[test]
-        fn line_begun_elsewhere_has_the_same_length_and_begins_there(
-            corners in proptest::collection::vec((-0.1..0.1f64, -0.1..0.1f64), 2..8), share in 0.0..1.0f64,
-        ) {
-            let points: Vec<Vec2> = corners.into_iter().map(|(x, y)| Vec2::new(x, y)).collect();
-            let around = Polyline::new([&points[..], &points[..1]].concat());
-            let begun = closed_from(&points, share);
-            prop_assert_eq!(begun.first(), begun.last());
-            prop_assert!((begun[0] - around.at(share * around.length_m())).norm() < 1e-9);
-            prop_assert!((Polyline::new(begun).length_m() - around.length_m()).abs() < 1e-9);
-        }
-    }
-
-    #[test]
-    fn line_of_one_point_stays_there() {
-        let point = Vec2::new(0.1, 0.2);
-        assert_eq!(closed_from(&[point], 0.5), [point, point]);
     }
 }

@@ -137,17 +137,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn single_place_of_a_line_is_in_its_middle() {
-        let line = Pattern::Line { from_m: Vec2::new(0.0, 0.02), to_m: Vec2::new(0.04, 0.0) };
-        assert_eq!(line.places(1), Some(vec![Vec2::new(0.02, 0.01)]));
-    }
-
-    #[test]
-    fn grid_begins_at_the_top_left() {
-        let grid = Pattern::Grid { center_m: Vec2::zeros(), rows: None, columns: Some(2), spacing_m: 2.0 };
-        let places = [(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y));
-        assert_eq!(grid.places(3), Some(places.to_vec()));
-    }
 }

@@ -115,17 +115,6 @@ mod tests {
         assert_eq!(at_top, 3, "the bar is at the top: {places:?}");
     }
 
-    #[test]
-    fn path_data_that_draws_nothing_is_refused() {
-        let drawn = |d: &str| Drawing::of_svg(d, Size::Width(0.1), Vec2::zeros()).unwrap_err();
-        assert_eq!((drawn(""), drawn("M3 4")), (SvgError::Empty, SvgError::Empty));
-        assert_eq!(drawn("M3 4 V9"), SvgError::Flat);
-        assert_eq!(drawn("M0 0 H1e300"), SvgError::Number);
-        assert!(matches!(drawn("M0 0 Q"), SvgError::Grammar(_)));
-        assert!(matches!(drawn("heart"), SvgError::Grammar(_)));
-        assert_eq!(drawn(&"M0 0 H1".repeat(300)), SvgError::Lines(300));
-    }
-
     proptest! {
         #[test]
         fn drawing_is_as_wide_as_asked_for_and_its_places_are_evenly_spaced(

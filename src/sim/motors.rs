@@ -302,25 +302,6 @@ mod tests {
     }
 
     #[test]
-    fn slow_coil_goes_on_when_another_fault_changes() {
-        let slow =
-            CoilFaults { low_pass_hz: [5.0, f64::INFINITY, f64::INFINITY, f64::INFINITY], ..CoilFaults::default() };
-        let force_n = |changes: bool| {
-            let mut motors = Motors::new(&PARAMS, 5e-5);
-            motors.set_faults(&slow);
-            motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.2, rest_s: 0.0 }));
-            for i in 0..4000 {
-                if changes && i % 100 == 0 {
-                    motors.set_faults(&CoilFaults { gain: [1.0, 1.0, f64::from(i), 1.0], ..slow });
-                }
-                motors.step();
-            }
-            motors.wrench().force_n.x
-        };
-        assert_eq!(force_n(true), force_n(false));
-    }
-
-    #[test]
     fn motors_are_idle_after_the_pulse_and_at_once_when_stopped() {
         let mut motors = Motors::new(&PARAMS, 5e-5);
         assert!(motors.is_idle());

@@ -249,25 +249,4 @@ mod tests {
         }
         assert!(reached > 1e-4);
     }
-
-    #[test]
-    fn the_trace_is_the_plates_acceleration() {
-        let mut params = rig_params();
-        let sensors = &mut params.accelerometers;
-        (sensors.noise_mps2, sensors.bias_sd_mps2, sensors.gain_sd) = (0.0, 0.0, 0.0);
-        let (place, every) = (sensors.position_m, 4);
-        let mut plant = plant(&params);
-        plant.play(drive());
-        let mut felt = vec![plant.plate().proper_acceleration_at(place)];
-        for _ in 0..2400 {
-            plant.step();
-            felt.push(plant.plate().proper_acceleration_at(place));
-        }
-        let trace = plant.trace();
-        assert_eq!(trace.len(), 601);
-        for (i, felt) in felt.iter().step_by(every).enumerate() {
-            let shown = f64::from(trace.counts[0][i]) * trace.mps2_per_count;
-            assert!((shown - felt.x).abs() <= 0.51 * trace.mps2_per_count, "{i}: {shown} {felt}");
-        }
-    }
 }

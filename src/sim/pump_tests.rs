@@ -204,45 +204,6 @@ fn nothing_drifts_below_the_sticking_threshold() {
     assert!(moved > 1e-3, "{moved}");
 }
 
-/// Twenty rotations in both directions about scattered centres.
-fn twenty_pulses() -> Vec<OpenPulse> {
-    (0..20)
-        .map(|i| {
-            let angle = 2.4 * f64::from(i);
-            let center = Vec2::new(angle.cos(), angle.sin()) * 0.06;
-            let spin = if i % 2 == 0 { 8.0 } else { -8.0 };
-            OpenPulse::about(center, spin, envelope(0.01, 0.02 + 0.003 * f64::from(i)))
-        })
-        .collect()
-}
-
-fn scattered() -> Vec<(PartParams, Pose)> {
-    [(0.06, 0.06), (-0.06, 0.05), (-0.05, -0.06), (0.06, -0.05), (0.0, 0.0)].map(|(x, y)| (PENNY, at(x, y))).to_vec()
-}
-
-#[test]
-fn halving_the_step_changes_little() {
-    let pulses = twenty_pulses();
-    for mode in [PlateMode::Kinematic, PlateMode::Dynamic] {
-        let run = |step_s: f64| {
-            let params = SimParams { step_s, ..rig_params() };
-            simulate(&params, mode, &scattered(), &pulses, W, 200.0).unwrap()
-        };
-        let (coarse, fine) = (run(5e-5), run(2.5e-5));
-        for (a, b) in coarse.parts.iter().zip(&fine.parts) {
-            // displacement of the part, pulse by pulse
-            let marks = pulses.iter().scan(0.0, |t, p| {
-                *t += p.envelope.total_s();
-                Some((*t * 200.0) as usize)
-            });
-            let places: Vec<Vec2> = std::iter::once(0).chain(marks).map(|i| Vec2::new(b.x_m[i], b.y_m[i])).collect();
-            let way: f64 = places.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
-            let shift = (end(a) - end(b)).norm() / way;
-            assert!(shift < 5e-3, "{mode:?}: {shift}");
-        }
-    }
-}
-
 #[test]
 fn motors_and_rods_come_near_the_prescribed_motion() {
     // Attacks of several periods: a short one leaves the plate with a drift, because the force's envelope differs from
@@ -304,22 +265,6 @@ fn a_free_wave_drags_points_by_coulombs_law() {
         }
         let moved = displacement(part);
         assert!(moved.norm() > 1e-3 && (moved - (p - start)).norm() < 0.02 * moved.norm(), "{moved} {}", p - start);
-    }
-}
-
-#[test]
-fn motors_give_a_free_plate_the_slope_of_the_wave() {
-    let (params, pulse) = (rig_params(), free_pulse());
-    let drive = open_loop::ideal_drive(&params, 0, &pulse, W).unwrap();
-    let (wave, inertia) = (TwistWave { base_radps: W, harmonics: pulse.harmonics }, params.plate.inertia_kgm2);
-    let (middle_s, h) = (0.1, 1e-7);
-    for i in 0..50 {
-        let t_s = middle_s + TAU / W * f64::from(i) / 50.0;
-        let slope = (wave.at(t_s + h) - wave.at(t_s - h)) * (0.5 / h);
-        let forces_n = [0, 1, 2, 3].map(|motor| drive.counts_at(motor, t_s) * params.motors.newtons_per_count);
-        let wrench = wrench_of_forces(forces_n, params.motors.lever_arm_m);
-        assert!((wrench.force_n - slope.velocity_mps * params.plate.mass_kg).norm() < 1e-4 * 200.0);
-        assert!((wrench.torque_nm - slope.spin_radps * inertia).abs() < 1e-4 * 10.0);
     }
 }
 

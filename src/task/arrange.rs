@@ -110,18 +110,4 @@ mod tests {
         assert_eq!(task.next(PlateTime::ZERO, &parts(-1e-4)).targets_m, first);
         assert_ne!(task.next(PlateTime::ZERO, &parts(-2e-2)).targets_m, first);
     }
-
-    #[test]
-    fn any_number_of_parts_will_do() {
-        let mut task = arrange(&[0, 1], &PLACES[..2], true);
-        let nowhere = Vec2::new(f64::NAN, 0.0);
-        for parts in [&[][..], &[nowhere], &[nowhere, Vec2::zeros(), Vec2::new(0.07, 0.07)]] {
-            let wanted = task.next(PlateTime::ZERO, parts);
-            assert_eq!(
-                (wanted.targets_m.len(), wanted.subgoals_m.len(), wanted.done),
-                (parts.len(), parts.len(), false)
-            );
-        }
-        assert_eq!(task.next(PlateTime::ZERO, &[nowhere; 3]).targets_m[2], Vec2::new(0.07, 0.07));
-    }
 }

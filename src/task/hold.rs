@@ -81,14 +81,6 @@ mod tests {
     const PARAMS: HoldParams = HoldParams { half_side_m: 0.1524, discs: Vec::new(), duration_s: 2.0, arrive_m: 0.0005 };
 
     #[test]
-    fn parts_moved_between_the_first_observation_and_the_first_cycle_are_brought_back() {
-        let (mut task, home) = (Hold::new(PARAMS), [Vec2::new(0.02, 0.0)]);
-        task.first_seen(&home);
-        let wanted = task.next(PlateTime::from_secs(5.0), &[Vec2::new(0.021, 0.0)]);
-        assert_eq!((wanted.targets_m, wanted.phase.as_str()), (home.to_vec(), "bringing back what drifted"));
-    }
-
-    #[test]
     fn parts_are_left_alone_until_they_drift_and_then_brought_back() {
         let mut task = Hold::new(PARAMS);
         let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];

@@ -309,39 +309,6 @@ mod tests {
         assert_eq!(cycles, strides(0.05) + strides(0.03) + 16 * strides(reach));
     }
 
-    #[test]
-    fn phases_are_described_in_words() {
-        let mut task = PlusSign::new(PARAMS);
-        let mut phase = |x: f64, y: f64| task.next(PlateTime::ZERO, &[Vec2::new(x, y)]).phase;
-        assert_eq!(phase(0.05, -0.03), "to the centre, along x");
-        assert_eq!(phase(0.0, -0.03), "to the centre, along y");
-        assert_eq!(phase(0.0, 0.0), "lap 1 of 2: branch -x, outwards");
-        assert_eq!(phase(-0.09, 0.0), "lap 1 of 2: branch -x, back");
-        assert_eq!(phase(0.0, 0.0), "lap 1 of 2: branch +y, outwards");
-    }
-
-    #[test]
-    fn without_an_end_it_goes_on() {
-        let mut task = PlusSign::new(PlusSignParams { laps: 0, ..PARAMS });
-        let mut part_m = Vec2::new(0.01, 0.01);
-        for _ in 0..2000 {
-            let wanted = task.next(PlateTime::ZERO, &[part_m]);
-            assert!(!wanted.done && wanted.progress == 0.0);
-            part_m = wanted.subgoals_m[0];
-        }
-        assert!(task.next(PlateTime::ZERO, &[part_m]).laps >= 20);
-    }
-
-    #[test]
-    fn other_parts_get_their_own_place_as_target() {
-        let mut task = PlusSign::new(PARAMS);
-        let other = Vec2::new(-0.05, 0.05);
-        task.next(PlateTime::ZERO, &[Vec2::new(0.05, 0.0), other]);
-        let wanted = task.next(PlateTime::ZERO, &[Vec2::new(0.04, 0.0), other + Vec2::new(0.001, 0.0)]);
-        assert_eq!((wanted.subgoals_m[1], wanted.targets_m[1]), (other, other));
-        assert_eq!(task.next(PlateTime::ZERO, &[]).subgoals_m.len(), 0);
-    }
-
     proptest! {
         #[test]
         fn noisy_part_reaches_every_branch_end(seed in 0u64..1000, x in -0.09..0.09f64, y in -0.09..0.09f64) {

@@ -137,7 +137,6 @@ fn cost(x: i16, y: i16) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
     fn query<'a>(start_m: Vec2, target_m: Vec2, obstacles: &'a [MovingObstacle<'a>]) -> PathQuery<'a> {
         PathQuery { start_m, target_m, reach_m: 0.14, obstacles, pitch_m: 0.005, horizon: 200 }
@@ -190,18 +189,5 @@ mod tests {
         assert!(way_m.len() > 24 && *way_m.last().unwrap() == target, "{}", way_m.len());
         let leaving = [MovingObstacle { way_m: &passing[20..=20], least_m: 0.02, gone_from: 3 }];
         assert!(query(Vec2::zeros(), target, &leaving).way(&mut 5000).unwrap().len() < 12);
-    }
-
-    proptest! {
-        #[test]
-        fn without_obstacles_ways_are_nearly_straight(
-            start in (-0.13..0.13f64, -0.13..0.13f64), target in (-0.13..0.13f64, -0.13..0.13f64),
-        ) {
-            let (start, target) = (Vec2::new(start.0, start.1), Vec2::new(target.0, target.1));
-            let way_m = query(start, target, &[]).way(&mut 5000).unwrap();
-            prop_assert!(way_m[0] == start && *way_m.last().unwrap() == target);
-            // the eight directions of a lattice cost up to 8 % more, getting onto it one pitch
-            prop_assert!(length_m(&way_m) <= 1.083 * (target - start).norm() + 0.0075);
-        }
     }
 }

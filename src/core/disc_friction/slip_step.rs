@@ -204,12 +204,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn without_friction_nothing_changes() {
-        assert_eq!(DiscFriction::shared().remaining_slip_fractions(0.3, 0.2, 0.0), [1.0, 1.0]);
-        assert_eq!(DiscFriction::shared().remaining_slip_fractions(0.0, 0.0, 0.0), [0.0, 0.0]);
-    }
-
     proptest! {
         #[test]
         fn discs_side_by_side_have_the_bits_of_one_alone(

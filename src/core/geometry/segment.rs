@@ -41,26 +41,3 @@ impl Segment {
         (self.nearest(p) - p).norm()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn distance_is_the_least_of_many(v in proptest::array::uniform6(-1.0..1.0f64)) {
-            let [from, to, p] = [0, 2, 4].map(|i| Vec2::new(v[i], v[i + 1]));
-            let sampled = (0..=1000).map(|k| (from.lerp(&to, f64::from(k) * 1e-3) - p).norm()).fold(f64::INFINITY, f64::min);
-            let exact = Segment { from, to }.distance(p);
-            prop_assert!(exact <= sampled + 1e-12 && exact > sampled - 3e-3);
-        }
-    }
-
-    #[test]
-    fn a_point_is_its_own_nearest() {
-        let at = Vec2::new(3.0, 4.0);
-        let segment = Segment { from: at, to: at };
-        assert_eq!((segment.nearest_share(Vec2::zeros()), segment.distance(Vec2::zeros())), (0.0, 5.0));
-    }
-}

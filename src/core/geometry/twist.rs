@@ -118,18 +118,5 @@ mod tests {
             prop_assert!((read - center).norm() < 1e-12 * (1.0 + center.norm()));
         }
 
-        #[test]
-        fn direction_is_the_tangent(x in -1.0..1.0f64, y in -1.0..1.0f64, px in 2.0..3.0f64, py in 2.0..3.0f64) {
-            let (center, p) = (Vec2::new(x, y), Vec2::new(px, py));
-            let tangent = perp(p - center).normalize();
-            prop_assert!((Twist::about(center, 3.0).direction_at(p) - tangent).norm() < 1e-12);
-            prop_assert!((Twist::about(center, -3.0).direction_at(p) + tangent).norm() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn translation_has_no_center() {
-        assert_eq!(Twist::new(1.0, 2.0, 0.0).center_of_rotation(), None);
-        assert_eq!(Twist::ZERO.center_of_rotation(), None);
     }
 }

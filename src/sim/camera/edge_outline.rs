@@ -211,17 +211,6 @@ mod tests {
     }
 
     #[test]
-    fn only_motion_across_cuts_it() {
-        let sub_exposures = |x_m, y_m, heading_rad| {
-            let poses = moving(Pose { position_m: Vec2::new(x_m, y_m), heading_rad });
-            taken(Vec2::x(), &poses).shown.len()
-        };
-        assert_eq!(sub_exposures(0.0, 4e-4, 0.0), 1);
-        assert_eq!([3e-5, 1e-4, 1.4e-4, 4e-4].map(|x_m| sub_exposures(x_m, 0.0, 0.0)), [1, 2, 3, 5]);
-        assert_eq!([3e-4, 1e-3, 1.4e-3, 4e-3].map(|turn_rad| sub_exposures(0.0, 0.0, turn_rad)), [1, 2, 3, 5]);
-    }
-
-    #[test]
     fn motion_along_an_edge_counts_as_rest() {
         let mut side = EdgeOutline::new(-Vec2::y(), HALF_M);
         for y_m in [0.0, 1e-9] {

@@ -108,15 +108,6 @@ mod tests {
     }
 
     #[test]
-    fn resting_plate_is_one_sub_exposure() {
-        let still = sub_exposures(0.0, 8);
-        assert_eq!(still.len(), 1);
-        assert_eq!((still[0].weight, still[0].spread), (1.0, Matrix3::zeros()));
-        assert_eq!(still, sub_exposures(1e-9, 8), "a nanometre is not seen");
-        assert!(sub_exposures(0.0, 0).is_empty());
-    }
-
-    #[test]
     fn mean_and_variance_of_the_motion_are_kept() {
         for (step_m, count, parts) in [(3e-5, 8, 1), (8e-5, 8, 2), (1.6e-4, 8, 4), (4e-4, 8, 8), (1.2e-4, 5, 3)] {
             let cut = sub_exposures(step_m, count);

@@ -149,19 +149,6 @@ mod tests {
     }
 
     #[test]
-    fn without_noise_levels_are_rounded_to_nearest() {
-        for (level, rounded) in [(0.0, 0), (99.49, 99), (99.51, 100), (254.6, 255), (255.0, 255)] {
-            let mut params = scenes::full();
-            (params.read_noise, params.full_well_e) = (0.0, f64::INFINITY);
-            let mut noise = Noise::new(&params, Streams::new(3).stream("camera"), 4);
-            let clean = [(level * UNITS).round() as i16 + HALF; 4];
-            let (sd, mut out) = (noise.deviations(&clean), [0; 4]);
-            noise.apply_to_row(&clean, &sd, &mut out);
-            assert_eq!((sd, out), ([0; 4], [rounded; 4]));
-        }
-    }
-
-    #[test]
     fn levels_saturate_at_both_ends() {
         let mut params = scenes::full();
         (params.read_noise, params.full_well_e) = (20.0, f64::INFINITY);

@@ -97,17 +97,6 @@ impl ReferencePicture {
         self.levels.iter().zip(&other.levels).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// Centroid of all pixels darker than `level`, px.
-    fn centroid_below(&self, level: f64) -> Vec2 {
-        let (mut sum, mut moment) = (0.0, Vec2::zeros());
-        for (k, value) in self.levels.iter().enumerate() {
-            let weight = level - value;
-            sum += weight;
-            moment += weight * Vec2::new((k % self.width) as f64, (k / self.width) as f64);
-        }
-        moment / sum
-    }
-
     /// Positions where rows cross `level` with a slope of at least `step` per pixel, by cubic interpolation: row and
     /// column.
     fn crossings(&self, level: f64, step: f64) -> Vec<(usize, f64)> {
@@ -144,7 +133,7 @@ fn scene(parts: &[[f64; 2]]) -> Snapshot {
 fn pictures_agree_with_rays() {
     let tall = DiscShape { radius_m: 6e-3, thickness_m: 12e-3 };
     let discs = [PENNY, tall, PENNY];
-    for (blur_px, tolerance) in [(0.5, 1.3), (0.8, 1.3), (1.3, 2.0)] {
+    for (blur_px, tolerance) in [(0.5, 1.3), (1.3, 2.0)] {
         let mut params = scenes::small();
         params.blur_px = blur_px;
         let mut camera = camera(&params, &discs);
@@ -172,18 +161,5 @@ fn coins_and_edges_are_where_rays_put_them() {
                 assert!(off < 0.02, "row {y}: edge at {x} is off by {off}");
             }
         }
-    }
-}
-
-#[test]
-fn coins_have_their_centroid_where_rays_put_it() {
-    for (x, y) in [(0.0722, 0.0781), (0.0751, 0.0803), (0.08, 0.0772)] {
-        let mut params = scenes::small();
-        (params.shading, params.levels[0]) = (0.0, params.levels[1]);
-        let mut camera = camera(&params, &[PENNY]);
-        let snapshot = scene(&[[x, y]]);
-        let (ours, exact) = (camera.shown(std::slice::from_ref(&snapshot)), reference(&camera, &[PENNY], &snapshot));
-        let off = ours.centroid_below(220.0) - exact.centroid_below(220.0);
-        assert!(off.norm() < 0.01, "{off:?}");
     }
 }

@@ -223,16 +223,6 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_is_close_where_plates_are_watched() {
-        for params in [scenes::small(), scenes::full()] {
-            let (view, tiles) = tiles(&params);
-            for tile in tiles {
-                assert!(tile.radius_bound_m() < 1.25 * tile.pixels(&view).radius_m);
-            }
-        }
-    }
-
-    #[test]
     fn radius_bound_beyond_the_horizon_is_infinite() {
         let mut params = scenes::small();
         params.tilt_rad = [1.55, 0.0, 0.0];

@@ -125,10 +125,4 @@ mod tests {
         let kinds = |kind: FaultKind| drawn.iter().flatten().filter(|fault| fault.kind == kind).count();
         assert!(FaultKind::ALL.into_iter().all(|kind| kinds(kind) > 5), "every kind comes up");
     }
-
-    #[test]
-    fn single_part_is_never_swapped() {
-        let alone = (0..2000).flat_map(|seed| drawn_faults(seed, 1));
-        assert!(alone.into_iter().all(|fault| fault.component != FaultyComponent::Parts));
-    }
 }

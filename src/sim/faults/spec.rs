@@ -312,13 +312,6 @@ mod tests {
     }
 
     #[test]
-    fn unknown_components_have_no_name() {
-        for name in ["", "coil", "coil4", "accel9", "camera1", "part", "part9999", "part-1", "7", "Camera"] {
-            assert_eq!(FaultyComponent::named(name), None, "{name}");
-        }
-    }
-
-    #[test]
     fn fault_holds_from_its_begin_to_its_end() {
         let at = PlateTime::from_secs;
         let fault = |to| FaultSpec {

@@ -1,7 +1,5 @@
 use std::sync::atomic::AtomicU64;
 
-use proptest::prelude::*;
-
 use super::*;
 
 const STEP_NS: u64 = 50_000;
@@ -181,18 +179,5 @@ fn of_many_at_once_one_trips_and_an_emergency_stop_is_never_lost() {
         assert!(changed[2] != changed[4], "one of the two made it: {changed:?}");
         assert!(changed.iter().filter(|&&changed| changed).count() <= 2, "{changed:?}");
         assert!(interlock.stop_times().is_some());
-    }
-}
-
-proptest! {
-    #[test]
-    fn state_word_keeps_trip_time_and_flags(state in 0u64..4, at_ns in any::<u64>(), why in 0usize..4) {
-        let state = StateWord(state << 62);
-        let word = state.tripped(Trip::ALL[why], at_ns);
-        prop_assert_eq!(word.trip(), Some(Trip::ALL[why]));
-        prop_assert_eq!(word.requested_at().nanos(), at_ns.min(StateWord::TIME));
-        prop_assert!(word.has(StateWord::ATTACHED) == state.has(StateWord::ATTACHED));
-        prop_assert!(word.has(StateWord::DRIVING) == state.has(StateWord::DRIVING));
-        prop_assert!(word.released() == state && state.trip().is_none());
     }
 }

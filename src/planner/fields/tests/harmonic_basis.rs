@@ -93,34 +93,3 @@ proptest! {
         prop_assert!(mean_m.norm() < 1e-15);
     }
 }
-
-#[test]
-fn steps_visit_every_phase_once_and_take_their_time() {
-    for harmonics in 1..20 {
-        let basis = basis(harmonics);
-        let mut seen = vec![0; basis.samples];
-        basis.phases().take(basis.samples).for_each(|phase| seen[phase] += 1);
-        assert!(seen.iter().all(|&times| times == 1), "{harmonics}");
-        // The middle of a step is at its phase, to half a sample; the highest harmonic gets 8 steps or more.
-        for (step, phase) in basis.phases().enumerate().take(3 * basis.samples) {
-            let samples = (step as f64 + 0.5) * basis.step_s() / time_s(&basis, 1);
-            let off = (samples - phase as f64).rem_euclid(basis.samples as f64);
-            assert!(off < 1e-6 || off > basis.samples as f64 - 1e-6, "{harmonics}: step {step} is off by {off}");
-        }
-        assert!(basis.step_s() * 8.0 * harmonics as f64 <= TAU / BASE_RADPS, "{harmonics}");
-        assert_eq!(basis.steps_a_period(), (TAU / BASE_RADPS / basis.step_s()).floor() as usize);
-    }
-}
-
-#[test]
-fn each_coefficient_is_mapped_to_its_harmonic() {
-    let basis = basis(5);
-    for j in 0..basis.len() {
-        let mut coefficients = vec![0.0; basis.len()];
-        coefficients[j] = 1.0;
-        let wave = basis.wave(&coefficients);
-        let moving =
-            |harmonic: &upm_core::signal::TwistHarmonic| *harmonic != upm_core::signal::TwistHarmonic::default();
-        assert_eq!(wave.harmonics.iter().position(moving), Some(basis.harmonic_of(j) - 1));
-    }
-}

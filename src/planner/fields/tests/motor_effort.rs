@@ -4,14 +4,9 @@ use proptest::prelude::*;
 
 use super::*;
 use upm_cor_library::Library;
-use upm_core::signal::Drive;
 
 /// Fraction of the motors' limit that a motion fills.
 const EFFORT: f64 = 0.99;
-
-fn drive(basis: &HarmonicBasis, coefficients: &[f64], sustain_s: f64) -> Drive {
-    upm_2().field_drive(&basis.wave(coefficients), basis.follows, sustain_s).unwrap()
-}
 
 fn limit_counts() -> f64 {
     upm_2().fields.as_ref().unwrap().limit_counts
@@ -40,31 +35,4 @@ proptest! {
         prop_assert!(share > 0.999 * EFFORT && share < 1.006 * EFFORT, "{share}");
     }
 
-    #[test]
-    fn weights_are_the_counts_a_coefficient_asks_for(j in 0..48usize, speed_mps in 0.01..2.0f64) {
-        let basis = upm_2_basis();
-        let effort = upm_2_effort(&basis);
-        let mut coefficients = vec![0.0; basis.len()];
-        coefficients[j] = speed_mps;
-        let drive = drive(&basis, &coefficients, 0.1);
-        let square: f64 = drive.motors.iter().flatten().map(|h| h.cos * h.cos + h.sin * h.sin).sum();
-        let counts = effort.norm(&coefficients);
-        prop_assert!((counts - square.sqrt()).abs() < 1e-9 * counts, "{counts} {square}");
-        prop_assert!((effort.weights[j].sqrt() * speed_mps - counts).abs() < 1e-9 * counts);
-    }
-}
-
-#[test]
-fn a_still_motion_stays_still() {
-    let basis = upm_2_basis();
-    let mut coefficients = vec![0.0; basis.len()];
-    upm_2_effort(&basis).fill(&basis, &mut coefficients);
-    assert!(coefficients.iter().all(|&c| c == 0.0));
-}
-
-#[test]
-fn a_plate_that_cannot_be_turned_has_no_strength() {
-    let mut library = Library::clone(&upm_2());
-    library.fields.as_mut().unwrap().twist_from_counts[3].row_mut(2).fill(Default::default());
-    assert!(MotorEffort::new(&upm_2_basis(), &library, HALF_SIDE_M).is_none());
 }

@@ -8,9 +8,6 @@ use super::*;
 const NODES: usize = 17;
 /// Price of a displacement across the wanted step, relative to one along it.
 const CROSS_STEP_PRICE: f64 = 0.3;
-/// Symmetries of a square.
-const SYMMETRIES: usize = 8;
-
 fn basis() -> HarmonicBasis {
     HarmonicBasis::new(200.0, 4, HALF_SIDE_M)
 }
@@ -47,12 +44,6 @@ fn scores(basis: &HarmonicBasis, motions: &[Vec<f64>], positions_m: &[Vec2], ste
     motions.iter().map(of).collect()
 }
 
-/// Largest amount by which a later score exceeds an earlier one.
-fn disorder(scores: &[f64]) -> f64 {
-    let fold = |(worst, least): (f64, f64), &p: &f64| (worst.max(p - least), least.min(p));
-    scores.iter().fold((0.0, f64::INFINITY), fold).0
-}
-
 fn node() -> impl Strategy<Value = Vec2> {
     let at = |k: usize| HALF_SIDE_M * (2.0 * k as f64 / (NODES - 1) as f64 - 1.0);
     (0..NODES, 0..NODES).prop_map(move |(x, y)| Vec2::new(at(x), at(y)))
@@ -64,24 +55,6 @@ fn step() -> impl Strategy<Value = Vec2> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
-
-    /// Each motion, with its symmetry and direction applied, is scored by its own mean pushes: the order agrees up to
-    /// the error of the tables' fewer phases (at nodes) and of interpolation (between them). The best and the worst are
-    /// 0.35 apart or more.
-    #[test]
-    fn the_order_is_that_of_the_laid_motions(
-        at_nodes in proptest::collection::vec((node(), step()), 1..5),
-        between in proptest::collection::vec((place(), step()), 1..5),
-    ) {
-        let basis = basis();
-        let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
-        for (scene, most) in [(at_nodes, 0.05), (between, 0.1)] {
-            let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-            let motions = all(&seeds, &basis, &positions_m, &steps_m);
-            let scores = scores(&basis, &motions, &positions_m, &steps_m);
-            prop_assert!(disorder(&scores) < most, "{}", disorder(&scores));
-        }
-    }
 
     /// The reported mean forces equal those of the motions with their symmetry and direction applied.
     #[test]
@@ -102,46 +75,6 @@ proptest! {
         prop_assert!(worst < 0.05, "{worst}");
     }
 
-    #[test]
-    fn the_best_few_are_the_first_of_all(
-        scene in proptest::collection::vec((place(), step()), 1..13), count in 0..200usize,
-    ) {
-        let basis = basis();
-        let (positions_m, steps_m): (Vec<Vec2>, Vec<Vec2>) = scene.into_iter().unzip();
-        let few = SeedLibrary::new(&basis, HALF_SIDE_M).best(&basis, &positions_m, &steps_m, count);
-        let motions = all(&SeedLibrary::new(&basis, HALF_SIDE_M), &basis, &positions_m, &steps_m);
-        prop_assert_eq!(&few[..], &motions[..count]);
-    }
-}
-
-/// A motion turned by a quarter or mirrored is in the seed library too, forwards or backwards, and each of the eight
-/// images only once.
-#[test]
-fn seeds_are_closed_under_the_symmetries_of_the_square() {
-    let basis = basis();
-    let n = basis.per_axis();
-    let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
-    let motions = all(&seeds, &basis, &[Vec2::new(0.05, 0.02)], &[Vec2::new(0.01, -0.003)]);
-    // The first coefficient of spin is made positive; its size is the same in all eight.
-    let key = |motion: Vec<f64>| {
-        let sign = motion[2 * n].signum();
-        motion.iter().map(|c| ((c * sign + 0.0) * 1e12).round() as i64).collect::<Vec<i64>>()
-    };
-    let keys: std::collections::BTreeSet<_> = motions.iter().cloned().map(key).collect();
-    assert_eq!(keys.len(), motions.len());
-    let mut alike = std::collections::BTreeMap::new();
-    keys.iter().for_each(|key| *alike.entry(key[2 * n]).or_insert(0) += 1);
-    assert!(alike.values().all(|&times| times == SYMMETRIES));
-    for motion in motions {
-        let transformed = |onto: fn(f64, f64) -> (f64, f64), spin: f64| {
-            let mut transformed = motion.clone();
-            (0..n).for_each(|j| (transformed[j], transformed[n + j]) = onto(motion[j], motion[n + j]));
-            transformed[2 * n..].iter_mut().for_each(|c| *c *= spin);
-            key(transformed)
-        };
-        assert!(keys.contains(&transformed(|x, y| (-y, x), 1.0)), "turned");
-        assert!(keys.contains(&transformed(|x, y| (-x, y), -1.0)), "mirrored");
-    }
 }
 
 /// Opposite steps select the same motion with opposite sign and the same score.

@@ -92,13 +92,6 @@ proptest! {
         prop_assert!(off_m(&bound) <= off_m(&free).max(2e-3), "{} {}", off_m(&bound), off_m(&free));
     }
 
-    #[test]
-    fn one_part_goes_where_it_should(x in -60.0..60.0f64, y in -60.0..60.0f64, angle in 0.0..6.3f64, way in 1.0..12.0f64) {
-        let part = penny(mm(x, y), mm(way * angle.cos(), way * angle.sin()));
-        let plan = planner().plan(&[part], &[]);
-        prop_assert_eq!(&plan.status, &PlanStatus::Solved);
-        prop_assert!(left_m(&[part], &plan) <= (0.08 * part.step_m.norm()).max(0.06e-3), "{}", left_m(&[part], &plan));
-    }
 }
 
 #[test]

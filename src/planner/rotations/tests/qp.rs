@@ -71,14 +71,3 @@ proptest! {
         }
     }
 }
-
-#[test]
-fn displacement_out_of_reach_of_the_columns_is_left() {
-    let (motion_set, parts) = (motion_set(), scene(2, 4e-3, 1));
-    // one pulse for four wanted coordinates
-    let all = DisplacementMatrix::all(&motion_set, &parts, &room(&parts), (4e-3, PulseScale::Coarse));
-    let one = [all.pulses[0]];
-    let columns = DisplacementMatrix::of(&motion_set, &parts, one.into_iter());
-    let found = LeastTime::solve(&columns, &steps_mm(&parts), 0.01, &[]).unwrap();
-    assert!(left_mm(&columns, &found, &steps_mm(&parts)) > 0.11);
-}
