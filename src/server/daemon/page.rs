@@ -27,7 +27,7 @@ const FILES: &[(&str, &str, &str)] = page! {
     PICTURE "icon.svg"
     SCRIPT "age.js" SCRIPT "api.js" SCRIPT "app.js" SCRIPT "camera.js" SCRIPT "device.js" SCRIPT "dom.js"
     SCRIPT "drawn.js" SCRIPT "editor.js" SCRIPT "estop.js" SCRIPT "events.js" SCRIPT "jobs.js" SCRIPT "kinds.js"
-    SCRIPT "labels.js" SCRIPT "left.js" SCRIPT "pen.js" SCRIPT "places.js" SCRIPT "plate.js" SCRIPT "reset.js"
+    SCRIPT "left.js" SCRIPT "pen.js" SCRIPT "places.js" SCRIPT "plate.js" SCRIPT "reset.js"
     SCRIPT "submit.js" SCRIPT "view.js" SCRIPT "watch.js"
 };
 
