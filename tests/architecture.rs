@@ -96,7 +96,9 @@ fn page_names_files_and_items_that_exist() {
         name.chars().all(|c| is_word(c) || "-./:".contains(c)) && !name.starts_with('_') && !name.starts_with("std::")
     };
     let missing = PAGE.lines().flat_map(quoted).filter(is_plain).filter(|name| !exists(name) && !words.contains(name));
-    none(missing.map(|name| format!("ARCHITECTURE.md: there is no `{name}`")).collect());
+    let wide = PAGE.lines().filter(|line| line.chars().count() > 120 && !line.starts_with(['|', '!']));
+    let missing = missing.map(|name| format!("there is no `{name}`"));
+    none(missing.chain(wide.map(|line| format!("more than 120 columns: {line}"))).collect());
 }
 
 #[test]
