@@ -1,6 +1,7 @@
 //! Checks the sources against the map of the code in `ARCHITECTURE.md`, and that page against the sources.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -14,8 +15,6 @@ mod cycles;
 mod layers;
 #[path = "architecture/map.rs"]
 mod map;
-#[path = "architecture/page.rs"]
-mod page;
 #[path = "architecture/rules.rs"]
 mod rules;
 #[path = "architecture/rules_tests.rs"]
@@ -24,7 +23,7 @@ mod rules_tests;
 mod scan;
 
 use layers::Crates;
-use map::{MAP, PAGE};
+use map::{MAP, PAGE, quoted};
 use rules::Source;
 
 /// Paths and texts of the project's sources; tests that run the program `upm-lab` are none.
@@ -85,7 +84,22 @@ fn files_have_no_import_cycle() {
 
 #[test]
 fn page_names_files_and_items_that_exist() {
-    none(page::faults(PAGE, &FILES));
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let texts = FILES.iter().map(|(_, text)| text.as_str()).chain([include_str!("../Cargo.toml")]);
+    let words: BTreeSet<&str> = texts.flat_map(|text| text.split(|c| !is_word(c))).collect();
+    // the end of a source's path or folder is enough: `fields/seeds` is `src/planner/fields/seeds.rs`
+    let is_source = |path: &str| FILES.iter().any(|(file, _)| file.contains(&format!("/{path}")));
+    let exists = |name: &str| match name.trim_end_matches('/') {
+        path if path.contains('/') || path.contains('.') => root().join(path).exists() || is_source(path),
+        name => name.split("::").all(|word| words.contains(word)),
+    };
+    let is_plain = |name: &&str| {
+        name.chars().all(|c| is_word(c) || "-./:".contains(c)) && !name.starts_with('_') && !name.starts_with("std::")
+    };
+    let missing = PAGE.lines().flat_map(quoted).filter(is_plain).filter(|name| !exists(name) && !words.contains(name));
+    let wide = PAGE.lines().filter(|line| line.chars().count() > 120 && !line.starts_with(['|', '!']));
+    let missing = missing.map(|name| format!("there is no `{name}`"));
+    none(missing.chain(wide.map(|line| format!("more than 120 columns: {line}"))).collect());
 }
 
 #[test]

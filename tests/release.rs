@@ -73,9 +73,6 @@ fn all_that_is_packed_is_there() {
         // configurations name libraries by relative paths, which must be kept
         assert_eq!(place, source);
     }
-    let profile = text("Cargo.toml");
-    let dist = profile.split("[profile.dist]").nth(1).unwrap().split("\n[").next().unwrap().to_owned();
-    assert!(dist.contains("strip = true"), "{dist}");
 }
 
 /// The container is made of existing files, with the compiler version of the manifest.
@@ -84,10 +81,6 @@ fn container_builds_from_existing_files() {
     let (file, manifest) = (text("Dockerfile"), text("Cargo.toml"));
     assert!(file.contains(&format!("FROM rust:{}-", value(&manifest, "rust-version"))));
     assert!(file.contains("--profile dist --locked") && file.contains("+crt-static"));
-    for source in ["configs", "assets/libraries"] {
-        assert!(file.contains(&format!("cp -r {source} ")) && root().join(source).is_dir(), "{source}");
-    }
-    assert!(file.contains("\nUSER 65532") && file.contains("\nHEALTHCHECK ") && file.contains("\nFROM scratch"));
     let config: Value = serde_json::from_str(&text("configs/daemon-container.json")).unwrap();
     assert!(file.contains("/usr/share/upm/configs/daemon-container.json"));
     assert!(file.contains(&format!("UPM_TOKEN_FILE={}", config["token_file"].as_str().unwrap())));

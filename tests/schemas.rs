@@ -1,5 +1,5 @@
 //! `$schema`: every shipped configuration names the schema of its kind, the shipped schemas equal those of the program,
-//! and the key has no effect.
+//! and checking leaves the key aside.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::collections::BTreeSet;
@@ -89,88 +89,32 @@ fn shipped_configuration_names_the_schema_of_its_kind() {
     }
 }
 
-/// A small document of each kind.
-fn one_of_each() -> Vec<Value> {
-    let channel = json!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
-    let rig = root().join("configs/rigs/upm-1.json");
-    let mut rig_alone = read(&rig);
-    // its path leads from the rig's folder
-    rig_alone.as_object_mut().unwrap().remove("library");
-    vec![
-        json!({"name": "small", "rig": rig, "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 1}}),
-        rig_alone,
-        read(&root().join("assets/libraries/upm-1.json")),
-        json!({
-            "rig": rig, "parts": [{"kind": "penny", "position_mm": [40, 0]}],
-            "pulses": [{"direction_deg": 90, "speed_mps": 0.02, "sustain_s": 0.1}],
-        }),
-        json!({
-            "sample_hz": 1000, "mps2_per_count": 0.05, "count_limit": 511, "base_hz": 50, "attack_s": 0.02,
-            "sustain_s": 0.1, "position_mm": [-92, 92],
-            "counts": {"x1": channel, "y1": channel, "x2": channel, "y2": channel},
-        }),
-        json!({"plates": [{"name": "small", "rig": rig}]}),
-    ]
-}
-
 #[test]
 fn every_kind_of_document_takes_the_key_as_a_text_and_as_nothing_else() {
-    let (folder, documents) = (TempDir::new().unwrap(), one_of_each());
-    let kinds: BTreeSet<&str> = documents.iter().filter_map(kind_of).collect();
-    assert_eq!(kinds, schema_names().iter().copied().collect());
-    let file = folder.path().join("document.json");
-    let check = |document: &Value| {
-        fs::write(&file, document.to_string()).unwrap();
-        let output = upm(&["check", file.to_str().unwrap()]).output().unwrap();
-        (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
-    };
-    for mut document in documents {
-        let kind = kind_of(&document).unwrap();
-        for address in ["schemas/job.json", "https://example.org/schema.json", "", "nowhere"] {
-            document["$schema"] = json!(address);
-            assert_eq!(check(&document), (0, String::new()), "{kind}: {address}");
-        }
-        for other in [json!(3), Value::Null, json!({"job": 1})] {
-            document["$schema"] = other;
-            let (status, said) = check(&document);
-            assert_eq!(status, 2, "{kind}: {said}");
-            assert!(said.contains("document.json: [\"$schema\"]: expected a string, found "), "{said}");
-        }
-        document["$schema"] = json!("schema.json");
-        document["$schemas"] = json!("schema.json");
-        assert!(check(&document).1.contains("unknown key \"$schemas\""), "{kind}");
-    }
-}
-
-/// Runs `job`; returns `effective.json` and `journal.jsonl`.
-fn run(job: &Value) -> [String; 2] {
     let folder = TempDir::new().unwrap();
-    let (file, out) = (folder.path().join("job.json"), folder.path().join("out"));
-    fs::write(&file, job.to_string()).unwrap();
-    let args = ["run", file.to_str().unwrap(), "--rerun", "off", "--quiet", "--out", out.to_str().unwrap()];
-    upm(&args).assert().success();
-    let run = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
-    ["effective.json", "journal.jsonl"].map(|name| fs::read_to_string(run.join(name)).unwrap())
-}
-
-#[test]
-fn key_in_job_rig_and_library_leaves_every_byte_of_a_run_as_it_is() {
-    let mut rig = read(&root().join("configs/rigs/upm-1.json"));
-    let mut library = read(&root().join("assets/libraries/upm-1.json"));
-    let object = rig.as_object_mut().unwrap();
-    object.remove("library");
-    object.remove("$schema");
-    let job = |rig: &Value, library: &Value| {
-        json!({
-            "name": "short", "seed": 5, "rig": rig, "library": library, "parts": [{"kind": "penny"}],
-            "task": {"type": "hold", "duration_s": 0.5},
-        })
-    };
-    let plain = run(&job(&rig, &library));
-    rig["$schema"] = json!("../schemas/rig.json");
-    library["$schema"] = json!("../schemas/library.json");
-    let mut marked = job(&rig, &library);
-    marked["$schema"] = json!("schemas/job.json");
-    assert_eq!(run(&marked), plain);
-    assert!(!plain[0].contains("$schema") && plain[1].lines().count() > 2, "{}", plain[1]);
+    upm(&["init", folder.path().to_str().unwrap()]).assert().success();
+    for (kind, name) in [
+        ("job", "configs/hold-4.json"),
+        ("rig", "configs/rigs/upm-1.json"),
+        ("library", "assets/libraries/upm-1.json"),
+        ("simulate", "configs/simulate/wave.json"),
+        ("trace", "configs/traces/upm-1.json"),
+        ("daemon", "configs/daemon.json"),
+    ] {
+        let file = folder.path().join(name);
+        let mut document = read(&file);
+        assert_eq!(kind_of(&document), Some(kind));
+        for (address, expected) in [(json!("nowhere"), 0), (json!(""), 0), (json!(3), 2), (Value::Null, 2)] {
+            document["$schema"] = address;
+            fs::write(&file, document.to_string()).unwrap();
+            let output = upm(&["check", file.to_str().unwrap()]).output().unwrap();
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(expected), "{kind}: {stderr}");
+            let is_refused = stderr.contains(": [\"$schema\"]: expected a string, found ");
+            assert_eq!(is_refused, expected == 2, "{kind}: {stderr}");
+        }
+        // other documents name this one
+        document["$schema"] = json!("");
+        fs::write(&file, document.to_string()).unwrap();
+    }
 }

@@ -4,8 +4,8 @@ import time
 
 
 class Checks:
-    def __init__(self, page, shots):
-        self.page, self.shots, self.bad, self.count = page, shots, 0, 0
+    def __init__(self, page):
+        self.page, self.bad, self.count = page, 0, 0
 
     def that(self, what, holds, found=""):
         self.count += 1
@@ -19,12 +19,6 @@ class Checks:
             self.page.wait_for_timeout(50)
         self.that(what, holds, f"{time.monotonic() - began:.2f} s")
         return holds
-
-    def shot(self, name, full=False):
-        if self.shots:
-            if full:
-                self.page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
-            self.page.screenshot(path=self.shots / f"{name}.png", full_page=full)
 
 
 def card(page, plate):

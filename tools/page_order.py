@@ -69,7 +69,6 @@ def check_pen(checks, page, daemon):
     checks.that("with what is allowed", len(fault) == 1 and fault[0].startswith("Target 4: ") and "expected" in fault[0], fault)
     checks.that("and beside its line", page.locator(".note").count() >= 1)
     checks.that("nothing is queued by drawing", len(daemon.jobs()) == before)
-    checks.shot("d-pen-fault")
     page.get_by_label("Eraser").check()
     draw(page, (12, -56))
     checks.soon("the eraser takes it away", lambda: marks.count() == 3 and bad.count() == 0, 5)
@@ -83,7 +82,6 @@ def check_pen(checks, page, daemon):
     bins = text_of(page)["task"].get("bins", [])
     checks.that("one bin for each, whichever corner came first", [bin["kinds"] for bin in bins] == [["penny"], ["dime"]] and
                 all(bin["region_mm"]["min"] < bin["region_mm"]["max"] for bin in bins), bins)
-    checks.shot("d-pen-bins")
     draw(page, [(-100, -20), (-60, 90)])
     checks.soon("a bin over another is marked", lambda: bad.count() >= 1, 5)
     page.get_by_role("button", name="Clear").click()
@@ -152,7 +150,7 @@ def check_live(checks, page):
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     live.get_by_role("button").click()
     checks.soon("which a button copies", lambda: page.evaluate("navigator.clipboard.readText()") == "rerun+http://127.0.0.1:9876/proxy")
-    page.unroute("**/v1/plates")
+    page.unroute_all(behavior="wait")
 
 
 def check_device(checks, browser, daemon):

@@ -3,7 +3,7 @@ import json
 
 from page_checks import card, state
 from page_daemon import ROOT, SLOW_JOB
-from page_screenshots import LABELS_JS, OVERFLOW_JS
+from page_scripts import OVERFLOW_JS
 
 SIZES = [(1366, 900), (768, 1024), (390, 844)]
 # Times that are known: at plate time's own pace and at half of it, after a start without progress, for parts that settle,
@@ -29,28 +29,6 @@ LEFT_JS = """async () => {
     after([[look(8, 0.9), 100], [look(10, 1), 102]]),
     about(null), about(3), about(34), about(89), about(95), about(7200)];
 }"""
-# Overlaps, in mm, of numbers with coins for 24 coins at random places, over many plates.
-CROWDS_JS = """async () => {
-  const { place } = await import('/assets/labels.js');
-  let seed = 11;
-  const random = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
-  const bad = [];
-  for (let plate = 0; plate < 40; plate += 1) {
-    const coins = [];
-    while (coins.length < 24) {
-      const coin = [0, 1].map(() => (2 * random() - 1) * 90).concat(random() < 0.5 ? 9 : 12);
-      if (coins.every(([x, y, r]) => Math.hypot(x - coin[0], y - coin[1]) > r + coin[2] + 1)) coins.push(coin);
-    }
-    for (const { at: [x, y], half: [w, h] } of place(coins, [], 101.6, 8)) {
-      for (const [cx, cy, r] of coins) {
-        const apart = Math.hypot(Math.max(Math.abs(cx - x) - w, 0), Math.max(Math.abs(cy - y) - h, 0));
-        if (r - apart > 0.01) bad.push(r - apart);
-      }
-    }
-  }
-  return bad;
-}"""
-
 
 def job(name, plate, **members):
     """A shipped job as it is sent to a plate."""
@@ -74,8 +52,6 @@ def check_estimates(checks, page, daemon):
     wanted = [30, 60, 36, 66.4, 0, None, None, None, None, None, "", "about 10\u00a0s left", "about 30\u00a0s left", "about 90\u00a0s left",
               "about 2\u00a0min left", "about 2\u00a0h left"]
     checks.that("time left is what progress over plate time says, and unknown where that says nothing", found == wanted, found)
-    bad = page.evaluate(CROWDS_JS)
-    checks.that("numbers keep off 24 coins at random places on 40 plates", bad == [], bad[:3] or "")
 
 
 def check_sights(checks, page, daemon):
@@ -98,11 +74,6 @@ def check_sights(checks, page, daemon):
         const fills = [...card.querySelectorAll('.part circle')].map((circle) => getComputedStyle(circle).fill);
         const strokes = [...card.querySelectorAll('.trail')].map((trail) => getComputedStyle(trail).stroke);
         return strokes.length > 0 && strokes.every((stroke) => fills.includes(stroke)); }"""), 10)
-    overlaps = []
-    for _ in range(12):
-        overlaps += page.evaluate(LABELS_JS, "upm-2")
-        page.wait_for_timeout(250)
-    checks.that("numbers keep off the coins as these move", overlaps == [], overlaps[:3] or "")
     checks.soon("wanted paths are drawn", lambda: endless.locator(".paths .wanted").count() == 2, 10)
     picture = one.locator(".camera img")
     checks.soon("the camera's view is beside the plate's", lambda: picture.evaluate("(img) => img.naturalWidth") > 100, 10)
@@ -134,7 +105,6 @@ def check_size(checks, page, width, height, endless):
         checks.that(f"{where}: nothing is told of a job without end", endless.locator(".left").inner_text() == "")
         over = page.evaluate(OVERFLOW_JS)
         checks.that(f"{where}: nothing overflows", over == [], over[:4] or "")
-        checks.shot(f"b-{width}-{scheme}", full=True)
         page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
         if width == SIZES[0][0]:
             boxes = [one.locator(what).bounding_box() for what in [".view", ".camera img", ".bar"]]
@@ -156,7 +126,6 @@ def check_causes(checks, page, daemon):
     checks.soon("a condition of the run is shown with what to do", lambda: shown.count() == 1, 15)
     text = shown.first.inner_text() if shown.count() else ""
     checks.that("cause and remedy are told", "no plate" in text and "check the light" in text, text)
-    checks.shot("c-condition")
     checks.soon("and it goes with its cause", lambda: shown.count() == 0, 10)
     end_all(checks, daemon, "upm-2")
     daemon.ask("/v1/jobs", lasting)

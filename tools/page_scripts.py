@@ -68,24 +68,6 @@ CONTRAST_JS = """() => {
   return dim;
 }"""
 
-# Numbers of a plate's parts that are on a coin, by how much, mm.
-LABELS_JS = """(plate) => {
-  const card = document.querySelector(`article[aria-label="Plate ${plate}"]`);
-  const coins = [...card.querySelectorAll('.part')].map((part) => {
-    const [x, y] = part.getAttribute('transform').match(/-?[\\d.]+/g).map(Number);
-    return [x, y, Number(part.querySelector('circle').getAttribute('r'))];
-  });
-  const met = [];
-  for (const text of card.querySelectorAll('.number.beside')) {
-    const { x, y, width, height } = text.getBBox();
-    for (const [cx, cy, r] of coins) {
-      const apart = Math.hypot(Math.max(x - cx, cx - x - width, 0), Math.max(y - cy, cy - y - height, 0));
-      if (r - apart > 0.2) met.push(`${text.textContent}: ${(r - apart).toFixed(2)}`);
-    }
-  }
-  return met;
-}"""
-
 # Elements whose content is wider than they are, or that stand out of the page or of their card.
 OVERFLOW_JS = """() => {
   const over = [];

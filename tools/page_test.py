@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Looks at the operator page as a person would, in headless Chromium, with a daemon of its own behind it.
 
-usage: page_test.py [--upm target/debug/upm] [--venv target/page-test] [--chromium PATH] [--shots target/page-shots]
+usage: page_test.py [--upm target/debug/upm] [--venv target/page-test] [--chromium PATH]
 
 Prints a line for every assertion; exit status 1 when one does not hold. Playwright is installed from PyPI into the folder
 `--venv` when it is not there; Chromium is the one on the PATH, or Playwright's own.
@@ -24,7 +24,7 @@ from page_daemon import BAD_JOB, ROOT, SLOW_JOB, Daemon
 from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
 from page_order import check_deletion, check_device, check_file, check_live, check_pen
 from page_plate import check_causes, check_estimates, check_sights
-from page_screenshots import BESIDE_JS, CLEARANCE_JS, CONTRAST_JS, PLACES_JS
+from page_scripts import BESIDE_JS, CLEARANCE_JS, CONTRAST_JS, PLACES_JS
 from page_token import check_token
 
 PACKAGES = ["playwright>=1.50,<2"]
@@ -53,7 +53,6 @@ def check_first_sight(checks, page, daemon):
     box = page.locator("#estop").bounding_box()
     checks.that("the stop is large", box["width"] >= 150 and box["height"] >= 60, f"{box['width']:.0f} x {box['height']:.0f}")
     check_reach(checks, page, "desk")
-    checks.shot("1-idle", full=True)
 
 
 def answer_aged(route, age_ms):
@@ -99,11 +98,10 @@ def check_running(checks, page, daemon):
     page.route("**/frame.png", lambda route: answer_aged(route, 4000))
     checks.soon("how old that is, the daemon tells", lambda: re.match(r"Seen [45]\.\d", picture.inner_text()), 10)
     checks.that("and an old one is grey", picture.locator("img.stale").count() == 1)
-    page.unroute("**/frame.png")
+    page.unroute_all(behavior="wait")
     checks.soon("its events are listed", lambda: "running" in page.locator(".log").inner_text())
     row = page.locator(".rows li.open .state")
     checks.soon("its progress goes on in the list, too", lambda: re.fullmatch(r"running [1-9]\d* %", row.inner_text()))
-    checks.shot("2-running", full=True)
 
 
 def check_stale(checks, page, daemon):
@@ -127,7 +125,6 @@ def check_stale(checks, page, daemon):
     grown, passed = seconds(age()) - seconds(first), time.monotonic() - began
     checks.that("the age goes on", grown > 1.2 and seconds(age()) >= passed - 0.5, age())
     checks.that("the missing daemon is told beside the stop", "No news" in page.locator("#contact").inner_text())
-    checks.shot("3-stale")
     daemon.tell(signal.SIGCONT)
     checks.soon("it is back by itself", lambda: not page.locator("#contact.lost").count(), 6)
 
@@ -143,7 +140,6 @@ def check_faults(checks, page, daemon):
     near = page.evaluate(BESIDE_JS, 3)
     checks.that("level with them", near < 4, f"{near:.0f} px")
     checks.that("nothing was queued", len(daemon.jobs()) == before)
-    checks.shot("4-faults", full=True)
     fill_job(page, BAD_JOB.replace("    {\"kind\": \"penny\"},\n", 50 * "    {\"kind\": \"penny\"},\n").replace('"seven"', "7"))
     page.click("#order-send")
     checks.soon("in a long text, too, which is scrolled there", lambda: page.locator(".note").count() == 1
@@ -216,7 +212,6 @@ def check_stop(checks, page, daemon):
     page.keyboard.press("Control+Alt+s")
     report = page.locator("#stop-report")
     checks.soon("a stop that does not get through is said loudly", lambda: "NOT CONFIRMED" in report.inner_text(), 2)
-    checks.shot("5-stop-unconfirmed")
     confirmed = lambda: report.locator("p.done").count() == len(daemon.plates)
     checks.soon("it is tried again until every plate has confirmed it", confirmed, 8)
     checks.that("by key, from within the text, which is left as it was", page.input_value("#job-text") == text)
@@ -237,7 +232,6 @@ def check_stop(checks, page, daemon):
     stopped = [plate["state"] for plate in daemon.ask("/v1/plates")["plates"]]
     checks.that("every plate is stopped", set(stopped) == {"stopped"}, stopped)
     checks.soon("and shown so", lambda: all(state(page, name) == "stopped" for name in daemon.plates))
-    checks.shot("6-stopped", full=True)
 
 
 def check_reset(checks, page, daemon):
@@ -259,7 +253,6 @@ def check_reset(checks, page, daemon):
     queue(page)
     checks.that("nor by a new job", daemon.plate("upm-2")["state"] == "paused")
     page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
-    checks.shot("7-paused")
     card(page, "upm-2").get_by_role("button", name="Resume").click()
     checks.soon("resume starts what waits", lambda: state(page, "upm-2") == "running", 10)
     one = card(page, "upm-2").get_by_role("button", name="Emergency stop: upm-2")
@@ -308,7 +301,6 @@ def check_looks(checks, page):
         page.wait_for_timeout(200)
         dim = page.evaluate(CONTRAST_JS)
         checks.that(f"{scheme}: every text has a contrast of 4.5 or more", dim == [], dim[:4] or "")
-        checks.shot(f"8-{scheme}", full=True)
     page.emulate_media(reduced_motion="reduce")
     checks.that("nothing is animated where that is not wanted", page.evaluate("document.getAnimations().length") == 0)
     page.set_viewport_size(PHONE)
@@ -325,8 +317,6 @@ def check_looks(checks, page):
         scrollTo({top: 1500, behavior: 'instant'});
         const box = document.querySelector('#estop').getBoundingClientRect();
         return box.top >= 0 && box.bottom < innerHeight; }"""))
-    checks.shot("9-phone")
-    checks.shot("9-phone-whole", full=True)
     page.set_viewport_size(DESK)
 
 
@@ -335,13 +325,10 @@ def main():
     parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/page-test")
     parser.add_argument("--chromium", default=shutil.which("chromium") or shutil.which("google-chrome"))
-    parser.add_argument("--shots", type=pathlib.Path, default=ROOT / "target/page-shots")
     args = parser.parse_args()
     enter_venv(args.venv, PACKAGES)
     from playwright.sync_api import sync_playwright
 
-    if args.shots:
-        args.shots.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         folder = lambda: stack.enter_context(tempfile.TemporaryDirectory(prefix="page-test-"))
         chromium = stack.enter_context(sync_playwright()).chromium
@@ -349,7 +336,7 @@ def main():
         browser = stack.enter_context(contextlib.closing(chromium.launch(executable_path=args.chromium, args=sandbox)))
         tabs = browser.new_context(viewport=DESK)
         page = tabs.new_page()
-        checks = Checks(page, args.shots)
+        checks = Checks(page)
         errors, outside = [], []
         tabs.on("weberror", lambda error: errors.append(str(error.error)))
         tabs.on("console", lambda said: errors.append(said.text) if "Content Security Policy" in said.text else None)

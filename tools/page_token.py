@@ -9,7 +9,6 @@ def check_token(checks, page, daemon):
     checks.that("a daemon with a token has it asked for", page.locator("article.card").count() == 0)
     page.keyboard.press("Control+Alt+s")
     checks.soon("a stop without the token is said not to be one", lambda: "NO PLATE STOPPED" in page.locator("#stop-report").inner_text())
-    checks.shot("a-token")
     page.fill("#token-text", "not-the-token")
     page.keyboard.press("Enter")
     checks.soon("a wrong one is told", lambda: "does not take" in page.locator("#token-why").inner_text())

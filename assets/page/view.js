@@ -2,7 +2,6 @@
 
 import { setChildren, svg } from './dom.js';
 import { colours } from './kinds.js';
-import { place } from './labels.js';
 
 const TRAIL_S = 6;
 const BANDS = 3;
@@ -12,14 +11,8 @@ const JUMP_MM = 25;
 /** A penny's, where the daemon does not tell, mm. */
 const RADIUS_MM = 9.525;
 const MARGIN_MM = 8;
-/** From so many parts on their numbers are beside them. */
-const MANY = 8;
-/** Height of numbers and of the names of bins, as a share of half the plate's side. */
-const NUMBER = 0.078;
+/** Height of the names of bins, as a share of half the plate's side. */
 const NAME = 0.066;
-const TARGET_MM = 5;
-/** Numbers beside parts are placed anew when one has gone so far, mm. */
-const MOVED_MM = 0.7;
 
 const fixed = (mm) => Number(mm.toFixed(2));
 const point = ([x, y]) => `${fixed(x)} ${fixed(-y)}`;
@@ -29,12 +22,12 @@ export class View {
   constructor(name) {
     this.name = name;
     const group = (kind) => svg('g', { class: kind });
-    [this.grid, this.bins, this.paths, this.trails, this.targets, this.parts, this.numbers] =
-      ['grid', 'bins', 'paths', 'trails', 'targets', 'parts', 'numbers'].map(group);
+    [this.grid, this.bins, this.paths, this.trails, this.targets, this.parts] =
+      ['grid', 'bins', 'paths', 'trails', 'targets', 'parts'].map(group);
     this.ways = svg('path', { class: 'ways' });
     this.root = svg('svg', { class: 'view', role: 'img' });
-    this.root.append(this.grid, this.bins, this.paths, this.ways, this.trails, this.targets, this.parts, this.numbers);
-    [this.marks, this.coins, this.texts, this.past, this.places] = [[], [], [], [], []];
+    this.root.append(this.grid, this.bins, this.paths, this.ways, this.trails, this.targets, this.parts);
+    [this.marks, this.coins, this.past] = [[], [], []];
     this.half = 0;
     this.layOut(NO_LAYOUT);
   }
@@ -73,7 +66,6 @@ export class View {
     this.drawTrails(at);
     this.drawTargets(positions, targets);
     this.drawParts(positions, radii);
-    this.drawNumbers(positions.map(([x, y], i) => [x, -y, radii[i] ?? RADIUS_MM]), targets);
     const count = (n, what) => `${n} ${what}${n === 1 ? '' : 's'}`;
     const seen = `${count(positions.length, 'part')}, ${count(targets.length, 'target')}`;
     const bins = this.layout.bins.length ? `, ${count(this.layout.bins.length, 'bin')}` : '';
@@ -143,39 +135,19 @@ export class View {
   }
 
   drawParts(positions, radii) {
-    while (this.coins.length < positions.length) this.coins.push(svg('g', {}, svg('circle', { r: RADIUS_MM })));
+    while (this.coins.length < positions.length) {
+      const number = svg('text', { class: 'number', 'text-anchor': 'middle', dy: '0.35em' });
+      number.textContent = String(this.coins.length + 1);
+      this.coins.push(svg('g', {}, svg('circle'), number));
+    }
     this.coins.length = positions.length;
     setChildren(this.parts, this.coins);
     positions.forEach((position, i) => {
       this.coins[i].setAttribute('class', `part ${this.colourOf(i)}`);
       this.coins[i].setAttribute('transform', `translate(${point(position)})`);
-      this.coins[i].firstChild.setAttribute('r', String(radii[i] ?? RADIUS_MM));
-    });
-  }
-
-  /** `coins` are `[x, y, radius]` as drawn. Few numbers are on their coins, many beside them. */
-  drawNumbers(coins, targets) {
-    while (this.texts.length < coins.length) {
-      const number = svg('text', { 'text-anchor': 'middle', dy: '0.35em' });
-      number.textContent = String(this.texts.length + 1);
-      this.texts.push(number);
-    }
-    this.texts.length = coins.length;
-    setChildren(this.numbers, this.texts);
-    const beside = coins.length >= MANY;
-    const size = fixed(NUMBER * this.half);
-    const moved = ([x, y], i) => Math.hypot(x - (this.labelled?.[i]?.[0] ?? 1e9), y - this.labelled?.[i]?.[1]) > MOVED_MM;
-    if (beside && (this.places.length !== coins.length || coins.some(moved))) {
-      const marks = targets.map(([x, y]) => [x, -y, TARGET_MM]);
-      this.places = place(coins, marks, this.half, size, this.places);
-      this.labelled = coins;
-    }
-    this.texts.forEach((text, i) => {
-      const [x, y] = beside ? this.places[i].at : coins[i];
-      text.setAttribute('font-size', String(size));
-      text.setAttribute('class', beside ? 'number beside' : 'number');
-      text.setAttribute('x', String(fixed(x)));
-      text.setAttribute('y', String(fixed(y)));
+      const radius = radii[i] ?? RADIUS_MM;
+      this.coins[i].firstChild.setAttribute('r', String(radius));
+      this.coins[i].lastChild.setAttribute('font-size', String(radius));
     });
   }
 }

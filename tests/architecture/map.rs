@@ -118,11 +118,3 @@ impl Map {
         self.room(of).is_some_and(|room| room.of == of)
     }
 }
-
-#[test]
-fn rooms_of_one_name_and_unknown_base_rooms_are_found() {
-    let page =
-        "### Layer 0: a\n\nBase rooms are `rig` and\n`clock`.\n\n- `core/rig`: a.\n- `sim`: b.\n- `runner/rig`: c.\n";
-    let found = Map::read(page).faults();
-    assert_eq!(found, ["there is another room `rig` than that of `runner`", "there is no base room `clock`"]);
-}

@@ -74,11 +74,6 @@ fn tokens(source: &str) -> Vec<Token> {
     tokens
 }
 
-/// Names and keywords of a source in their order.
-pub fn words(source: &str) -> Vec<String> {
-    tokens(source).into_iter().filter(Token::is_name).map(|token| token.text).collect()
-}
-
 fn quoted_length(rest: &str) -> usize {
     let mut escaped = false;
     for (i, c) in rest.char_indices().skip(1) {

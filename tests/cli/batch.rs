@@ -2,15 +2,14 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
-use std::thread::sleep;
-use std::time::Duration;
+use std::process::Stdio;
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{job, status};
+use super::closed_loop::wait_for_cycle;
+use super::{job, run, status};
 
 /// A job that moves one penny from a random place to the middle.
 fn to_the_middle(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
@@ -44,12 +43,11 @@ fn run_of_a_batch_is_the_single_run_of_its_seed() {
     assert_eq!(summary, json_of(&fs::read_to_string(many.join("summary.json")).unwrap()));
     let seeds: Vec<u64> = runs(&summary).iter().map(|run| run["seed"].as_u64().unwrap()).collect();
     assert_eq!((seeds, &summary["completed"], &summary["seeds"]), (vec![31, 32, 33, 7], &json!(4), &json!(4)));
-    let single = json_of(&batch(&file, &alone, &["--seed", "32", "--rerun", "off", "--json"], 0).0);
+    let (of_single, single) = run(&file, &alone, &["--seed", "32"], 0);
     let of_batch = &runs(&summary)[1];
     for key in ["seed", "outcome", "reason", "plate_time_s", "cycles", "pulses", "max_error_mm", "collisions"] {
         assert_eq!(of_batch[key], single[key], "{key}");
     }
-    let of_single = fs::read_dir(&alone).unwrap().next().unwrap().unwrap().path();
     let journal = |folder: &Path| fs::read(folder.join("journal.jsonl")).unwrap();
     let of_batch = PathBuf::from(of_batch["folder"].as_str().unwrap());
     assert!(journal(&of_batch) == journal(&of_single), "the journals are equal byte for byte");
@@ -109,13 +107,13 @@ fn interrupted_batch_ends_with_a_summary_of_its_runs() {
     let folder = TempDir::new().unwrap();
     let file = to_the_middle(folder.path(), |job| job["task"] = json!({"type": "plus_sign", "laps": 0}));
     let out = folder.path().join("out");
-    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
         .args(["run", file.to_str().unwrap(), "--seeds", "1..500", "--json", "--out", out.to_str().unwrap()])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    until_a_run_moves(&out, &mut child);
+    wait_for_cycle(&out);
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
@@ -128,17 +126,4 @@ fn interrupted_batch_ends_with_a_summary_of_its_runs() {
         let report = fs::read_to_string(Path::new(run["folder"].as_str().unwrap()).join("report.json")).unwrap();
         assert_eq!(json_of(&report)["outcome"], run["outcome"], "every run that began has its report");
     }
-}
-
-/// Waits until the journal of any run has lines.
-fn until_a_run_moves(out: &Path, child: &mut Child) {
-    let has_lines = |folder: PathBuf| fs::read(folder.join("journal.jsonl")).is_ok_and(|text| text.contains(&b'\n'));
-    for _ in 0..3000 {
-        if fs::read_dir(out).is_ok_and(|mut runs| runs.any(|run| has_lines(run.unwrap().path()))) {
-            return;
-        }
-        assert!(child.try_wait().unwrap().is_none(), "the batch ended by itself");
-        sleep(Duration::from_millis(20));
-    }
-    panic!("no run begins");
 }

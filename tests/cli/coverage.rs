@@ -6,7 +6,8 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{root, status};
+use super::rigs::rig;
+use super::{file, read, status};
 
 /// JSON result of `upm check` for the one library in `args`.
 fn coverage(args: &[&str]) -> Value {
@@ -47,13 +48,11 @@ fn a_library_of_another_rig_is_refused() {
         "upm: assets/libraries/upm-1.json: rig: expected \"upm-2\" (run `upm calibrate` for this rig), found \"upm-1\""
     );
     let folder = TempDir::new().unwrap();
-    let text = fs::read_to_string(root().join("configs/rigs/upm-1.json")).unwrap();
-    let mut rig: Value = serde_json::from_str(&text).unwrap();
-    rig.as_object_mut().unwrap().remove("library");
-    rig["plate"]["mass_kg"] = json!(0.4);
-    let heavier = folder.path().join("heavier.json");
-    fs::write(&heavier, rig.to_string()).unwrap();
-    let args = ["check", "assets/libraries/upm-1.json", "--rig", heavier.to_str().unwrap()];
+    let heavier = rig(&folder, "upm-1", |rig| {
+        drop(rig.as_object_mut().unwrap().remove("library"));
+        rig["plate"]["mass_kg"] = json!(0.4);
+    });
+    let args = ["check", "assets/libraries/upm-1.json", "--rig", &heavier];
     let (_, stderr) = status(&args, 2);
     assert!(stderr.contains("upm-1.json: fingerprint: expected ") && stderr.contains(", found "), "{stderr}");
     status(&["check", "assets/libraries/upm-1.json", "--rig", "no/such/rig.json"], 2);
@@ -87,13 +86,11 @@ fn coverage_is_drawn_for_one_library() {
 #[test]
 fn unreachable_places_are_marked() {
     let folder = TempDir::new().unwrap();
-    let text = fs::read_to_string(root().join("assets/libraries/upm-1.json")).unwrap();
-    let mut library: Value = serde_json::from_str(&text).unwrap();
+    let mut library = read("assets/libraries/upm-1.json");
     let motion = |velocity: [f64; 2], spin: f64| json!({"amplitudes": [-271, 69, 268, -66], "velocity_mm_s": velocity, "spin_rad_s": spin});
     // along x everywhere; along y only far from one centre, which is at (-25, 15) mm
     library["entries"] = json!([motion([40.0, 0.0], 0.0), motion([30.0, 0.0], 0.0), motion([6.0, 10.0], 0.4)]);
-    let (path, map) = (folder.path().join("poor.json"), folder.path().join("map.svg"));
-    fs::write(&path, library.to_string()).unwrap();
+    let (path, map) = (file(folder.path(), "poor.json", &library), folder.path().join("map.svg"));
     let (path, map) = (path.to_str().unwrap(), map.to_str().unwrap());
     status(&["check", path, "--rig", "configs/rigs/upm-1.json", "--picture", map], 0);
     assert!(fs::read_to_string(map).unwrap().contains("out of reach"));

@@ -8,48 +8,21 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::page::{FigurePage, numbers};
-use super::{root, status};
+use super::{file, read, root, run, shipped, status};
 
 /// Header of the tables of one coin, of pictures, of the plate and of the daemon on the page of results.
 const RESULTS: &str = "| what | measured | command |";
 
-/// A shipped job with an absolute rig path.
-fn shipped(name: &str) -> Value {
-    let text = fs::read_to_string(root().join(format!("configs/{name}.json"))).unwrap();
-    let mut job: Value = serde_json::from_str(&text).unwrap();
-    job["rig"] = json!(root().join("configs").join(job["rig"].as_str().unwrap()));
-    job
-}
-
-/// `value` in a new file.
-fn file(folder: &TempDir, value: &Value) -> String {
-    let path = folder.path().join("file.json");
-    fs::write(&path, value.to_string()).unwrap();
-    path.to_str().unwrap().to_owned()
-}
-
-/// Runs the job in a new folder; returns its report.
-fn report(job: &Value) -> Value {
+/// Runs a shipped job, altered by `change`; returns its report.
+fn report(name: &str, change: impl FnOnce(&mut Value)) -> Value {
     let folder = TempDir::new().unwrap();
-    let (file, out) = (file(&folder, job), folder.path().join("out"));
-    let args = ["run", &file, "--quiet", "--json", "--rerun", "off", "--out", out.to_str().unwrap()];
-    serde_json::from_str(&status(&args, 0).0).unwrap()
+    run(&shipped(folder.path(), name, change), &folder.path().join("out"), &[], 0).1
 }
 
 /// Folders of the runs in `out`.
 fn run_folders(out: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(out).unwrap().map(|entry| entry.unwrap().path());
     entries.filter(|path| path.is_dir()).collect()
-}
-
-/// Runs the job with seeds 1 to `seeds`; returns the reports.
-fn reports(job: &Value, seeds: u32) -> Vec<Value> {
-    let folder = TempDir::new().unwrap();
-    let (file, out) = (file(&folder, job), folder.path().join("out"));
-    let seeds = format!("1..{seeds}");
-    status(&["run", &file, "--seeds", &seeds, "--quiet", "--json", "--out", out.to_str().unwrap()], 0);
-    let texts = run_folders(&out).into_iter().map(|run| fs::read_to_string(run.join("report.json")).unwrap());
-    texts.map(|text| serde_json::from_str(&text).unwrap()).collect()
 }
 
 fn number(value: &Value, pointer: &str) -> f64 {
@@ -62,10 +35,8 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn knocked_parts_go_as_far_as_the_page_of_jobs_says() {
-    let mut job = shipped("hold-4");
     // a part is brought back beyond the tolerance alone
-    job["tolerance_mm"] = json!(100);
-    let report = report(&job);
+    let report = report("hold-4", |job| job["tolerance_mm"] = json!(100));
     assert_eq!(report["pulses"], 1, "the probe alone: {report}");
     let parts = report["parts"].as_array().unwrap();
     let off_mm: Vec<f64> = parts.iter().map(|part| number(part, "/error_mm")).collect();
@@ -84,7 +55,8 @@ fn carried_mm(pulse: &Value) -> f64 {
         "parts": [{"kind": "penny", "position_mm": [0, 0]}],
         "pulses": [pulse],
     });
-    let (stdout, _) = status(&["simulate", &file(&folder, &experiment), "--json"], 0);
+    let experiment = file(folder.path(), "pulse.json", &experiment);
+    let (stdout, _) = status(&["simulate", experiment.to_str().unwrap(), "--json"], 0);
     let result: Value = serde_json::from_str(&stdout).unwrap();
     result["parts"][0]["x_mm"].as_array().unwrap().last().unwrap().as_f64().unwrap()
 }
@@ -112,21 +84,18 @@ fn more_coins_and_more_scatter_have_the_figures_of_the_student_page() {
     let mut page = FigurePage::open("docs/student.md");
     let shares = [2, 8, 16].map(|parts| {
         let folder = TempDir::new().unwrap();
-        let mut job = shipped(&format!("arrange-{parts}"));
-        job["planner"] = json!("cor_sequence");
-        let (stdout, _) = status(&["check", &file(&folder, &job), "--plan", "--json"], 0);
+        let name = format!("arrange-{parts}");
+        let file = shipped(folder.path(), &name, |job| job["planner"] = json!("cor_sequence"));
+        let (stdout, _) = status(&["check", file.to_str().unwrap(), "--plan", "--json"], 0);
         number(&serde_json::from_str(&stdout).unwrap(), "/0/plan/independence/share")
     });
     page.passage("With two coins it is", ". This is a dry run", &shares);
-    let usual = shipped("arrange-8");
-    let mut scattered = usual.clone();
-    let mut rig: Value = serde_json::from_str(&fs::read_to_string(usual["rig"].as_str().unwrap()).unwrap()).unwrap();
-    rig["library"] = json!(root().join("assets/libraries/upm-2.json"));
-    rig["friction"]["spread"] = json!(0.3);
-    scattered["rig"] = rig;
-    let off_mm = [scattered, usual].map(|job| {
-        let report = report(&job);
-        assert_eq!(report["outcome"], "completed", "{report}");
+    let off_mm = [0.3, 0.1].map(|spread| {
+        let report = report("arrange-8", |job| {
+            job["rig"] = read("configs/rigs/upm-2.json");
+            job["rig"]["library"] = json!(root().join("assets/libraries/upm-2.json"));
+            job["rig"]["friction"]["spread"] = json!(spread);
+        });
         number(&report, "/prediction_error_mm/library")
     });
     page.passage("forecasts for eight coins are off by", ", and the job", &off_mm);
@@ -155,10 +124,16 @@ fn campaign_of_the_plus_sign_has_the_figures_of_the_results_page() {
     let rows = page.rows(RESULTS);
     let label = rows.iter().map(|row| &row.cells[0]).find(|label| label.contains(" seeds, ")).unwrap();
     let [seeds, laps] = numbers(label)[..] else { panic!("expected seeds and laps, found {label:?}") };
-    let mut job = shipped("plus-sign");
-    job["task"]["laps"] = json!(laps as u32);
-    job["limits"] = json!({"plate_time_s": 300.0 * laps});
-    let reports = reports(&job, seeds as u32);
+    let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "plus-sign", |job| {
+        job["task"]["laps"] = json!(laps as u32);
+        job["limits"] = json!({"plate_time_s": 300.0 * laps});
+    });
+    let (out, seeds) = (folder.path().join("out"), format!("1..{seeds}"));
+    let args = ["run", file.to_str().unwrap(), "--seeds", &seeds, "-q", "--out", out.to_str().unwrap()];
+    status(&args, 0);
+    let texts = run_folders(&out).into_iter().map(|run| fs::read_to_string(run.join("report.json")).unwrap());
+    let reports: Vec<Value> = texts.map(|text| serde_json::from_str(&text).unwrap()).collect();
     let done = reports.iter().filter(|report| report["outcome"] == "completed" && report["lost_parts"] == 0).count();
     page.cell(RESULTS, label, "measured", &[done as f64, reports.len() as f64]);
     let over = |key: &'static str| reports.iter().map(move |report| number(report, key));

@@ -61,9 +61,14 @@ fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
         (plus, "/library", json!("none.json")),
         (plus, "/library", json!("../assets/libraries/upm-2.json")),
         ("arrange-4.json", "/task/targets_mm/0", json!([200, 0])),
+        ("arrange-4.json", "/parts/0/count", json!(3)),
         ("arrange-4.json", "/parts/0/count", json!(5)),
+        ("arrange-4.json", "/task/targets_mm/0", json!([-142.5, 0])),
+        ("arrange-4.json", "/task/targets_mm/2", json!([50, 69])),
         ("sort-8.json", "/task/bins/1/region_mm/max", json!([90, 0])),
+        ("sort-8.json", "/task/bins/1/region_mm/min", json!([-50, -60])),
         ("sort-8.json", "/task/bins/1/kinds", json!(["dime"])),
+        ("bowtie-3.json", "/task/paths/1/waypoints_mm/0", json!([3, 4])),
         ("bowtie-3.json", "/task/paths/2/speed_mm_s", json!(9)),
         ("hold-4.json", "/task/duration_s", json!("long")),
         (rig, "/motors/newtons_per_count", json!(0.0001)),
@@ -88,7 +93,7 @@ fn wrong_values() -> Vec<(&'static str, &'static str, Value)> {
 }
 
 /// Files that hold no document.
-const TEXTS: [(&str, &[u8]); 7] = [
+const TEXTS: [(&str, &[u8]); 8] = [
     ("an empty file", b""),
     ("a file that is cut off", b"{\n  \"name\": \"a\",\n  \"seed\": "),
     ("a missing comma", b"{\n  \"name\": \"a\"\n  \"seed\": 3\n}"),
@@ -96,6 +101,7 @@ const TEXTS: [(&str, &[u8]); 7] = [
     ("plain text", b"hello"),
     ("a list", b"[]"),
     ("two documents", b"{} {}"),
+    ("lists in lists", &[b'['; 100_000]),
 ];
 
 /// Message on stderr of a command that must be refused and print nothing else.
@@ -134,13 +140,20 @@ fn each_mistake_is_answered_in_one_line_with_a_remedy() {
         text += &format!("$ upm {command}\n{}\n", refusal(folder.path(), &args));
     }
     for (name, pointer, value) in wrong_values() {
-        let line = with_value(folder.path(), name, pointer, &value, |file| refusal(folder.path(), &["check", file]));
+        let line = with_value(folder.path(), name, pointer, &value, |file| {
+            let line = refusal(folder.path(), &["check", file]);
+            // a run says the same before it makes its folder
+            let is_job = !name.contains('/') && name != "daemon.json";
+            assert!(!is_job || refusal(folder.path(), &["run", file]) == line, "{name} {pointer}: {line}");
+            line
+        });
         text += &format!("{name} {pointer} = {value}\n{line}\n");
     }
     for (what, bytes) in TEXTS {
         fs::write(folder.path().join("wrong.json"), bytes).unwrap();
         text += &format!("wrong.json: {what}\n{}\n", refusal(folder.path(), &["check", "wrong.json"]));
     }
+    assert!(!folder.path().join("runs").exists());
     let golden = root().join("tests/golden/mistakes.txt");
     if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
         fs::write(&golden, &text).unwrap();

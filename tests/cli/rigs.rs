@@ -1,21 +1,16 @@
 //! Rigs and `upm` as a subprocess: their libraries, the rig given with `--rig`, and the required view of the camera.
 
-use std::fs;
-
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{root, status};
+use super::{file, read, root, status};
 
 /// The shipped rig `name` with an absolute library path, altered by `change`, in a new file.
-fn rig(folder: &TempDir, name: &str, change: impl FnOnce(&mut Value)) -> String {
-    let text = fs::read_to_string(root().join(format!("configs/rigs/{name}.json"))).unwrap();
-    let mut rig: Value = serde_json::from_str(&text).unwrap();
+pub(super) fn rig(folder: &TempDir, name: &str, change: impl FnOnce(&mut Value)) -> String {
+    let mut rig = read(&format!("configs/rigs/{name}.json"));
     rig["library"] = json!(root().join(format!("assets/libraries/{name}.json")));
     change(&mut rig);
-    let path = folder.path().join("my-rig.json");
-    fs::write(&path, rig.to_string()).unwrap();
-    path.to_str().unwrap().to_owned()
+    file(folder.path(), "my-rig.json", &rig).to_str().unwrap().to_owned()
 }
 
 #[test]

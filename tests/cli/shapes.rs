@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{root, status};
+use super::{file, root, run, status};
 
 #[path = "../docs/pages.rs"]
 #[allow(dead_code)] // prose and marks
@@ -16,9 +16,7 @@ mod pages;
 fn written(folder: &Path, parts: u32, task: Value) -> PathBuf {
     let rig = root().join("configs/rigs/upm-2.json");
     let job = json!({"name": "shape", "rig": rig, "parts": [{"kind": "penny", "count": parts}], "task": task});
-    let path = folder.join("job.json");
-    fs::write(&path, job.to_string()).unwrap();
-    path
+    file(folder, "job.json", &job)
 }
 
 #[test]
@@ -41,28 +39,15 @@ fn plan_and_its_picture_have_the_places_of_a_rule() {
 }
 
 #[test]
-fn schema_of_a_job_lists_every_rule() {
-    let (schema, _) = status(&["schema", "job"], 0);
-    let schema: Value = serde_json::from_str(&schema).unwrap();
-    let keys =
-        |of: &str| -> Vec<String> { schema["$defs"][of]["properties"].as_object().unwrap().keys().cloned().collect() };
-    assert_eq!(keys("RawTargets"), ["circle", "grid", "line", "svg", "text"]);
-    let of_path = keys("RawPath");
-    assert!(["circle", "lissajous", "svg", "waypoints_mm"].iter().all(|key| of_path.iter().any(|other| other == key)));
-}
-
-#[test]
 fn run_of_a_drawing_is_verified_without_its_file() {
     let folder = TempDir::new().unwrap();
     let drawing = folder.path().join("roof.svg");
     fs::write(&drawing, r#"<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 10 L10 0 L20 10"/></svg>"#).unwrap();
     let task = json!({"type": "arrange", "targets": {"svg": {"file": "roof.svg", "width_mm": 120}}});
     let file = written(folder.path(), 3, task);
-    let out = folder.path().join("runs");
-    status(&["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "off", "--json"], 0);
+    let (run, _) = run(&file, &folder.path().join("runs"), &[], 0);
     fs::remove_file(drawing).unwrap();
     fs::remove_file(file).unwrap();
-    let run = fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
     let effective: Value = serde_json::from_str(&fs::read_to_string(run.join("effective.json")).unwrap()).unwrap();
     assert_eq!(effective["job"]["task"]["targets"]["svg"]["d"], "M0,10 L10,0 L20,10");
     status(&["verify", run.to_str().unwrap()], 0);

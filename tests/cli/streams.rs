@@ -61,12 +61,3 @@ fn run_is_found_behind_a_link() {
         status(&["verify", name, "--out", out.to_str().unwrap()], 0);
     }
 }
-
-#[test]
-fn more_faults_than_a_job_file_may_list_are_refused() {
-    let faults = vec!["part0:friction=1@50"; 33].join(",");
-    let (_, stderr) = status(&["run", "configs/arrange-2.json", "--faults", &faults], 2);
-    assert_eq!(stderr, "upm: --faults: expected up to 32, the job's included, found 33 faults\n");
-    let (_, stderr) = status(&["run", "configs/arrange-2.json", "--faults", "coil0:reversed@50-50.0000000001"], 2);
-    assert!(stderr.contains("a time after from_s, 50"), "{stderr}");
-}

@@ -104,11 +104,10 @@ fn is_complete(code: &str) -> bool {
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn complete_commands_in_the_prose_run_as_typed() {
-    let mut commands = BTreeSet::new();
-    for page in pages::all() {
-        let codes = page.codes().into_iter().filter(|code| is_complete(code));
-        commands.extend(codes.filter(|code| !page.marks.iter().any(|mark| mark.contains(code.as_str()))));
-    }
+    let pages = pages::all();
+    let is_marked = |code: &String| pages.iter().flat_map(|page| &page.marks).any(|mark| mark.contains(code.as_str()));
+    let mut commands: BTreeSet<String> = pages.iter().flat_map(Page::codes).collect();
+    commands.retain(|code| is_complete(code) && !is_marked(code));
     assert!(commands.len() >= 20, "commands are found: {commands:?}");
     let script: Vec<String> = commands.into_iter().collect();
     assert_eq!(run("inline code", &script.join("\n")).1, None);

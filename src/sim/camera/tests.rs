@@ -48,6 +48,7 @@ proptest! {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
     #[test]
     fn bounds_of_tiles_are_not_seen(params in scenes::any(), x in -0.1..0.1f64, y in -0.1..0.1f64, turn in -0.4..0.4f64) {
         let discs = [PENNY, TALL];

@@ -132,7 +132,7 @@ fn kept_plan(planner: &mut FieldPlanner, parts: &[PartState]) -> Plan {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     /// When all limits are kept at the start a plan is found, also by a planner with state from other parts.
     #[test]
