@@ -4,16 +4,13 @@
 use std::sync::Arc;
 
 use axum::Router;
-use axum::middleware::from_fn_with_state;
 use tokio::sync::Semaphore;
 
 use crate::http::{AllowedHosts, ShutdownSignal, Tokens, with_layers};
 
 mod backend;
-mod event_queue;
 mod events;
 mod files;
-mod http_metrics;
 mod jobs;
 mod layout;
 mod openapi;
@@ -32,9 +29,7 @@ use request::Api;
 pub use backend::{
     Asset, Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, pending, ready,
 };
-pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
-pub use events::JOB_OVER;
-pub use http_metrics::{HttpMetrics, Requests};
+pub use events::{EVENT_STREAMS, JOB_EVENT};
 pub use layout::{Checked, LayoutPartView, LayoutPathView, LayoutView};
 pub use query::JobsQuery;
 pub use types::{EStopped, Job, JobsPage, Plate, Plates, ResetRequest};
@@ -49,16 +44,10 @@ pub struct AppParts {
     pub hosts: AllowedHosts,
     /// Ends event streams; the same flag that ends the server.
     pub stop: ShutdownSignal,
-    /// Counters of requests and event streams.
-    pub http_metrics: HttpMetrics,
+    /// Places for event streams, [`EVENT_STREAMS`].
+    pub event_streams: Arc<Semaphore>,
     /// The program's version.
     pub version: &'static str,
-}
-
-impl Default for HttpMetrics {
-    fn default() -> Self {
-        Self::of(routes::operations().iter().map(|operation| (operation.id, operation.statuses())))
-    }
 }
 
 /// The complete API as a router, layers included. Needs no socket.
@@ -69,10 +58,8 @@ pub fn app(parts: AppParts) -> Router {
         tokens: parts.tokens,
         stop: parts.stop,
         document: openapi::document(&operations, parts.version).to_string().into(),
-        http_metrics: parts.http_metrics.clone(),
-        watchers: Arc::new(Semaphore::new(events::WATCHERS)),
+        event_streams: parts.event_streams,
         downloads: Arc::new(Semaphore::new(files::DOWNLOADS)),
     });
-    let app = with_layers(router::router(operations, &api), parts.hosts);
-    app.layer(from_fn_with_state(parts.http_metrics, http_metrics::count))
+    with_layers(router::router(operations, &api), parts.hosts)
 }

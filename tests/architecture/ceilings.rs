@@ -21,7 +21,7 @@ const CEILINGS: [(&str, usize); 20] = [
     ("reference", 400),
     ("runner", 5720),
     ("scene", 920),
-    ("server", 8660),
+    ("server", 6350),
     ("shapes", 460),
     ("sim", 3430),
     ("task", 2000),

@@ -158,16 +158,6 @@ def summary(text):
     return f"{count(cases)} cases, {count(tested)} operations, {failed[2] if failed else 0} failures"
 
 
-def answered(daemon):
-    """Statuses that were answered, by operation, as the daemon counted them."""
-    found = {}
-    for line in daemon.ask("GET", "/metrics").body.decode().splitlines():
-        match = re.match(r'upm_http_requests_total\{operation="(\w+)",status="(\d+)"\} (\d+)', line)
-        if match and match[3] != "0":
-            found.setdefault(match[1], {})[match[2]] = int(match[3])
-    return found
-
-
 def main():
     parser = parser_of(__doc__)
     parser.add_argument("--examples", type=int, default=100, help="cases of each operation and phase at most")
@@ -190,12 +180,6 @@ def main():
                 bars.hold(f"{round_.name}: schemathesis", "passes", f"{summary(text)}, exit {status}", status == 0)
                 if status:
                     print(text)
-                statuses = answered(daemon)
-                print(f"{round_.name}, by operation:")
-                print("".join(f"  {name:10} {', '.join(f'{s}: {n}' for s, n in of.items())}\n" for name, of in statuses.items()))
-                if round_.shown == round_.token:
-                    never = [name for name, of in statuses.items() if name != "none" and not any(s[0] in "23" for s in of)]
-                    bars.hold(f"{round_.name}: operations never answered well", "none", never or "none", not never)
                 health = daemon.ask("GET", "/healthz")
                 bars.hold(f"{round_.name}: /healthz afterwards", 200, health.status, health.status == 200)
                 bars.tell(f"{round_.name}: jobs that ran beside it", began)

@@ -124,10 +124,4 @@ impl Operation {
         kinds.extend(self.problems);
         ProblemKind::ALL.into_iter().filter(|kind| kinds.contains(kind)).collect()
     }
-
-    /// Every status it can answer with.
-    pub fn statuses(&self) -> Vec<u16> {
-        let problems = self.all_problems().into_iter().map(|kind| kind.status().as_u16());
-        self.answers.iter().map(|answer| answer.status).chain(problems).collect()
-    }
 }

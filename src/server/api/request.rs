@@ -6,7 +6,6 @@ use bytes::Bytes;
 use tokio::sync::Semaphore;
 
 use super::backend::Backend;
-use super::http_metrics::HttpMetrics;
 use super::query::{QueryParams, is_job_id};
 use crate::http::{Caller, Problem, ProblemKind, ShutdownSignal, Tokens};
 use upm_runner::config::is_plain_name;
@@ -17,8 +16,7 @@ pub(super) struct Api {
     pub tokens: Arc<Tokens>,
     pub stop: ShutdownSignal,
     pub document: Bytes,
-    pub http_metrics: HttpMetrics,
-    pub watchers: Arc<Semaphore>,
+    pub event_streams: Arc<Semaphore>,
     pub downloads: Arc<Semaphore>,
 }
 

@@ -10,7 +10,6 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::on;
 use bytes::Bytes;
 
-use super::http_metrics::MatchedOperation;
 use super::operation::{Operation, ParamIn};
 use super::query::QueryParams;
 use super::request::{Api, RequestContext};
@@ -24,7 +23,6 @@ pub(super) fn router(operations: Vec<Operation>, api: &Arc<Api>) -> Router {
         let (operation, api) = (Arc::new(operation), api.clone());
         let handler = move |request: Request| {
             let (operation, api) = (operation.clone(), api.clone());
-            MatchedOperation::note(&request, operation.id);
             async move { operation.answer(api, request).await.into_response() }
         };
         router = router.route(path, on(filter, handler));

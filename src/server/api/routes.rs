@@ -99,9 +99,8 @@ const LIST_PARAMS: &[Param] = &[
 fn file_operations() -> Vec<Operation> {
     const EVENTS: &[ResponseSpec] = &[answer(
         200,
-        "Server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen can be resumed from, \
-         that of a `snapshot` too; `gap` tells of events that cannot be had any more. `bye` ends the stream: unless a \
-         `finished` came before, it can be resumed.",
+        "Server-sent events: `job`, whenever its state changes, and the lines of its journal, whose `id` can be \
+         resumed from. The stream of a job that has ended ends with `job`.",
         MediaType::Media(events::EVENT_STREAM),
     )];
     const PICTURE: &[ResponseSpec] = &[ResponseSpec {
@@ -136,7 +135,7 @@ fn file_operations() -> Vec<Operation> {
 const LAST_EVENT_ID: Param = Param {
     name: events::LAST_EVENT_ID,
     location: ParamIn::Header,
-    description: "Number of the last event seen; later ones are sent first. 0 for all that are kept.",
+    description: "The last `id` seen: the journal is sent from there on. 0 for all of it; left out: from now on.",
     schema: || json!({"type": "string", "pattern": "^[0-9]{1,18}$"}),
 };
 

@@ -1,7 +1,6 @@
 mod contract;
 mod document;
 mod fake;
-mod http_metrics;
 mod input;
 mod recordings;
 mod streams;
@@ -14,10 +13,11 @@ use axum::http::{HeaderMap, Request};
 use bytes::Bytes;
 use http_body_util::BodyExt;
 use serde_json::Value;
+use tokio::sync::Semaphore;
 use tower::ServiceExt;
 
 use super::operation::{MediaType, Operation};
-use super::{AppParts, HttpMetrics, app, routes};
+use super::{AppParts, EVENT_STREAMS, app, routes};
 use crate::http::{AllowedHosts, ProblemDocument, Scope, ShutdownSender, ShutdownSignal, Tokens};
 use fake::FakeBackend;
 
@@ -29,7 +29,6 @@ struct TestApi {
     app: Router,
     backend: Arc<FakeBackend>,
     stop: ShutdownSender,
-    http_metrics: HttpMetrics,
 }
 
 struct ApiAnswer {
@@ -54,16 +53,15 @@ impl TestApi {
         let backend = Arc::new(FakeBackend::default());
         let hosts = AllowedHosts::new("127.0.0.1:8750".parse().unwrap(), &[]);
         let (stop, flag) = ShutdownSignal::new();
-        let http_metrics = HttpMetrics::default();
         let parts = AppParts {
             backend: backend.clone(),
             tokens: Arc::new(tokens),
             hosts,
             stop: flag,
-            http_metrics: http_metrics.clone(),
+            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
             version: "0.0.0",
         };
-        Self { app: app(parts), backend, stop, http_metrics }
+        Self { app: app(parts), backend, stop }
     }
 
     async fn open(&self, request: Request<Body>) -> (u16, HeaderMap, Body) {
