@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-const FEATURES: [(&str, bool); 2] =
-    [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon"))];
+const FEATURES: [(&str, bool); 2] = [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon"))];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))

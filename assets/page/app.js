@@ -28,10 +28,7 @@ let standing = '';
 let askedForJobs = 0;
 
 const stops = new Stops(part('estop'), part('stop-report'), () => [...cards.keys()]);
-const jobs = new Jobs(part('jobs'), {
-  observed: (job, observation) => cards.forEach((card) => card.observe(job, observation)),
-  changed: () => refreshJobs(),
-});
+const jobs = new Jobs(part('jobs'), () => refreshJobs());
 const order = new Order(part('order'), (job, open) => {
   refreshJobs();
   if (open) jobs.open(job.id);

@@ -52,14 +52,15 @@ async function whileSeen(signal, work) {
   }
 }
 
-/** Watches a job until its last event or until `signal`; goes on after the last event seen when the stream breaks. */
+/** Watches a job until it has ended or until `signal`; goes on after the last line seen when the stream breaks. */
 export async function watch(job, signal, on, broken) {
-  const last = { id: '0' };
+  // of a run that may have gone on for days only what is new
+  const last = { id: job.state === 'running' ? undefined : '0' };
   let over = false;
   let pause = SHORTEST_PAUSE_MS;
   const onEvent = (kind, body) => {
     pause = SHORTEST_PAUSE_MS;
-    over ||= kind === 'finished' || (kind === 'bye' && body.code === 'job_over');
+    over ||= kind === 'job' && body.finished_at !== null;
     on(kind, body);
   };
   const take = (response) => {
@@ -68,8 +69,8 @@ export async function watch(job, signal, on, broken) {
   };
   while (!over && !signal.aborted) {
     try {
-      const headers = { 'Last-Event-ID': last.id };
-      await whileSeen(signal, (signal) => send('GET', ofJob(job, '/events'), { headers, signal }, take));
+      const headers = last.id === undefined ? {} : { 'Last-Event-ID': last.id };
+      await whileSeen(signal, (signal) => send('GET', ofJob(job.id, '/events'), { headers, signal }, take));
     } catch (error) {
       if (signal.aborted) return;
       if (error instanceof Problem && error.status === 404) return broken(error.message);

@@ -86,8 +86,8 @@ class Row {
     else setText(this.state, state);
   }
 
-  open(options) {
-    this.watched = new Watched(this.job, options);
+  open(changed) {
+    this.watched = new Watched(this.job, changed);
     this.root.append(this.watched.root);
     this.root.classList.add('open');
     this.name.setAttribute('aria-expanded', 'true');
@@ -103,12 +103,11 @@ class Row {
 }
 
 export class Jobs {
-  /** `observed(job, observation)` is called as the open job's parts are observed, `changed()` as its state changes. */
-  constructor(section, { observed, changed }) {
+  /** `changed()` is called as the open job's state changes. */
+  constructor(section, changed) {
     const part = (id) => section.querySelector(`#${id}`);
     [this.only, this.says, this.list, this.newer, this.older, this.pageOf] =
       ['only', 'jobs-say', 'rows', 'newer', 'older', 'page-of'].map(part);
-    this.observed = observed;
     this.changed = changed;
     this.cursors = [null];
     this.rows = new Map();
@@ -219,7 +218,7 @@ export class Jobs {
     const before = this.opened;
     this.rows.get(before)?.close();
     this.opened = before === id ? null : id;
-    this.rows.get(this.opened)?.open({ observed: this.observed, changed: this.changed });
+    this.rows.get(this.opened)?.open(this.changed);
   }
 
   update(plates) {

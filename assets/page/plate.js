@@ -72,7 +72,6 @@ export class PlateCard {
     const before = this.plate;
     this.plate = plate;
     this.asked = asked;
-    this.shownAt = plate.at_s;
     this.view.draw(plate, performance.now() / 1000);
     if (before && before.state !== plate.state) {
       announce(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
@@ -173,13 +172,6 @@ export class PlateCard {
     this.layout = layout;
     this.view.layOut(layout);
     this.legend.replaceChildren(...(layout ? legend(layout, this.view.colours) : []));
-  }
-
-  /** An observation of the plate that came between two answers. It is drawn, but nothing counts as younger for it. */
-  observe(job, observation) {
-    if (!this.plate || this.plate.job !== job || observation.at_s <= this.shownAt) return;
-    this.shownAt = observation.at_s;
-    this.view.draw({ ...this.plate, ...observation }, performance.now() / 1000);
   }
 
   /** The age goes on whether or not the daemon answers. */

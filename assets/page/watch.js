@@ -7,8 +7,8 @@ import { watch } from './events.js';
 const LINES = 200;
 
 export class Watched {
-  /** `observed(job, observation)` receives every observation of the parts; `changed()` when the job's state did. */
-  constructor(job, { observed, changed }) {
+  /** `changed()` is called when the job's state did. */
+  constructor(job, changed) {
     this.job = job;
     this.control = new AbortController();
     this.says = el('p', { class: 'why', role: 'status' });
@@ -20,11 +20,8 @@ export class Watched {
     const parts = [this.facts, this.cycle, this.says, this.log, this.pictureButton, this.camera.root];
     this.root = el('div', { class: 'watched' }, ...parts);
     this.take(job);
-    const on = (kind, body) => {
-      if (kind === 'look') observed(job.id, body);
-      else this.accept(kind, body, changed);
-    };
-    watch(job.id, this.control.signal, on, (text) => setText(this.says, text));
+    const on = (kind, body) => this.accept(kind, body, changed);
+    watch(job, this.control.signal, on, (text) => setText(this.says, text));
   }
 
   /** Takes the present state of the job. */
@@ -60,20 +57,22 @@ export class Watched {
     this.facts.replaceChildren(...shown.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
   }
 
+  /** Takes the job, or a line of its journal. */
   accept(kind, body, changed) {
-    if (kind === 'snapshot') this.take(body.job);
-    else if (kind === 'cycle') this.hearCycle(body);
-    else if (kind === 'state') this.note(body.at_s, '', body.state);
-    else if (kind === 'warning') this.note(body.at_s, body.level, body.text);
-    else if (kind === 'recording') this.note(body.at_s, '', `recording ${body.recording}${and(body.reason)}`);
-    else if (kind === 'finished') this.note(body.at_s, body.state, `${body.state}${and(body.reason)}`);
-    else if (kind === 'gap') this.note(null, 'warning', `events ${body.from} to ${body.to} cannot be had any more`);
-    if (['state', 'recording', 'finished'].includes(kind)) changed();
+    if (kind === 'job') {
+      if (body.state !== this.noted) this.note(null, body.state, `${body.state}${and(body.reason)}`);
+      this.noted = body.state;
+      this.take(body);
+      changed();
+    } else if (body.type === 'cycle') this.hearCycle(body);
+    else if (body.type === 'event') this.note(body.at_s, body.level, body.text);
   }
 
-  hearCycle({ cycle, at_s: at, pulses, result_mm: result, targets_mm: targets }) {
+  hearCycle({ cycle, ended_at_s: at, plan, result_mm: result, wanted }) {
+    const targets = wanted.targets_mm;
     const apart = result.length === targets.length ? result.map(([x, y], i) => Math.hypot(x - targets[i][0], y - targets[i][1])) : [];
     const worst = apart.length ? `, largest distance to target ${Math.max(...apart).toFixed(2)} mm` : '';
+    const pulses = plan.pulses.length;
     setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
   }
 

@@ -11,7 +11,6 @@ use tokio_util::sync::CancellationToken;
 use crate::http::{AllowedHosts, Tokens, with_layers};
 
 mod backend;
-mod event_queue;
 mod events;
 mod extract;
 mod files;
@@ -29,8 +28,7 @@ use extract::Api;
 pub use backend::{
     Backend, CameraPicture, JobCreated, Pending, Recording, Refusal, Responder, Submission, pending, ready,
 };
-pub use event_queue::{EventSender, ReplayPage, StreamEvent, StreamStart};
-pub use events::{EVENT_STREAMS, JOB_OVER};
+pub use events::{EVENT_STREAMS, JOB_EVENT};
 pub use layout::{Checked, LayoutPartView, LayoutPathView, LayoutView};
 pub use types::{EStopped, Job, JobsPage, JobsQuery, Plate, Plates, ResetRequest};
 

@@ -21,4 +21,3 @@ mod tests;
 pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, keep_files_private, prepare};
 pub use start::{Daemon, ExitReport, StartFault};
-pub use systemd::{NotifyEnv, ServiceManager, WatchdogPing};

@@ -1,50 +1,132 @@
-//! The job store: jobs, their events, idempotency keys and the audit log in SQLite, and the run folders beside it.
+//! The job store: jobs and the audit log in SQLite, and the run folders beside it.
 //!
-//! One thread writes and answers only after the commit is on the disk; two threads read. Callers never wait for the
-//! disk: answers arrive by callback. Only two calls of a plate's worker block, the one before it may move
-//! ([`JobStore::claim`]) and the one after it has stopped ([`JobStore::finish`]). Every queue is bounded.
+//! One connection behind a mutex; every call waits for its turn and for the disk. A job is accepted when its row is
+//! committed. A plate's worker calls it while its plate is at rest, clients on threads of their own.
 
-mod ages;
+mod audit;
 mod columns;
-mod connection;
-mod deferred_writes;
-mod handle;
-mod history;
 mod ids;
-mod job_store;
 mod jobs;
-mod layout;
-#[cfg(test)]
-mod memory;
 mod open;
-mod options;
-mod quarantine;
-mod reader;
 mod recover;
 mod retention;
 mod run_file;
-mod salvage;
 mod schema;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod types;
-mod write_queue;
-mod write_tx;
-mod writer;
 
-pub use ages::Clocks;
-pub use handle::Store;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use jiff::Timestamp;
+use parking_lot::Mutex;
+use rusqlite::{Connection, Transaction, TransactionBehavior};
+
+use ids::Ids;
+use schema::VERSION;
+
 pub use ids::JobId;
-pub use job_store::{JobStore, MakeFolder, Publish};
-#[cfg(test)]
-pub use memory::InMemoryJobStore;
 pub use open::OpenOutcome;
-pub use options::StoreLimits;
 pub use run_file::{RunFileFault, open_run_file};
 pub use types::{
-    AuditEntry, AuditRow, CancelOutcome, ClaimedJob, DeleteOutcome, FINISHED, JobEnd, JobPage, JobRow, JobSelection,
-    NewEvent, NewJob, RecoveryReport, Replay, StoreFault, StoreHealth, StoredEvent, SubmitOutcome,
+    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobPage, JobRow, JobSelection, NewJob,
+    RecoveryReport, StoreFault, StoreLimits, SubmitOutcome,
 };
 
 pub use crate::states::{JobState, RecordingStatus};
 pub use upm_core::job::Pace;
+
+/// The job store of one data folder.
+#[derive(Debug)]
+pub struct Store {
+    /// `None` once the store is closed.
+    opened: Mutex<Option<Opened>>,
+    runs: PathBuf,
+    limits: StoreLimits,
+    now: fn() -> Timestamp,
+    /// Fault of the last write; `None` when it succeeded.
+    fault: Mutex<Option<StoreFault>>,
+    /// Bytes in run folders of ended jobs.
+    runs_bytes: AtomicU64,
+}
+
+/// The connection with what belongs to it.
+#[derive(Debug)]
+struct Opened {
+    connection: Connection,
+    ids: Ids,
+    /// Exclusive lock of the data folder, released on drop.
+    _lock: File,
+}
+
+/// A write under way.
+struct Write<'a> {
+    tx: Transaction<'a>,
+    ids: &'a Ids,
+    now: Timestamp,
+}
+
+impl Store {
+    /// The folder of run folders.
+    pub fn runs(&self) -> &Path {
+        &self.runs
+    }
+
+    /// Bytes in run folders of ended jobs.
+    pub fn runs_bytes(&self) -> u64 {
+        self.runs_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Fault of the last write; `None` when it succeeded.
+    pub fn fault(&self) -> Option<StoreFault> {
+        self.fault.lock().clone()
+    }
+
+    /// Writes again after a fault: only a write shows whether it is over.
+    pub fn retry(&self) {
+        if self.fault().is_some() {
+            // the outcome is noted
+            let _ = self.write(|write| Ok(write.tx.pragma_update(None, "user_version", VERSION)?));
+        }
+    }
+
+    /// Records an orderly shutdown and closes the store; later calls are refused. False when that failed or took longer
+    /// than `within`: then the next start recovers as after a crash.
+    pub fn close(&self, within: Duration) -> bool {
+        let Some(mut opened) = self.opened.try_lock_for(within) else { return false };
+        let ended = self.write_in(&mut opened, |write| write.audit(&AuditEntry::of_daemon(AuditEntry::ENDED)));
+        *opened = None;
+        ended.is_ok()
+    }
+
+    fn read<T>(&self, read: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreFault> {
+        let opened = self.opened.lock();
+        let opened = opened.as_ref().ok_or(StoreFault::Closed)?;
+        Ok(read(&opened.connection)?)
+    }
+
+    /// Runs `act` in a transaction; what it wrote is on the disk when this returns.
+    fn write<T>(&self, act: impl FnOnce(&Write<'_>) -> Result<T, StoreFault>) -> Result<T, StoreFault> {
+        self.write_in(&mut self.opened.lock(), act)
+    }
+
+    fn write_in<T>(
+        &self,
+        opened: &mut Option<Opened>,
+        act: impl FnOnce(&Write<'_>) -> Result<T, StoreFault>,
+    ) -> Result<T, StoreFault> {
+        let Opened { connection, ids, .. } = opened.as_mut().ok_or(StoreFault::Closed)?;
+        let written = (|| {
+            let tx = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
+            let write = Write { tx, ids, now: (self.now)() };
+            let made = act(&write)?;
+            write.tx.commit()?;
+            Ok(made)
+        })();
+        *self.fault.lock() = written.as_ref().err().cloned();
+        written
+    }
+}

@@ -1,20 +1,17 @@
 //! The supervisor of the plates. Each plate has a thread that runs its jobs one after another and its standing job
-//! while the queue is empty, an emergency stop that never blocks, and subscribers, which are notified without the plate
-//! waiting for them.
+//! while the queue is empty, and an emergency stop that never blocks.
 //!
 //! ```text
-//!            wake            try_send            send (after commit)
-//!  submit ────────► worker ───────────► publisher ──────────────────► store
-//!                     │ run                │ offer
-//!  estop ─► latch     ▼                    ▼
-//!        └► interlock rig                 subscribers: event streams, pages
+//!            wake           claim, finish
+//!  submit ────────► worker ───────────────► store
+//!                     │ run
+//!  estop ─► latch     ▼
+//!        └► interlock rig
 //! ```
 
 mod current_job;
 mod draw;
 mod emergency_stop;
-mod event_publisher;
-mod events;
 mod latch;
 mod plate;
 mod preview;
@@ -30,7 +27,6 @@ mod validate;
 mod watchdog;
 mod worker;
 
-pub use events::{EventSubscriber, JobEvent};
 pub use latch::StopToken;
 pub use plate::{PlateHandle, ResetRequester};
 pub use preview::PreviewPicture;

@@ -20,7 +20,7 @@ const CEILINGS: [(&str, usize); 19] = [
     ("recording", 1720),
     ("runner", 5720),
     ("scene", 920),
-    ("server", 8184),
+    ("server", 6350),
     ("shapes", 460),
     ("sim", 3430),
     ("task", 2000),

@@ -103,9 +103,9 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     stdout.read_to_string(&mut watched).unwrap();
     status_of(&watch.wait_with_output().unwrap(), &["watch"], 1);
     let events: Vec<Value> = watched.lines().map(json_of).collect();
-    assert_eq!(events[0]["event"], "snapshot", "{watched}");
-    let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
-    assert_eq!(finished["data"]["state"], "cancelled", "{watched}");
+    assert_eq!((&events[0]["event"], &events[0]["data"]["state"]), (&json!("job"), &json!("running")), "{watched}");
+    let last = events.last().unwrap();
+    assert_eq!((&last["event"], &last["data"]["state"]), (&json!("job"), &json!("cancelled")), "{watched}");
     assert!(served.job(id)["reason"].as_str().unwrap().contains("emergency stop"), "{}", served.job(id));
 
     let (_, stderr) = served.status(&["submit", &job], 1);
@@ -167,7 +167,7 @@ fn watching_goes_on_over_a_kill_of_the_daemon() {
     let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut stdout = BufReader::new(watch.stdout.take().unwrap());
     let mut before = String::new();
-    while !before.contains("\"event\":\"look\"") {
+    while !before.contains("\"event\":\"message\"") {
         assert_ne!(stdout.read_line(&mut before).unwrap(), 0, "{before}");
     }
     let served = served.again_there(TestDaemon::kill);
@@ -176,11 +176,10 @@ fn watching_goes_on_over_a_kill_of_the_daemon() {
     let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 1);
     assert!(stderr.contains("the connection"), "it says that it was away: {stderr}");
     let events: Vec<Value> = before.lines().chain(after.lines()).map(json_of).collect();
-    let later = events.iter().filter(|event| event["event"] != "snapshot");
-    let kept: Vec<u64> = later.filter_map(|event| event["id"].as_u64()).collect();
-    assert!(kept.is_sorted_by(|a, b| a < b), "nothing is told twice: {kept:?}");
-    let finished = events.iter().find(|event| event["event"] == "finished").unwrap();
-    assert_eq!(finished["data"]["state"], "interrupted", "{finished}");
+    let lines = events.iter().filter(|event| event["event"] == "message");
+    let offsets: Vec<u64> = lines.filter_map(|event| event["id"].as_u64()).collect();
+    assert!(offsets.is_sorted_by(|a, b| a < b), "nothing is told twice: {offsets:?}");
+    assert_eq!(events.last().unwrap()["data"]["state"], "interrupted", "{after}");
     assert_eq!(served.job(&id)["state"], "interrupted");
 }
 

@@ -119,7 +119,6 @@ def judge(job, counts, plate_s):
     bars.hold(f"p99 of {len(found)} job requests, ms", f"<= {P99_BAR_MS:g}", f"{p99:.2f}", p99 <= P99_BAR_MS)
     bars.hold("answers that should not be", "none", counts.unwanted() or "none", not counts.unwanted())
     bars.hold("connections and streams", "no fault", dict(counts.faults) or "no fault", not counts.faults)
-    bars.hold("gaps on event streams", 0, counts.events["gap"], not counts.events["gap"])
     return bars
 
 

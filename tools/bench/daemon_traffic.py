@@ -259,7 +259,7 @@ class Asking(Half):
 
 
 class Watching(Half):
-    """Clients that watch one running job after another; they break off at times and resume from the last number seen."""
+    """Clients that watch one running job after another; they break off at times and resume from the last offset seen."""
 
     name = "watching"
 
@@ -284,32 +284,29 @@ class Watching(Half):
             if not self.running:
                 await asyncio.sleep(LOOK_EVERY_S)
                 continue
-            job, last, told = rng.choice(self.running), 0, set()
+            job, last = rng.choice(self.running), 0
             while last is not None:
-                last = await self.watch_once(job, last, time.monotonic() + rng.uniform(*WATCHES_S), told)
+                last = await self.watch_once(job, last, time.monotonic() + rng.uniform(*WATCHES_S))
 
-    async def watch_once(self, job, last, until, told):
-        """The number to resume from; None when the job is over. `told`: what was ever told of the job."""
-        link, has_gap = Link(self.address), False
+    async def watch_once(self, job, last, until):
+        """The offset in the journal to resume from; None when the job is over."""
+        link = Link(self.address)
         try:
-            async for kind, number, data in events_of(link, job, last):
+            async for kind, offset, data in events_of(link, job, last):
                 self.counts.events[kind] += 1
-                told.add(kind)
-                if kind == "bye":
-                    if b'"code":"job_over"' in data and "finished" not in told:
-                        self.counts.faults["a stream ended with its job, but `finished` was never told"] += 1
-                    self.over.add(job)
-                    self.running = [other for other in self.running if other != job]
-                    return None
-                has_gap |= kind == "gap"
-                if number is not None:
-                    if number != last + 1 and not has_gap:
-                        self.counts.faults["an event is missing on a stream, or came twice"] += 1
-                    last, has_gap = number, False
+                if kind == "job":
+                    if json.loads(data)["finished_at"] is not None:
+                        self.over.add(job)
+                        self.running = [other for other in self.running if other != job]
+                        return None
+                else:
+                    if offset != last + len(data) + 1:
+                        self.counts.faults["a line is missing on a stream, or came twice"] += 1
+                    last = offset
                 if time.monotonic() > until:
                     self.counts.events["(resumed)"] += 1
                     return last
-            self.counts.faults["a stream ended without a last word"] += 1
+            self.counts.faults["a stream ended before its job"] += 1
         except (OSError, asyncio.IncompleteReadError, DaemonFault) as fault:
             self.counts.faults[f"events: {type(fault).__name__} {fault}"[:80]] += 1
             await asyncio.sleep(LOOK_EVERY_S)

@@ -11,9 +11,7 @@ use crate::cli::args::{Common, ServeArgs};
 use crate::cli::output::{Failure, NOT_REACHED, print_json};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
-use upm_server::daemon::{
-    Daemon, EmergencyStops, ExitReport, NotifyEnv, ServiceManager, StartFault, keep_files_private, prepare,
-};
+use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartFault, keep_files_private, prepare};
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -24,7 +22,6 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     keep_files_private();
     let spec = spec_of(args)?;
     let prepared = prepare(&spec).map_err(Failure::faults)?;
-    let manager = service_manager()?;
     let stop = stop_signals();
     let names = spec.plate_names();
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
@@ -33,7 +30,7 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     attend_sigusr1(daemon.emergency_stop());
     outln!("http://{address}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
-    Ok(status(&daemon.serve(&stop, &manager)))
+    Ok(status(&daemon.serve(&stop)))
 }
 
 /// Reports whether the daemon would start now, in the form in which `upm check` reports on files.
@@ -66,14 +63,6 @@ fn checked(args: &ServeArgs) -> Result<String, Failure> {
         return Err(Failure { status: NOT_REACHED, lines });
     }
     Ok(format!("daemon on {}, plates: {}", spec.listen, spec.plate_names().join(", ")))
-}
-
-/// Service manager according to the environment.
-fn service_manager() -> Result<ServiceManager, Failure> {
-    let text = |name: &str| std::env::var(name).ok();
-    let (socket, usec, pid) = (std::env::var_os("NOTIFY_SOCKET"), text("WATCHDOG_USEC"), text("WATCHDOG_PID"));
-    let notice = NotifyEnv { socket: socket.as_deref(), watchdog_usec: usec.as_deref(), watchdog_pid: pid.as_deref() };
-    ServiceManager::new(notice, std::process::id()).map_err(Failure::bad_input)
 }
 
 fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
@@ -139,7 +128,7 @@ fn start_failure(fault: StartFault) -> Failure {
         StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
-        StartFault::OtherStoreVersion(_) => Failure::bad_input(fault),
+        StartFault::OtherStore(_) => Failure::bad_input(fault),
         _ => Failure::failed(fault),
     }
 }

@@ -68,8 +68,6 @@ coded_enum! {
         Hung = "hung",
         /// A watchdog stopped it: no part was seen for a long time.
         NoPartSeen = "no_part_seen",
-        /// A watchdog stopped it: events of the run could not be stored.
-        EventsBlocked = "events_blocked",
         /// A watchdog stopped it: the journal could not be written for a long time.
         JournalBlocked = "journal_blocked",
         /// The journal could not be written.
@@ -107,7 +105,7 @@ impl StopCause {
             }
             Self::Hung => "restart the program, and report it",
             Self::NoPartSeen => "check the parts, the light and the camera",
-            Self::EventsBlocked | Self::JournalBlocked | Self::JournalLost => "check the disk",
+            Self::JournalBlocked | Self::JournalLost => "check the disk",
             Self::GaveWay
             | Self::NoFeasibleStep
             | Self::Uncontrollable
@@ -142,7 +140,6 @@ impl StopCause {
                 | Self::DeadlineMissed
                 | Self::Hung
                 | Self::NoPartSeen
-                | Self::EventsBlocked
                 | Self::JournalBlocked
         )
     }

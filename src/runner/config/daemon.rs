@@ -86,10 +86,6 @@ pub struct KeepSpec {
     pub standing_runs: u64,
     /// Most jobs kept in the store.
     pub jobs: u64,
-    /// Most events kept for one job.
-    pub events_per_job: u64,
-    /// Most events kept for all jobs.
-    pub events: u64,
 }
 
 /// Limits at which the watchdog stops a plate.
@@ -127,7 +123,6 @@ impl DaemonSpec {
         let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
         check_ports(&raw, faults);
-        check_events(&raw.keep, faults);
         Some(Self {
             file: origin.file.clone(),
             listen: listen?,
@@ -301,18 +296,11 @@ fn check_ports(raw: &RawDaemon, faults: &mut Diagnostics) {
     }
 }
 
-fn check_events(keep: &RawKeep, faults: &mut Diagnostics) {
-    let allowed = format!("at least keep.events_per_job ({})", keep.events_per_job);
-    faults.require(keep.events >= keep.events_per_job, Path::root().key("keep").key("events"), keep.events, allowed);
-}
-
 fn keep_of(raw: &RawKeep) -> KeepSpec {
     KeepSpec {
         runs_bytes: (raw.runs_gb * 1e9).round() as u64,
         standing_runs: raw.standing_runs.into(),
         jobs: raw.jobs.into(),
-        events_per_job: raw.events_per_job.into(),
-        events: raw.events.into(),
     }
 }
 

@@ -135,23 +135,17 @@ pub struct RawKeep {
     /// Most room for run folders, GB of 10⁹ bytes.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
     pub runs_gb: f64,
-    /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder, events and row.
+    /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder and row.
     #[schemars(range(min = 1, max = 10_000))]
     pub standing_runs: u32,
     /// Jobs that are remembered.
     #[schemars(range(min = 100, max = 10_000_000))]
     pub jobs: u32,
-    /// Events kept of one job.
-    #[schemars(range(min = 100, max = 1_000_000))]
-    pub events_per_job: u32,
-    /// Events kept of all jobs.
-    #[schemars(range(min = 1000, max = 100_000_000))]
-    pub events: u32,
 }
 
 impl Default for RawKeep {
     fn default() -> Self {
-        Self { runs_gb: 20.0, standing_runs: 8, jobs: 100_000, events_per_job: 10_000, events: 1_000_000 }
+        Self { runs_gb: 20.0, standing_runs: 8, jobs: 100_000 }
     }
 }
 

@@ -6,7 +6,6 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::sync::oneshot;
 
-use super::event_queue::{EventSender, ReplayPage, StreamStart};
 use super::layout::{Checked, LayoutView};
 use super::types::{EStopped, Job, JobsPage, JobsQuery, Plate, Plates, ResetRequest};
 use crate::http::{Caller, Problem, ProblemKind, Reason};
@@ -40,7 +39,7 @@ pub trait Backend: Send + Sync {
     /// Takes a job out of the queue, or has its plate end it.
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job>;
 
-    /// Deletes a job that does not run, with its events and its run folder.
+    /// Deletes a job that does not run, with its run folder.
     fn delete(&self, id: &str, caller: Caller) -> Pending<()>;
 
     /// All plates, with their queues counted now. The promise may wait for the store.
@@ -67,11 +66,8 @@ pub trait Backend: Send + Sync {
     /// Its metrics, as OpenMetrics text.
     fn metrics(&self) -> String;
 
-    /// Offers all further events of the job to `sender`; returns the state of the job now.
-    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart>;
-
-    /// At most `most` stored events of the job with numbers above `after`, in order.
-    fn replay(&self, id: &str, after: u64, most: usize) -> Pending<ReplayPage>;
+    /// The journal of the job, opened for reading; `None` until there is one, and once its run folder is deleted.
+    fn journal(&self, id: &str) -> Pending<Option<File>>;
 
     /// The newest picture of the job; [`Refusal::Busy`] while no recent one is ready.
     fn frame(&self, id: &str) -> Pending<CameraPicture>;
@@ -145,11 +141,6 @@ pub enum Refusal {
         /// Seconds after which to try again.
         retry_after_s: u32,
     },
-    /// More jobs arrive at once than can be checked and stored: 429.
-    Crowded {
-        /// Seconds after which to try again.
-        retry_after_s: u32,
-    },
     /// Temporarily unavailable: 503.
     Busy {
         /// The reason, as a sentence.
@@ -177,9 +168,6 @@ impl From<Refusal> for Problem {
             Refusal::QueueFull { queued, retry_after_s } => {
                 Self::new(ProblemKind::QueueFull, format!("{queued} jobs wait for this plate"))
                     .retry_after(retry_after_s)
-            }
-            Refusal::Crowded { retry_after_s } => {
-                Self::new(ProblemKind::QueueFull, "too many jobs come at once").retry_after(retry_after_s)
             }
             Refusal::Busy { why, retry_after_s } => Self::new(ProblemKind::Unavailable, why).retry_after(retry_after_s),
             Refusal::DiskFull(what) => Self::new(ProblemKind::InsufficientStorage, what),

@@ -1,27 +1,35 @@
+//! The event stream of a job: the lines of its journal, as they are flushed to the disk, and the job itself whenever its
+//! state changes. An `id` is the byte offset after a line, so a stream that broke goes on there.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::io::SeekFrom;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::CACHE_CONTROL;
+use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use bytes::{Bytes, BytesMut};
 use futures_util::stream;
+use tokio::fs::File;
+use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
-use super::backend::Backend;
-use super::event_queue::{EventReceiver, StreamEvent, StreamStart, event_queue};
+use super::backend::{Backend, Refusal};
 use super::extract::{ApiState, FromPath};
 use super::jobs::JobPath;
+use super::types::Job;
 use crate::http::{Problem, ProblemKind};
+use crate::states::JobState;
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
-/// Code of the `bye` of a job that has ended: clients do not reconnect after it.
-pub const JOB_OVER: &str = "job_over";
 const LAST_EVENT_ID: &str = "Last-Event-ID";
+/// Name of the events whose data is the job, as `GET /v1/jobs/ID` has it. Other events are lines of the journal.
+pub const JOB_EVENT: &str = "job";
 
 /// Most event streams at once.
 pub const EVENT_STREAMS: usize = 256;
@@ -29,11 +37,17 @@ pub const EVENT_STREAMS: usize = 256;
 /// Longest silence on an event stream.
 const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
 
-/// Events read from the store at a time.
-const PAGE: usize = 500;
+/// Interval at which journal and job are looked at, as long as a journal takes to be flushed.
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Streams a job's events: its state, the events missed since the last one the client saw, then new ones. Ends with the
-/// job, with the daemon, or with the client.
+/// Bytes read from a journal at a time.
+const CHUNK_BYTES: u64 = 256 << 10;
+
+/// Longest line of a journal that is sent, bytes; one beyond it ends the stream.
+const LONGEST_LINE: usize = 8 << 20;
+
+/// Streams a job's events: its state, the journal from the byte on that the client names, its end. Ends with the job,
+/// with the daemon, or with the client.
 pub(super) async fn watch(
     State(api): ApiState,
     FromPath(JobPath { id }): FromPath<JobPath>,
@@ -42,16 +56,25 @@ pub(super) async fn watch(
     let after = last_event_id(&headers)?;
     let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
     let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
-    let (sender, receiver) = event_queue();
-    let stream_start = api.backend.watch(&id, sender).await?;
-    let (backend, stop) = (api.backend.clone(), api.stop.clone());
-    let stage = StreamPhase::Opening { stream_start, after };
-    let watcher = EventStreamWatcher { backend, id, stop, receiver, sent: 0, is_over: false, stage, permit };
-    let stream = stream::unfold(watcher, |mut watcher| async {
-        let text = watcher.next().await?;
-        Some((Ok::<_, std::convert::Infallible>(text), watcher))
+    // an unknown job is refused before the stream begins
+    api.backend.job(&id).await?;
+    let watcher = JobWatcher {
+        backend: Arc::clone(&api.backend),
+        id,
+        stop: api.stop.clone(),
+        after,
+        journal: None,
+        state: None,
+        ready: VecDeque::new(),
+        is_over: false,
+        permit,
+    };
+    let events = stream::unfold(watcher, |mut watcher| async {
+        let event = watcher.next().await?;
+        Some((Ok::<_, Infallible>(event), watcher))
     });
-    Ok(([(CONTENT_TYPE, EVENT_STREAM)], Body::from_stream(stream)).into_response())
+    let events = Sse::new(events).keep_alive(KeepAlive::new().interval(HEARTBEAT_TIME));
+    Ok(([(CACHE_CONTROL, "no-store")], events).into_response())
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
@@ -59,160 +82,157 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     let Some(value) = values.next() else { return Ok(None) };
     let text = value.to_str().unwrap_or_default();
     let is_id = (1..=18).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit()) && values.next().is_none();
-    let bad = || Problem::new(ProblemKind::Malformed, format!("{LAST_EVENT_ID} is the number of an event"));
+    let bad = || Problem::new(ProblemKind::Malformed, format!("{LAST_EVENT_ID} is the id of an event"));
     is_id.then(|| text.parse().ok()).flatten().map(Some).ok_or_else(bad)
 }
 
 /// The event stream of one client that watches one job.
-struct EventStreamWatcher {
+struct JobWatcher {
     backend: Arc<dyn Backend>,
     id: String,
     stop: CancellationToken,
-    receiver: EventReceiver,
-    /// Number of the last stored event that was sent, or that the client does not need.
-    sent: u64,
+    /// Offset from which the client wants the journal; `None` for its present end.
+    after: Option<u64>,
+    journal: Option<Journal>,
+    /// State of the job that was sent last.
+    state: Option<JobState>,
+    /// Events to be sent.
+    ready: VecDeque<Event>,
     is_over: bool,
-    stage: StreamPhase,
     #[allow(dead_code)] // held for as long as the stream is
     permit: OwnedSemaphorePermit,
 }
 
-enum StreamPhase {
-    /// Send the state of the job.
-    Opening { stream_start: StreamStart, after: Option<u64> },
-    /// Send stored events, up to this number.
-    Replay { newest: u64 },
-    /// Send new events.
-    Live,
-    /// The stream has ended.
-    Ended,
-}
-
-impl EventStreamWatcher {
-    /// The next part of the stream; `None` at its end.
-    async fn next(&mut self) -> Option<Bytes> {
+impl JobWatcher {
+    /// The next event; `None` at the end of the stream.
+    async fn next(&mut self) -> Option<Event> {
         loop {
-            let text = match std::mem::replace(&mut self.stage, StreamPhase::Ended) {
-                StreamPhase::Opening { stream_start, after } => self.open(&stream_start, after),
-                StreamPhase::Replay { newest } => self.replay(newest).await,
-                StreamPhase::Live => self.live().await,
-                StreamPhase::Ended => return None,
+            if let Some(event) = self.ready.pop_front() {
+                return Some(event);
+            }
+            if self.is_over {
+                return None;
+            }
+            // without an answer the client comes back and goes on after the last line it has
+            if self.look().await.is_err() {
+                return None;
+            }
+            if self.ready.is_empty() && !self.is_over {
+                tokio::select! {
+                    () = self.stop.cancelled() => return None,
+                    () = sleep(POLL_INTERVAL) => {}
+                }
+            }
+        }
+    }
+
+    /// Takes what is new of job and journal. The job first: all lines of one that has ended are in its journal.
+    async fn look(&mut self) -> Result<(), Refusal> {
+        let job = self.backend.job(&self.id).await?;
+        let (has_ended, is_first) = (job.state.is_final(), self.state.is_none());
+        if job.state != JobState::Queued && self.journal.is_none() {
+            self.journal = match self.backend.journal(&self.id).await? {
+                Some(file) => Journal::open(file, self.after, has_ended).await,
+                None => None,
             };
-            if !text.is_empty() {
-                return Some(text);
+        }
+        // a journal that comes later is wanted from its beginning
+        self.after.get_or_insert(0);
+        // before the lines, except at the end
+        if !has_ended && self.state != Some(job.state) {
+            self.send_job(&job, is_first);
+        }
+        let lines = match &mut self.journal {
+            Some(journal) => {
+                journal.lines().await.ok_or_else(|| Refusal::Broken("the journal has no line".to_owned()))?
             }
-        }
-    }
-
-    fn open(&mut self, stream_start: &StreamStart, after: Option<u64>) -> Bytes {
-        let mut text = BytesMut::from("retry: 1000\n\n");
-        self.is_over = stream_start.is_over;
-        self.sent = after.unwrap_or(before_end(stream_start)).min(stream_start.newest);
-        // with this id, a client that came without one misses nothing when the stream breaks before the first numbered
-        // event
-        let id = after.is_none().then_some(self.sent);
-        text.extend_from_slice(&StreamEvent::new(id, "snapshot", &stream_start.snapshot).text);
-        if let Some(after) = after.filter(|after| *after > stream_start.newest) {
-            // the store of that time was lost: its numbers above the newest will be reused for other events
-            text.extend_from_slice(&gap(stream_start.newest + 1, after));
-        }
-        self.stage = if self.sent < stream_start.newest {
-            StreamPhase::Replay { newest: stream_start.newest }
-        } else {
-            StreamPhase::Live
+            None => Vec::new(),
         };
-        text.freeze()
+        let is_read = lines.is_empty();
+        self.ready.extend(lines);
+        if has_ended && is_read {
+            self.send_job(&job, false);
+            self.is_over = true;
+        }
+        Ok(())
     }
 
-    async fn replay(&mut self, newest: u64) -> Bytes {
-        let mut text = BytesMut::new();
-        match self.backend.replay(&self.id, self.sent, PAGE).await {
-            Ok(replayed) => {
-                let missing_to = replayed.oldest.saturating_sub(1).min(newest);
-                if missing_to > self.sent {
-                    text.extend_from_slice(&gap(self.sent + 1, missing_to));
-                    self.sent = missing_to;
+    /// Sends the job; with an id, so that a client that came without one misses nothing when the stream breaks before
+    /// the first line.
+    fn send_job(&mut self, job: &Job, with_id: bool) {
+        self.state = Some(job.state);
+        // a job is serialized without failure
+        let event = Event::default().event(JOB_EVENT).json_data(job).unwrap_or_default();
+        let at = self.journal.as_ref().map(|journal| journal.offset).or(self.after).unwrap_or(0);
+        self.ready.push_back(if with_id { event.id(at.to_string()) } else { event });
+    }
+}
+
+/// The journal of a job, read line by line while it grows.
+struct Journal {
+    file: File,
+    /// Offset after the last line that was sent.
+    offset: u64,
+    /// Bytes read after it.
+    rest: Vec<u8>,
+}
+
+impl Journal {
+    /// The journal from the line on that begins at byte `after`, or from its present end; from its beginning when no
+    /// line begins there. One of an ended job that is wanted from its end has nothing to send. `None` when it cannot be
+    /// read.
+    async fn open(file: std::fs::File, after: Option<u64>, has_ended: bool) -> Option<Self> {
+        let file = File::from_std(file);
+        let length = file.metadata().await.ok()?.len();
+        let mut journal = Self { file, offset: 0, rest: Vec::new() };
+        match after {
+            Some(after) if (1..=length).contains(&after) => {
+                journal.file.seek(SeekFrom::Start(after - 1)).await.ok()?;
+                if journal.file.read_u8().await.ok()? == b'\n' {
+                    journal.offset = after;
                 }
-                let is_end = replayed.events.is_empty();
-                for event in replayed.events {
-                    self.take(&event, &mut text);
-                }
-                let is_done = is_end || self.sent >= newest;
-                self.stage = if is_done { StreamPhase::Live } else { StreamPhase::Replay { newest } };
             }
-            // stored events are not lost: the client reconnects and continues after the last one it has
-            Err(_) => return bye("store_silent", "the job store does not answer now"),
+            Some(_) => {}
+            None if has_ended => journal.offset = length,
+            None => journal.offset = last_line_end(&mut journal.file, length).await?,
         }
-        text.freeze()
+        journal.file.seek(SeekFrom::Start(journal.offset)).await.ok()?;
+        Some(journal)
     }
 
-    /// Writes an event, unless it has been sent already.
-    fn take(&mut self, event: &StreamEvent, text: &mut BytesMut) {
-        if event.seq.is_some_and(|seq| seq <= self.sent) {
-            return;
-        }
-        self.sent = event.seq.unwrap_or(self.sent);
-        self.is_over |= event.is_last;
-        text.extend_from_slice(&event.text);
-    }
-
-    async fn live(&mut self) -> Bytes {
-        if self.is_over {
-            return bye(JOB_OVER, "the job is over");
-        }
-        if self.receiver.is_overrun() {
-            return self.reopen().await;
-        }
-        tokio::select! {
-            biased;
-            () = self.stop.cancelled() => bye("daemon_ends", "the daemon ends"),
-            event = self.receiver.next() => {
-                let Some(event) = event else { return feed_closed() };
-                let mut text = BytesMut::new();
-                self.take(&event, &mut text);
-                self.stage = StreamPhase::Live;
-                text.freeze()
+    /// The whole lines that were added, as many as fit into a chunk; none when the file cannot be read. `None` for a line
+    /// without end.
+    async fn lines(&mut self) -> Option<Vec<Event>> {
+        loop {
+            let read = (&mut self.file).take(CHUNK_BYTES).read_to_end(&mut self.rest).await.unwrap_or(0);
+            if let Some(end) = self.rest.iter().rposition(|byte| *byte == b'\n') {
+                let left = self.rest.split_off(end + 1);
+                let whole = std::mem::replace(&mut self.rest, left);
+                return Some(whole.split_inclusive(|byte| *byte == b'\n').map(|line| self.event(line)).collect());
             }
-            () = sleep(HEARTBEAT_TIME) => {
-                self.stage = StreamPhase::Live;
-                Bytes::from_static(b": hb\n\n")
+            if read == 0 {
+                return (self.rest.len() < LONGEST_LINE).then(Vec::new);
+            }
+            if self.rest.len() > LONGEST_LINE {
+                return None;
             }
         }
     }
 
-    /// Restarts the stream of a client that was too slow, with the gap and the state of the job now.
-    async fn reopen(&mut self) -> Bytes {
-        let (sender, receiver) = event_queue();
-        self.receiver = receiver;
-        let Ok(stream_start) = self.backend.watch(&self.id, sender).await else {
-            return feed_closed();
-        };
-        let mut text = BytesMut::new();
-        let missed_to = before_end(&stream_start);
-        if missed_to > self.sent {
-            text.extend_from_slice(&gap(self.sent + 1, missed_to));
-        }
-        text.extend_from_slice(&self.open(&stream_start, None));
-        text.freeze()
+    /// The event of a line with its line feed.
+    fn event(&mut self, line: &[u8]) -> Event {
+        self.offset += line.len() as u64;
+        // JSON has no control characters, a damaged file may have
+        let text = String::from_utf8_lossy(line).replace(char::is_control, "");
+        Event::default().id(self.offset.to_string()).data(text)
     }
 }
 
-/// Number after which a client without a last event id starts: the newest event, or the one before the last event of an
-/// ended job, so that a late client still receives that one.
-fn before_end(stream_start: &StreamStart) -> u64 {
-    stream_start.newest.saturating_sub(stream_start.is_over.into())
-}
-
-/// Notice that the stored events `from` to `to` are missing from this stream.
-fn gap(from: u64, to: u64) -> Bytes {
-    StreamEvent::new(None, "gap", &format!("{{\"from\":{from},\"to\":{to}}}")).text
-}
-
-/// The last event of a stream: a code and a sentence for its end.
-fn bye(code: &str, why: &str) -> Bytes {
-    StreamEvent::new(None, "bye", &format!("{{\"code\":\"{code}\",\"why\":\"{why}\"}}")).text
-}
-
-fn feed_closed() -> Bytes {
-    bye("feed_closed", "the daemon reports no more of this job")
+/// Offset after the last whole line of a journal of that length.
+async fn last_line_end(file: &mut File, length: u64) -> Option<u64> {
+    let begin = length.saturating_sub(LONGEST_LINE as u64);
+    file.seek(SeekFrom::Start(begin)).await.ok()?;
+    let mut text = Vec::new();
+    file.take(length - begin).read_to_end(&mut text).await.ok()?;
+    Some(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| begin + at as u64 + 1))
 }

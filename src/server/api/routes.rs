@@ -46,8 +46,9 @@ fn read() -> Routes {
     let frame = "The latest camera frame, what is known drawn over it; `Upm-Age-Ms` is its age, ms";
     let recording = "The job's recording (.rrd), or the one byte range of it that `Range` names";
     let estop = "Emergency stop: motors to zero, held until a reset; any token may";
-    let watch = "Watch a job by server-sent events: `snapshot`, then what was missed, then what happens. An `id` once seen \
-                 can be resumed from; `bye` ends the stream";
+    let watch = "Watch a job by server-sent events: `job`, whenever its state changes, and the lines of its journal from the \
+                 `id` on that `Last-Event-ID` names, 0 for all; without one from now on. The stream of a job that has \
+                 ended ends with `job`";
     ApiRouter::new()
         .api_route("/v1/jobs", get_with(jobs::list, named("jobs", "List jobs, newest first")))
         .api_route("/v1/jobs/{id}", get_with(jobs::show, named("job", "A job and its report")))

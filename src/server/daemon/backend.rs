@@ -1,88 +1,84 @@
+use std::fs::File;
 use std::io;
 use std::sync::Arc;
 
-use super::state::{DaemonState, no_job};
+use super::state::{DaemonState, job_id, no_job};
 use super::{convert, estop, files, health, metrics, submit};
 use crate::api::{
-    Backend, CameraPicture, Checked, EStopped, EventSender, Job, JobCreated, JobsPage, JobsQuery, LayoutView, Pending,
-    Plate, Recording, ReplayPage, ResetRequest, Responder, StreamStart, Submission, pending, ready,
+    Backend, CameraPicture, Checked, EStopped, Job, JobCreated, JobsPage, JobsQuery, LayoutView, Pending, Plate,
+    Recording, Refusal, ResetRequest, Submission, pending, ready,
 };
 use crate::http::{Caller, Reason};
-use crate::store::{JobId, JobRow, JobSelection};
+use crate::store::{JobId, JobSelection};
 use upm_core::background::WorkerPool;
 
-/// Threads that check jobs, and the jobs that may wait for them: one for every connection that is allowed.
+/// Threads that check jobs, threads for all else that waits for the disk, and threads that confirm emergency stops
+/// already made, each with the most requests that may wait for them: one for every connection that is allowed.
 const CHECKERS: usize = 2;
-const CHECKS_WAITING: usize = 512;
-/// Threads that confirm emergency stops already made, and the number of confirmations that may wait for them.
+const WORKERS: usize = 4;
 const STOP_THREADS: usize = 2;
-const STOPS_WAITING: usize = 256;
-/// Resets that may wait: each is stored in the audit log before it takes effect.
-const RESETS_WAITING: usize = 16;
-
-/// Threads that open files, which a hung disk blocks, and the requests that may wait for them.
-const FILE_OPENERS: usize = 2;
-const FILES_WAITING: usize = 64;
+const WAITING: usize = 512;
 
 /// The API's [`Backend`], backed by store and plates.
 #[derive(Debug)]
 pub(super) struct DaemonBackend {
     pub state: Arc<DaemonState>,
-    checkers: Arc<WorkerPool>,
+    checkers: WorkerPool,
+    workers: WorkerPool,
     stops: WorkerPool,
-    resets: WorkerPool,
-    files: Arc<WorkerPool>,
 }
 
 impl DaemonBackend {
     /// Opens the backend in front of store and plates and starts its threads.
     pub fn open(state: DaemonState) -> io::Result<Self> {
-        let state = Arc::new(state);
-        let checkers = Arc::new(WorkerPool::start("check", CHECKERS, CHECKS_WAITING, true)?);
-        let stops = WorkerPool::start("stops", STOP_THREADS, STOPS_WAITING, false)?;
-        let resets = WorkerPool::start("resets", 1, RESETS_WAITING, true)?;
-        let files = Arc::new(WorkerPool::start("files", FILE_OPENERS, FILES_WAITING, true)?);
-        Ok(Self { state, checkers, stops, resets, files })
+        let checkers = WorkerPool::start("check", CHECKERS, WAITING, true)?;
+        let workers = WorkerPool::start("store", WORKERS, WAITING, true)?;
+        let stops = WorkerPool::start("stops", STOP_THREADS, WAITING, false)?;
+        Ok(Self { state: Arc::new(state), checkers, workers, stops })
     }
 
-    /// Looks up the job of that id and passes it to `then` with the reply to fulfil.
-    fn with_job<T: Send + 'static>(
+    /// The answer of `work` on a thread of `pool`. The work gets a test of whether the client still waits, and is left
+    /// out when it does not.
+    fn on<T: Send + 'static>(
         &self,
-        id: &str,
-        reply: Responder<T>,
-        then: impl FnOnce(&Arc<DaemonState>, JobRow, Responder<T>) + Send + 'static,
-    ) {
-        let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+        pool: &WorkerPool,
+        work: impl FnOnce(&DaemonState, &dyn Fn() -> bool) -> Result<T, Refusal> + Send + 'static,
+    ) -> Pending<T> {
         let state = Arc::clone(&self.state);
-        self.state.store.job(&id, move |found| match found {
-            Ok(Some(row)) => then(&state, row, reply),
-            Ok(None) => reply.send(Err(no_job())),
-            Err(fault) => reply.send(Err(convert::unread(fault))),
-        });
-    }
-}
-
-impl Backend for DaemonBackend {
-    fn submit(&self, submission: Submission) -> Pending<JobCreated> {
         pending(|reply| {
-            let asked = submit::SubmitRequest::now(submission, self.state.clock);
-            submit::submit(&self.state, &self.checkers, asked, reply);
-        })
-    }
-
-    fn check(&self, text: String) -> Pending<Checked> {
-        pending(|reply| {
-            let state = Arc::clone(&self.state);
-            self.checkers.submit(move || {
+            pool.submit(move || {
                 if reply.is_listening() {
-                    reply.send(state.examined(&text));
+                    let answer = work(&state, &|| reply.is_listening());
+                    reply.send(answer);
                 }
             });
         })
     }
 
+    /// The answer of `work` on the job of that id.
+    fn on_job<T: Send + 'static>(
+        &self,
+        id: &str,
+        work: impl FnOnce(&DaemonState, &JobId) -> Result<T, Refusal> + Send + 'static,
+    ) -> Pending<T> {
+        match job_id(id) {
+            Ok(id) => self.on(&self.workers, move |state, _| work(state, &id)),
+            Err(refusal) => ready(Err(refusal)),
+        }
+    }
+}
+
+impl Backend for DaemonBackend {
+    fn submit(&self, submission: Submission) -> Pending<JobCreated> {
+        self.on(&self.checkers, move |state, is_awaited| submit::submit(state, &submission, is_awaited))
+    }
+
+    fn check(&self, text: String) -> Pending<Checked> {
+        self.on(&self.checkers, move |state, _| state.examined(&text))
+    }
+
     fn job(&self, id: &str) -> Pending<Job> {
-        pending(|reply| self.with_job(id, reply, |_, row, reply| reply.send(Ok(convert::job(&row)))))
+        self.on_job(id, |state, id| Ok(state.job(&state.row(id)?)))
     }
 
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
@@ -90,33 +86,30 @@ impl Backend for DaemonBackend {
             Some(None) => return ready(Err(no_job())),
             cursor => cursor.flatten(),
         };
-        let page = JobSelection { state: query.state, limit: query.limit, cursor };
-        pending(|reply| {
-            self.state.store.list(page, move |listed| {
-                let page = listed.map_err(convert::unread).map(|page| JobsPage {
-                    jobs: page.rows.iter().map(convert::job).collect(),
-                    next: page.next.map(|id| id.to_string()),
-                });
-                reply.send(page);
-            });
+        let selection = JobSelection { state: query.state, limit: query.limit, cursor };
+        self.on(&self.workers, move |state, _| {
+            let page = state.store.list(&selection).map_err(convert::unread)?;
+            let jobs = page.rows.iter().map(|row| state.job(row)).collect();
+            Ok(JobsPage { jobs, next: page.next.map(|id| id.to_string()) })
         })
     }
 
     fn run_next(&self, id: &str, caller: Caller) -> Pending<Job> {
-        pending(|reply| submit::run_next(&self.state, id, &caller, reply))
+        self.on_job(id, move |state, id| submit::run_next(state, id, &caller))
     }
 
     fn cancel(&self, id: &str, caller: Caller) -> Pending<Job> {
-        pending(|reply| estop::cancel(&self.state, id, &caller, reply))
+        self.on_job(id, move |state, id| estop::cancel(state, id, &caller))
     }
 
     fn delete(&self, id: &str, caller: Caller) -> Pending<()> {
-        pending(|reply| estop::delete(&self.state, id, &caller, reply))
+        self.on_job(id, move |state, id| estop::delete(state, id, &caller))
     }
 
     fn plates(&self) -> Pending<crate::api::Plates> {
-        pending(|reply| {
-            self.state.count_queued(move |state| reply.send(Ok(state.plate_statuses())));
+        self.on(&self.workers, |state, _| {
+            state.count_queued();
+            Ok(state.plate_statuses())
         })
     }
 
@@ -139,28 +132,20 @@ impl Backend for DaemonBackend {
             Ok(held) => held,
             Err(refusal) => return ready(Err(refusal)),
         };
-        let (state, plate) = (Arc::clone(&self.state), plate.to_owned());
-        pending(|reply| {
-            self.resets.submit(move || {
-                // a client that gave up finds the plate stopped, and the audit log has no entry for the reset
-                if !reply.is_listening() {
-                    return;
-                }
-                let is_listening = || reply.is_listening();
-                match state.plate(&plate).and_then(|at| estop::reset(at, held, request, &caller, is_listening)) {
-                    Ok(()) => state.answer_with(&plate, reply),
-                    Err(refusal) => reply.send(Err(refusal)),
-                }
-            });
+        let plate = plate.to_owned();
+        // a client that gave up finds the plate stopped, and the audit log has no entry for the reset
+        self.on(&self.workers, move |state, is_awaited| {
+            estop::reset(state.plate(&plate)?, held, request, &caller, is_awaited)?;
+            state.plate_after(&plate)
         })
     }
 
     fn resume(&self, plate: &str, caller: Caller) -> Pending<Plate> {
-        let done = self.state.plate(plate).and_then(|at| estop::resume(at, &caller));
-        match done {
-            Ok(()) => pending(|reply| self.state.answer_with(plate, reply)),
-            Err(refusal) => ready(Err(refusal)),
-        }
+        let plate = plate.to_owned();
+        self.on(&self.workers, move |state, _| {
+            estop::resume(state.plate(&plate)?, &caller)?;
+            state.plate_after(&plate)
+        })
     }
 
     fn liveness_failures(&self) -> Vec<Reason> {
@@ -175,55 +160,19 @@ impl Backend for DaemonBackend {
         metrics::text(&self.state.observed())
     }
 
-    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart> {
-        pending(|reply| {
-            self.with_job(id, reply, move |state, row, reply| {
-                if let Some(relay) = state.relays.get(&row.plate) {
-                    relay.forward(row.id, sender);
-                }
-                // read again once the relay is connected: events published between the first read and that are in the
-                // store by now
-                let again = Arc::clone(state);
-                state.store.job(&row.id, move |found| {
-                    let row = found.map_err(convert::unread).and_then(|found| found.ok_or_else(no_job));
-                    reply.send(row.map(|row| again.stream_start(&row)));
-                });
-            });
-        })
-    }
-
-    fn replay(&self, id: &str, after: u64, most: usize) -> Pending<ReplayPage> {
-        let Some(id) = JobId::parse(id) else { return ready(Err(no_job())) };
-        pending(|reply| {
-            self.state.store.replay(&id, after, most, move |found| {
-                let found = found.map_err(convert::unread).and_then(|found| found.ok_or_else(no_job));
-                reply.send(found.map(|replay| ReplayPage {
-                    oldest: replay.oldest,
-                    events: replay.events.iter().map(convert::event).collect(),
-                }));
-            });
-        })
+    fn journal(&self, id: &str) -> Pending<Option<File>> {
+        self.on_job(id, |state, id| Ok(files::journal(state.store.runs(), &state.row(id)?)))
     }
 
     fn frame(&self, id: &str) -> Pending<CameraPicture> {
-        pending(|reply| {
-            self.with_job(id, reply, |state, row, reply| reply.send(files::picture(&state.plates, &row)));
-        })
+        self.on_job(id, |state, id| files::picture(&state.plates, &state.row(id)?))
     }
 
     fn layout(&self, id: &str) -> Pending<LayoutView> {
-        pending(|reply| {
-            self.with_job(id, reply, |state, row, reply| reply.send(files::layout(&state.plates, &row)));
-        })
+        self.on_job(id, |state, id| files::layout(&state.plates, &state.row(id)?))
     }
 
     fn recording(&self, id: &str) -> Pending<Recording> {
-        pending(|reply| {
-            let files = Arc::clone(&self.files);
-            self.with_job(id, reply, move |state, row, reply| {
-                let state = Arc::clone(state);
-                files.submit(move || reply.send(files::recording(state.store.runs(), &row)));
-            });
-        })
+        self.on_job(id, |state, id| files::recording(state.store.runs(), &state.row(id)?))
     }
 }

@@ -1,8 +1,8 @@
 use serde_json::{Map, Value};
 
-use crate::api::{Job, LayoutPartView, LayoutPathView, LayoutView, Plate, Refusal, StreamEvent};
+use crate::api::{Job, LayoutPartView, LayoutPathView, LayoutView, Plate, Refusal};
 use crate::states::PlateCondition;
-use crate::store::{JobRow, StoreFault, StoredEvent};
+use crate::store::{JobRow, StoreFault};
 use crate::supervisor::{self, JobLayout, PlateSnapshot};
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
@@ -101,11 +101,6 @@ pub(super) fn layout(layout: &JobLayout) -> LayoutView {
     }
 }
 
-/// A stored event in the API's form.
-pub(super) fn event(stored: &StoredEvent) -> StreamEvent {
-    StreamEvent::new(Some(stored.seq), &stored.kind, &stored.body)
-}
-
 /// The refusal of a read for a fault of the store. Reads need no space, so a full disk becomes [`Refusal::Busy`].
 pub(super) fn unread(fault: StoreFault) -> Refusal {
     match fault {
@@ -118,8 +113,8 @@ pub(super) fn unread(fault: StoreFault) -> Refusal {
 pub(super) fn refusal(fault: StoreFault) -> Refusal {
     match fault {
         StoreFault::Full => Refusal::DiskFull(fault.to_string()),
-        StoreFault::Busy | StoreFault::Closed => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
-        StoreFault::Io(_) | StoreFault::Corrupt(_) | StoreFault::OtherVersion { .. } => {
+        StoreFault::Closed => Refusal::Busy { why: fault.to_string(), retry_after_s: 1 },
+        StoreFault::Io(_) | StoreFault::Corrupt(_) | StoreFault::Other { .. } => {
             tracing::error!("{fault}");
             Refusal::Broken("the job store cannot be read or written".to_owned())
         }

@@ -1,10 +1,8 @@
-use std::sync::Arc;
-
 use super::convert;
 use super::state::{DaemonState, no_job};
-use crate::api::{EStopped, Job, Refusal, ResetRequest, Responder};
+use crate::api::{EStopped, Job, Refusal, ResetRequest};
 use crate::http::Caller;
-use crate::store::{CancelOutcome, DeleteOutcome, JobId, JobState};
+use crate::store::{AuditEntry, CancelOutcome, DeleteOutcome, JobId, JobState};
 use crate::supervisor::{self, PlateHandle, ResetFault, StopToken};
 
 /// Stores an emergency stop already made in the audit log and reports its result.
@@ -56,51 +54,30 @@ pub(super) fn resume(plate: &PlateHandle, caller: &Caller) -> Result<(), Refusal
 }
 
 /// Takes a job out of the queue, or has its plate end it.
-pub(super) fn cancel(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Responder<Job>) {
-    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+pub(super) fn cancel(state: &DaemonState, id: &JobId, caller: &Caller) -> Result<Job, Refusal> {
     tracing::info!(job = %id, caller = caller.name, "cancel");
-    let then = Arc::clone(state);
-    state.store.cancel_queued(&id, move |cancelled| {
-        reply.send(match cancelled {
-            Err(fault) => Err(convert::refusal(fault)),
-            Ok(CancelOutcome::Unknown) => Err(no_job()),
-            Ok(CancelOutcome::Now(row, finished)) => {
-                if let Some(plate) = then.plates.get(&row.plate) {
-                    plate.announce_end(row.id, finished);
-                }
-                Ok(convert::job(&row))
-            }
-            Ok(CancelOutcome::Not(row)) => {
-                let running = row.state == JobState::Running;
-                let is_stopping = running && then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&id));
-                let too_late = || {
-                    let ended = format!("the job has ended: {}", row.state.code());
-                    Refusal::Conflict(if running { "the job has already finished".to_owned() } else { ended })
-                };
-                is_stopping.then(|| convert::job(&row)).ok_or_else(too_late)
-            }
-        });
-    });
+    match state.store.cancel_queued(id).map_err(convert::refusal)? {
+        CancelOutcome::Unknown => Err(no_job()),
+        CancelOutcome::Now(row) => Ok(state.job(&row)),
+        CancelOutcome::Not(row) if row.state == JobState::Running => {
+            let is_stopping = state.plates.get(&row.plate).is_some_and(|plate| plate.cancel(id));
+            let too_late = || Refusal::Conflict("the job has already finished".to_owned());
+            is_stopping.then(|| state.job(&row)).ok_or_else(too_late)
+        }
+        CancelOutcome::Not(row) => Err(Refusal::Conflict(format!("the job has ended: {}", row.state.code()))),
+    }
 }
 
-/// Deletes a job that does not run, and notifies its watchers that it has ended.
-pub(super) fn delete(state: &Arc<DaemonState>, id: &str, caller: &Caller, reply: Responder<()>) {
-    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+/// Deletes a job that does not run.
+pub(super) fn delete(state: &DaemonState, id: &JobId, caller: &Caller) -> Result<(), Refusal> {
     tracing::info!(job = %id, caller = caller.name, "delete");
-    let then = Arc::clone(state);
-    state.store.delete(&id, move |deleted| {
-        reply.send(match deleted {
-            Err(fault) => Err(convert::refusal(fault)),
-            Ok(DeleteOutcome::Unknown) => Err(no_job()),
-            Ok(DeleteOutcome::Not(_)) => Err(Refusal::Conflict("the job runs: cancel it first".to_owned())),
-            Ok(DeleteOutcome::Now(row, finished)) => {
-                if let (Some(plate), Some(finished)) = (then.plates.get(&row.plate), finished) {
-                    plate.announce_end(row.id, finished);
-                }
-                Ok(())
-            }
-        });
-    });
+    let supervisor::ResetRequester { remote, token_name, .. } = requester(caller);
+    let entry = AuditEntry { act: AuditEntry::DELETE.to_owned(), remote, token_name, ..AuditEntry::default() };
+    match state.store.delete(id, entry).map_err(convert::refusal)? {
+        DeleteOutcome::Now => Ok(()),
+        DeleteOutcome::Not => Err(Refusal::Conflict("the job runs: cancel it first".to_owned())),
+        DeleteOutcome::Unknown => Err(no_job()),
+    }
 }
 
 /// The requester, as far as the network identifies it.

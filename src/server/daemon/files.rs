@@ -1,3 +1,4 @@
+use std::fs::File;
 use std::path::Path;
 
 use bytes::Bytes;
@@ -22,6 +23,11 @@ pub(super) fn layout(plates: &PlateSupervisor, row: &JobRow) -> Result<LayoutVie
     let plate = plate.ok_or_else(|| Refusal::Unknown("there is a layout of a job only while it runs".to_owned()))?;
     let none_yet = || Refusal::Busy { why: "the job is being read".to_owned(), retry_after_s: 1 };
     plate.layout(&row.id).map(|layout| convert::layout(&layout)).ok_or_else(none_yet)
+}
+
+/// The journal of a job, opened; `None` until there is one, and once its run folder is deleted.
+pub(super) fn journal(runs: &Path, row: &JobRow) -> Option<File> {
+    open_run_file(&runs.join(row.folder.as_deref()?), "journal.jsonl").ok()
 }
 
 /// The recording of a job that has ended, opened. Waits for the disk.
@@ -80,7 +86,6 @@ mod tests {
             recording,
             standing: false,
             turn: 0,
-            last_event: 1,
         }
     }
 

@@ -7,7 +7,7 @@ use super::status::Observed;
 use crate::http::{Reason, ReasonCode};
 use crate::supervisor::PlateState;
 
-/// Longest silence of a healthy store: its writer completes a loop four times a second, and reads are short.
+/// Longest silence of a healthy store: it is read twice a second.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// Reasons why the daemon does not work at all; empty when it is healthy.
@@ -17,11 +17,6 @@ pub(super) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
         let silent_s = observed.store.heartbeat.as_secs_f64();
         failures
             .push(Reason::new(ReasonCode::StoreHangs, format!("the job store has not responded for {silent_s:.1} s")));
-    }
-    if observed.store.reader_busy > LONGEST_SILENCE {
-        let busy_s = observed.store.reader_busy.as_secs_f64();
-        let detail = format!("the job store has not answered a question for {busy_s:.1} s");
-        failures.push(Reason::new(ReasonCode::StoreHangs, detail));
     }
     let dead = observed.plates_alive.as_ref().err();
     failures.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
@@ -34,7 +29,6 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
     if observed.is_stopping {
         failures.push(Reason::new(ReasonCode::Ending, "the daemon is ending"));
     }
-    failures.extend(observed.damage.clone().map(|damage| Reason::new(ReasonCode::StoreDamaged, damage)));
     let fault = observed.store.fault.as_ref();
     failures.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
     failures.extend(low_disk(observed).map(|low| Reason::new(ReasonCode::DiskLow, low)));
@@ -45,7 +39,7 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
 }
 
 fn low_disk(observed: &Observed) -> Option<String> {
-    let min_free_bytes = observed.disk.min_free_bytes;
+    let min_free_bytes = observed.store.min_free_bytes;
     let free_bytes = observed.store.free_bytes.filter(|free_bytes| *free_bytes < min_free_bytes)?;
     let [free_mb, min_free_mb] = [free_bytes, min_free_bytes].map(|bytes| bytes as f64 * 1e-6);
     Some(format!("the disk has {free_mb:.1} MB left, jobs are taken from {min_free_mb:.1} MB on"))
@@ -80,8 +74,6 @@ mod tests {
     fn hung_store_or_dead_worker_fails_liveness() {
         assert_eq!(failures(|o| o.store.heartbeat = LONGEST_SILENCE).0, [""; 0]);
         both(|o| o.store.heartbeat = Duration::from_millis(5100), "the job store has not responded for 5.1 s");
-        let busy = Duration::from_millis(6200);
-        both(|o| o.store.reader_busy = busy, "the job store has not answered a question for 6.2 s");
         let dead = || Err("the worker of plate right has died".to_owned());
         both(|o| o.plates_alive = dead(), "the worker of plate right has died");
     }
@@ -89,7 +81,6 @@ mod tests {
     #[test]
     fn conditions_that_bar_new_jobs_fail_readiness_only() {
         unready(|o| o.is_stopping = true, "the daemon is ending");
-        unready(|o| o.damage = Some("the job store was damaged".to_owned()), "the job store was damaged");
         unready(|o| o.store.fault = Some(StoreFault::Full), "the disk of the job store is full");
         let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on";
         unready(|o| o.store.free_bytes = Some(499_999_999), full);

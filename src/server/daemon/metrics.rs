@@ -1,126 +1,145 @@
-//! The daemon's metrics for Prometheus, as OpenMetrics text. Their names, types and units are a stable interface:
-//! dashboards and alerts depend on them.
+//! The daemon's metrics for Prometheus, as OpenMetrics text, made anew at each scrape. Their names, types and units are a
+//! stable interface: dashboards and alerts depend on them.
 
-mod family;
 #[cfg(test)]
 mod tests;
 
-use prometheus_client::registry::Unit;
+use std::sync::atomic::AtomicU64;
 
-use self::family::{MetricFamily, MetricSample, written};
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::info::Info;
+use prometheus_client::registry::{Metric, Registry, Unit};
+
 use super::health::{liveness_failures, readiness_failures};
 use super::status::{Observed, PlateObserved};
-use crate::http::Reason;
 use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
-const PLATE_STATES: [PlateState; 4] = [PlateState::Idle, PlateState::Running, PlateState::Paused, PlateState::Stopped];
+const RECORDING_STATES: [&str; 4] = ["off", "writing", "failed", "whole"];
 
-const RECORDING_STATES: [&str; 5] = ["off", "writing", "stopped", "failed", "whole"];
+type Labels = Vec<(&'static str, String)>;
+
+/// The registry of one scrape.
+struct Scrape(Registry);
+
+impl Scrape {
+    /// Adds a value that rises and falls, one sample for each set of labels.
+    fn gauge(&mut self, name: &str, help: &str, unit: Option<Unit>, samples: impl IntoIterator<Item = (Labels, f64)>) {
+        let family = Family::<Labels, Gauge<f64, AtomicU64>>::default();
+        for (labels, value) in samples {
+            family.get_or_create(&labels).set(value);
+        }
+        self.add(name, help, unit, family);
+    }
+
+    /// Adds a value that rises and falls and has no labels.
+    fn value(&mut self, name: &str, help: &str, unit: Option<Unit>, value: f64) {
+        let gauge = Gauge::<f64, AtomicU64>::default();
+        gauge.set(value);
+        self.add(name, help, unit, gauge);
+    }
+
+    fn add(&mut self, name: &str, help: &str, unit: Option<Unit>, metric: impl Metric) {
+        match unit {
+            Some(unit) => self.0.register_with_unit(name, help, unit, metric),
+            None => self.0.register(name, help, metric),
+        }
+    }
+
+    /// Adds a value that only rises until the daemon restarts, one sample for each plate.
+    fn counter(&mut self, name: &str, help: &str, plates: &[PlateObserved], value: fn(&PlateObserved) -> u64) {
+        let family = Family::<Labels, Counter>::default();
+        for plate in plates {
+            family.get_or_create(&of_plate(plate)).inc_by(value(plate));
+        }
+        self.add(name, help, None, family);
+    }
+}
 
 /// All metrics as OpenMetrics text.
 pub(super) fn text(observed: &Observed) -> String {
-    let families =
-        [own(observed), of_plates(&observed.plates), of_jobs(observed), of_store(observed), of_http(observed)];
-    written(families.into_iter().flatten().collect())
+    let mut scrape = Scrape(Registry::with_prefix("upm"));
+    of_daemon(&mut scrape, observed);
+    of_plates(&mut scrape, &observed.plates);
+    of_store(&mut scrape, observed);
+    let mut text = String::new();
+    // writing to a string never fails
+    encode(&mut text, &scrape.0).unwrap_or_default();
+    text
 }
 
-fn own(observed: &Observed) -> Vec<MetricFamily> {
+fn of_daemon(scrape: &mut Scrape, observed: &Observed) {
     let build = vec![("version", observed.version.to_owned()), ("rerun", upm_viewer::BUILT_IN.to_string())];
-    let is_well = |reasons: Vec<Reason>| f64::from(u8::from(reasons.is_empty()));
-    vec![
-        MetricFamily::info("build", "The program that runs", build),
-        MetricFamily::gauge("uptime", "Time since the daemon started")
-            .in_unit(Unit::Seconds)
-            .with(observed.uptime.as_secs_f64()),
-        MetricFamily::gauge("healthy", "1 when the daemon works, as /healthz says")
-            .with(is_well(liveness_failures(observed))),
-        MetricFamily::gauge("ready", "1 when the daemon takes jobs, as /readyz says")
-            .with(is_well(readiness_failures(observed))),
-    ]
+    scrape.add("build", "The program that runs", None, Info::new(build));
+    scrape.value("uptime", "Time since the daemon started", Some(Unit::Seconds), observed.uptime.as_secs_f64());
+    let is_healthy = flag(liveness_failures(observed).is_empty());
+    scrape.value("healthy", "1 when the daemon works, as /healthz says", None, is_healthy);
+    let is_ready = flag(readiness_failures(observed).is_empty());
+    scrape.value("ready", "1 when the daemon takes jobs, as /readyz says", None, is_ready);
+    scrape.value("event_streams", "Event streams that are open", None, observed.event_streams as f64);
 }
 
-fn of_plates(plates: &[PlateObserved]) -> Vec<MetricFamily> {
-    let each = |family: MetricFamily, value: fn(&PlateObserved) -> Option<f64>| {
-        family.with_all(plates.iter().filter_map(|plate| Some(MetricSample::of_plate(&plate.name, value(plate)?))))
+fn of_plates(scrape: &mut Scrape, plates: &[PlateObserved]) {
+    let each = |value: fn(&PlateObserved) -> Option<f64>| {
+        plates.iter().filter_map(move |plate| Some((of_plate(plate), value(plate)?)))
     };
-    let state = plates.iter().flat_map(|plate| {
-        let is = |state: PlateState| (state.code(), state == plate.state);
-        one_of(&plate.name, PLATE_STATES.map(is))
-    });
+    let state = plates
+        .iter()
+        .flat_map(|plate| one_of(plate, PlateState::ALL.map(|state| (state.code(), state == plate.state))));
+    scrape.gauge("plate_state", "State of the plate: 1 for the current state, 0 for the others", None, state);
+    scrape.gauge("queue_jobs", "Jobs that wait for the plate", None, each(|plate| Some(plate.queued as f64)));
+    let misses = |plate: &PlateObserved| plate.deadline_misses;
+    scrape.counter("deadline_misses", "Frames that control came too late for", plates, misses);
+    let behind = "How far plate time fell behind the clock in the present or last run";
+    scrape.gauge("behind", behind, Some(Unit::Seconds), each(|plate| Some(plate.behind.as_secs_f64())));
+    scrape.counter("estops", "Emergency stops", plates, |plate| plate.estops);
+    let frame_age = each(|plate| plate.frame_age.map(|age| age.as_secs_f64()));
+    scrape.gauge("frame_age", "Time since the newest camera frame", Some(Unit::Seconds), frame_age);
+    let ratio = Some(Unit::Other("ratio".to_owned()));
+    scrape.gauge("job_progress", "Share of the running job that is done", ratio, each(|plate| plate.progress));
     let recording = plates.iter().flat_map(|plate| {
         let now = recording_state(&plate.recording);
-        one_of(&plate.name, RECORDING_STATES.map(|state| (state, state == now)))
+        one_of(plate, RECORDING_STATES.map(|state| (state, state == now)))
     });
-    vec![
-        MetricFamily::gauge("plate_state", "State of the plate: 1 for the current state, 0 for the others")
-            .with_all(state),
-        each(MetricFamily::gauge("queue_jobs", "Jobs that wait for the plate"), |plate| Some(plate.queued as f64)),
-        each(MetricFamily::counter("deadline_misses", "Frames that control came too late for"), |plate| {
-            Some(plate.deadline_misses as f64)
-        }),
-        each(
-            MetricFamily::gauge("behind", "How far plate time fell behind the clock in the present or last run")
-                .in_unit(Unit::Seconds),
-            |plate| Some(plate.behind.as_secs_f64()),
-        ),
-        each(MetricFamily::counter("estops", "Emergency stops"), |plate| Some(plate.estops as f64)),
-        each(MetricFamily::gauge("frame_age", "Time since the newest camera frame").in_unit(Unit::Seconds), |plate| {
-            plate.frame_age.map(|age| age.as_secs_f64())
-        }),
-        each(MetricFamily::gauge("job_progress", "Share of the running job that is done").in_unit(ratio()), |plate| {
-            plate.progress
-        }),
-        MetricFamily::gauge(
-            "recording_state",
-            "State of the job's recording: 1 for the current state, 0 for the others",
-        )
-        .with_all(recording),
-        each(MetricFamily::gauge("recording", "Size of the recording being written").in_unit(Unit::Bytes), |plate| {
-            match plate.recording {
-                RecordingState::Writing { bytes } => Some(bytes as f64),
-                _ => None,
-            }
-        }),
-    ]
+    let help = "State of the job's recording: 1 for the current state, 0 for the others";
+    scrape.gauge("recording_state", help, None, recording);
+    let bytes = each(|plate| match plate.recording {
+        RecordingState::Writing { bytes } => Some(bytes as f64),
+        _ => None,
+    });
+    scrape.gauge("recording", "Size of the recording being written", Some(Unit::Bytes), bytes);
 }
 
-fn of_jobs(observed: &Observed) -> Vec<MetricFamily> {
-    let sample = |(plate, state, count): &(String, crate::store::JobState, u64)| {
-        MetricSample::new(vec![("plate", plate.clone()), ("state", state.code().into())], *count as f64)
-    };
-    vec![MetricFamily::gauge("jobs", "Jobs the store knows").with_all(observed.jobs.iter().map(sample))]
+fn of_store(scrape: &mut Scrape, Observed { jobs, store, .. }: &Observed) {
+    let jobs = jobs.iter().map(|(plate, state, count)| {
+        (vec![("plate", plate.clone()), ("state", state.code().to_owned())], *count as f64)
+    });
+    scrape.gauge("jobs", "Jobs the store knows", None, jobs);
+    let heartbeat = store.heartbeat.as_secs_f64();
+    scrape.value("store_heartbeat", "Time since the job store last answered", Some(Unit::Seconds), heartbeat);
+    let is_writable = flag(store.fault.is_none());
+    scrape.value("store_writable", "1 while the job store can be written", None, is_writable);
+    if let Some(bytes) = store.free_bytes {
+        scrape.value("disk_free", "Room left on the disk of the data folder", Some(Unit::Bytes), bytes as f64);
+    }
+    let runs = store.runs_bytes as f64;
+    scrape.value("runs", "Room that run folders of ended jobs take up", Some(Unit::Bytes), runs);
 }
 
-fn of_store(observed: &Observed) -> Vec<MetricFamily> {
-    let (store, disk) = (&observed.store, &observed.disk);
-    let flag = |is: bool| f64::from(u8::from(is));
-    vec![
-        MetricFamily::gauge("store_heartbeat", "Time since the job store last showed that it lives")
-            .in_unit(Unit::Seconds)
-            .with(store.heartbeat.as_secs_f64()),
-        MetricFamily::gauge("store_writable", "1 while the job store can be written").with(flag(store.fault.is_none())),
-        MetricFamily::gauge("store_waiting", "Changes that wait to be written").with(store.waiting as f64),
-        MetricFamily::gauge("store_audit_waiting", "Lines of the audit log that wait to be written")
-            .with(store.audit_waiting as f64),
-        MetricFamily::gauge("disk_free", "Room left on the disk of the data folder")
-            .in_unit(Unit::Bytes)
-            .with_all(store.free_bytes.map(|bytes| MetricSample::new(Vec::new(), bytes as f64))),
-        MetricFamily::gauge("runs", "Room that run folders take up")
-            .in_unit(Unit::Bytes)
-            .with_all(disk.runs_bytes.map(|bytes| MetricSample::new(Vec::new(), bytes as f64))),
-    ]
+fn flag(is: bool) -> f64 {
+    f64::from(u8::from(is))
 }
 
-fn of_http(observed: &Observed) -> Vec<MetricFamily> {
-    vec![MetricFamily::gauge("event_streams", "Event streams that are open").with(observed.event_streams as f64)]
+fn of_plate(plate: &PlateObserved) -> Labels {
+    vec![("plate", plate.name.clone())]
 }
 
 /// One sample for each state: 1 for the current state, 0 for the others.
-fn one_of<const N: usize>(plate: &str, states: [(&'static str, bool); N]) -> [MetricSample; N] {
-    states.map(|(state, is)| {
-        MetricSample::new(vec![("plate", plate.to_owned()), ("state", state.to_owned())], f64::from(u8::from(is)))
-    })
+fn one_of<const N: usize>(plate: &PlateObserved, states: [(&'static str, bool); N]) -> [(Labels, f64); N] {
+    states.map(|(state, is)| (vec![("plate", plate.name.clone()), ("state", state.to_owned())], flag(is)))
 }
 
 fn recording_state(state: &RecordingState) -> &'static str {
@@ -130,8 +149,4 @@ fn recording_state(state: &RecordingState) -> &'static str {
         RecordingState::Failed(_) => "failed",
         RecordingState::Whole => "whole",
     }
-}
-
-fn ratio() -> Unit {
-    Unit::Other("ratio".to_owned())
 }

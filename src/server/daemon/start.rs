@@ -13,11 +13,10 @@ use super::backend::DaemonBackend;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
 use super::prepare::Prepared;
 use super::state::DaemonState;
-use super::systemd::{ServiceManager, WatchdogPing};
-use super::{health, recovery_log};
+use super::{health, recovery_log, systemd};
 use crate::api::{AppParts, app};
 use crate::http::{AllowedHosts, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
-use crate::store::{self, Clocks, OpenOutcome, Store, StoreFault};
+use crate::store::{OpenOutcome, Store, StoreFault, StoreLimits};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
@@ -27,9 +26,9 @@ use upm_runner::config::DaemonSpec;
 const PLATES_WITHIN: Duration = Duration::from_millis(1200);
 /// Longest time for requests under way to end, in parallel with that.
 const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
-/// Longest time for the store to write its queue, after both.
+/// Longest time for the store to be closed, after both.
 const STORE_WITHIN: Duration = Duration::from_millis(400);
-/// Interval at which queued jobs are counted when no client asks.
+/// Interval at which queued jobs and free space are counted when no client asks.
 const TICK: Duration = Duration::from_millis(500);
 /// Number of these intervals between two counts of all jobs.
 const COUNT_EVERY: u32 = 10;
@@ -43,9 +42,9 @@ pub enum StartFault {
     /// Its job store cannot be opened.
     #[error("{0}: {1}")]
     Store(String, StoreFault),
-    /// Its job store has another schema version and is left unchanged.
+    /// Its job store is none of this version and is left unchanged.
     #[error("{0}")]
-    OtherStoreVersion(StoreFault),
+    OtherStore(StoreFault),
     /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -98,11 +97,10 @@ impl Daemon {
         let listener = listener_at(spec.listen)?;
         let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
         let at_store = |fault| match fault {
-            StoreFault::OtherVersion { .. } => StartFault::OtherStoreVersion(fault),
+            StoreFault::Other { .. } => StartFault::OtherStore(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
-        let clocks = Clocks::new(now, clock);
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), clocks);
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now);
         let opened = opened.map_err(at_store)?;
         let OpenOutcome { store, recovery } = opened;
         let store = Arc::new(store);
@@ -124,8 +122,7 @@ impl Daemon {
                 .then(|| recovery_log::pause_after_start(&recovery, &plate.name)),
         });
         let around = SharedServices {
-            job_store: store.clone(),
-            runs: store.runs().to_owned(),
+            store: Arc::clone(&store),
             latches: spec.data.join("latch"),
             clock,
             record: upm_viewer::BUILT_IN,
@@ -135,9 +132,8 @@ impl Daemon {
         };
         let plates = Arc::new(PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?);
         recovery_log::log(&recovery);
-        recovery_log::log_unserved(&store, spec.plate_names());
-        let damage = recovery.damage.as_ref().map(|damage| format!("the job store was damaged: {damage}"));
-        let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, damage, version));
+        recovery_log::log_unserved(&store, &spec.plate_names());
+        let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, version));
         let backend = Arc::new(backend.map_err(StartFault::Plates)?);
         let estop_socket = estop_socket_of(&backend.state, &listener);
         if let Some(stop_listener) = stop_listener {
@@ -157,15 +153,18 @@ impl Daemon {
     }
 
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
-    /// do; motors go to zero first. `manager` is notified when the daemon is ready, alive and shutting down.
-    pub fn serve(mut self, stop: &Receiver<()>, manager: &ServiceManager) -> ExitReport {
+    /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
+    pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
-        let alive = start_watchdog_ping(&state, manager);
+        let alive = start_watchdog_ping(&state);
         let end_http = CancellationToken::new();
         let answering = self.answer(end_http.clone());
-        manager.ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        count_until(stop, &state, &answering);
-        let ended = end(&state, &end_http, answering, estop_socket, manager);
+        if let Err(error) = start_counting(&state) {
+            tracing::error!("jobs are not counted: {error}");
+        }
+        systemd::ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
+        while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
+        let ended = end(&state, &end_http, answering, estop_socket);
         drop(alive);
         ended
     }
@@ -175,7 +174,7 @@ impl Daemon {
         let Self { backend, listener, tokens, .. } = self;
         let state = &backend.state;
         let hosts = AllowedHosts::new(state.spec.listen, &state.spec.hosts);
-        let (event_streams, version) = (state.event_streams.clone(), state.version);
+        let (event_streams, version) = (Arc::clone(&state.event_streams), state.version);
         let stop_port = state.spec.stop_listen.map(|address| address.port());
         let app = app(AppParts { backend, tokens, hosts, stop: stop.clone(), event_streams, stop_port, version });
         thread::spawn(move || serve(listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
@@ -183,30 +182,29 @@ impl Daemon {
 }
 
 /// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
-fn start_watchdog_ping(state: &Arc<DaemonState>, manager: &ServiceManager) -> Option<WatchdogPing> {
+fn start_watchdog_ping(state: &Arc<DaemonState>) -> Option<systemd::WatchdogPing> {
     let state = Arc::clone(state);
-    let well = move || {
+    let healthy = move || {
         let failures = health::liveness_failures(&state.observed());
         if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) }
     };
-    manager.keep_alive(well).unwrap_or_else(|error| {
+    systemd::keep_alive(healthy).unwrap_or_else(|error| {
         tracing::error!("no signs of life for the service manager: {error}");
         None
     })
 }
 
-/// Counts jobs periodically until the daemon is to end.
-fn count_until(stop: &Receiver<()>, state: &Arc<DaemonState>, answering: &JoinHandle<io::Result<ShutdownReport>>) {
-    let mut ticks = 0u32;
-    while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
-        state.count_queued(|_| {});
-        // acknowledges the damage once the last plate is resumed, even when no request has asked since
-        state.unacknowledged_damage();
-        if ticks.is_multiple_of(COUNT_EVERY) {
-            state.count_jobs();
+/// Starts the thread that counts jobs and free space until the daemon ends. A disk that hangs holds this thread alone.
+fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
+    let state = Arc::clone(state);
+    let count = move || {
+        lower_thread_priority();
+        for tick in (0..COUNT_EVERY).cycle().take_while(|_| !state.ending.load(Ordering::SeqCst)) {
+            state.count(tick == 0);
+            thread::sleep(TICK);
         }
-        ticks = ticks.wrapping_add(1);
-    }
+    };
+    thread::Builder::new().name("count".into()).spawn(count).map(|_| ())
 }
 
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
@@ -215,14 +213,13 @@ fn end(
     end_http: &CancellationToken,
     answering: JoinHandle<io::Result<ShutdownReport>>,
     estop_socket: Option<EStopSocket>,
-    manager: &ServiceManager,
 ) -> ExitReport {
     state.ending.store(true, Ordering::SeqCst);
     end_http.cancel();
     // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
     tracing::info!("shutting down");
-    manager.stopping();
+    systemd::stopping();
     let plates_left = state.plates.shutdown(PLATES_WITHIN);
     tracing::debug!("plates have ended");
     let served = answering.join().unwrap_or_else(|_| Err(io::Error::other("the server panicked")));
@@ -265,15 +262,12 @@ fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
 }
 
-fn limits_of(spec: &DaemonSpec) -> store::StoreLimits {
-    store::StoreLimits {
+fn limits_of(spec: &DaemonSpec) -> StoreLimits {
+    StoreLimits {
         queued: spec.queue,
         jobs: spec.keep.jobs,
-        events_per_job: spec.keep.events_per_job,
-        events: spec.keep.events,
         runs_bytes: spec.keep.runs_bytes,
         standing_runs: spec.keep.standing_runs,
-        ..store::StoreLimits::default()
     }
 }
 

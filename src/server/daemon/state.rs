@@ -1,17 +1,17 @@
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
-use parking_lot::{Mutex, MutexGuard};
-use serde_json::json;
+use parking_lot::Mutex;
 use tokio::sync::Semaphore;
 
 use super::convert;
-use super::status::{DiskObserved, Observed, PlateObserved};
-use crate::api::{EVENT_STREAMS, EventSender, Plate, Refusal, Responder, StreamEvent, StreamStart};
+use super::status::{Observed, PlateObserved, StoreObserved};
+use crate::api::{EVENT_STREAMS, Job, Plate, Refusal};
 use crate::store::{JobId, JobRow, JobState, Store};
-use crate::supervisor::{self, EventSubscriber, JobEvent, PlateSnapshot, PlateState, PlateSupervisor};
+use crate::supervisor::{PlateHandle, PlateSnapshot, PlateSupervisor};
+use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RecordingState;
 use upm_runner::config::DaemonSpec;
@@ -25,58 +25,56 @@ pub(super) struct DaemonState {
     pub clock: MonotonicClock,
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
-    /// Event distribution of each plate, to the clients that watch its jobs.
-    pub relays: BTreeMap<String, Arc<EventRelay>>,
-    /// Numbers of jobs at the last count.
-    counted: Mutex<JobCounts>,
-    /// Counts of requests and streams.
-    /// A permit for each event stream that may be opened.
+    /// Jobs queued for each plate, as last counted.
+    queued: Mutex<BTreeMap<String, u64>>,
+    counted: Mutex<Counted>,
+    /// Places for event streams.
     pub event_streams: Arc<Semaphore>,
-    /// Damage found in the store when it was opened.
-    pub damage: StoreDamage,
     pub version: &'static str,
 }
 
-/// Numbers of jobs.
-#[derive(Clone, Debug, Default)]
-pub(super) struct JobCounts {
-    /// Jobs queued for each plate.
-    pub queued: BTreeMap<String, u64>,
+/// Numbers of jobs and free space at the last count.
+#[derive(Clone, Debug)]
+struct Counted {
+    at: Duration,
     /// Jobs of each plate in each state.
-    pub jobs: Vec<(String, JobState, u64)>,
+    jobs: Vec<(String, JobState, u64)>,
+    /// Free bytes on the disk of the run folders; `None` when unknown.
+    free_bytes: Option<u64>,
 }
 
 impl DaemonState {
-    /// The state of a daemon whose store was found with `damage`.
+    /// The state of a daemon that has just started.
     pub fn new(
         spec: DaemonSpec,
         store: Arc<Store>,
         plates: Arc<PlateSupervisor>,
         clock: MonotonicClock,
-        damage: Option<String>,
         version: &'static str,
     ) -> Self {
-        let relays = plates.iter().map(|plate| {
-            let relay = Arc::<EventRelay>::default();
-            plate.subscribe(relay.clone());
-            (plate.name().to_owned(), relay)
-        });
-        Self {
-            relays: relays.collect(),
-            spec,
-            store,
-            plates,
-            clock,
-            ending: AtomicBool::new(false),
-            counted: Mutex::default(),
-            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
-            damage: StoreDamage::found(damage),
-            version,
-        }
+        let counted = Mutex::new(Counted { at: clock.elapsed(), jobs: Vec::new(), free_bytes: None });
+        let (ending, queued) = (AtomicBool::new(false), Mutex::default());
+        let event_streams = Arc::new(Semaphore::new(EVENT_STREAMS));
+        Self { spec, store, plates, clock, ending, queued, counted, event_streams, version }
     }
 
-    pub fn plate(&self, name: &str) -> Result<&supervisor::PlateHandle, Refusal> {
+    pub fn plate(&self, name: &str) -> Result<&PlateHandle, Refusal> {
         self.plates.get(name).ok_or_else(|| Refusal::Unknown("there is no such plate".to_owned()))
+    }
+
+    pub fn row(&self, id: &JobId) -> Result<JobRow, Refusal> {
+        self.store.job(id).map_err(convert::unread)?.ok_or_else(no_job)
+    }
+
+    /// A job in the API's form. The progress of one that runs is known to its plate alone.
+    pub fn job(&self, row: &JobRow) -> Job {
+        let mut job = convert::job(row);
+        if row.state == JobState::Running
+            && let Some(progress) = self.plates.get(&row.plate).and_then(|plate| plate.progress_of(&row.id))
+        {
+            job.progress = progress;
+        }
+        job
     }
 
     /// All plates now, with their queues as last counted.
@@ -86,134 +84,72 @@ impl DaemonState {
     }
 
     /// A plate now, with its queue as last counted.
-    fn plate_status(&self, plate: &supervisor::PlateHandle) -> Plate {
-        convert::plate(&plate.snapshot(), self.counted().queued.get(plate.name()).copied().unwrap_or(0))
+    fn plate_status(&self, plate: &PlateHandle) -> Plate {
+        convert::plate(&plate.snapshot(), self.queued_for(plate.name()))
     }
 
-    /// Counts queued jobs, then calls `then`; when the store fails, with the previous numbers.
-    pub fn count_queued(self: &Arc<Self>, then: impl FnOnce(&Self) + Send + 'static) {
-        let state = Arc::clone(self);
-        self.store.queued(move |counted| {
-            if let Ok(counted) = counted {
-                state.counted().queued = counted.into_iter().collect();
-            }
-            then(&state);
-        });
+    fn queued_for(&self, plate: &str) -> u64 {
+        self.queued.lock().get(plate).copied().unwrap_or(0)
     }
 
-    /// Updates the last counts from the store; when that fails, the previous numbers remain.
-    pub fn count_jobs(self: &Arc<Self>) {
-        let state = Arc::clone(self);
-        self.store.counts(move |counted| {
-            if let Ok(counted) = counted {
-                state.counted().jobs = counted;
-            }
-        });
+    /// The plate's state after an operation on it.
+    pub fn plate_after(&self, name: &str) -> Result<Plate, Refusal> {
+        self.count_queued();
+        self.plate(name).map(|plate| self.plate_status(plate))
     }
 
-    pub fn counted(&self) -> MutexGuard<'_, JobCounts> {
-        self.counted.lock()
+    /// Counts queued jobs; when the store fails, the previous numbers remain.
+    pub fn count_queued(&self) {
+        if let Ok(queued) = self.store.queued() {
+            *self.queued.lock() = queued.into_iter().collect();
+        }
     }
 
-    /// Replies with the plate's state after an operation on it.
-    pub fn answer_with(self: &Arc<Self>, name: &str, reply: Responder<Plate>) {
-        let name = name.to_owned();
-        self.count_queued(move |state| reply.send(state.plate(&name).map(|plate| state.plate_status(plate))));
-    }
-
-    /// The state of a job for a client that begins to watch it.
-    pub fn stream_start(&self, row: &JobRow) -> StreamStart {
-        let plate = self.plate(&row.plate).ok().map(|plate| self.plate_status(plate));
-        let snapshot = json!({"job": convert::job(row), "plate": plate}).to_string();
-        StreamStart { snapshot, newest: row.last_event, is_over: row.state.is_final() }
+    /// Counts queued jobs and the free space, with `all` every job, and sees whether a store that failed can be written
+    /// again. Waits for the disk.
+    pub fn count(&self, all: bool) {
+        self.store.retry();
+        self.count_queued();
+        let jobs = all.then(|| self.store.counts());
+        let free_bytes = free_bytes(self.store.runs()).ok();
+        let mut counted = self.counted.lock();
+        (counted.at, counted.free_bytes) = (self.clock.elapsed(), free_bytes);
+        if let Some(Ok(jobs)) = jobs {
+            counted.jobs = jobs;
+        }
     }
 
     /// The daemon now. Never blocks: data from the store is as of the last count.
     pub fn observed(&self) -> Observed {
-        let counted = self.counted().clone();
-        let snapshots: Vec<PlateSnapshot> = self.plates.iter().map(|plate| plate.snapshot()).collect();
-        let plates = snapshots.into_iter().map(|plate| {
-            let queued = counted.queued.get(&plate.name).copied().unwrap_or(0);
-            plate_observed(plate, queued)
-        });
+        let Counted { at, jobs, free_bytes } = self.counted.lock().clone();
+        let plate = |plate: &PlateHandle| plate_observed(plate.snapshot(), self.queued_for(plate.name()));
+        let now = self.clock.elapsed();
         Observed {
             version: self.version,
-            uptime: self.clock.elapsed(),
+            uptime: now,
             is_stopping: self.ending.load(Ordering::SeqCst),
-            damage: self.unacknowledged_damage(),
             plates_alive: self.plates.alive(),
-            plates: plates.collect(),
-            jobs: counted.jobs,
-            store: self.store.health(),
-            disk: DiskObserved { min_free_bytes: self.spec.min_free_bytes, runs_bytes: self.store.runs_bytes() },
+            plates: self.plates.iter().map(plate).collect(),
+            jobs,
+            store: StoreObserved {
+                heartbeat: now.saturating_sub(at),
+                fault: self.store.fault(),
+                free_bytes,
+                min_free_bytes: self.spec.min_free_bytes,
+                runs_bytes: self.store.runs_bytes(),
+            },
             event_streams: EVENT_STREAMS - self.event_streams.available_permits(),
         }
     }
+}
 
-    /// Damage found at start and not acknowledged yet, as a sentence.
-    pub fn unacknowledged_damage(&self) -> Option<String> {
-        let states: Vec<PlateState> = self.plates.iter().map(|plate| plate.snapshot().state).collect();
-        self.damage.unacknowledged(&states)
-    }
+/// The id of a job in a request.
+pub(super) fn job_id(text: &str) -> Result<JobId, Refusal> {
+    JobId::parse(text).ok_or_else(no_job)
 }
 
 pub(super) fn no_job() -> Refusal {
     Refusal::Unknown("there is no such job".to_owned())
-}
-
-/// Damage found in the store when it was opened, as a sentence, until an operator acknowledges it.
-#[derive(Debug)]
-pub(super) struct StoreDamage(Mutex<Option<String>>);
-
-impl StoreDamage {
-    pub fn found(sentence: Option<String>) -> Self {
-        Self(Mutex::new(sentence))
-    }
-
-    /// The damage, until acknowledged. After damage every plate is paused or stopped; resuming the last of them counts
-    /// as acknowledgement. A later pause has another cause.
-    fn unacknowledged(&self, states: &[PlateState]) -> Option<String> {
-        let mut damage = self.0.lock();
-        let may_any_move = states.iter().any(|state| *state != PlateState::Stopped);
-        if may_any_move && !states.contains(&PlateState::Paused) {
-            *damage = None;
-        }
-        damage.clone()
-    }
-}
-
-/// Distributes the events of one plate to the clients that watch its jobs. An event is serialized once for all of them.
-#[derive(Default)]
-pub(super) struct EventRelay(Mutex<Vec<(JobId, EventSender)>>);
-
-impl fmt::Debug for EventRelay {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("EventRelay").field(&self.senders().len()).finish()
-    }
-}
-
-impl EventRelay {
-    /// Offers all further events of `job` to `sender` until its client is gone.
-    pub fn forward(&self, job: JobId, sender: EventSender) {
-        let mut senders = self.senders();
-        senders.retain(|(_, other)| !other.is_closed());
-        senders.push((job, sender));
-    }
-
-    fn senders(&self) -> MutexGuard<'_, Vec<(JobId, EventSender)>> {
-        self.0.lock()
-    }
-}
-
-impl EventSubscriber for EventRelay {
-    fn offer(&self, job_event: &JobEvent) {
-        let mut senders = self.senders();
-        if !senders.iter().any(|(job, _)| *job == job_event.job) {
-            return;
-        }
-        let event = StreamEvent::new(job_event.seq, job_event.kind, &job_event.body);
-        senders.retain(|(job, sender)| *job != job_event.job || sender.offer(&event));
-    }
 }
 
 fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
@@ -228,20 +164,5 @@ fn plate_observed(plate: PlateSnapshot, queued: u64) -> PlateObserved {
         frame_age: age,
         progress: job.map(|_| observation.progress),
         recording: recording.unwrap_or(RecordingState::Off),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn acknowledged_damage_is_not_reported_again() {
-        use PlateState::{Idle, Paused, Stopped};
-        let damage = StoreDamage::found(Some("the job store was damaged".to_owned()));
-        let states = [[Stopped, Stopped], [Paused, Stopped], [Idle, Paused], [Idle, Stopped], [Paused, Paused]];
-        let is_unacknowledged = states.map(|states| damage.unacknowledged(&states).is_some());
-        assert_eq!(is_unacknowledged, [true, true, true, false, false]);
-        assert_eq!(StoreDamage::found(None).unacknowledged(&[Paused]), None);
     }
 }

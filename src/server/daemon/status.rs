@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use crate::store::{JobState, StoreHealth};
+use crate::store::{JobState, StoreFault};
 use crate::supervisor::PlateState;
 use upm_recording::RecordingState;
 
@@ -12,17 +12,13 @@ pub(super) struct Observed {
     pub uptime: Duration,
     /// True once the daemon is shutting down.
     pub is_stopping: bool,
-    /// Damage found at start and not acknowledged yet, as a sentence.
-    pub damage: Option<String>,
     /// `Err` names the plate threads that have died or hang.
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
     pub plates: Vec<PlateObserved>,
     /// Number of jobs of each plate in each state, as last counted.
     pub jobs: Vec<(String, JobState, u64)>,
-    pub store: StoreHealth,
-    /// Space on the disk.
-    pub disk: DiskObserved,
+    pub store: StoreObserved,
     /// Number of open event streams.
     pub event_streams: usize,
 }
@@ -48,13 +44,19 @@ pub(super) struct PlateObserved {
     pub recording: RecordingState,
 }
 
-/// Space on the disk of the data folder.
+/// The job store and its disk.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DiskObserved {
+pub(super) struct StoreObserved {
+    /// Time since the store was last read.
+    pub heartbeat: Duration,
+    /// Fault of the last write; `None` when it succeeded.
+    pub fault: Option<StoreFault>,
+    /// Free bytes on the disk of the run folders; `None` when unknown.
+    pub free_bytes: Option<u64>,
     /// Fewest free bytes with which jobs are accepted.
     pub min_free_bytes: u64,
-    /// Bytes in run folders; `None` until they have been counted.
-    pub runs_bytes: Option<u64>,
+    /// Bytes in run folders of ended jobs.
+    pub runs_bytes: u64,
 }
 
 #[cfg(test)]
@@ -82,19 +84,16 @@ impl Observed {
             version: "1.2.3",
             uptime: Duration::from_millis(61_500),
             is_stopping: false,
-            damage: None,
             plates_alive: Ok(()),
             plates: vec![left, plate("right", PlateState::Idle)],
             jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],
-            store: StoreHealth {
+            store: StoreObserved {
                 heartbeat: Duration::from_millis(250),
                 fault: None,
-                waiting: 4,
-                audit_waiting: 0,
                 free_bytes: Some(5_000_000_000),
-                reader_busy: Duration::ZERO,
+                min_free_bytes: 500_000_000,
+                runs_bytes: 123,
             },
-            disk: DiskObserved { min_free_bytes: 500_000_000, runs_bytes: Some(123) },
             event_streams: 5,
         }
     }

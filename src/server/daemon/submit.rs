@@ -1,9 +1,4 @@
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::thread;
-use std::time::Duration;
-
-use parking_lot::Mutex;
 
 use serde::de::IgnoredAny;
 use serde_json::Value;
@@ -11,198 +6,62 @@ use sha2::{Digest, Sha256};
 
 use super::convert;
 use super::state::{DaemonState, no_job};
-use crate::api::{Checked, Job, JobCreated, Refusal, Responder, Submission};
+use crate::api::{Checked, Job, JobCreated, Refusal, Submission};
 use crate::http::Caller;
-use crate::store::{CancelOutcome, JobId, JobRow, JobState, NewJob, Pace, StoreFault, SubmitOutcome};
+use crate::store::{JobId, JobState, NewJob, Pace, SubmitOutcome};
 use crate::supervisor::PlateHandle;
-use upm_core::background::WorkerPool;
-use upm_core::time::{Clock, MonotonicClock};
+use upm_core::files::free_bytes;
 use upm_runner::config::{Diagnostic, PlateSpec};
-
-/// Longest time a job waits to be checked. After it the client is answered with `Retry-After`, while it still listens.
-const CHECKED_WITHIN: Duration = Duration::from_secs(2);
 
 /// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
 const FULL_RETRY_S: u32 = 5;
 
-/// `Retry-After` while too many jobs arrive at once, s.
-const CROWDED_RETRY_S: u32 = 1;
-
-/// A submission and when it arrived.
-pub(super) struct SubmitRequest {
-    order: Submission,
-    at: Duration,
-    clock: MonotonicClock,
-}
-
-impl SubmitRequest {
-    pub fn now(order: Submission, clock: MonotonicClock) -> Self {
-        Self { order, at: clock.elapsed(), clock }
-    }
-
-    /// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
-    /// either are excluded, since they may change with a restart.
-    fn sha256(&self) -> [u8; 32] {
-        let pace = self.order.pace.map_or("none", Pace::code);
-        Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.order.text).finalize().into()
-    }
-
-    /// The members of a job by which the store recognizes a repeated key; the others are empty.
-    fn by_key(&self) -> Option<NewJob> {
-        let key = self.order.key.clone()?;
-        Some(NewJob {
-            name: String::new(),
-            plate: String::new(),
-            seed: 0,
-            pace: Pace::default(),
-            spec_json: String::new(),
-            rig_fingerprint: String::new(),
-            body_sha256: self.sha256(),
-            key: Some(key),
-        })
-    }
-}
-
-/// The pending reply to a submission. Dropped unsent, it answers [`Refusal::Crowded`]; when a panic drops it, the lost
-/// reply becomes [`Refusal::Busy`].
-struct SubmitResponder(Arc<Mutex<Option<Responder<JobCreated>>>>);
-
-impl SubmitResponder {
-    fn new(reply: Responder<JobCreated>) -> Self {
-        Self(Arc::new(Mutex::new(Some(reply))))
-    }
-
-    fn send(self, outcome: Result<JobCreated, Refusal>) {
-        if let Some(reply) = self.take() {
-            reply.send(outcome);
-        }
-    }
-
-    fn take(&self) -> Option<Responder<JobCreated>> {
-        self.0.lock().take()
-    }
-
-    /// A test of whether the client still waits for the reply.
-    fn awaited(&self) -> impl Fn() -> bool + Send + 'static {
-        let reply = Arc::downgrade(&self.0);
-        move || {
-            let is_listening =
-                |reply: &Mutex<Option<Responder<_>>>| reply.lock().as_ref().is_some_and(Responder::is_listening);
-            reply.upgrade().is_some_and(|reply| is_listening(&reply))
-        }
-    }
-}
-
-impl Drop for SubmitResponder {
-    fn drop(&mut self) {
-        if let Some(reply) = self.take().filter(|_| !thread::panicking()) {
-            reply.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
-        }
-    }
-}
-
-/// Queues a job and replies once it is on the disk. A repeated key gets the earlier reply, whatever now prevents a new
-/// job; all others are checked by `checkers`. Never blocks.
+/// Checks a job and queues it: it is on the disk when this returns. A repeated key gets the earlier reply, whatever now
+/// prevents a new job. A job is not stored when its client no longer waits, since that may send it again. Takes
+/// milliseconds and waits for the disk.
 pub(super) fn submit(
-    state: &Arc<DaemonState>,
-    checkers: &Arc<WorkerPool>,
-    asked: SubmitRequest,
-    reply: Responder<JobCreated>,
-) {
-    let answer = SubmitResponder::new(reply);
-    let Some(by_key) = asked.by_key() else { return check(state, checkers, asked, answer) };
-    let (then, checkers) = (Arc::clone(state), Arc::clone(checkers));
-    state.store.repeated(by_key, move |known| match known {
-        Ok(Some(known)) => answer.send(submitted(known)),
-        Ok(None) => check(&then, &checkers, asked, answer),
-        Err(fault) => answer.send(Err(unstored(fault))),
-    });
-}
-
-fn check(state: &Arc<DaemonState>, checkers: &WorkerPool, asked: SubmitRequest, answer: SubmitResponder) {
-    let state = Arc::clone(state);
-    checkers.submit(move || queue(&state, &asked, answer));
-}
-
-/// Checks a job and queues it. Takes milliseconds, too long for the threads that answer requests.
-fn queue(state: &Arc<DaemonState>, asked: &SubmitRequest, answer: SubmitResponder) {
-    let waited = asked.clock.elapsed().saturating_sub(asked.at);
-    // a client that was already answered with an error may send the job again
-    if !answer.awaited()() {
-        return;
+    state: &DaemonState,
+    submission: &Submission,
+    is_awaited: &dyn Fn() -> bool,
+) -> Result<JobCreated, Refusal> {
+    let body_sha256 = sha256(submission);
+    if let Some(key) = &submission.key
+        && let Some(known) = state.store.repeated(key, &body_sha256).map_err(convert::unread)?
+    {
+        return submitted(known);
     }
     if state.ending.load(Ordering::SeqCst) {
-        return answer.send(Err(Refusal::Busy { why: "the daemon ends".to_owned(), retry_after_s: 1 }));
+        return Err(Refusal::Busy { why: "the daemon ends".to_owned(), retry_after_s: 1 });
     }
-    if waited > CHECKED_WITHIN {
-        return answer.send(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
+    let plate = state.plate_of(&submission.text)?;
+    let pace = submission.pace.unwrap_or(state.spec.pace);
+    let job = plate.validate(&submission.text, pace, submission.key.clone());
+    let job = NewJob { body_sha256, ..job.map_err(|faults| faulty(&submission.text, faults))? };
+    if let Some(refusal) = state.rejection(plate) {
+        return Err(refusal);
     }
-    let checked = state.plate_of(&asked.order.text).and_then(|plate| {
-        let job = state.checked(plate, asked)?;
-        state.rejection(plate).map_or(Ok(job), Err)
-    });
-    let job = match checked {
-        Ok(job) => job,
-        Err(refusal) => return answer.send(Err(refusal)),
-    };
-    let (then, awaited, has_key) = (Arc::clone(state), answer.awaited(), job.key.is_some());
-    state.store.accept_if(job, answer.awaited(), move |accepted| match accepted {
-        Ok(Some(SubmitOutcome::New(row))) if !has_key && !awaited() => take_back(&then, row),
-        Ok(Some(accepted)) => {
-            if let SubmitOutcome::New(row) = &accepted
-                && let Some(plate) = then.plates.get(&row.plate)
-            {
-                plate.job_queued();
-            }
-            answer.send(submitted(accepted));
-        }
-        // the client no longer waits
-        Ok(None) => {}
-        Err(fault) => answer.send(Err(unstored(fault))),
-    });
+    let unheard = || Refusal::Busy { why: "its client no longer waits".to_owned(), retry_after_s: 1 };
+    let accepted = state.store.accept(&job, is_awaited).map_err(convert::refusal)?.ok_or_else(unheard)?;
+    if matches!(accepted, SubmitOutcome::New(_)) {
+        plate.job_queued();
+    }
+    submitted(accepted)
+}
+
+/// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
+/// either are excluded, since they may change with a restart.
+fn sha256(submission: &Submission) -> [u8; 32] {
+    let pace = submission.pace.map_or("none", Pace::code);
+    Sha256::new().chain_update(pace).chain_update("\n").chain_update(&submission.text).finalize().into()
 }
 
 /// Moves a queued job to the front of its plate's queue.
-pub(super) fn run_next(state: &DaemonState, id: &str, caller: &Caller, reply: Responder<Job>) {
-    let Some(id) = JobId::parse(id) else { return reply.send(Err(no_job())) };
+pub(super) fn run_next(state: &DaemonState, id: &JobId, caller: &Caller) -> Result<Job, Refusal> {
     tracing::info!(job = %id, caller = caller.name, "run next");
-    state.store.move_to_front(&id, move |moved| {
-        reply.send(match moved {
-            Err(fault) => Err(convert::refusal(fault)),
-            Ok(None) => Err(no_job()),
-            Ok(Some(row)) if row.state == JobState::Queued => Ok(convert::job(&row)),
-            Ok(Some(row)) => {
-                Err(Refusal::Conflict(format!("the job does not wait for its plate: {}", row.state.code())))
-            }
-        });
-    });
-}
-
-/// Takes a job out of the queue whose client was answered with an error while the job was being stored: it may send the
-/// job again. A job with an idempotency key stays, since sending it again yields the same job. Does not wake the plate.
-fn take_back(state: &Arc<DaemonState>, row: JobRow) {
-    tracing::warn!(job = %row.id, plate = row.plate, "withdrawn: its client disconnected before it was stored");
-    let then = Arc::clone(state);
-    state.store.cancel_queued(&row.id, move |cancelled| match cancelled {
-        Ok(CancelOutcome::Now(row, finished)) => {
-            if let Some(plate) = then.plates.get(&row.plate) {
-                plate.announce_end(row.id, finished);
-            }
-        }
-        Ok(CancelOutcome::Not(row)) => {
-            let is_stopping = then.plates.get(&row.plate).is_some_and(|plate| plate.cancel(&row.id));
-            tracing::warn!(job = %row.id, is_stopping, "the withdrawn job was on its plate already");
-        }
-        Ok(CancelOutcome::Unknown) => {}
-        Err(fault) => tracing::error!(job = %row.id, "not withdrawn: {fault}"),
-    });
-}
-
-/// The refusal of a submission for a fault of the store.
-fn unstored(fault: StoreFault) -> Refusal {
-    match fault {
-        StoreFault::Busy => Refusal::Crowded { retry_after_s: CROWDED_RETRY_S },
-        fault => convert::refusal(fault),
+    let row = state.store.move_to_front(id).map_err(convert::refusal)?.ok_or_else(no_job)?;
+    match row.state {
+        JobState::Queued => Ok(convert::job(&row)),
+        other => Err(Refusal::Conflict(format!("the job does not wait for its plate: {}", other.code()))),
     }
 }
 
@@ -246,14 +105,6 @@ impl DaemonState {
         Refusal::Invalid(vec![Diagnostic::new(&file, path, found, allowed)])
     }
 
-    fn checked(&self, plate: &PlateHandle, asked: &SubmitRequest) -> Result<NewJob, Refusal> {
-        let order = &asked.order;
-        let pace = order.pace.unwrap_or(self.spec.pace);
-        let job = plate.validate(&order.text, pace, order.key.clone());
-        let job = job.map_err(|faults| faulty(&order.text, faults))?;
-        Ok(NewJob { body_sha256: asked.sha256(), ..job })
-    }
-
     /// Checks a job as for queueing, regardless of the state of its plate. Takes milliseconds.
     pub(super) fn examined(&self, text: &str) -> Result<Checked, Refusal> {
         let plate = self.plate_of(text)?;
@@ -267,7 +118,7 @@ impl DaemonState {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
             return Some(Refusal::Conflict(why));
         }
-        let free = self.store.health().free_bytes.filter(|free| *free < self.spec.min_free_bytes)?;
+        let free = free_bytes(self.store.runs()).ok().filter(|free| *free < self.spec.min_free_bytes)?;
         Some(Refusal::DiskFull(format!(
             "{:.1} MB are free on the disk, {:.1} are needed (`disk.min_free_mb`)",
             free as f64 * 1e-6,
@@ -278,31 +129,13 @@ impl DaemonState {
 
 #[cfg(test)]
 mod tests {
-    use std::task::{Context, Poll, Waker};
-
     use super::*;
-    use crate::api::pending;
-    use crate::http::Caller;
-
-    #[test]
-    fn dropped_submission_is_answered_with_retry() {
-        let first_poll = |start: fn(Responder<JobCreated>)| {
-            let mut pending = pending(start);
-            pending.as_mut().poll(&mut Context::from_waker(Waker::noop()))
-        };
-        let crowded = Poll::Ready(Err(Refusal::Crowded { retry_after_s: CROWDED_RETRY_S }));
-        assert_eq!(first_poll(|reply| drop(SubmitResponder::new(reply))), crowded);
-        assert_eq!(first_poll(|reply| SubmitResponder::new(reply).send(Err(unstored(StoreFault::Busy)))), crowded);
-        let once = first_poll(|reply| SubmitResponder::new(reply).send(Err(Refusal::KeyReused)));
-        assert_eq!(once, Poll::Ready(Err(Refusal::KeyReused)));
-    }
 
     #[test]
     fn idempotency_key_is_bound_to_text_and_pace() {
         let sha256 = |text: &str, pace| {
             let caller = Caller { name: "test".to_owned(), remote: None };
-            let order = Submission { text: text.to_owned(), pace, key: Some("k".to_owned()), caller };
-            SubmitRequest::now(order, MonotonicClock::new()).by_key().map(|job| job.body_sha256)
+            sha256(&Submission { text: text.to_owned(), pace, key: Some("k".to_owned()), caller })
         };
         let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
         let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256(text, pace)).into();

@@ -69,14 +69,12 @@ impl ProblemKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReasonCode {
-    /// The job store has not written, or not answered a read, for too long.
+    /// The job store has not answered for too long.
     StoreHangs,
-    /// A thread that runs, watches or latches the plates has died or hangs.
+    /// A thread that runs or watches the plates has died or hangs.
     PlatesDead,
     /// The daemon is shutting down.
     Ending,
-    /// The job store was found damaged, and no operator has resumed the plates since.
-    StoreDamaged,
     /// The last write of the job store failed.
     StoreUnwritable,
     /// The disk has too little free space for a job.

@@ -6,7 +6,7 @@ use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
 /// Columns that [`job_of`] reads, in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, submitted_at, started_at, finished_at, \
-                              progress, reason, report, folder, recording, last_event, standing, turn";
+                              progress, reason, report, folder, recording, standing, turn";
 
 /// The job in a row of [`JOB`].
 pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
@@ -26,9 +26,8 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
         report_json: row.get(12)?,
         folder: row.get(13)?,
         recording: row.get(14)?,
-        last_event: row.get::<_, i64>(15)?.cast_unsigned(),
-        standing: row.get(16)?,
-        turn: row.get(17)?,
+        standing: row.get(15)?,
+        turn: row.get(16)?,
     })
 }
 

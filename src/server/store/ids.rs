@@ -16,7 +16,7 @@ impl JobId {
         plain.then(|| Uuid::try_parse(text).ok().map(|uuid| Self(uuid.into_bytes()))).flatten()
     }
 
-    pub(super) fn from_bytes(bytes: [u8; 16]) -> Self {
+    pub(super) const fn from_bytes(bytes: [u8; 16]) -> Self {
         Self(bytes)
     }
 

@@ -1,277 +1,241 @@
+use std::io;
+use std::path::Path;
+
 use rusqlite::{Connection, OptionalExtension, params};
 
-use super::ages::cutoff;
-use super::columns::{JOB, Micros, job_of, rows, sql_limit};
-use super::write_tx::WriteTx;
+use super::audit::is_of_deleted;
+use super::columns::{JOB, Micros, job_of, rows};
+use super::retention::size_of;
 use super::{
-    CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState, NewJob,
-    StoredEvent, SubmitOutcome,
+    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState,
+    NewJob, Store, StoreFault, SubmitOutcome, Write,
 };
+use upm_core::files::sync_folder;
 
-/// Ended runs of standing jobs except the newest of each plate.
-const SURPLUS_STANDING: &str = "
-    SELECT id, folder FROM (
-        SELECT id, folder, row_number() OVER (PARTITION BY plate ORDER BY id DESC) AS age FROM jobs
-            WHERE standing = 1 AND state NOT IN ('queued', 'running'))
-    WHERE age > ?1 ORDER BY id";
+/// Makes the run folder of a job and returns its name.
+pub(crate) type MakeFolder<'a> = &'a dyn Fn(&JobRow) -> io::Result<String>;
 
-/// Outcome of [`WriteTx::start`].
-pub(super) enum StartOutcome {
-    /// The job is running.
-    Now(Box<ClaimedJob>),
-    /// The job is no longer queued, and the folder made for it is not needed.
-    Not,
-    /// The folder belongs to another job: this job can never begin, and has ended.
-    Never,
-}
-
-/// Earlier use of an idempotency key.
-enum KeyLookup {
-    /// Used with the same body, for this job.
-    Same(JobId),
-    /// Used with another body.
-    Other,
-}
-
-impl WriteTx<'_> {
-    /// Queues a job, unless its key was used or its plate's queue is full.
-    pub fn accept(&self, job: &NewJob) -> rusqlite::Result<SubmitOutcome> {
-        if let Some(answered) = self.repeated(job)? {
-            return Ok(answered);
-        }
-        let queued = self.queued(&job.plate)?;
-        if queued >= self.limits.queued {
-            return Ok(SubmitOutcome::QueueFull { queued });
-        }
-        let row = job.row(self.ids.next(self.now), Micros::rounded(self.now));
-        insert(self.connection, &row, Some(&job.spec_json))?;
-        if let Some(key) = &job.key {
-            self.remember(key, &job.body_sha256, &row.id)?;
-        }
-        Ok(SubmitOutcome::New(row))
-    }
-
-    /// The earlier answer to a job with a repeated key; `None` for a new key.
-    pub fn repeated(&self, job: &NewJob) -> rusqlite::Result<Option<SubmitOutcome>> {
-        Ok(match self.seen(job)? {
-            Some(KeyLookup::Same(id)) => {
-                Some(self.find(&id)?.map_or(SubmitOutcome::KeyReused, SubmitOutcome::Replayed))
+impl Store {
+    /// Queues a job, unless its key was used or its plate's queue is full. `None`, and nothing is stored, when `wanted`
+    /// returns false once its turn comes.
+    pub fn accept(&self, job: &NewJob, wanted: impl Fn() -> bool) -> Result<Option<SubmitOutcome>, StoreFault> {
+        self.write(|write| {
+            if !wanted() {
+                return Ok(None);
             }
-            Some(KeyLookup::Other) => Some(SubmitOutcome::KeyReused),
-            None => None,
+            if let Some(answered) = repeated(&write.tx, job.key.as_deref(), &job.body_sha256)? {
+                return Ok(Some(answered));
+            }
+            let queued = write.queued(&job.plate)?;
+            if queued >= self.limits.queued {
+                return Ok(Some(SubmitOutcome::QueueFull { queued }));
+            }
+            let row = job.row(write.ids.next(write.now), Micros::rounded(write.now));
+            write.insert(&row, job)?;
+            Ok(Some(SubmitOutcome::New(row)))
         })
     }
 
-    /// Earlier use of a job's key; `None` when it has no key, or the use is too old.
-    fn seen(&self, job: &NewJob) -> rusqlite::Result<Option<KeyLookup>> {
-        let Some(key) = &job.key else { return Ok(None) };
-        let sql = "SELECT body_sha256, job FROM keys WHERE key = ?1 AND uptime >= ?2";
-        let oldest = cutoff(self.uptime, self.limits.keys_kept);
-        let known =
-            self.connection.query_row(sql, params![key, oldest], |row| Ok((row.get::<_, [u8; 32]>(0)?, row.get(1)?)));
-        let seen = |(body, id)| if body == job.body_sha256 { KeyLookup::Same(id) } else { KeyLookup::Other };
-        if let Some(known) = known.optional()? {
-            return Ok(Some(seen(known)));
-        }
-        let sql = "SELECT EXISTS (SELECT 1 FROM spent_keys WHERE key = ?1 AND uptime >= ?2)";
-        let is_spent = self.connection.query_row(sql, params![key, oldest], |row| row.get::<_, bool>(0))?;
-        Ok(is_spent.then_some(KeyLookup::Other))
+    /// The earlier answer to a request with this idempotency key; `None` for a new key.
+    pub fn repeated(&self, key: &str, body_sha256: &[u8; 32]) -> Result<Option<SubmitOutcome>, StoreFault> {
+        self.read(|connection| repeated(connection, Some(key), body_sha256))
     }
 
-    /// Stores a key, replacing a use that is too old.
-    pub fn remember(&self, key: &str, body_sha256: &[u8; 32], id: &JobId) -> rusqlite::Result<()> {
-        let sql = "INSERT OR REPLACE INTO keys (key, body_sha256, job, uptime) VALUES (?1, ?2, ?3, ?4)";
-        self.connection.execute(sql, params![key, body_sha256, id, self.uptime]).map(|_| ())
-    }
-
-    /// Deletes keys whose use is too old.
-    pub fn forget_keys(&self) -> rusqlite::Result<()> {
-        let oldest = cutoff(self.uptime, self.limits.keys_kept);
-        self.connection.execute("DELETE FROM keys WHERE uptime < ?1", [oldest])?;
-        self.connection.execute("DELETE FROM spent_keys WHERE uptime < ?1", [oldest]).map(|_| ())
-    }
-
-    fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
-        let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
-        self.connection
-            .query_row(sql, [plate], |row| row.get::<_, i64>(0))
-            .map(|count| usize::try_from(count).unwrap_or(0))
-    }
-
-    /// The job that `plate` runs next.
-    pub fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
-        let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY turn, id LIMIT 1");
-        self.connection.query_row(&sql, [plate], job_of).optional()
+    /// Takes a job out of the queue.
+    pub fn cancel_queued(&self, id: &JobId) -> Result<CancelOutcome, StoreFault> {
+        self.write(|write| {
+            let Some(row) = find(&write.tx, id)? else { return Ok(CancelOutcome::Unknown) };
+            if !write.end(&row, JobState::Queued, &JobEnd::before_it_began(), None)? {
+                return Ok(CancelOutcome::Not(row));
+            }
+            Ok(find(&write.tx, id)?.map_or(CancelOutcome::Unknown, CancelOutcome::Now))
+        })
     }
 
     /// Moves a queued job to the front of its plate's queue; a job in another state stays as it is. The job as it is
     /// then; `None` when there is no such job.
-    pub fn move_to_front(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
-        let Some(row) = self.find(id)? else { return Ok(None) };
-        let is_next = self.next_queued(&row.plate)?.is_some_and(|next| next.id == *id);
-        if row.state != JobState::Queued || is_next {
-            return Ok(Some(row));
-        }
-        let sql = "UPDATE jobs SET turn = (SELECT min(turn) - 1 FROM jobs WHERE plate = ?2 AND state = 'queued')
-                   WHERE id = ?1";
-        self.connection.execute(sql, params![id, row.plate])?;
-        self.find(id)
-    }
-
-    /// Marks a queued job as running.
-    pub fn start(&self, id: &JobId, folder: &str) -> rusqlite::Result<StartOutcome> {
-        let taken = "SELECT EXISTS (SELECT 1 FROM jobs WHERE folder = ?1)";
-        if self.connection.query_row(taken, [folder], |row| row.get(0))? {
-            self.end(id, JobState::Queued, &JobEnd::without_a_folder())?;
-            return Ok(StartOutcome::Never);
-        }
-        let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
-                   WHERE id = ?1 AND state = 'queued'";
-        if self.connection.execute(sql, params![id, Micros(self.now), folder])? == 0 {
-            return Ok(StartOutcome::Not);
-        }
-        let spec_json = self.connection.query_row("SELECT spec FROM specs WHERE job = ?1", [id], |row| row.get(0))?;
-        Ok(self.find(id)?.map_or(StartOutcome::Not, |row| StartOutcome::Now(Box::new(ClaimedJob { row, spec_json }))))
-    }
-
-    /// A run of the standing job `job`, ready to begin; `None` while any job is queued for its plate.
-    pub fn next_standing(&self, job: &NewJob) -> rusqlite::Result<Option<JobRow>> {
-        let is_free = self.queued(&job.plate)? == 0;
-        let row = || JobRow { standing: true, ..job.row(self.ids.next(self.now), Micros::rounded(self.now)) };
-        Ok(is_free.then(row))
-    }
-
-    /// Begins that run in its folder. False when a job was queued in between: that job runs first.
-    pub fn start_standing(&self, row: &JobRow, spec_json: &str) -> rusqlite::Result<bool> {
-        let is_free = self.queued(&row.plate)? == 0;
-        if is_free {
-            insert(self.connection, row, Some(spec_json))?;
-        }
-        Ok(is_free)
-    }
-
-    /// Ended runs of standing jobs above the limit, with their run folders.
-    pub fn surplus_standing(&self) -> rusqlite::Result<Vec<(JobId, Option<String>)>> {
-        let most = sql_limit(self.limits.standing_runs);
-        rows(self.connection, SURPLUS_STANDING, [most], |row| Ok((row.get(0)?, row.get(1)?)))
-    }
-
-    /// Deletes the row of an ended standing run, once its run folder is gone.
-    pub fn forget_standing(&self, id: &JobId) -> rusqlite::Result<()> {
-        let sql = "DELETE FROM jobs WHERE id = ?1 AND standing = 1 AND folder IS NULL
-                       AND state NOT IN ('queued', 'running')";
-        self.connection.execute(sql, [id]).map(|_| ())
-    }
-
-    /// Ends a job in state `from` and returns its last event; `None`, and no change, when it is in another state.
-    pub fn end(&self, id: &JobId, from: JobState, end: &JobEnd) -> rusqlite::Result<Option<StoredEvent>> {
-        let JobEnd { state, reason, report_json, recording, .. } = end;
-        let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6,
-                       finished_at = max(?7, coalesce(started_at, submitted_at)), ended_uptime = ?8,
-                       progress = CASE ?3 WHEN 'completed' THEN 1 ELSE progress END
-                   WHERE id = ?1 AND state = ?2";
-        let (now, uptime) = (Micros(self.now), self.uptime);
-        if self.connection.execute(sql, params![id, from, state, reason, report_json, recording, now, uptime])? == 0 {
-            return Ok(None);
-        }
-        self.drop_spec(id)?;
-        self.append_event(id, &end.event())
-    }
-
-    /// Takes a job out of the queue.
-    pub fn cancel_queued(&self, id: &JobId) -> rusqlite::Result<CancelOutcome> {
-        let finished = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
-        Ok(match (self.find(id)?, finished) {
-            (None, _) => CancelOutcome::Unknown,
-            (Some(row), Some(finished)) => CancelOutcome::Now(row, finished),
-            (Some(row), None) => CancelOutcome::Not(row),
+    pub fn move_to_front(&self, id: &JobId) -> Result<Option<JobRow>, StoreFault> {
+        self.write(|write| {
+            let Some(row) = find(&write.tx, id)? else { return Ok(None) };
+            let is_next = write.next_queued(&row.plate)?.is_some_and(|next| next.id == *id);
+            if row.state != JobState::Queued || is_next {
+                return Ok(Some(row));
+            }
+            let sql = "UPDATE jobs SET turn = (SELECT min(turn) - 1 FROM jobs WHERE plate = ?2 AND state = 'queued')
+                       WHERE id = ?1";
+            write.tx.execute(sql, params![id, row.plate])?;
+            Ok(find(&write.tx, id)?)
         })
     }
 
-    /// Deletes a job that does not run, with its events. Its key stays spent: repeating the request does not run it
+    /// Deletes a job that does not run, with its run folder. Its key stays spent: repeating the request does not run it
     /// again.
-    pub fn delete(&self, id: &JobId) -> rusqlite::Result<DeleteOutcome> {
-        let finished = self.end(id, JobState::Queued, &JobEnd::before_it_began())?;
-        let Some(row) = self.find(id)? else { return Ok(DeleteOutcome::Unknown) };
-        if row.state == JobState::Running {
-            return Ok(DeleteOutcome::Not(row));
-        }
-        let sql = "INSERT OR REPLACE INTO spent_keys (key, uptime) SELECT key, uptime FROM keys WHERE job = ?1";
-        self.connection.execute(sql, [id])?;
-        self.connection.execute("DELETE FROM jobs WHERE id = ?1", [id])?;
-        Ok(DeleteOutcome::Now(row, finished))
+    pub fn delete(&self, id: &JobId, entry: AuditEntry) -> Result<DeleteOutcome, StoreFault> {
+        self.write(|write| {
+            let Some(row) = find(&write.tx, id)? else { return Ok(DeleteOutcome::Unknown) };
+            if row.state == JobState::Running {
+                return Ok(DeleteOutcome::Not);
+            }
+            if let Some(folder) = &row.folder
+                && !self.remove_folder(folder)
+            {
+                return Err(StoreFault::Io(format!("run folder {folder} cannot be deleted")));
+            }
+            let sql = "DELETE FROM jobs WHERE id = ?1 RETURNING key";
+            let key: Option<String> = write.tx.query_row(sql, [id], |row| row.get(0))?;
+            write.audit(&AuditEntry { plate: Some(row.plate), reason: key.unwrap_or_default(), ..entry })?;
+            Ok(DeleteOutcome::Now)
+        })
     }
 
-    /// Deletes the text of an ended job when its run folder has a copy, and when the job never began. Otherwise the
-    /// text stays as long as the job's row.
-    fn drop_spec(&self, id: &JobId) -> rusqlite::Result<()> {
-        let sql = "SELECT folder FROM jobs WHERE id = ?1";
-        let folder: Option<String> = self.connection.query_row(sql, [id], |row| row.get(0))?;
-        if folder.is_none_or(|name| self.runs.join(name).join("effective.json").is_file()) {
-            self.connection.execute("DELETE FROM specs WHERE job = ?1", [id])?;
-        }
+    /// The job with that id; `None` when there is none.
+    pub fn job(&self, id: &JobId) -> Result<Option<JobRow>, StoreFault> {
+        self.read(|connection| find(connection, id))
+    }
+
+    /// A page of jobs, newest first.
+    pub fn list(&self, page: &JobSelection) -> Result<JobPage, StoreFault> {
+        self.read(|connection| list(connection, page))
+    }
+
+    /// Number of jobs queued for each plate; plates without any are left out.
+    pub fn queued(&self) -> Result<Vec<(String, u64)>, StoreFault> {
+        let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
+        let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned()));
+        self.read(|connection| rows(connection, sql, [], of_row))
+    }
+
+    /// Number of jobs of each plate in each state.
+    pub fn counts(&self) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
+        let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";
+        let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned()));
+        self.read(|connection| rows(connection, sql, [], of_row))
+    }
+
+    /// Takes the oldest job queued for `plate`: it is `running` on the disk when this returns, and is returned once.
+    pub(crate) fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
+        self.write(|write| {
+            let Some(row) = write.next_queued(plate)? else { return Ok(None) };
+            let name = folder(&row)?;
+            // a row must never name a folder that a power cut removes
+            sync_folder(&self.runs)?;
+            let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
+                       WHERE id = ?1 RETURNING spec";
+            let spec: Option<String> =
+                write.tx.query_row(sql, params![row.id, Micros(write.now), name], |row| row.get(0))?;
+            let claimed = |row| ClaimedJob { row, spec_json: spec.unwrap_or_default() };
+            Ok(find(&write.tx, &row.id)?.map(claimed))
+        })
+    }
+
+    /// Begins a run of the standing job `job`, as [`Self::claim`] begins a queued one; `None` while a job is queued for
+    /// its plate. A job queued after this returns finds the run begun.
+    pub(crate) fn begin_standing(
+        &self,
+        job: &NewJob,
+        folder: MakeFolder<'_>,
+    ) -> Result<Option<ClaimedJob>, StoreFault> {
+        self.write(|write| {
+            if write.queued(&job.plate)? > 0 {
+                return Ok(None);
+            }
+            let row = job.row(write.ids.next(write.now), Micros::rounded(write.now));
+            let name = folder(&row)?;
+            sync_folder(&self.runs)?;
+            let (state, started_at) = (JobState::Running, Some(row.submitted_at));
+            let row = JobRow { standing: true, state, started_at, folder: Some(name), ..row };
+            write.insert(&row, job)?;
+            Ok(Some(ClaimedJob { row, spec_json: job.spec_json.clone() }))
+        })
+    }
+
+    /// Stores the end of a running job; a job that had ended before stays as it is. On a fault the caller must retry
+    /// later, and start nothing on its plate until then. Deletes old run folders.
+    pub(crate) fn finish(&self, id: &JobId, end: &JobEnd) -> Result<(), StoreFault> {
+        let row = self.job(id)?.ok_or_else(|| StoreFault::Io(format!("there is no job {id}")))?;
+        let folder = row.folder.as_ref().map(|folder| self.runs.join(folder));
+        self.write(|write| write.end(&row, JobState::Running, end, folder.as_deref()))?;
+        self.sweep();
         Ok(())
-    }
-
-    /// Stores the share of a running job that is done.
-    pub fn progress(&self, id: &JobId, progress: f64) -> rusqlite::Result<()> {
-        let share = if progress.is_nan() { 0.0 } else { progress.clamp(0.0, 1.0) };
-        self.connection
-            .execute("UPDATE jobs SET progress = ?2 WHERE id = ?1 AND state = 'running'", params![id, share])?;
-        Ok(())
-    }
-
-    /// Stores whether a plate is paused.
-    pub fn set_paused(&self, plate: &str, paused: bool) -> rusqlite::Result<()> {
-        let sql = "INSERT INTO plates VALUES (?1, ?2) ON CONFLICT (name) DO UPDATE SET paused = excluded.paused";
-        self.connection.execute(sql, params![plate, paused])?;
-        Ok(())
-    }
-
-    pub fn find(&self, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
-        find(self.connection, id)
     }
 }
 
-/// Writes a complete row, and the job's text, if any.
-pub(super) fn insert(tx: &Connection, row: &JobRow, spec_json: Option<&str>) -> rusqlite::Result<()> {
-    let sql = format!(
-        "INSERT INTO jobs ({JOB}, first_event)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?16 + 1)"
-    );
-    let values = params![
-        row.id,
-        row.name,
-        row.plate,
-        row.state,
-        row.seed.cast_signed(),
-        row.pace.code(),
-        row.rig_fingerprint,
-        Micros(row.submitted_at),
-        row.started_at.map(Micros),
-        row.finished_at.map(Micros),
-        row.progress,
-        row.reason,
-        row.report_json,
-        row.folder,
-        row.recording,
-        row.last_event.cast_signed(),
-        row.standing,
-        row.turn,
-    ];
-    tx.execute(&sql, values)?;
-    match spec_json {
-        Some(spec) => tx.execute("INSERT INTO specs (job, spec) VALUES (?1, ?2)", params![row.id, spec]).map(|_| ()),
-        None => Ok(()),
+impl Write<'_> {
+    /// Ends a job in state `from`, with its run folder; false, and no change, when it is in another state.
+    pub(super) fn end(
+        &self,
+        row: &JobRow,
+        from: JobState,
+        end: &JobEnd,
+        folder: Option<&Path>,
+    ) -> Result<bool, StoreFault> {
+        let JobEnd { state, reason, report_json, recording, progress } = end;
+        let progress = if *state == JobState::Completed { 1.0 } else { *progress };
+        let bytes = folder.map_or(0, size_of).cast_signed();
+        let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6, progress = ?7, bytes = ?8,
+                       finished_at = max(?9, coalesce(started_at, submitted_at)), spec = NULL
+                   WHERE id = ?1 AND state = ?2";
+        let values = params![row.id, from, state, reason, report_json, recording, progress, bytes, Micros(self.now)];
+        Ok(self.tx.execute(sql, values)? > 0)
+    }
+
+    fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
+        let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
+        let count = self.tx.query_row(sql, [plate], |row| row.get::<_, i64>(0))?;
+        Ok(usize::try_from(count).unwrap_or(0))
+    }
+
+    /// The job that `plate` runs next.
+    fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
+        let sql = format!("SELECT {JOB} FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY turn, id LIMIT 1");
+        self.tx.query_row(&sql, [plate], job_of).optional()
+    }
+
+    /// Writes a complete row with the text and the key of the job.
+    fn insert(&self, row: &JobRow, job: &NewJob) -> rusqlite::Result<()> {
+        let sql = "INSERT INTO jobs (id, name, plate, state, seed, pace, rig, submitted_at, started_at, folder, \
+                   standing, spec, key, body_sha256) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)";
+        let values = params![
+            row.id,
+            row.name,
+            row.plate,
+            row.state,
+            row.seed.cast_signed(),
+            row.pace.code(),
+            row.rig_fingerprint,
+            Micros(row.submitted_at),
+            row.started_at.map(Micros),
+            row.folder,
+            row.standing,
+            job.spec_json,
+            job.key,
+            job.body_sha256,
+        ];
+        self.tx.execute(sql, values).map(|_| ())
     }
 }
 
-pub(super) fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
+/// The earlier answer to a request with this idempotency key; `None` for a request without one or with a new one.
+fn repeated(
+    connection: &Connection,
+    key: Option<&str>,
+    body_sha256: &[u8; 32],
+) -> rusqlite::Result<Option<SubmitOutcome>> {
+    let Some(key) = key else { return Ok(None) };
+    let sql = format!("SELECT {JOB}, body_sha256 = ?2 FROM jobs WHERE key = ?1");
+    let of_row = |row: &rusqlite::Row<'_>| Ok((job_of(row)?, row.get(17)?));
+    Ok(match connection.query_row(&sql, params![key, body_sha256], of_row).optional()? {
+        Some((row, true)) => Some(SubmitOutcome::Replayed(row)),
+        Some((_, false)) => Some(SubmitOutcome::KeyReused),
+        None => is_of_deleted(connection, key)?.then_some(SubmitOutcome::KeyReused),
+    })
+}
+
+fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
     connection.query_row(&format!("SELECT {JOB} FROM jobs WHERE id = ?1"), [id], job_of).optional()
 }
 
-/// A page of jobs, newest first.
-pub(super) fn list(connection: &Connection, page: &JobSelection) -> rusqlite::Result<JobPage> {
+fn list(connection: &Connection, page: &JobSelection) -> rusqlite::Result<JobPage> {
     let limit = page.limit.clamp(1, JobSelection::MOST);
     let by_state = page.state.map_or("", |_| "state = ?3 AND");
     // ids have 16 bytes, so this one sorts above all of them
@@ -286,16 +250,4 @@ pub(super) fn list(connection: &Connection, page: &JobSelection) -> rusqlite::Re
     rows.truncate(limit);
     let next = rows.last().filter(|_| more).map(|row| row.id);
     Ok(JobPage { rows, next })
-}
-
-/// Number of jobs queued for each plate; plates without any are left out.
-pub(super) fn queued(connection: &Connection) -> rusqlite::Result<Vec<(String, u64)>> {
-    let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
-    rows(connection, sql, [], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned())))
-}
-
-/// Number of jobs of each plate in each state.
-pub(super) fn counts(connection: &Connection) -> rusqlite::Result<Vec<(String, JobState, u64)>> {
-    let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";
-    rows(connection, sql, [], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned())))
 }

@@ -1,104 +1,119 @@
-mod unfinished;
-
-use std::cell::Cell;
 use std::fs;
+use std::path::Path;
 
 use rusqlite::{Connection, OptionalExtension, params};
+use serde::Deserialize;
 
-use super::ages::Uptime;
+use super::audit::{ended_in_order, paused};
 use super::columns::{JOB, Micros, job_of, rows};
-use super::ids::Ids;
-use super::layout::DataDir;
-use super::options::OpenOptions;
-use super::salvage::{folders_of, from_folders, have_begun};
-use super::write_tx::WriteTx;
-use super::{JobRow, JobState, RecoveryReport, StoreFault};
-use unfinished::{end_of, last_write};
+use super::run_file::{modified, text_of};
+use super::{AuditEntry, JobEnd, JobRow, JobState, RecordingStatus, RecoveryReport, Store, StoreFault};
+use upm_core::job::{Outcome, RecordingEnd, StopCause};
 
-/// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Runs before the store is
-/// shared. Idempotent: safe to repeat after a crash at any point.
-pub(super) fn recover(
-    connection: &mut Connection,
-    dir: &DataDir,
-    options: &OpenOptions<'_>,
-    found: &mut RecoveryReport,
-) -> Result<(), StoreFault> {
-    have_begun(dir, connection)?;
-    if found.damage.is_some() {
-        from_folders(dir, connection)?;
+impl Store {
+    /// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Idempotent: safe to
+    /// repeat after a crash at any point.
+    pub(super) fn recover(&self, plates: &[String]) -> Result<RecoveryReport, StoreFault> {
+        let running = format!("SELECT {JOB} FROM jobs WHERE state = 'running' ORDER BY id");
+        let left = self.read(|connection| rows(connection, &running, [], job_of))?;
+        self.write(|write| {
+            let tx = &write.tx;
+            let mut found = RecoveryReport { clean: left.is_empty() && ended_in_order(tx)?, ..Default::default() };
+            for job in &left {
+                let folder = job.folder.as_ref().map(|name| self.runs.join(name));
+                let end = end_of(folder.as_deref());
+                write.end(job, JobState::Running, &end, folder.as_deref())?;
+                let at = folder.as_deref().and_then(last_write).unwrap_or(write.now);
+                let at = Micros(at.max(job.started_at.unwrap_or(job.submitted_at)));
+                tx.execute("UPDATE jobs SET finished_at = ?2 WHERE id = ?1", params![job.id, at])?;
+                let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
+                list.push(job.id);
+            }
+            found.known = known(tx)?;
+            let before = paused(tx)?;
+            found.paused_after = last_ended(tx, &before)?;
+            let waiting: Vec<String> =
+                rows(tx, "SELECT DISTINCT plate FROM jobs WHERE state = 'queued'", [], |row| row.get(0))?;
+            let is_paused = |plate: &&String| !found.clean || before.contains(plate) || waiting.contains(plate);
+            found.paused = plates.iter().filter(is_paused).cloned().collect();
+            // so that they stay paused if this daemon ends before they are resumed
+            for plate in found.paused.iter().filter(|plate| !before.contains(plate)) {
+                write.audit(&AuditEntry::of_plate(plate, AuditEntry::PAUSE, "the daemon started"))?;
+            }
+            // so that the next start knows them
+            for plate in plates.iter().filter(|plate| !found.known.contains(plate)) {
+                write.audit(&AuditEntry::of_plate(plate, AuditEntry::ADD, "first start with this plate"))?;
+            }
+            write.audit(&AuditEntry::of_daemon(AuditEntry::STARTED))?;
+            Ok(found)
+        })
     }
-    let left = rows(connection, &format!("SELECT {JOB} FROM jobs WHERE state = 'running' ORDER BY id"), [], job_of)?;
-    // whatever the last daemon recorded: it did not complete the end of these
-    found.clean &= left.is_empty();
-    let mut ends = Vec::new();
-    for job in left {
-        let folder = job.folder.as_ref().map(|name| dir.runs.join(name));
-        let end = end_of(folder.as_deref());
-        ends.push((job, folder, end));
-    }
-    let tx = connection.transaction()?;
-    let (ids, uncounted, now) = (Ids::above(None), Cell::new(0), (options.clocks.wall)());
-    let uptime = uptime(&tx)?;
-    let write = WriteTx {
-        connection: &tx,
-        ids: &ids,
-        limits: options.limits,
-        runs: &dir.runs,
-        now,
-        uptime,
-        uncounted: &uncounted,
-    };
-    for (job, folder, end) in &ends {
-        write.end(&job.id, JobState::Running, end)?;
-        let at = folder.as_ref().and_then(|folder| last_write(folder)).unwrap_or(write.now);
-        let sql = "UPDATE jobs SET finished_at = ?2 WHERE id = ?1";
-        tx.execute(sql, params![job.id, Micros(at.max(job.started_at.unwrap_or(job.submitted_at)))])?;
-        let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
-        list.push(job.id);
-    }
-    found.known = if found.damage.is_some() { options.plates.to_vec() } else { known(&tx)? };
-    found.paused_after = paused_after(&tx, options.plates)?;
-    found.paused = pause(&tx, options.plates, found.clean)?;
-    let owned = folders_of(&tx)?;
-    let orphans = dir.run_names()?.into_iter().filter(|name| !owned.contains(name));
-    // an empty folder was made for a job that did not begin
-    let left = orphans.map(|name| dir.runs.join(name)).filter(|folder| fs::remove_dir(folder).is_err());
-    found.orphans = left.collect();
-    tx.execute("UPDATE meta SET clean_shutdown = 0", [])?;
-    tx.commit()?;
-    Ok(())
 }
 
-/// Time that the store was open before this start.
-pub(super) fn uptime(connection: &Connection) -> rusqlite::Result<Uptime> {
-    connection.query_row("SELECT uptime FROM clock", [], |row| row.get(0))
-}
-
-/// Plates that earlier starts had configured.
+/// Plates of earlier starts.
 fn known(tx: &Connection) -> rusqlite::Result<Vec<String>> {
-    rows(tx, "SELECT name FROM plates ORDER BY name", [], |row| row.get(0))
+    rows(tx, "SELECT DISTINCT plate FROM audit WHERE act = ?1", [AuditEntry::ADD], |row| row.get(0))
 }
 
-/// The newest ended job of each of `plates` that are paused.
-fn paused_after(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobRow>> {
+/// The newest ended job of each of `plates`.
+fn last_ended(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobRow>> {
     let sql = format!(
-        "SELECT {JOB} FROM jobs WHERE plate = ?1 AND finished_at IS NOT NULL
-             AND EXISTS (SELECT 1 FROM plates WHERE name = ?1 AND paused) ORDER BY finished_at DESC LIMIT 1"
+        "SELECT {JOB} FROM jobs WHERE plate = ?1 AND finished_at IS NOT NULL ORDER BY finished_at DESC LIMIT 1"
     );
     let mut statement = tx.prepare(&sql)?;
     let last = plates.iter().map(|plate| statement.query_row([plate], job_of).optional());
     last.filter_map(Result::transpose).collect()
 }
 
-/// Pauses every plate that has queued jobs or was paused already, and after anything except an orderly shutdown every
-/// plate. Returns the paused ones of `plates`.
-fn pause(tx: &Connection, plates: &[String], clean: bool) -> rusqlite::Result<Vec<String>> {
-    for plate in plates {
-        let sql =
-            "INSERT INTO plates VALUES (?1, ?2 OR EXISTS (SELECT 1 FROM jobs WHERE plate = ?1 AND state = 'queued'))
-                   ON CONFLICT (name) DO UPDATE SET paused = paused OR excluded.paused";
-        tx.execute(sql, params![plate, !clean])?;
+/// The end of a run in its report.
+#[derive(Deserialize)]
+struct ReportedEnd {
+    outcome: Outcome,
+    #[serde(default)]
+    reason: String,
+    #[serde(default)]
+    stop: Option<ReportedStop>,
+    /// `None` for a recording that holds the whole run.
+    #[serde(default)]
+    recording: Option<ReportedRecording>,
+}
+
+#[derive(Deserialize)]
+struct ReportedRecording {
+    code: RecordingEnd,
+}
+
+#[derive(Deserialize)]
+struct ReportedStop {
+    code: String,
+}
+
+/// The end of a job that was running: as in its report, if the run wrote one. A run without a report did not close its
+/// recording.
+fn end_of(folder: Option<&Path>) -> JobEnd {
+    let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
+    let report: Option<ReportedEnd> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
+    let is_recorded = folder.is_some_and(|folder| fs::symlink_metadata(folder.join("run.rrd")).is_ok());
+    let recording = match report.as_ref().map(|report| report.recording.as_ref().map(|recording| recording.code)) {
+        _ if !is_recorded => RecordingStatus::None,
+        Some(None) => RecordingStatus::Whole,
+        Some(Some(RecordingEnd::RecordingFailed)) => RecordingStatus::Failed,
+        None => RecordingStatus::Partial,
+    };
+    let progress = 0.0;
+    match report {
+        Some(ReportedEnd { outcome, reason, stop, .. }) => {
+            let state = JobState::of_end(outcome, stop.and_then(|stop| StopCause::of_code(&stop.code)));
+            JobEnd { state, reason, report_json, recording, progress }
+        }
+        None => {
+            let (state, reason) = (JobState::Interrupted, "the daemon ended while it ran".to_owned());
+            JobEnd { state, reason, report_json: None, recording, progress }
+        }
     }
-    let paused: Vec<String> = rows(tx, "SELECT name FROM plates WHERE paused", [], |row| row.get(0))?;
-    Ok(plates.iter().filter(|plate| paused.contains(plate)).cloned().collect())
+}
+
+/// Time of the last write to the latest file of a run: its report, otherwise its journal, otherwise `effective.json`.
+fn last_write(folder: &Path) -> Option<jiff::Timestamp> {
+    ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }

@@ -1,25 +1,27 @@
-use std::fs;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use rusqlite::Connection;
 
 use super::StoreFault;
-use super::connection::{empty_log, inspecting, writing};
-use super::layout::remove_all;
 
 /// SQLite application id, `upm1`: identifies the file as a job store.
-pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
+const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Schema version; a store of another one is refused.
-pub(super) const VERSION: i32 = 1;
+pub(super) const VERSION: i32 = 2;
 
-/// Tables without those of [`STATE`].
-///
-/// Times are whole microseconds of Unix time. An event's number is never reused within a job: pruning events raises
-/// `first_event`. A job's text has its own table, since it is long and the other columns change often; it is deleted
-/// when the job ends and its run folder has a copy. Ages are measured on the time that the store is open, its uptime.
-/// `spent_keys` has the idempotency keys of deleted jobs, so that repeating a request does not run it again. A job that
-/// was moved to the front of its plate's queue has a turn below those of the others.
+/// First bytes of every SQLite database.
+const MAGIC: &[u8] = b"SQLite format 3\0";
+
+/// Offsets of schema version and application id in a database's header.
+const VERSION_AT: usize = 60;
+const APPLICATION_ID_AT: usize = 68;
+
+/// Times are whole microseconds of Unix time. The text of a job is deleted when it ends, since its run folder has a
+/// copy. A job that was moved to the front of its plate's queue has a turn below those of the others. The audit log has
+/// the pauses of plates, the starts and ends of the daemon, and the idempotency keys of deleted jobs, too.
 const TABLES: &str = "
 CREATE TABLE jobs (
     id BLOB NOT NULL PRIMARY KEY CHECK (length(id) = 16),
@@ -34,47 +36,19 @@ CREATE TABLE jobs (
     finished_at INTEGER,
     progress REAL NOT NULL DEFAULT 0,
     reason TEXT NOT NULL DEFAULT '',
+    report TEXT,
     folder TEXT UNIQUE,
     recording TEXT NOT NULL DEFAULT 'none',
-    first_event INTEGER NOT NULL DEFAULT 1,
-    last_event INTEGER NOT NULL DEFAULT 0,
-    report TEXT,
     standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1)),
-    ended_uptime INTEGER NOT NULL DEFAULT 0,
-    turn INTEGER NOT NULL DEFAULT 0
+    turn INTEGER NOT NULL DEFAULT 0,
+    spec TEXT,
+    key TEXT UNIQUE,
+    body_sha256 BLOB,
+    bytes INTEGER NOT NULL DEFAULT 0
 ) STRICT;
 CREATE INDEX jobs_by_state ON jobs (state, id);
-CREATE INDEX jobs_by_plate ON jobs (plate, state, id);
-CREATE INDEX jobs_told ON jobs (id, first_event, last_event) WHERE last_event >= first_event;
-CREATE INDEX jobs_standing ON jobs (plate, id) WHERE standing = 1;
-
-CREATE TABLE specs (
-    job BLOB NOT NULL PRIMARY KEY REFERENCES jobs (id) ON DELETE CASCADE,
-    spec TEXT NOT NULL
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE events (
-    job BLOB NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
-    seq INTEGER NOT NULL,
-    at INTEGER NOT NULL,
-    plate_ns INTEGER NOT NULL,
-    kind TEXT NOT NULL,
-    body TEXT NOT NULL,
-    PRIMARY KEY (job, seq)
-) STRICT, WITHOUT ROWID;
-
-CREATE TABLE keys (
-    key TEXT NOT NULL PRIMARY KEY,
-    body_sha256 BLOB NOT NULL CHECK (length(body_sha256) = 32),
-    job BLOB NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
-    uptime INTEGER NOT NULL
-) STRICT, WITHOUT ROWID;
-CREATE INDEX keys_by_uptime ON keys (uptime);
-CREATE INDEX keys_by_job ON keys (job);
-CREATE TABLE spent_keys (key TEXT NOT NULL PRIMARY KEY, uptime INTEGER NOT NULL) STRICT, WITHOUT ROWID;
-
-CREATE TABLE clock (only INTEGER PRIMARY KEY CHECK (only = 1), uptime INTEGER NOT NULL) STRICT;
-INSERT INTO clock VALUES (1, 0);
+CREATE INDEX jobs_by_plate ON jobs (plate, state, turn, id);
+CREATE INDEX jobs_with_folder ON jobs (finished_at, bytes) WHERE folder IS NOT NULL;
 
 CREATE TABLE audit (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -86,73 +60,56 @@ CREATE TABLE audit (
     remote TEXT NOT NULL,
     token_name TEXT NOT NULL
 ) STRICT;
+CREATE INDEX audit_by_plate ON audit (plate, act, id);
+CREATE INDEX audit_of_deleted ON audit (reason) WHERE act = 'delete';
 CREATE TRIGGER audit_stays BEFORE UPDATE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 ";
 
-/// State of plates and store. Its tables must be the last: an index without entries at the end of the file would hide
-/// that the last byte is cut off.
-const STATE: &str = "
-CREATE TABLE plates (name TEXT NOT NULL PRIMARY KEY, paused INTEGER NOT NULL) STRICT, WITHOUT ROWID;
-CREATE TABLE meta (only INTEGER PRIMARY KEY CHECK (only = 1), clean_shutdown INTEGER NOT NULL) STRICT;
-INSERT INTO meta VALUES (1, 1);
-";
-
-/// Makes a new store at `path`, in one file that is closed and on the disk when this returns.
-pub(super) fn create(path: &Path) -> rusqlite::Result<()> {
-    let connection = writing(path)?;
-    connection.execute_batch(&format!(
-        "BEGIN; {TABLES} {STATE}
-         PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
-    ))?;
-    empty_log(&connection)?;
-    connection.close().map_err(|(_, error)| error)
-}
-
-/// Makes a new store at `draft` and renames it to `path` when it is complete.
-pub(super) fn create_as(draft: &Path, path: &Path) -> Result<(), StoreFault> {
-    remove_all(draft)?;
-    create(draft)?;
-    fs::rename(draft, path)?;
-    Ok(remove_all(draft)?)
-}
-
-/// Application id (see [`APPLICATION_ID`]) and version of a database.
-pub(super) fn identity(connection: &Connection) -> rusqlite::Result<(i32, i32)> {
-    let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get(0));
-    Ok((number("application_id")?, number("user_version")?))
-}
-
-/// True when the store was closed in order.
-pub(super) fn is_clean(connection: &Connection) -> rusqlite::Result<bool> {
-    connection.query_row("SELECT clean_shutdown FROM meta", [], |row| row.get(0))
-}
-
-/// Refuses a database of another version, which is sound. Changes nothing. A file that is not readable as a store
-/// passes: the check for damage follows later.
-pub(super) fn refuse_other_version(db: &Path) -> Result<(), StoreFault> {
-    match inspecting(db).and_then(|connection| identity(&connection)) {
-        Ok((APPLICATION_ID, found)) if found != VERSION => {
-            Err(StoreFault::OtherVersion { file: db.display().to_string(), found, expected: VERSION })
-        }
-        _ => Ok(()),
+/// Opens the store at `path`, creating it if there is none. A file that is no store of this version is refused and left
+/// untouched.
+pub(super) fn open_database(path: &Path) -> Result<Connection, StoreFault> {
+    let is_new = match header_of(path)? {
+        None => true,
+        Some((APPLICATION_ID, VERSION)) => false,
+        Some((APPLICATION_ID, found)) => return Err(other(path, format!("version {found}"))),
+        Some(_) => return Err(other(path, "another database".to_owned())),
+    };
+    let connection = Connection::open(path)?;
+    if is_new {
+        // in one transaction, and before the log exists: the header of a store is always in its file
+        connection.execute_batch(&format!(
+            "BEGIN; {TABLES} PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"
+        ))?;
+    }
+    // FULL, because what was answered must survive a power cut
+    connection.execute_batch(
+        "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 8388608;
+         PRAGMA recursive_triggers = ON; PRAGMA trusted_schema = OFF;",
+    )?;
+    match connection.query_row("PRAGMA quick_check(1)", [], |row| row.get::<_, String>(0))?.as_str() {
+        "ok" => Ok(connection),
+        damage => Err(StoreFault::Corrupt(damage.to_owned())),
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::connection::reading;
-
-    #[test]
-    fn a_new_store_is_whole_in_one_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("upm.db");
-        create(&path).unwrap();
-        let alone = folder.path().join("alone.db");
-        fs::copy(&path, &alone).unwrap();
-        let connection = reading(&alone).unwrap();
-        assert_eq!(identity(&connection), Ok((APPLICATION_ID, VERSION)));
-        assert!(connection.execute("DELETE FROM jobs", []).is_err());
+/// Application id and schema version in the header of a database; `None` for a file that is missing or empty, as a
+/// crash during the first start leaves it.
+fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreFault> {
+    let mut header = Vec::new();
+    match File::open(path) {
+        Ok(file) => file.take(100).read_to_end(&mut header)?,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    let number = |at: usize| header.get(at..at + 4)?.try_into().ok().map(i32::from_be_bytes);
+    match (number(APPLICATION_ID_AT), number(VERSION_AT)) {
+        _ if header.is_empty() => Ok(None),
+        (Some(id), Some(version)) if header.starts_with(MAGIC) => Ok(Some((id, version))),
+        _ => Err(other(path, "no database".to_owned())),
     }
+}
+
+fn other(path: &Path, found: String) -> StoreFault {
+    StoreFault::Other { file: path.display().to_string(), found, expected: VERSION }
 }

@@ -1,17 +1,8 @@
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::Duration;
-
 use jiff::Timestamp;
-use serde::Serialize;
 
 use super::JobId;
 use crate::states::{JobState, RecordingStatus};
-use upm_core::job::{Pace, StopCause};
-use upm_core::time::PlateTime;
-
-/// Kind of a job's last event. It is stored in one transaction with the end, so every ended job has it.
-pub const FINISHED: &str = "finished";
+use upm_core::job::Pace;
 
 /// A validated job to be queued.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +44,6 @@ impl NewJob {
             report_json: None,
             folder: None,
             recording: RecordingStatus::None,
-            last_event: 0,
             standing: false,
             turn: 0,
         }
@@ -94,8 +84,6 @@ pub struct JobRow {
     pub folder: Option<String>,
     /// State of its recording.
     pub recording: RecordingStatus,
-    /// Sequence number of its last event; 0 before the first.
-    pub last_event: u64,
     /// True for a run of its plate's standing job, which was never queued.
     pub standing: bool,
     /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
@@ -119,87 +107,32 @@ pub struct ClaimedJob {
     pub spec_json: String,
 }
 
-/// How and when a job ended, with its report and the state of its recording.
+/// How a job ended, with its report and the state of its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobEnd {
-    /// Plate time of the end; zero when it was not on the plate.
-    pub at: PlateTime,
     /// A final state.
     pub state: JobState,
-    /// Cause of the stop; `None` where the state says it all.
-    pub stop: Option<StopCause>,
     /// Reason, as text.
     pub reason: String,
     /// `report.json` of its run; `None` where it left none.
     pub report_json: Option<String>,
     /// State of its recording.
     pub recording: RecordingStatus,
+    /// Share of the job that was done, 0 to 1.
+    pub progress: f64,
 }
 
 impl JobEnd {
-    /// The last event of a job with this end.
-    pub(super) fn event(&self) -> NewEvent {
-        #[derive(Serialize)]
-        struct Finished<'a> {
-            at_s: f64,
-            state: &'a str,
-            #[serde(skip_serializing_if = "Option::is_none")]
-            stop: Option<StopCause>,
-            reason: &'a str,
-        }
-        let finished =
-            Finished { at_s: self.at.secs(), state: self.state.code(), stop: self.stop, reason: &self.reason };
-        let body = serde_json::to_string(&finished).unwrap_or_else(|_| "{}".into());
-        NewEvent { plate_time: self.at, kind: FINISHED, body: body.into() }
-    }
-
     /// The end of a job that was taken out of the queue.
     pub(super) fn before_it_began() -> Self {
         Self {
-            at: PlateTime::ZERO,
             state: JobState::Cancelled,
-            stop: Some(StopCause::Cancelled),
             reason: "cancelled before it began".to_owned(),
             report_json: None,
             recording: RecordingStatus::None,
+            progress: 0.0,
         }
     }
-
-    /// The end of a job whose run folder belongs to another job.
-    pub(super) fn without_a_folder() -> Self {
-        Self {
-            state: JobState::Interrupted,
-            stop: None,
-            reason: "it could not begin: its run folder belongs to another job".to_owned(),
-            ..Self::before_it_began()
-        }
-    }
-}
-
-/// An event of a job, to be stored.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NewEvent {
-    /// Plate time of the event.
-    pub plate_time: PlateTime,
-    /// Kind: `state`, `cycle`, `warning`, `recording`.
-    pub kind: &'static str,
-    /// Content as JSON.
-    pub body: Arc<str>,
-}
-
-/// An event on the disk.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StoredEvent {
-    /// Number within its job, from 1 on without a gap.
-    pub seq: u64,
-    /// Wall time at which it was stored.
-    pub at: Timestamp,
-    /// Plate time of the event.
-    pub plate_time: PlateTime,
-    /// Kind: `state`, `cycle`, `warning`, `recording`, [`FINISHED`].
-    pub kind: String,
-    /// Content as JSON.
-    pub body: Arc<str>,
 }
 
 /// Outcome of a submission.
@@ -221,8 +154,8 @@ pub enum SubmitOutcome {
 /// Outcome of taking a job out of the queue.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CancelOutcome {
-    /// The job was queued and is cancelled; with its last event.
-    Now(JobRow, StoredEvent),
+    /// The job was queued and is cancelled.
+    Now(JobRow),
     /// The job is in another state, and stays so.
     Not(JobRow),
     /// There is no such job.
@@ -230,12 +163,12 @@ pub enum CancelOutcome {
 }
 
 /// Outcome of deleting a job.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeleteOutcome {
-    /// The store has no trace of the job except its key. The event that ended it, if it was queued.
-    Now(JobRow, Option<StoredEvent>),
+    /// The store has no trace of the job except its key.
+    Now,
     /// The job runs, and stays.
-    Not(JobRow),
+    Not,
     /// There is no such job.
     Unknown,
 }
@@ -265,27 +198,16 @@ pub struct JobPage {
     pub next: Option<JobId>,
 }
 
-/// Events of a job above some number.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Replay {
-    /// Number of the oldest event still stored; one past `last` when none is.
-    pub oldest: u64,
-    /// Number of the newest event ever stored; 0 before the first.
-    pub last: u64,
-    /// The events, oldest first.
-    pub events: Vec<StoredEvent>,
-}
-
 /// An entry for the audit log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AuditEntry {
     /// Plate that the operation was applied to; `None` for one on the daemon.
     pub plate: Option<String>,
-    /// Name of the operation: `estop`, `reset`, `resume`.
+    /// Name of the operation: `estop`, `reset`, or one of the constants below.
     pub act: String,
     /// Name that the caller gave.
     pub operator: String,
-    /// Reason that the caller gave.
+    /// Reason that the caller gave; of a deletion the idempotency key of the job.
     pub reason: String,
     /// Address from which the request came.
     pub remote: String,
@@ -293,15 +215,29 @@ pub struct AuditEntry {
     pub token_name: String,
 }
 
-/// A stored entry of the audit log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AuditRow {
-    /// Number of the entry, in the order of the log.
-    pub id: i64,
-    /// Wall time of the operation.
-    pub at: Timestamp,
-    /// Operation, caller and reason, as they were written.
-    pub entry: AuditEntry,
+impl AuditEntry {
+    /// The daemon opened the store.
+    pub(super) const STARTED: &str = "start";
+    /// The daemon was shut down in order.
+    pub(super) const ENDED: &str = "end";
+    /// The daemon had the plate for the first time.
+    pub(super) const ADD: &str = "add";
+    /// The plate was paused.
+    pub const PAUSE: &str = "pause";
+    /// A job was deleted.
+    pub const DELETE: &str = "delete";
+    /// The plate may go on.
+    pub const RESUME: &str = "resume";
+
+    /// An operation of the daemon on itself.
+    pub(super) fn of_daemon(act: &str) -> Self {
+        Self { act: act.to_owned(), ..Self::default() }
+    }
+
+    /// An operation of the daemon on a plate.
+    pub fn of_plate(plate: &str, act: &str, reason: &str) -> Self {
+        Self { plate: Some(plate.to_owned()), reason: reason.to_owned(), ..Self::of_daemon(act) }
+    }
 }
 
 /// Why the store did not fulfil a request.
@@ -310,22 +246,19 @@ pub enum StoreFault {
     /// The disk is full.
     #[error("the disk of the job store is full")]
     Full,
-    /// Too many requests wait for the disk: try again later.
-    #[error("the job store is busy")]
-    Busy,
     /// The disk or SQLite failed, with its message.
     #[error("the job store cannot be read or written: {0}")]
     Io(String),
     /// The database is damaged.
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
-    /// The store has another schema version.
-    #[error("{file}: expected a job store of version {expected}, found version {found}: choose another data folder")]
-    OtherVersion {
+    /// The file is no job store of this version; it is left untouched.
+    #[error("{file}: expected a job store of version {expected}, found {found}: choose another data folder")]
+    Other {
         /// The database.
         file: String,
-        /// Its version.
-        found: i32,
+        /// What it is.
+        found: String,
         /// The version of this program.
         expected: i32,
     },
@@ -341,35 +274,25 @@ pub struct RecoveryReport {
     pub interrupted: Vec<JobId>,
     /// Jobs that were running and had ended: their run folder holds a report.
     pub ended: Vec<JobId>,
-    /// Plates that the store knew before this start; all of them when it was damaged, since it may have known them.
+    /// Plates that the store knew before this start.
     pub known: Vec<String>,
     /// Plates that must not move until an operator resumes them.
     pub paused: Vec<String>,
     /// The newest ended job of each plate that was paused already.
     pub paused_after: Vec<JobRow>,
-    /// Where a damaged store was moved to.
-    pub moved_aside: Option<PathBuf>,
-    /// The damage found.
-    pub damage: Option<String>,
     /// True when the daemon had been shut down in order, and had left no job on a plate.
     pub clean: bool,
-    /// Run folders that belong to no job.
-    pub orphans: Vec<PathBuf>,
 }
 
-/// Load and faults of the store's threads and disk.
+/// Limits of the store's contents.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StoreHealth {
-    /// Time since the writing thread last completed a round of its loop.
-    pub heartbeat: Duration,
-    /// Fault of the last commit; `None` when it succeeded.
-    pub fault: Option<StoreFault>,
-    /// Tasks that wait to be written.
-    pub waiting: usize,
-    /// Audit entries that wait to be written.
-    pub audit_waiting: usize,
-    /// Free bytes on the disk of the run folders; `None` when unknown.
-    pub free_bytes: Option<u64>,
-    /// Longest time that a reading thread has spent on its current read.
-    pub reader_busy: Duration,
+pub struct StoreLimits {
+    /// Most jobs queued for one plate.
+    pub queued: usize,
+    /// Most jobs stored. The oldest ended ones are deleted first.
+    pub jobs: u64,
+    /// Most bytes of run folders of ended jobs.
+    pub runs_bytes: u64,
+    /// Ended runs of standing jobs that are kept for each plate, with their folders.
+    pub standing_runs: u64,
 }

@@ -13,7 +13,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::Thread;
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -42,8 +41,6 @@ pub enum StopState {
 pub struct EmergencyStop {
     interlock: Interlock,
     latch: Latch,
-    /// Thread that writes the latch to the disk.
-    persist_thread: Thread,
     /// Ends the run on the plate.
     end_run: Arc<AtomicBool>,
     /// Stops since the daemon started that changed the state.
@@ -54,11 +51,12 @@ pub struct EmergencyStop {
 
 impl EmergencyStop {
     /// The emergency stop of a plate whose latch was found as `latch`; a stop that holds trips the interlock.
-    pub fn new(latch: Latch, interlock: Interlock, persist_thread: Thread, end_run: Arc<AtomicBool>) -> Self {
+    pub fn new(latch: Latch, interlock: Interlock, end_run: Arc<AtomicBool>) -> Self {
         if latch.is_stopped() {
             interlock.trip(Trip::EStop);
         }
-        Self { interlock, latch, persist_thread, end_run, count: AtomicU64::new(0), resetting: Mutex::default() }
+        let count = AtomicU64::new(0);
+        Self { interlock, latch, end_run, count, resetting: Mutex::default() }
     }
 
     /// The interlock of the motors of the plate's rig.
@@ -66,7 +64,8 @@ impl EmergencyStop {
         &self.interlock
     }
 
-    /// Sets the motors to zero; nothing moves until a reset. True when no stop held before.
+    /// Sets the motors to zero; nothing moves until a reset. True when no stop held before. [`Self::persist`] then
+    /// makes it hold over a restart.
     pub fn stop(&self) -> bool {
         let mut changed = false;
         // a reset under way may have released the trip before it could see the stop: then both steps once more
@@ -79,7 +78,6 @@ impl EmergencyStop {
         }
         self.count.fetch_add(changed.into(), Ordering::Relaxed);
         self.end_run.store(true, Ordering::SeqCst);
-        self.persist_thread.unpark();
         changed
     }
 
@@ -120,10 +118,10 @@ impl EmergencyStop {
         self.interlock.wait_until_motors_off(within)
     }
 
-    /// Waits at most `within` until the stop that holds is on the disk. False when it is not by then: it holds all the
-    /// same and is written as soon as the disk allows.
-    pub fn wait_until_persisted(&self, within: Duration) -> bool {
-        self.latch.wait_until_persisted(within)
+    /// Writes the latch to the disk; true when a stop is there. Waits for the disk.
+    pub fn persist(&self) -> bool {
+        let written = self.latch.write();
+        written.map_err(|error| tracing::error!("an emergency stop cannot be written: {error}")).unwrap_or(false)
     }
 
     /// The stop that holds, as the token for its reset.
@@ -158,7 +156,9 @@ impl EmergencyStop {
             self.interlock.trip(Trip::EStop);
             return Err(ResetFault::StoppedAgain);
         }
-        self.persist_thread.unpark();
+        if let Err(error) = self.latch.write() {
+            tracing::error!("a reset cannot be written to the disk, the plate is stopped after a restart: {error}");
+        }
         Ok(())
     }
 }

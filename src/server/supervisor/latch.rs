@@ -1,294 +1,152 @@
 //! The latch of an emergency stop: a stopped plate stays stopped, even over restarts and power cuts.
 //!
-//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store.
-//! Stopping is one atomic write to memory; a separate thread writes it to the disk. A file that is unreadable or
-//! invalid counts as stopped, and so does the missing file of a plate that the store knows.
+//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store. A file
+//! that is unreadable or invalid counts as stopped, and so does the missing file of a plate that the store knows.
 
-mod file;
-
-use std::io;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::{self, JoinHandle, Thread};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use parking_lot::{Condvar, Mutex};
+use parking_lot::Mutex;
 
-use self::file::{LatchFile, make_folder};
+use upm_core::files::sync_folder;
 
-/// Interval at which a failed write is retried, and longest delay of a change before the thread wakes.
-const AGAIN: Duration = Duration::from_millis(50);
+const STOPPED: &[u8; 16] = b"upm: stopped    ";
+const RELEASED: &[u8; 16] = b"upm: released   ";
 
-/// A word that no latch reaches: the state on the disk is unknown.
-const UNKNOWN: u64 = u64::MAX;
-
-/// One plate's latch. Copies are the same latch.
-#[derive(Clone, Debug)]
-pub struct Latch(Arc<LatchCell>);
+/// One plate's latch: its state in memory, which changes without a lock, and the file with it.
+#[derive(Debug)]
+pub struct Latch {
+    /// Number of stops, times two; odd while stopped.
+    word: AtomicU64,
+    file: Mutex<File>,
+}
 
 /// A stop that held when it was read. It can be released unless a newer stop was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StopToken(LatchWord);
-
-#[derive(Debug)]
-struct LatchCell {
-    word: AtomicU64,
-    /// The word on the disk.
-    wait_until_persisted: AtomicU64,
-    /// Signals threads that wait until a stop is on the disk.
-    settled: (Mutex<()>, Condvar),
-}
-
-/// State of a latch. The upper half counts the stops; the lower half counts the changes of state and is odd while
-/// stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct LatchWord(u64);
-
-impl LatchWord {
-    const ONE_STOP: u64 = 1 << 32;
-
-    fn changes(self) -> u64 {
-        self.0 % Self::ONE_STOP
-    }
-
-    fn is_stopped(self) -> bool {
-        self.changes() % 2 == 1
-    }
-
-    /// The word after one more stop; the state changes unless it is stopped already.
-    fn stopped(self) -> Self {
-        Self(self.0.wrapping_add(Self::ONE_STOP + u64::from(!self.is_stopped())))
-    }
-}
+pub struct StopToken(u64);
 
 impl Latch {
-    /// A latch in the state that was found, not yet confirmed to be on the disk.
-    pub(super) fn found(stopped: bool) -> Self {
-        let (word, wait_until_persisted) = (AtomicU64::new(u64::from(stopped)), AtomicU64::new(UNKNOWN));
-        Self(Arc::new(LatchCell { word, wait_until_persisted, settled: Default::default() }))
+    /// Opens the latch file of `plate` in `folder`, or makes it. The missing file of a plate that is `known` counts as
+    /// stopped, since its stop may have been lost with it; that of a new plate is created as released.
+    pub fn open(folder: &Path, plate: &str, known: bool) -> io::Result<Self> {
+        let path = folder.join(plate);
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        let found = match options.open(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            opened => Some(opened?),
+        };
+        if let Some(file) = found {
+            let stopped = !is_released(&file);
+            return Ok(Self { word: AtomicU64::new(stopped.into()), file: Mutex::new(file) });
+        }
+        if known {
+            let path = path.display();
+            tracing::error!(
+                plate,
+                "{path}: expected the latch file of a known plate, found none: the plate is stopped"
+            );
+        }
+        let file = Mutex::new(options.create_new(true).open(&path)?);
+        let latch = Self { word: AtomicU64::new(known.into()), file };
+        latch.write()?;
+        // without this a power cut could remove the file's entry, and it would count as missing
+        sync_folder(folder)?;
+        Ok(latch)
     }
 
-    /// Stops. True when it was not stopped before. Never waits.
+    /// Stops, in memory. True when it was not stopped before. Never waits.
     pub fn stop(&self) -> bool {
-        let next = |word| Some(LatchWord(word).stopped().0);
-        let before = self.0.word.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
-        before.is_ok_and(|word| !LatchWord(word).is_stopped())
+        let next = |word: u64| Some(word.wrapping_add(2) | 1);
+        let before = self.word.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
+        before.is_ok_and(|word| word & 1 == 0)
     }
 
     /// The stop that holds, if one does.
     pub fn held(&self) -> Option<StopToken> {
-        let word = self.0.word();
-        word.is_stopped().then_some(StopToken(word))
+        let word = self.word.load(Ordering::SeqCst);
+        (word & 1 == 1).then_some(StopToken(word))
     }
 
-    /// Releases that stop. False when it was released, or another stop was made, in between.
+    /// Releases that stop, in memory. False when it was released, or another stop was made, in between.
     pub fn release(&self, StopToken(word): StopToken) -> bool {
-        let released = self.0.word.compare_exchange(word.0, word.0 + 1, Ordering::SeqCst, Ordering::SeqCst).is_ok();
-        if released {
-            self.0.notify_waiters();
-        }
-        released
-    }
-
-    /// Waits until the stop that holds is on the disk, at most `within`. False when it is not by then, or no stop
-    /// holds.
-    pub fn wait_until_persisted(&self, within: Duration) -> bool {
-        let (lock, condition) = &self.0.settled;
-        condition.wait_while_for(&mut lock.lock(), |()| self.is_stopped() && !self.is_persisted(), within);
-        self.is_stopped() && self.is_persisted()
+        self.word.compare_exchange(word, word & !1, Ordering::SeqCst, Ordering::SeqCst).is_ok()
     }
 
     /// True while it is stopped.
     pub fn is_stopped(&self) -> bool {
-        self.0.word().is_stopped()
+        self.held().is_some()
     }
 
-    /// Marks the state as on the disk, as the writing thread does.
-    #[cfg(test)]
-    pub(super) fn keep(&self) {
-        self.0.wait_until_persisted.store(self.0.word().0, Ordering::SeqCst);
-        self.0.notify_waiters();
-    }
-
-    /// True when the disk has the current state, confirmed since the last stop or release.
-    pub fn is_persisted(&self) -> bool {
-        self.0.wait_until_persisted.load(Ordering::SeqCst) == self.0.word().0
-    }
-}
-
-impl LatchCell {
-    fn word(&self) -> LatchWord {
-        LatchWord(self.word.load(Ordering::SeqCst))
-    }
-
-    /// Wakes the threads that wait for the disk, so that they check again.
-    fn notify_waiters(&self) {
-        let (lock, condition) = &self.settled;
-        drop(lock.lock());
-        condition.notify_all();
+    /// Writes the state to the disk and returns it. Waits for the disk. The state is read once the file is this
+    /// thread's, so the last of several writers writes the last state.
+    pub fn write(&self) -> io::Result<bool> {
+        let mut file = self.file.lock();
+        let stopped = self.is_stopped();
+        file.seek(SeekFrom::Start(0))?;
+        file.write_all(if stopped { STOPPED } else { RELEASED })?;
+        file.sync_data()?;
+        Ok(stopped)
     }
 }
 
-/// The thread that writes latches to the disk.
-#[derive(Debug)]
-pub struct Latches {
-    latches: Vec<Latch>,
-    ending: Arc<AtomicBool>,
-    /// `None` once the thread is joined.
-    persist_thread: Option<JoinHandle<()>>,
-    thread: Thread,
+fn is_released(file: &File) -> bool {
+    let mut text = Vec::new();
+    let whole = file.take(1024).read_to_end(&mut text).is_ok();
+    whole && text == RELEASED
 }
 
-impl Latches {
-    /// Opens the latch file of every plate in `folder`, creating missing ones. The flag beside a name is true when the
-    /// store knew the plate before this start: then a missing file counts as stopped.
-    pub fn open(folder: &Path, plates: &[(String, bool)]) -> io::Result<Self> {
-        make_folder(folder)?;
-        let open = |(name, known): &(String, bool)| LatchFile::open(folder, name, *known);
-        let opened = plates.iter().map(open).collect::<io::Result<Vec<_>>>()?;
-        let (files, stopped): (Vec<LatchFile>, Vec<bool>) = opened.into_iter().unzip();
-        let latches: Vec<Latch> = stopped.into_iter().map(Latch::found).collect();
-        let ending = Arc::new(AtomicBool::new(false));
-        let (cells, has_ended) = (latches.clone(), Arc::clone(&ending));
-        let persist_thread =
-            thread::Builder::new().name("latches".into()).spawn(move || keep(files, &cells, &has_ended))?;
-        let thread = persist_thread.thread().clone();
-        Ok(Self { latches, ending, persist_thread: Some(persist_thread), thread })
+/// Creates the folder of the latch files durably: a power cut does not remove it.
+pub(super) fn make_folder(folder: &Path) -> io::Result<()> {
+    if folder.is_dir() {
+        return Ok(());
     }
-
-    /// The latch of each plate, in their order.
-    pub fn latches(&self) -> &[Latch] {
-        &self.latches
-    }
-
-    /// True while the writing thread runs.
-    pub fn is_alive(&self) -> bool {
-        self.persist_thread.as_ref().is_some_and(|persist_thread| !persist_thread.is_finished())
-    }
-
-    /// The writing thread; unparking it makes it write at once.
-    pub fn persist_thread(&self) -> Thread {
-        self.thread.clone()
-    }
-}
-
-impl Drop for Latches {
-    fn drop(&mut self) {
-        self.ending.store(true, Ordering::SeqCst);
-        self.thread.unpark();
-        if let Some(persist_thread) = self.persist_thread.take() {
-            persist_thread.join().ok();
-        }
-    }
-}
-
-/// Writes every change to the disk until `ending`, then once more. A stop of a plate that is stopped already changes
-/// nothing, but its caller, too, waits for the disk to be confirmed.
-fn keep(mut files: Vec<LatchFile>, latches: &[Latch], ending: &AtomicBool) {
-    loop {
-        let last = ending.load(Ordering::SeqCst);
-        for (file, Latch(cell)) in files.iter_mut().zip(latches) {
-            let word = cell.word();
-            if word.0 != cell.wait_until_persisted.load(Ordering::SeqCst) && file.persist(word.is_stopped()) {
-                cell.wait_until_persisted.store(word.0, Ordering::SeqCst);
-                cell.notify_waiters();
-            }
-        }
-        if last {
-            return;
-        }
-        thread::park_timeout(AGAIN);
-    }
+    fs::create_dir_all(folder)?;
+    folder.parent().map_or(Ok(()), sync_folder)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
-    use super::file::RELEASED;
     use super::*;
 
-    fn names(names: &[&str]) -> Vec<(String, bool)> {
-        names.iter().map(|name| ((*name).to_owned(), false)).collect()
-    }
-
-    fn wait_until_persisted(latches: &Latches) {
-        latches.persist_thread().unpark();
-        while !latches.latches().iter().all(Latch::is_persisted) {
-            thread::yield_now();
-        }
+    fn open(folder: &Path, known: bool) -> Latch {
+        Latch::open(folder, "one", known).unwrap()
     }
 
     #[test]
-    fn latch_states_survive_reopen() {
+    fn missing_file_means_stopped_for_a_known_plate_and_released_for_a_new_one() {
         let folder = tempfile::tempdir().unwrap();
-        let plates = names(&["left", "right"]);
-        let stopped = |latches: &Latches| latches.latches().iter().map(Latch::is_stopped).collect::<Vec<_>>();
-        {
-            let latches = Latches::open(folder.path(), &plates).unwrap();
-            assert_eq!(stopped(&latches), [false, false]);
-            assert!(latches.latches()[1].stop());
-            assert!(!latches.latches()[1].stop(), "it was stopped already");
-            wait_until_persisted(&latches);
-        }
-        let latches = Latches::open(folder.path(), &plates).unwrap();
-        assert_eq!(stopped(&latches), [false, true]);
-        let held = latches.latches()[1].held().unwrap();
-        assert!(latches.latches()[1].release(held));
-        drop(latches);
-        assert_eq!(stopped(&Latches::open(folder.path(), &plates).unwrap()), [false, false], "kept at the end");
+        assert!(!open(folder.path(), false).is_stopped());
+        assert!(!open(folder.path(), true).is_stopped(), "the file exists now");
+        fs::remove_file(folder.path().join("one")).unwrap();
+        assert!(open(folder.path(), true).is_stopped());
+        assert!(open(folder.path(), false).is_stopped(), "over a restart, too");
+        fs::write(folder.path().join("one"), b"upm: released").unwrap();
+        assert!(open(folder.path(), false).is_stopped(), "an invalid file");
     }
 
     #[test]
-    fn malformed_latch_file_counts_as_stopped() {
+    fn file_has_the_state_of_the_last_write() {
         let folder = tempfile::tempdir().unwrap();
-        let plates = names(&["one"]);
-        for text in [&b""[..], b"upm: rele", b"upm: released   x", b"upm: stopped    ", &[0; 16]] {
-            fs::write(folder.path().join("one"), text).unwrap();
-            assert!(Latches::open(folder.path(), &plates).unwrap().latches()[0].is_stopped(), "{text:?}");
-        }
-    }
-
-    #[test]
-    fn lost_files_of_known_plates_hold_over_the_next_start_until_they_are_released() {
-        let folder = tempfile::tempdir().unwrap();
-        let latch = folder.path().join("latch");
-        let plates = [("left".to_owned(), true), ("right".to_owned(), false)];
-        for _ in 0..2 {
-            let latches = Latches::open(&latch, &plates).unwrap();
-            let stopped: Vec<bool> = latches.latches().iter().map(Latch::is_stopped).collect();
-            assert_eq!(stopped, [true, false]);
-        }
-        let latches = Latches::open(&latch, &plates).unwrap();
-        let held = latches.latches()[0].held().unwrap();
-        assert!(latches.latches()[0].release(held));
-        drop(latches);
-        assert!(!Latches::open(&latch, &plates).unwrap().latches()[0].is_stopped());
-    }
-
-    #[test]
-    fn it_is_written_in_place() {
-        let folder = tempfile::tempdir().unwrap();
-        let latches = Latches::open(folder.path(), &names(&["one"])).unwrap();
+        let latch = open(folder.path(), false);
         for _ in 0..3 {
-            latches.latches()[0].stop();
-            wait_until_persisted(&latches);
-            let held = latches.latches()[0].held().unwrap();
-            latches.latches()[0].release(held);
-            wait_until_persisted(&latches);
+            assert!(latch.stop());
+            assert!(latch.write().unwrap() && open(folder.path(), false).is_stopped());
+            assert!(latch.release(latch.held().unwrap()));
+            assert!(!latch.write().unwrap() && !open(folder.path(), false).is_stopped());
         }
         assert_eq!(fs::read(folder.path().join("one")).unwrap(), RELEASED);
     }
 
     #[test]
-    fn a_stop_that_comes_before_a_release_is_not_released_with_it() {
-        let latch = Latch::found(true);
-        latch.0.wait_until_persisted.store(latch.0.word().0, Ordering::SeqCst);
+    fn stop_that_comes_before_a_release_is_not_released_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let latch = open(folder.path(), false);
+        assert!(latch.stop());
         let first = latch.held().unwrap();
-        assert!(latch.is_persisted());
         assert!(!latch.stop(), "it is stopped already, and yet this is another stop");
-        assert!(!latch.is_persisted(), "the disk is asked once more");
         assert!(!latch.release(first) && latch.is_stopped());
         let second = latch.held().unwrap();
         assert!(latch.release(second) && !latch.is_stopped());

@@ -1,18 +1,18 @@
 use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::sync::mpsc::sync_channel;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use super::events::{EventSubscriber, JobEvent};
 use super::latch::StopToken;
 use super::shared::PlateInner;
 use super::validate::{layout_of_submission, validated};
 use super::{JobLayout, Pause, PlateSnapshot, PreviewPicture, ResetFault};
-use crate::store::{AuditEntry, JobId, NewJob, Pace, StoredEvent};
+use crate::store::{AuditEntry, JobId, NewJob, Pace};
 use upm_core::rig::StopTimes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::Diagnostic;
 
-/// Longest waits of an emergency stop for the motors to be silent, and for the disk.
+/// Longest waits of an emergency stop for the motors to be silent, for the latch file and for the audit log.
 const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
 const PERSISTED_WITHIN: Duration = Duration::from_millis(400);
 
@@ -38,7 +38,6 @@ pub struct PlateHandle {
     pub(super) shared: Arc<PlateInner>,
     pub(super) clock: MonotonicClock,
     pub(super) worker: JoinHandle<()>,
-    pub(super) publisher: JoinHandle<()>,
 }
 
 impl PlateHandle {
@@ -55,11 +54,24 @@ impl PlateHandle {
         changed
     }
 
-    /// Writes the stop to the audit log, and waits briefly for the stop to be on the disk. False when it is not by
-    /// then: it holds all the same and is written as soon as the disk allows.
+    /// Writes the stop to the disk, then to the audit log. Waits briefly for both. False when the stop is not on the
+    /// disk by then: it holds all the same. A frozen disk holds the writing thread for as long as it is frozen.
     pub fn record_estop(&self, who: ResetRequester) -> bool {
-        self.audit(ESTOP, who);
-        self.shared.emergency_stop.wait_until_persisted(PERSISTED_WITHIN)
+        let (shared, entry) = (Arc::clone(&self.shared), self.audit_entry(ESTOP, who));
+        let (sender, written) = sync_channel(2);
+        let record = move || {
+            sender.try_send(shared.emergency_stop.persist()).ok();
+            shared.note(&entry);
+        };
+        if let Err(error) = thread::Builder::new().name("latch".into()).spawn(record) {
+            tracing::error!("an emergency stop cannot be written to the disk: {error}");
+        }
+        let is_persisted = written.recv_timeout(PERSISTED_WITHIN).unwrap_or(false);
+        if is_persisted {
+            // ends with the thread
+            written.recv_timeout(PERSISTED_WITHIN).ok();
+        }
+        is_persisted
     }
 
     /// The emergency stop that holds, as seen by an operator who requests a reset now.
@@ -82,14 +94,14 @@ impl PlateHandle {
             if shared.job.running().is_some() {
                 return Err(ResetFault::StillStopping);
             }
-            shared.job_store.audit_durably(self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
+            shared.store.audit(&self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
             is_listening().then_some(()).ok_or(ResetFault::NotAwaited)
         };
         let pause = || {
             let remedy = "look at the plate, then resume";
-            shared.pause(Some(Pause::new("reset", "reset after an emergency stop", remedy)));
+            shared.pause(Pause::new("reset", "reset after an emergency stop", remedy));
         };
         let reset = shared.emergency_stop.reset(held, allow, pause);
         if is_written && reset.is_err() {
@@ -105,8 +117,7 @@ impl PlateHandle {
         }
         let standing = self.shared.standing.as_ref();
         if self.shared.paused().is_some() || standing.is_some_and(|standing| standing.paused().is_some()) {
-            self.audit("resume", who);
-            self.shared.pause(None);
+            self.shared.resume(self.audit_entry(AuditEntry::RESUME, who));
         }
         if let Some(standing) = standing {
             standing.pause(None);
@@ -128,28 +139,15 @@ impl PlateHandle {
         self.worker.thread().unpark();
     }
 
-    /// The threads of the plate that have died; `None` while they all run.
-    pub(super) fn dead(&self) -> Option<String> {
-        let ended = |what: &str, thread: &JoinHandle<()>| {
-            thread.is_finished().then(|| format!("the {what} of plate {} has died", self.name()))
-        };
-        ended("worker", &self.worker).or_else(|| ended("event publisher", &self.publisher))
-    }
-
-    /// True once both threads of the plate have ended.
-    pub(super) fn threads_ended(&self) -> bool {
-        self.worker.is_finished() && self.publisher.is_finished()
+    /// True once the thread of the plate has ended.
+    pub(super) fn has_ended(&self) -> bool {
+        self.worker.is_finished()
     }
 
     /// Ends a job that is running according to the store: it is on the plate, or about to begin on it. False when its
     /// run is over.
     pub fn cancel(&self, id: &JobId) -> bool {
         self.shared.job.cancel(id)
-    }
-
-    /// Notifies subscribers that a job of this plate has ended without running on it.
-    pub fn announce_end(&self, id: JobId, finished: StoredEvent) {
-        self.shared.subscribers.offer(&JobEvent::finished(id, finished));
     }
 
     /// True while an emergency stop holds.
@@ -177,17 +175,19 @@ impl PlateHandle {
         self.shared.snapshot(self.clock.elapsed())
     }
 
-    /// Delivers all further events of the plate to `subscriber`.
-    pub fn subscribe(&self, subscriber: Arc<dyn EventSubscriber>) {
-        self.shared.subscribers.add(subscriber);
-    }
-
     /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
+    /// Encodes it, which takes some 10 ms.
     pub fn picture(&self) -> Option<(Arc<PreviewPicture>, Duration)> {
         let now = self.clock.elapsed();
         let picture = self.shared.preview.latest(now)?;
         let age = now.saturating_sub(picture.taken);
         Some((picture, age))
+    }
+
+    /// Share of job `id` that is done, 0 to 1, while it is on the plate.
+    pub fn progress_of(&self, id: &JobId) -> Option<f64> {
+        let is_on_plate = self.shared.job.running().is_some_and(|running| running.job == *id);
+        is_on_plate.then(|| self.shared.job.seen().observation.progress.clamp(0.0, 1.0))
     }
 
     /// The layout of job `id`, while it is on the plate.
@@ -205,12 +205,9 @@ impl PlateHandle {
         layout_of_submission(&self.shared.rules, text)
     }
 
-    /// Records an operation: in the log at once, in the audit log as soon as the store takes it.
+    /// Records an operation in the log and in the audit log.
     fn audit(&self, act: &str, who: ResetRequester) {
-        let entry = self.audit_entry(act, who);
-        if !self.shared.job_store.audit(entry.clone()) {
-            tracing::error!("audit queue full, entry dropped: {entry:?}");
-        }
+        self.shared.note(&self.audit_entry(act, who));
     }
 
     /// Logs an operation; returns the entry for the audit log.

@@ -24,7 +24,7 @@ pub struct PreviewPicture {
     pub taken: Duration,
 }
 
-/// A frame on its way from the plate to its encoder.
+/// A frame that the plate handed over.
 #[derive(Clone, Debug)]
 struct Raw {
     frame: Frame,
@@ -40,7 +40,7 @@ impl Default for Raw {
 }
 
 /// Pictures of one plate for viewers. The plate hands over a frame only while a picture is requested and the lock is
-/// free; a slow encoder means fewer pictures.
+/// free.
 #[derive(Debug, Default)]
 pub(super) struct FramePreview {
     /// Time until which pictures are requested, and time of the last frame handed over, ms of the daemon's clock.
@@ -51,9 +51,10 @@ pub(super) struct FramePreview {
 }
 
 impl FramePreview {
-    /// The newest picture, unless it is too old; requests further ones.
+    /// The newest picture, unless it is too old; requests further ones. Encodes a new frame, which takes some 10 ms.
     pub fn latest(&self, now: Duration) -> Option<Arc<PreviewPicture>> {
         self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
+        self.encode();
         let newest = self.newest.lock().clone();
         newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
     }
@@ -71,8 +72,8 @@ impl FramePreview {
         self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
 
-    /// Encodes the frame handed over, if there is a new one. Takes some 10 ms: not for the plate's own thread.
-    pub fn encode(&self) {
+    /// Encodes the frame handed over, if there is a new one.
+    fn encode(&self) {
         let mut raw = self.raw.lock();
         if !std::mem::take(&mut raw.fresh) {
             return;

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Pause;
-use crate::store::{JobStore, Pace};
+use crate::store::{Pace, Store};
 use upm_cor_library::Library;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::{JobSpec, RigSpec, WatchdogSpec};
@@ -32,9 +32,7 @@ pub struct PlateSetup {
 #[derive(Clone, Debug)]
 pub struct SharedServices {
     /// The store from which jobs are taken and to which they are reported.
-    pub job_store: Arc<dyn JobStore>,
-    /// Folder of run folders.
-    pub runs: PathBuf,
+    pub store: Arc<Store>,
     /// Folder of the latch files.
     pub latches: PathBuf,
     /// The daemon's clock.

@@ -6,12 +6,11 @@ use parking_lot::Mutex;
 
 use super::current_job::{CurrentJob, TimedObservation};
 use super::emergency_stop::EmergencyStop;
-use super::events::Subscribers;
 use super::preview::FramePreview;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::{LayoutPart, Pause, PlateSnapshot, PlateState};
-use crate::store::{JobId, JobStore};
+use crate::store::{AuditEntry, JobId, Store};
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
 use upm_runner::run::ExternalStop;
@@ -23,19 +22,20 @@ pub(super) struct PlateInner {
     pub name: String,
     /// Rules that its jobs are checked against.
     pub rules: JobRules,
-    pub job_store: Arc<dyn JobStore>,
+    pub store: Arc<Store>,
     pub emergency_stop: EmergencyStop,
     pub job: CurrentJob,
     /// True once the daemon is shutting down.
     pub ending: AtomicBool,
     pub preview: FramePreview,
-    pub subscribers: Arc<Subscribers>,
     /// The live stream of its runs.
     pub live: Option<LiveServer>,
     /// The standing job.
     pub standing: Option<Standing>,
     /// The cause of the plate's pause; `None` when it is not paused.
     pub paused: Mutex<Option<Pause>>,
+    /// Held while a pause or its end is written to the audit log, which keeps their order.
+    pub pausing: Mutex<()>,
     /// How often its worker has found no work.
     #[cfg(test)]
     pub idled: std::sync::atomic::AtomicU64,
@@ -52,14 +52,26 @@ impl PlateInner {
         self.paused.lock().clone()
     }
 
-    /// Pauses the plate, or resumes it with `None`.
-    pub fn pause(&self, why: Option<Pause>) {
-        let paused = why.is_some();
-        let mut held = self.paused.lock();
-        let before = std::mem::replace(&mut *held, why);
-        if before.is_some() != paused {
-            // under the lock, so that the store keeps the order
-            self.job_store.note_paused(&self.name, paused);
+    /// Pauses the plate, over a restart, too.
+    pub fn pause(&self, why: Pause) {
+        let _order = self.pausing.lock();
+        let entry = AuditEntry::of_plate(&self.name, AuditEntry::PAUSE, &why.why);
+        if self.paused.lock().replace(why).is_none() {
+            self.note(&entry);
+        }
+    }
+
+    /// Lets the plate go on; `entry` says who did.
+    pub fn resume(&self, entry: AuditEntry) {
+        let _order = self.pausing.lock();
+        *self.paused.lock() = None;
+        self.note(&entry);
+    }
+
+    /// Adds an entry to the audit log. A fault is logged: what the entry says holds in this daemon all the same.
+    pub fn note(&self, entry: &AuditEntry) {
+        if let Err(fault) = self.store.audit(entry) {
+            tracing::error!("not in the audit log: {entry:?}: {fault}");
         }
     }
 

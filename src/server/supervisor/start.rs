@@ -1,4 +1,3 @@
-use std::fs;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -9,27 +8,22 @@ use parking_lot::Mutex;
 
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
-use super::event_publisher::{Outgoing, publish};
-use super::latch::{Latch, Latches};
+use super::latch::{Latch, make_folder};
 use super::plate::PlateHandle;
 use super::preview::FramePreview;
 use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
-use super::worker::{PlateWorker, WorkerResources};
+use super::worker::PlateWorker;
 use super::{PlateSetup, SharedServices};
-use upm_core::background::{OverflowPolicy, Queue};
 use upm_core::rig::Interlock;
-use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::WatchdogSpec;
 use upm_viewer::LiveServer;
 
 /// Longest time since the last check of a watchdog that is alive.
 const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
-/// Messages that may wait for a plate's event publisher.
-const WAITING: usize = 1024;
 
 /// All plates of the daemon.
 #[derive(Debug)]
@@ -39,21 +33,16 @@ pub struct PlateSupervisor {
     watchdog: JoinHandle<()>,
     /// Time of the watchdog's last check, ms.
     looked_ms: Arc<AtomicU64>,
-    // dropped after the plates, so that their last stops are written to the disk
-    latches: Latches,
 }
 
 impl PlateSupervisor {
     /// Creates the plates and starts their threads. A plate whose latch is stopped stays stopped.
     pub fn start(setups: Vec<PlateSetup>, around: &SharedServices) -> io::Result<Self> {
-        let names: Vec<(String, bool)> = setups.iter().map(|setup| (setup.name.clone(), setup.known)).collect();
-        let latches = Latches::open(&around.latches, &names)?;
-        fs::create_dir_all(&around.runs)?;
+        make_folder(&around.latches)?;
         let clock = around.clock;
         let mut plates = Vec::new();
-        for (setup, latch) in setups.into_iter().zip(latches.latches()) {
-            let shared = shared(setup, latch.clone(), latches.persist_thread(), around)?;
-            plates.push(plate(Arc::new(shared), around)?);
+        for setup in setups {
+            plates.push(plate(Arc::new(shared(setup, around)?), around)?);
         }
         let looked_ms = Arc::new(AtomicU64::new(ms(clock.elapsed())));
         let watch = PlatesWatch {
@@ -63,7 +52,7 @@ impl PlateSupervisor {
             looked_ms: Arc::clone(&looked_ms),
         };
         let watchdog = thread::Builder::new().name("watchdog".into()).spawn(move || watch.run())?;
-        Ok(Self { plates, clock, watchdog, looked_ms, latches })
+        Ok(Self { plates, clock, watchdog, looked_ms })
     }
 
     /// The plate of that name.
@@ -83,21 +72,19 @@ impl PlateSupervisor {
         if self.watchdog.is_finished() || unchecked > WATCHDOG_INTERVAL_LIMIT {
             return Err(format!("the watchdog thread has not run for {:.1} s", unchecked.as_secs_f64()));
         }
-        if !self.latches.is_alive() {
-            return Err("the thread that keeps emergency stops has died".to_owned());
-        }
-        self.plates.iter().find_map(PlateHandle::dead).map_or(Ok(()), Err)
+        let dead = self.plates.iter().find(|plate| plate.has_ended());
+        dead.map_or(Ok(()), |plate| Err(format!("the worker of plate {} has died", plate.name())))
     }
 
     /// Shuts all plates down: motors to zero, runs ended as interrupted, threads ended. Waits at most `within`; returns
-    /// the names of the plates that did not end in time. The last stops are written to the disk when this is dropped.
+    /// the names of the plates that did not end in time.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
         for plate in &self.plates {
             plate.shared.shut_down();
             plate.wake();
         }
         let until = self.clock.elapsed() + within;
-        let busy = |plate: &&PlateHandle| !plate.threads_ended();
+        let busy = |plate: &&PlateHandle| !plate.has_ended();
         let busy_still = || self.plates.iter().any(|plate| busy(&plate)) || !self.watchdog.is_finished();
         while busy_still() && self.clock.elapsed() < until {
             thread::sleep(Duration::from_millis(2));
@@ -153,47 +140,33 @@ fn live(setup: &PlateSetup, around: &SharedServices) -> Option<LiveServer> {
 }
 
 /// The shared state of a plate at its start, without a job.
-fn shared(
-    setup: PlateSetup,
-    latch: Latch,
-    persist_thread: thread::Thread,
-    around: &SharedServices,
-) -> io::Result<PlateInner> {
+fn shared(setup: PlateSetup, around: &SharedServices) -> io::Result<PlateInner> {
     let rules = JobRules::new(&setup);
     let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
     let job = CurrentJob::default();
+    let latch = Latch::open(&around.latches, &setup.name, setup.known)?;
     let interlock = Interlock::timed(Arc::new(around.clock));
     Ok(PlateInner {
         live: live(&setup, around),
         name: setup.name,
         rules,
-        job_store: Arc::clone(&around.job_store),
-        emergency_stop: EmergencyStop::new(latch, interlock, persist_thread, Arc::clone(&job.end_run)),
+        store: Arc::clone(&around.store),
+        emergency_stop: EmergencyStop::new(latch, interlock, Arc::clone(&job.end_run)),
         job,
         ending: AtomicBool::new(false),
         preview: FramePreview::default(),
-        subscribers: Arc::default(),
         standing,
         paused: Mutex::new(setup.paused),
+        pausing: Mutex::default(),
         #[cfg(test)]
         idled: AtomicU64::new(0),
     })
 }
 
 fn plate(shared: Arc<PlateInner>, around: &SharedServices) -> io::Result<PlateHandle> {
-    let (sender, items) = Queue::bounded(WAITING, OverflowPolicy::Wait);
-    let SharedServices { runs, clock, record, min_free_bytes, .. } = around.clone();
-    let place = WorkerResources { runs, clock, record, min_free_bytes };
-    let (of_crier, of_worker) = (Arc::clone(&shared), Arc::clone(&shared));
-    let publisher = thread::Builder::new().name(format!("events-{}", shared.name)).spawn(move || {
-        lower_thread_priority();
-        publish(&of_crier, &items);
-    })?;
-    let work = move || {
-        let mut worker = PlateWorker { shared: of_worker, publisher: sender, place };
-        worker.work();
-        worker.publisher.send(Outgoing::End).ok();
-    };
-    let worker = thread::Builder::new().name(format!("plate-{}", shared.name)).spawn(work)?;
-    Ok(PlateHandle { shared, clock, worker, publisher })
+    let SharedServices { clock, record, min_free_bytes, .. } = *around;
+    let worker = PlateWorker { shared: Arc::clone(&shared), clock, record, min_free_bytes };
+    let name = format!("plate-{}", shared.name);
+    let worker = thread::Builder::new().name(name).spawn(move || worker.work())?;
+    Ok(PlateHandle { shared, clock, worker })
 }

@@ -5,17 +5,14 @@ mod views;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
-use jiff::Timestamp;
-
 use super::*;
-use crate::store::{InMemoryJobStore, JobId, JobRow, JobState, Pace, RecordingStatus};
+use crate::store::{JobId, JobRow, JobState, Pace, RecordingStatus, Store, SubmitOutcome};
 use upm_cor_library::Library;
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
-use upm_fixtures::wait::eventually_true;
+use upm_fixtures::wait::{eventually, eventually_true};
 use upm_recording::RecordingState;
 use upm_runner::config::{RigSpec, WatchdogSpec};
 
@@ -30,26 +27,19 @@ const HOLD: &str = r#"{ "name": "hold", "seed": 3, "parts": [{ "kind": "penny", 
 const WATCHDOG: WatchdogSpec =
     WatchdogSpec { hung: Duration::from_secs(30), no_part_s: 0.5, blocked: Duration::from_secs(5) };
 
-/// A subscriber that passes events on to a channel.
-struct EventListener(SyncSender<JobEvent>);
-
-impl EventSubscriber for EventListener {
-    fn offer(&self, event: &JobEvent) {
-        self.0.try_send(event.clone()).ok();
-    }
-}
-
 struct TestPlates {
     folder: tempfile::TempDir,
-    job_store: Arc<InMemoryJobStore>,
+    store: Arc<Store>,
     standing: Option<StandingSetup>,
     allow_faults: bool,
 }
 
 impl TestPlates {
     fn new() -> Self {
-        let job_store = Arc::new(InMemoryJobStore::new(|| Timestamp::UNIX_EPOCH));
-        Self { folder: tempfile::tempdir().unwrap(), job_store, standing: None, allow_faults: false }
+        let folder = tempfile::tempdir().unwrap();
+        let limits = crate::store::tests::limits();
+        let store = Store::open(folder.path(), &[], limits, jiff::Timestamp::now).unwrap().store;
+        Self { folder, store: Arc::new(store), standing: None, allow_faults: false }
     }
 
     fn open(&self, paused: Option<&str>) -> PlateSupervisor {
@@ -81,8 +71,7 @@ impl TestPlates {
             allow_faults: self.allow_faults,
         };
         let mut around = SharedServices {
-            job_store: Arc::clone(&self.job_store) as _,
-            runs: self.folder.path().join("runs"),
+            store: Arc::clone(&self.store),
             latches: self.folder.path().join("latch"),
             clock: MonotonicClock::new(),
             record: false,
@@ -95,22 +84,39 @@ impl TestPlates {
     }
 
     fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
-        let row = self.job_store.accept(plate.validate(text, pace, None).unwrap());
+        let job = plate.validate(text, pace, None).unwrap();
+        let Ok(Some(SubmitOutcome::New(row))) = self.store.accept(&job, || true) else { panic!("not queued") };
         plate.job_queued();
         row.id
     }
 
-    /// Runs a job that holds its parts in real time and queues another behind it; returns the events and both jobs.
-    fn keep_busy(&self, plate: &PlateHandle) -> (Receiver<JobEvent>, [JobId; 2]) {
-        let events = listen(plate);
+    /// Runs a job that holds its parts in real time and queues another behind it.
+    fn keep_busy(&self, plate: &PlateHandle) -> [JobId; 2] {
         let jobs = [self.submit(plate, HOLD, Pace::RealTime), self.submit(plate, TWO_COINS, Pace::Max)];
-        next(&events, "look");
-        (events, jobs)
+        until_seen(plate, &jobs[0]);
+        jobs
     }
 
     fn row(&self, id: &JobId) -> JobRow {
-        self.job_store.job(id).unwrap()
+        self.store.job(id).unwrap().unwrap()
     }
+
+    /// The job once it has ended.
+    fn ended(&self, id: &JobId) -> JobRow {
+        eventually("the job ends", || Some(self.row(id)).filter(|row| row.state.is_final()))
+    }
+
+    fn acts(&self) -> Vec<String> {
+        self.store.audit_log().into_iter().map(|(act, _)| act).collect()
+    }
+}
+
+/// Waits until the parts of the job have been observed on the plate.
+fn until_seen(plate: &PlateHandle, job: &JobId) {
+    eventually_true("parts are observed", || {
+        let snapshot = plate.snapshot();
+        snapshot.job == Some(*job) && snapshot.age.is_some()
+    });
 }
 
 fn root() -> &'static Path {
@@ -119,22 +125,6 @@ fn root() -> &'static Path {
 
 fn library() -> Library {
     Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
-}
-
-fn listen(plate: &PlateHandle) -> Receiver<JobEvent> {
-    let (sender, events) = sync_channel(100_000);
-    plate.subscribe(Arc::new(EventListener(sender)));
-    events
-}
-
-/// Waits for the next event of that kind; returns its body.
-fn next(events: &Receiver<JobEvent>, kind: &str) -> serde_json::Value {
-    loop {
-        let each = events.recv_timeout(LONG).unwrap_or_else(|_| panic!("no {kind} was reported"));
-        if each.kind == kind {
-            return serde_json::from_str(&each.body).unwrap();
-        }
-    }
 }
 
 /// Returns once the plate's worker has checked for work and found none.
@@ -158,29 +148,21 @@ fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
 }
 
 #[test]
-fn a_job_runs_to_its_end_and_all_of_it_is_reported() {
+fn job_runs_to_its_end_and_leaves_its_files() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&events, "state")["state"], "running");
-    assert_eq!(next(&events, "look")["positions_mm"].as_array().unwrap().len(), 2);
-    assert_eq!(next(&events, "cycle")["cycle"], 0);
-    assert_eq!(next(&events, "finished")["state"], "completed");
-    let row = test_plates.row(&id);
+    let row = test_plates.ended(&id);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
     assert_eq!(row.recording, RecordingStatus::None);
     assert!(row.report_json.unwrap().contains("max_error_mm"));
-    let folder = test_plates.folder.path().join("runs").join(row.folder.unwrap());
+    let folder = test_plates.store.runs().join(row.folder.unwrap());
     for file in ["effective.json", "journal.jsonl", "report.json"] {
         assert!(folder.join(file).exists(), "{file}");
     }
-    let kinds: Vec<String> = test_plates.job_store.events(&id).into_iter().map(|event| event.kind).collect();
-    assert_eq!(kinds.first().map(String::as_str), Some("state"));
-    assert_eq!(kinds[kinds.len() - 2..], ["recording", "finished"]);
-    assert_eq!(row.last_event, kinds.len() as u64, "who sees the end of a job can read its last event");
-    assert!(!kinds.iter().any(|kind| kind == "look"), "looks are not kept");
+    let observation = plate.snapshot().observation;
+    assert_eq!((observation.positions_m.len(), observation.targets_m.len()), (2, 2));
     assert_eq!(plates.alive(), Ok(()));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
 }
@@ -190,14 +172,15 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let (events, [first, second]) = test_plates.keep_busy(plate);
+    let [first, second] = test_plates.keep_busy(plate);
     let PlateSnapshot { state, recording, .. } = plate.snapshot();
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
     assert!(plate.record_estop(caller("ann")));
-    assert_eq!(next(&events, "finished")["state"], "cancelled");
-    assert!(test_plates.row(&first).reason.starts_with("emergency stop"), "{}", test_plates.row(&first).reason);
+    let ended = test_plates.ended(&first);
+    assert_eq!(ended.state, JobState::Cancelled);
+    assert!(ended.reason.starts_with("emergency stop"), "{}", ended.reason);
     let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
     assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
     let times = plate.stop_times().unwrap();
@@ -210,11 +193,10 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     idles(plate);
     assert_eq!(test_plates.row(&second).state, JobState::Queued, "a reset starts nothing");
     assert!(plate.resume(caller("bob")));
-    assert_eq!(next(&events, "finished")["state"], "completed");
-    let audit_entries: Vec<(String, String)> =
-        test_plates.job_store.audit_log().into_iter().map(|a| (a.act, a.operator)).collect();
+    assert_eq!(test_plates.ended(&second).state, JobState::Completed);
     let act = |act: &str, operator: &str| (act.to_owned(), operator.to_owned());
-    assert_eq!(audit_entries, [act("estop", "ann"), act("reset", "bob"), act("resume", "bob")]);
+    let acts = [act("estop", "ann"), act("reset", "bob"), act("pause", ""), act("resume", "bob")];
+    assert_eq!(test_plates.store.audit_log(), acts);
 }
 
 #[test]
@@ -222,12 +204,12 @@ fn run_ended_by_the_interlock_before_the_latch_counts_as_stopped() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let (events, [first, second]) = test_plates.keep_busy(plate);
+    let [first, second] = test_plates.keep_busy(plate);
     // the first step of an emergency stop
     plate.shared.emergency_stop.interlock().trip(Trip::EStop);
     plate.wake();
-    assert_eq!(next(&events, "finished")["state"], "cancelled");
-    assert_eq!(test_plates.row(&first).reason, "emergency stop");
+    let ended = test_plates.ended(&first);
+    assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "emergency stop"));
     idles(plate);
     assert_eq!((plate.snapshot().state, test_plates.row(&second).state), (PlateState::Stopped, JobState::Queued));
     assert!(!plate.resume(caller("bob")));
@@ -238,6 +220,7 @@ fn a_stop_outlives_the_daemon() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     plates.get("one").unwrap().estop();
+    assert!(plates.get("one").unwrap().record_estop(caller("ann")));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
@@ -256,18 +239,17 @@ fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("just started"));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let id = test_plates.submit(plate, HOLD, Pace::RealTime);
     idles(plate);
     assert_eq!((test_plates.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
     assert!(plate.resume(caller("ann")));
-    next(&events, "look");
+    until_seen(plate, &id);
     let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
     assert!(!plate.cancel(&other), "it is not on the plate");
     assert!(plate.cancel(&id));
-    assert_eq!(next(&events, "finished")["state"], "cancelled");
-    assert_eq!(test_plates.row(&id).reason, "cancelled by request");
-    assert_eq!(next(&events, "finished")["state"], "completed");
+    let ended = test_plates.ended(&id);
+    assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "cancelled by request"));
+    assert_eq!(test_plates.ended(&other).state, JobState::Completed);
 }
 
 #[test]
@@ -275,9 +257,8 @@ fn the_end_of_the_daemon_interrupts_the_job() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let id = test_plates.submit(plate, HOLD, Pace::RealTime);
-    next(&events, "look");
+    until_seen(plate, &id);
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     assert_eq!(test_plates.row(&id).state, JobState::Interrupted);
 }
@@ -303,15 +284,12 @@ fn job_with_an_unwritable_journal_is_stopped_and_reports_it() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let id = test_plates.submit(plate, HOLD, Pace::RealTime);
     let folder = test_plates.folder.path().join("runs").join(format!("hold-{id}"));
     std::fs::create_dir_all(&folder).unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.join("journal.jsonl")).unwrap();
     plate.resume(caller("ann"));
-    let text = next(&events, "warning")["text"].as_str().unwrap().to_owned();
-    assert!(text.starts_with("the journal cannot be written: No space left"), "{text}");
-    assert_eq!(next(&events, "finished")["state"], "failed");
-    let reason = test_plates.row(&id).reason;
-    assert!(reason.contains("journal.jsonl: the disk is full"), "{reason}");
+    let ended = test_plates.ended(&id);
+    assert_eq!(ended.state, JobState::Failed);
+    assert!(ended.reason.contains("journal.jsonl: the disk is full"), "{}", ended.reason);
 }

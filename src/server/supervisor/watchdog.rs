@@ -24,8 +24,6 @@ pub(super) struct Heartbeat {
     /// Plate time of that frame, and of the newest one with a part in sight, ms.
     plate_ms: AtomicU64,
     seen_ms: AtomicU64,
-    /// Wall time since which no event could be published, ms; 0 while events can.
-    unpublished_since_ms: AtomicU64,
     /// True once control has ended.
     over: AtomicBool,
 }
@@ -33,7 +31,7 @@ pub(super) struct Heartbeat {
 impl Heartbeat {
     /// Resets the signs for a new run.
     pub fn clear(&self) {
-        for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms, &self.unpublished_since_ms] {
+        for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms] {
             each.store(0, Ordering::Relaxed);
         }
         self.over.store(false, Ordering::Release);
@@ -59,15 +57,6 @@ impl Heartbeat {
         self.over.store(false, Ordering::Release);
         self.frame_ms.store(ms(now).max(1), Ordering::Relaxed);
     }
-
-    /// Notes whether an event could be published.
-    pub fn note_publish(&self, now: Duration, could: bool) {
-        if could {
-            self.unpublished_since_ms.store(0, Ordering::Relaxed);
-        } else if self.unpublished_since_ms.load(Ordering::Relaxed) == 0 {
-            self.unpublished_since_ms.store(ms(now).max(1), Ordering::Relaxed);
-        }
-    }
 }
 
 /// Watchdog of one plate.
@@ -82,7 +71,6 @@ pub(super) struct Watchdog {
 struct Memory {
     looked_at: Option<Duration>,
     frame: Unchanged,
-    unpublished: Unchanged,
     unwritten: Unchanged,
 }
 
@@ -122,10 +110,9 @@ impl Watchdog {
         let memory = &mut self.memory;
         let ran = now.saturating_sub(memory.looked_at.replace(now)?).min(STOOD_STILL);
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
-        let [frame_ms, unpublished_ms] = [&heartbeat.frame_ms, &heartbeat.unpublished_since_ms].map(read);
+        let frame_ms = read(&heartbeat.frame_ms);
         let unwritten_ms = unwritten_since.map_or(0, ms);
         let unframed = memory.frame.add(ran, frame_ms);
-        let unpublished = memory.unpublished.add(ran, unpublished_ms);
         let unwritten = memory.unwritten.add(ran, unwritten_ms);
         let unseen_s = read(&heartbeat.plate_ms).saturating_sub(read(&heartbeat.seen_ms)) as f64 * 1e-3;
         let WatchdogSpec { hung, no_part_s, blocked } = self.spec;
@@ -135,8 +122,6 @@ impl Watchdog {
             (StopCause::Hung, format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64()))
         } else if unseen_s > no_part_s {
             (StopCause::NoPartSeen, format!("no part was seen for {unseen_s:.1} s of plate time"))
-        } else if unpublished_ms != 0 && unpublished > blocked {
-            (StopCause::EventsBlocked, format!("no event could be stored for {:.1} s", unpublished.as_secs_f64()))
         } else if unwritten_ms != 0 && unwritten > blocked {
             (
                 StopCause::JournalBlocked,

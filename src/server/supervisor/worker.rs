@@ -1,26 +1,22 @@
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-use super::event_publisher::Outgoing;
-use super::events::{EventDraft, JobEvent};
 use super::run_observer::RunObserver;
 use super::shared::PlateInner;
 use super::standing::Standing;
 use super::{JobLayout, Pause};
-use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault, StoredEvent};
-use upm_control::EventLevel;
-use upm_core::background::{OverflowPolicy, Queue};
+use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
+use upm_core::background::OverflowPolicy;
 use upm_core::files::free_bytes;
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
 use upm_core::thread_priority::raise_thread_priority;
-use upm_core::time::{MonotonicClock, PlateTime};
+use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
 use upm_runner::run::{FolderState, RunControls, RunFolder, RunOptions, RunResult, run_linked};
@@ -33,11 +29,9 @@ const STORED_AGAIN: Duration = Duration::from_millis(250);
 /// Longest wait of a run without deadlines for a recorder that lags; the plate is at rest meanwhile.
 const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
-/// Resources that runs need besides the job.
-#[derive(Clone, Debug)]
-pub(super) struct WorkerResources {
-    /// Folder of run folders.
-    pub runs: PathBuf,
+/// The thread of one plate: takes its jobs one after another and runs them.
+pub(super) struct PlateWorker {
+    pub shared: Arc<PlateInner>,
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
@@ -45,17 +39,10 @@ pub(super) struct WorkerResources {
     pub min_free_bytes: u64,
 }
 
-/// The thread of one plate: takes its jobs one after another and runs them.
-pub(super) struct PlateWorker {
-    pub shared: Arc<PlateInner>,
-    pub publisher: Queue<Outgoing>,
-    pub place: WorkerResources,
-}
-
 impl PlateWorker {
     /// Runs jobs until the daemon ends.
-    pub fn work(&mut self) {
-        let shared = Arc::clone(&self.shared);
+    pub fn work(&self) {
+        let shared = &*self.shared;
         while !shared.ending.load(Ordering::SeqCst) {
             shared.job.end_run.store(false, Ordering::SeqCst);
             // before the store is asked: a job queued after its answer sets this again
@@ -73,7 +60,7 @@ impl PlateWorker {
 
     /// Runs the next job. False when there is none, and after a standing job that ended by itself: one that is done at
     /// once must not begin again without a pause.
-    fn take_job(&mut self) -> bool {
+    fn take_job(&self) -> bool {
         match self.next_job() {
             Ok(Some(claimed)) => {
                 self.run(&claimed);
@@ -90,9 +77,9 @@ impl PlateWorker {
 
     /// The oldest queued job, or the standing job when none is queued and it may run.
     fn next_job(&self) -> Result<Option<ClaimedJob>, StoreFault> {
-        let folder = |row: &JobRow| make_folder(&self.place.runs, row);
-        let job_store = &self.shared.job_store;
-        if let Some(claimed) = job_store.claim(&self.shared.name, &folder)? {
+        let store = &self.shared.store;
+        let folder = |row: &JobRow| make_folder(store.runs(), row);
+        if let Some(claimed) = store.claim(&self.shared.name, &folder)? {
             return Ok(Some(claimed));
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
@@ -106,24 +93,23 @@ impl PlateWorker {
         if is_held || standing.paused().is_some() {
             return Ok(None);
         }
-        job_store.begin_standing(&standing.job, &folder)
+        store.begin_standing(&standing.job, &folder)
     }
 
     /// The reason to begin nothing that can wait: less is free on the disk than is to stay free.
     fn low_disk(&self) -> Option<String> {
-        let free = free_bytes(&self.place.runs).ok().filter(|free| *free < self.place.min_free_bytes)?;
+        let free = free_bytes(self.shared.store.runs()).ok().filter(|free| *free < self.min_free_bytes)?;
         Some(format!("the disk has only {:.0} MB left", free as f64 * 1e-6))
     }
 
-    fn run(&mut self, claimed: &ClaimedJob) {
+    fn run(&self, claimed: &ClaimedJob) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
         self.shared.preview.clear();
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
         let JobRow { name, seed, pace, .. } = &claimed.row;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.code(), "begins: {name}");
-        self.publish(id, EventDraft::state(PlateTime::ZERO, JobState::Running));
-        let folder = self.place.runs.join(claimed.row.folder.as_deref().unwrap_or_default());
+        let folder = self.shared.store.runs().join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         let cause = self.shared.job.end();
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
@@ -135,20 +121,17 @@ impl PlateWorker {
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.code());
         }
-        end.recording = kept;
+        (end.recording, end.progress) = (kept, self.shared.job.seen().observation.progress.clamp(0.0, 1.0));
         if lost_parts > 0 || stopped_by_guard {
             // an operator puts the part back, removes it, or checks what is wrong
-            self.shared.pause(Some(Pause::after(stop.as_ref(), &end.reason)));
+            self.shared.pause(Pause::after(stop.as_ref(), &end.reason));
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
             self.settle_standing(&end, is_cancelled);
         }
         self.log(&id, &end);
-        self.publish(id, EventDraft::recording(end.at, kept, &why));
-        if let Some(finished) = self.store(&id, end) {
-            self.shared.subscribers.offer(&JobEvent::finished(id, finished));
-        }
+        self.store(&id, &end);
     }
 
     fn play(
@@ -172,9 +155,9 @@ impl PlateWorker {
         let is_strict = job.deadlines == DeadlinePolicy::Strict;
         raise_thread_priority(real_time);
         let options = RunOptions {
-            out: self.place.runs.clone(),
+            out: shared.store.runs().to_owned(),
             started_utc: String::new(),
-            rerun: if self.place.record { RerunMode::Save } else { RerunMode::Off },
+            rerun: if self.record { RerunMode::Save } else { RerunMode::Off },
             real_time,
             // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
             // when the journal cannot keep up, the run ends
@@ -188,7 +171,7 @@ impl PlateWorker {
                 },
                 recording: recording.clone(),
                 has_clock: real_time,
-                clock: self.place.clock,
+                clock: self.clock,
             },
             live: shared.live.clone(),
         };
@@ -197,8 +180,8 @@ impl PlateWorker {
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
         let controls = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
-        let clock = self.place.clock;
-        let mut observer = RunObserver::new(shared, &clock, &self.publisher, row.id, radii_of(&job));
+        let clock = self.clock;
+        let mut observer = RunObserver::new(shared, &clock, radii_of(&job));
         run_linked(&job, Arc::clone(&shared.rules.library), folder, &options, &clock, controls, &mut observer)
             .map_err(|error| error.lines())
     }
@@ -209,17 +192,13 @@ impl PlateWorker {
             Ok(result) => result.report,
             // the stop is the cause, even when it could not be written to the run's files
             Err(lines) if self.shared.emergency_stop.holds() || is_cancelled => {
-                let stop = if is_cancelled { StopCause::Cancelled } else { StopCause::Estop };
-                let reason = format!("stopped; {}", lines.join("; "));
-                return JobEnd { stop: Some(stop), ..ended(PlateTime::ZERO, JobState::Cancelled, reason, None) };
+                return ended(JobState::Cancelled, format!("stopped; {}", lines.join("; ")), None);
             }
-            Err(lines) => return ended(PlateTime::ZERO, JobState::Failed, lines.join("; "), None),
+            Err(lines) => return ended(JobState::Failed, lines.join("; "), None),
         };
-        let at = PlateTime::from_secs(report.plate_time_s);
-        let stop = report.stop.as_ref().map(|stop| stop.code);
-        let state = JobState::of_end(report.outcome, stop);
+        let state = JobState::of_end(report.outcome, report.stop.as_ref().map(|stop| stop.code));
         let report_json = serde_json::to_string(&report).ok();
-        JobEnd { stop, ..ended(at, state, report.reason, report_json) }
+        ended(state, report.reason, report_json)
     }
 
     fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
@@ -238,7 +217,7 @@ impl PlateWorker {
             None | Some(Trip::EStop) => {}
             Some(trip) => {
                 if trip != Trip::Shutdown {
-                    shared.pause(Some(Pause::after(stop, reason)));
+                    shared.pause(Pause::after(stop, reason));
                 }
                 shared.emergency_stop.interlock().release(trip);
             }
@@ -255,39 +234,18 @@ impl PlateWorker {
         }
     }
 
-    /// Waits until the end of a job is on the disk, after all of its events; the plate does nothing else meanwhile.
-    /// `None` when the daemon ended first.
-    fn store(&self, id: &JobId, end: JobEnd) -> Option<StoredEvent> {
+    /// Waits until the end of a job is on the disk, or the daemon ends; the plate does nothing else meanwhile.
+    fn store(&self, id: &JobId, end: &JobEnd) {
         let mut is_reported = false;
-        loop {
-            self.pass();
-            let fault = match self.shared.job_store.finish(id, end.clone()) {
-                Ok(finished) => return finished,
-                Err(fault) => fault,
-            };
+        while let Err(fault) = self.shared.store.finish(id, end) {
             if !std::mem::replace(&mut is_reported, true) {
                 tracing::error!(plate = self.shared.name, job = %id, "the end of the job cannot be stored: {fault}");
-                let text = format!("the end of the job cannot be stored: {fault}");
-                self.publish(*id, EventDraft::warning(PlateTime::ZERO, EventLevel::Error, &text));
             }
             if self.shared.ending.load(Ordering::SeqCst) {
-                return None;
+                return;
             }
             thread::park_timeout(STORED_AGAIN);
         }
-    }
-
-    /// Waits until the publisher has handed on all of its messages.
-    fn pass(&self) {
-        let (sender, passed) = sync_channel(1);
-        if self.publisher.send(Outgoing::Pass(sender)).is_ok() {
-            passed.recv().ok();
-        }
-    }
-
-    /// Hands an event to the publisher. May wait for it, since the plate is at rest between runs.
-    fn publish(&self, id: JobId, draft: EventDraft) {
-        self.publisher.send(Outgoing::Event(id, draft)).ok();
     }
 }
 
@@ -297,8 +255,8 @@ fn radii_of(job: &JobSpec) -> Vec<f64> {
     job.parts.iter().flat_map(|group| std::iter::repeat_n(radius(group.kind), group.count)).collect()
 }
 
-fn ended(at: PlateTime, state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
-    JobEnd { at, state, stop: None, reason, report_json, recording: RecordingStatus::None }
+fn ended(state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
+    JobEnd { state, reason, report_json, recording: RecordingStatus::None, progress: 0.0 }
 }
 
 /// Creates the job's own folder, named after it, before the job is claimed, so that no job is ever without one. An

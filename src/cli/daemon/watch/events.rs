@@ -2,15 +2,15 @@ use std::io::{self, BufRead, BufReader, Read};
 
 use serde_json::Value;
 
-/// Longest line of a stream that is read, bytes. The longest that a daemon sends is a snapshot with a report.
-const LONGEST_LINE: u64 = 8 << 20;
+/// Longest line of a stream that is read, bytes. The longest that a daemon sends is a line of a journal.
+const LONGEST_LINE: u64 = 16 << 20;
 
 /// Server-sent event.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceivedEvent {
-    /// Sequence number, for events that are stored.
+    /// Offset in the journal from which the stream can be resumed.
     pub id: Option<u64>,
-    /// Name of the event.
+    /// Name of the event; `message` for a line of the journal.
     pub kind: String,
     /// Payload; null if it is not JSON.
     pub data: Value,
@@ -28,7 +28,7 @@ impl<R: Read> EventCounts<R> {
 
     /// The next event; `None` at the end of the stream. An event cut short by the end is dropped.
     pub fn next(&mut self) -> io::Result<Option<ReceivedEvent>> {
-        let (mut id, mut kind, mut data) = (None, String::new(), String::new());
+        let (mut id, mut kind, mut data) = (None, "message".to_owned(), String::new());
         while let Some(line) = self.line()? {
             let (field, value) = line.split_once(':').unwrap_or((&line, ""));
             let value = value.strip_prefix(' ').unwrap_or(value);

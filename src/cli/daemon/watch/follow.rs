@@ -3,8 +3,8 @@ use std::thread;
 use std::time::Duration;
 
 use super::events::{EventCounts, ReceivedEvent};
+use super::job_display::job_of;
 use crate::cli::daemon::client::{Client, ClientRefusal};
-use upm_server::api::JOB_OVER;
 
 /// Rest before the first attempt to reconnect, and the longest rest between two.
 const FIRST_REST: Duration = Duration::from_millis(250);
@@ -27,7 +27,7 @@ pub(super) enum StreamItem {
 pub(super) struct StreamFollower {
     client: Client,
     path: String,
-    /// Last stored event received; reconnecting asks for those after it.
+    /// Last id received; reconnecting asks for the journal from there on.
     last: Option<u64>,
     stream: Option<EventCounts<Box<dyn Read + Send>>>,
     has_ended: bool,
@@ -39,7 +39,7 @@ pub(super) struct StreamFollower {
 }
 
 impl StreamFollower {
-    /// Follower of the events at `path` after `after`.
+    /// Follower of the events at `path` from byte `after` of the journal on; `None` for its end.
     pub fn new(client: Client, path: String, after: Option<u64>) -> Self {
         let (stream, rests) = (None, None);
         let (first_rest, longest_rest) = (FIRST_REST, LONGEST_REST);
@@ -97,12 +97,12 @@ impl StreamFollower {
 
     fn take(&mut self, event: ReceivedEvent) -> ReceivedEvent {
         self.last = event.id.or(self.last);
-        // a snapshot proves a connection, not that there are new events: a daemon that ends every stream after it must
-        // not be asked again at once
-        if event.kind != "snapshot" && event.kind != "bye" {
-            self.rests = Some(0);
+        match job_of(&event) {
+            Some(job) => self.has_ended |= job.state.is_final(),
+            // a job proves a connection, not that there are new lines: a daemon that ends every stream after it must not
+            // be asked again at once
+            None => self.rests = Some(0),
         }
-        self.has_ended |= event.kind == "finished" || (event.kind == "bye" && event.data["code"] == JOB_OVER);
         event
     }
 }

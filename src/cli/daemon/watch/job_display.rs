@@ -1,16 +1,16 @@
 use std::io::{IsTerminal, stderr, stdout};
 
 use indicatif::ProgressBar;
-use serde_json::{Value, json};
+use serde::Deserialize;
+use serde_json::json;
 
 use super::events::ReceivedEvent;
 use crate::cli::args::Common;
 use crate::cli::daemon::client::on_one_line;
-use crate::cli::daemon::jobs::{headline, plate_line, print_job};
+use crate::cli::daemon::jobs::{headline, print_job};
 use crate::cli::output::Failure;
-use crate::cli::progress::{FULL, bar, behind};
-use upm_server::api::{Job, Plate};
-use upm_server::states::{JobState, PlateState};
+use crate::cli::progress::{FULL, bar};
+use upm_server::api::{JOB_EVENT, Job};
 
 /// Output format of a watched job.
 enum OutputFormat {
@@ -99,89 +99,68 @@ impl JobDisplay {
 
 /// Share done and current activity, for the bar.
 fn bar_of(event: &ReceivedEvent) -> Option<(f64, String)> {
-    let data = &event.data;
-    match event.kind.as_str() {
-        "look" | "cycle" => {
-            let behind = behind(number(data, "behind_s"));
-            let message = format!("plate {:6.1} s{behind}  {}", number(data, "at_s"), text(data, "phase"));
-            Some((number(data, "progress"), message))
-        }
-        "snapshot" => {
-            let JobSnapshot { job, plate } = JobSnapshot::of(data)?;
-            let waits = |plate: &Plate| match plate.state {
-                PlateState::Running => "waits: its plate has another job".to_owned(),
-                PlateState::Paused | PlateState::Stopped => format!("waits: {}", plate_line(plate)),
-                PlateState::Idle => "waits".to_owned(),
-            };
-            let queued = plate.as_ref().filter(|_| job.state == JobState::Queued);
-            let message = queued.map_or_else(|| job.state.code().to_owned(), waits);
-            Some((job.progress, message))
-        }
-        "state" => Some((0.0, text(data, "state"))),
-        _ => None,
+    if let Some(job) = job_of(event) {
+        return Some((job.progress, job.state.code().to_owned()));
     }
+    let Cycle { at_s, progress, phase, .. } = Cycle::of(event)?;
+    Some((progress, format!("plate {at_s:6.1} s  {}", on_one_line(&phase))))
 }
 
 /// Line that stays on the screen above the bar.
 pub(super) fn note_of(event: &ReceivedEvent) -> Option<String> {
-    let data = &event.data;
-    let at = format!("plate {:6.1} s", number(data, "at_s"));
-    match event.kind.as_str() {
-        "warning" => Some(format!("{at}  {}: {}", text(data, "level"), text(data, "text"))),
-        "recording" => {
-            let why = Some(text(data, "reason")).filter(|why| !why.is_empty()).map(|why| format!(": {why}"));
-            Some(format!("{at}  recording {}{}", text(data, "recording"), why.unwrap_or_default()))
-        }
-        "gap" => {
-            let [from, to] = ["from", "to"].map(|key| data.get(key).and_then(Value::as_u64).unwrap_or_default());
-            Some(format!("events {from} to {to} cannot be had any more"))
-        }
-        _ => None,
-    }
+    let Note { at_s, level, text } = Note::of(event)?;
+    (level != "info").then(|| on_one_line(&format!("plate {at_s:6.1} s  {level}: {text}")))
 }
 
 /// The event as one line of text.
 pub(super) fn line_of(event: &ReceivedEvent) -> Option<String> {
-    let data = &event.data;
-    let at = format!("plate {:6.1} s", number(data, "at_s"));
-    match event.kind.as_str() {
-        "snapshot" => {
-            let JobSnapshot { job, plate } = JobSnapshot::of(data)?;
-            let queued = plate.filter(|_| job.state == JobState::Queued);
-            let waits = queued.map(|plate| format!("\n{}", plate_line(&plate))).unwrap_or_default();
-            Some(format!("{}{waits}", headline(&job)))
-        }
-        "state" => Some(format!("{at}  {}", text(data, "state"))),
-        "cycle" => {
-            let [cycle, pulses] =
-                ["cycle", "pulses"].map(|key| data.get(key).and_then(Value::as_u64).unwrap_or_default());
-            let (percent, phase) = (100.0 * number(data, "progress"), text(data, "phase"));
-            let noun = if pulses == 1 { "pulse" } else { "pulses" };
-            let behind = behind(number(data, "behind_s"));
-            Some(format!("{at}{behind}  {percent:3.0} %  cycle {cycle}, {pulses} {noun}  {phase}"))
-        }
-        "finished" => Some(format!("{at}  {}: {}", text(data, "state"), text(data, "reason"))),
-        _ => note_of(event),
+    if let Some(job) = job_of(event) {
+        return Some(headline(&job));
+    }
+    let Some(Cycle { cycle, at_s, progress, phase, pulses }) = Cycle::of(event) else { return note_of(event) };
+    let noun = if pulses == 1 { "pulse" } else { "pulses" };
+    let percent = 100.0 * progress;
+    Some(on_one_line(&format!("plate {at_s:6.1} s  {percent:3.0} %  cycle {cycle}, {pulses} {noun}  {phase}")))
+}
+
+/// The job in an event that has one.
+pub(super) fn job_of(event: &ReceivedEvent) -> Option<Job> {
+    Some(event).filter(|event| event.kind == JOB_EVENT).and_then(|event| Job::deserialize(&event.data).ok())
+}
+
+/// A cycle of the journal, as far as it is shown.
+struct Cycle {
+    cycle: u64,
+    at_s: f64,
+    progress: f64,
+    phase: String,
+    pulses: usize,
+}
+
+impl Cycle {
+    fn of(event: &ReceivedEvent) -> Option<Self> {
+        let data = Some(&event.data).filter(|data| data["type"] == "cycle")?;
+        Some(Self {
+            cycle: data["cycle"].as_u64()?,
+            at_s: data["ended_at_s"].as_f64()?,
+            progress: data["wanted"]["progress"].as_f64()?,
+            phase: data["wanted"]["phase"].as_str()?.to_owned(),
+            pulses: data["plan"]["pulses"].as_array()?.len(),
+        })
     }
 }
 
-struct JobSnapshot {
-    job: Job,
-    /// `None` if the daemon no longer has a plate of that name.
-    plate: Option<Plate>,
+/// An event of the journal.
+#[derive(Deserialize)]
+struct Note {
+    at_s: f64,
+    level: String,
+    text: String,
 }
 
-impl JobSnapshot {
-    fn of(data: &Value) -> Option<Self> {
-        let plate = data.get("plate").and_then(|plate| serde_json::from_value(plate.clone()).ok());
-        Some(Self { job: serde_json::from_value(data.get("job")?.clone()).ok()?, plate })
+impl Note {
+    fn of(event: &ReceivedEvent) -> Option<Self> {
+        let data = Some(&event.data).filter(|data| data["type"] == "event")?;
+        Self::deserialize(data).ok()
     }
-}
-
-fn number(data: &Value, key: &str) -> f64 {
-    data.get(key).and_then(Value::as_f64).unwrap_or_default()
-}
-
-fn text(data: &Value, key: &str) -> String {
-    on_one_line(data.get(key).and_then(Value::as_str).unwrap_or_default())
 }

@@ -184,7 +184,6 @@ async fn refusals_become_their_problems() {
         (Refusal::Conflict("stopped".to_owned()), 409, ""),
         (Refusal::KeyReused, 422, ""),
         (Refusal::QueueFull { queued: 64, retry_after_s: 30 }, 429, "30"),
-        (Refusal::Crowded { retry_after_s: 2 }, 429, "2"),
         (Refusal::Busy { why: "checking others".to_owned(), retry_after_s: 1 }, 503, "1"),
         (Refusal::DiskFull("the disk is full".to_owned()), 507, ""),
         (Refusal::Broken("the store is damaged".to_owned()), 500, ""),

@@ -1,4 +1,6 @@
 use crate::states::{JobState, PlateState, RecordingStatus};
+use std::fs::File;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -23,9 +25,10 @@ pub(super) const HOLD: &str =
 pub(super) struct FakeBackend {
     pub refusal: Mutex<Option<Refusal>>,
     pub asked: Mutex<Vec<String>>,
-    pub senders: Mutex<Vec<EventSender>>,
-    pub stream_start: Mutex<Option<StreamStart>>,
-    pub ready: Mutex<ReplayPage>,
+    /// State of the job; completed without one.
+    pub state: Mutex<Option<JobState>>,
+    /// File of the job's journal.
+    pub journal: Mutex<Option<PathBuf>>,
     pub recording: Mutex<Vec<u8>>,
     pub failures: Mutex<Vec<Reason>>,
     /// True when the store never answers.
@@ -104,7 +107,8 @@ impl Backend for FakeBackend {
     }
 
     fn job(&self, id: &str) -> Pending<Job> {
-        self.reply(format!("job {id}"), id == JOB, job())
+        let state = self.state.lock().unwrap().unwrap_or(JobState::Completed);
+        self.reply(format!("job {id}"), id == JOB, Job { state, ..job() })
     }
 
     fn jobs(&self, query: JobsQuery) -> Pending<JobsPage> {
@@ -170,18 +174,9 @@ impl Backend for FakeBackend {
         "# EOF\n".to_owned()
     }
 
-    fn watch(&self, id: &str, sender: EventSender) -> Pending<StreamStart> {
-        self.senders.lock().unwrap().push(sender);
-        let over = || StreamStart { snapshot: "{}".to_owned(), newest: 0, is_over: true };
-        let stream_start = self.stream_start.lock().unwrap().clone().unwrap_or_else(over);
-        self.reply(format!("watch {id}"), id == JOB, stream_start)
-    }
-
-    fn replay(&self, _: &str, after: u64, most: usize) -> Pending<ReplayPage> {
-        let mut replayed = self.ready.lock().unwrap().clone();
-        replayed.events.retain(|event| event.seq.is_some_and(|seq| seq > after));
-        replayed.events.truncate(most);
-        self.reply(format!("replay {after}"), true, replayed)
+    fn journal(&self, id: &str) -> Pending<Option<File>> {
+        let file = self.journal.lock().unwrap().as_ref().and_then(|path| File::open(path).ok());
+        self.reply(format!("journal {id}"), id == JOB, file)
     }
 
     fn frame(&self, id: &str) -> Pending<CameraPicture> {

@@ -1,41 +1,27 @@
+use std::fs::{self, OpenOptions};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::path::Path;
 use std::time::Duration;
 
 use axum::body::Body;
 use http_body_util::BodyExt;
+use serde_json::json;
 
-use super::fake::JOB;
+use super::fake::{JOB, job};
 use super::{TestApi, request};
-use crate::api::{EVENT_STREAMS, Refusal, ReplayPage, StreamEvent, StreamStart};
+use crate::api::{EVENT_STREAMS, Job, Refusal};
 use crate::http::{ShutdownReport, serve};
+use crate::states::JobState;
 
-const HEAD: &str = "retry: 1000\n\nevent: snapshot\ndata: {\"x\":1}\n\n";
-
-/// Start of a stream for a client without a last event id: it carries an id to reconnect with.
-fn head_at(id: u64) -> String {
-    HEAD.replace("event: snapshot", &format!("id: {id}\nevent: snapshot"))
-}
-
-fn cycle(seq: u64) -> StreamEvent {
-    StreamEvent::new(Some(seq), "cycle", "{}")
-}
-
-fn text_of(seqs: impl IntoIterator<Item = u64>) -> String {
-    seqs.into_iter().map(|seq| format!("id: {seq}\nevent: cycle\ndata: {{}}\n\n")).collect()
-}
-
-/// A backend whose job has `newest` as its newest event, with events stored from `oldest` on.
-fn asked(oldest: u64, newest: u64, is_over: bool) -> TestApi {
+/// A backend whose job is in this state and has this journal.
+fn with_journal(folder: &Path, state: JobState, text: &str) -> TestApi {
+    let path = folder.join("journal.jsonl");
+    fs::write(&path, text).unwrap();
     let asked = TestApi::new();
-    stand(&asked, oldest, newest, is_over);
+    *asked.backend.state.lock().unwrap() = Some(state);
+    *asked.backend.journal.lock().unwrap() = Some(path);
     asked
-}
-
-fn stand(asked: &TestApi, oldest: u64, newest: u64, is_over: bool) {
-    *asked.backend.stream_start.lock().unwrap() =
-        Some(StreamStart { snapshot: "{\"x\":1}".to_owned(), newest, is_over });
-    *asked.backend.ready.lock().unwrap() = ReplayPage { oldest, events: (oldest..=newest).map(cycle).collect() };
 }
 
 async fn watch(asked: &TestApi, after: &str) -> Body {
@@ -50,122 +36,121 @@ async fn all(body: Body) -> String {
     String::from_utf8(body.collect().await.unwrap().to_bytes().to_vec()).unwrap()
 }
 
-/// The next part of the stream, heartbeats skipped.
+/// The next event of the stream, heartbeats skipped; empty at its end.
 async fn next(body: &mut Body) -> String {
     loop {
         let Some(frame) = body.frame().await else { return String::new() };
         let text = String::from_utf8(frame.unwrap().into_data().unwrap().to_vec()).unwrap();
-        if text != ": hb\n\n" {
+        if !text.starts_with(':') {
             return text;
         }
     }
 }
 
-const OVER: &str = "event: bye\ndata: {\"code\":\"job_over\",\"why\":\"the job is over\"}\n\n";
+fn job_event(state: JobState, id: Option<u64>) -> String {
+    let id = id.map(|id| format!("id: {id}\n")).unwrap_or_default();
+    format!("event: job\ndata: {}\n{id}\n", json!(Job { state, ..job() }))
+}
 
-#[tokio::test]
-async fn a_stream_resumes_after_any_event() {
-    let asked = asked(1, 1203, true);
-    for after in [0, 1, 499, 500, 501, 1202, 1203] {
-        let text = all(watch(&asked, &after.to_string()).await).await;
-        assert_eq!(text, format!("{HEAD}{}{OVER}", text_of(after + 1..=1203)), "{after}");
-    }
-    let (head, end) = (head_at(1202), text_of([1203]));
-    assert_eq!(all(watch(&asked, "").await).await, format!("{head}{end}{OVER}"), "the end itself");
+fn line(id: u64, text: &str) -> String {
+    format!("id: {id}\ndata: {text}\n\n")
+}
+
+/// Text with the members of every JSON object in one order.
+fn sorted(text: &str) -> Vec<String> {
+    let line = |line: &str| match line.strip_prefix("data: ") {
+        Some(data) => serde_json::from_str::<serde_json::Value>(data).unwrap().to_string(),
+        None => line.to_owned(),
+    };
+    let mut events: Vec<Vec<String>> = text.split("\n\n").map(|event| event.lines().map(line).collect()).collect();
+    events.iter_mut().for_each(|event: &mut Vec<String>| event.sort());
+    events.into_iter().map(|event| event.join("\n")).collect()
 }
 
 #[tokio::test]
-async fn pruned_events_are_reported_as_a_gap() {
-    let old = asked(100, 102, true);
-    let gap = "event: gap\ndata: {\"from\":6,\"to\":99}\n\n";
-    assert_eq!(all(watch(&old, "5").await).await, format!("{HEAD}{gap}{}{OVER}", text_of(100..=102)));
-    let gap = "event: gap\ndata: {\"from\":103,\"to\":200}\n\n";
-    assert_eq!(all(watch(&old, "200").await).await, format!("{HEAD}{gap}{OVER}"));
-    stand(&old, 103, 102, true);
-    let gap = "event: gap\ndata: {\"from\":6,\"to\":102}\n\n";
-    assert_eq!(all(watch(&old, "5").await).await, format!("{HEAD}{gap}{OVER}"));
-}
-
-#[tokio::test]
-async fn live_events_come_once_and_end_with_the_job() {
-    let asked = asked(1, 3, false);
-    let mut body = watch(&asked, "1").await;
-    let sender = asked.backend.senders.lock().unwrap().pop().unwrap();
-    for event in [
-        cycle(3),
-        cycle(4),
-        StreamEvent::new(None, "look", "{}"),
-        cycle(5),
-        StreamEvent::new(Some(6), "finished", "{}"),
+async fn stream_of_an_ended_job_resumes_at_any_line_and_ends_with_the_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Completed, "{\"a\":1}\n{\"b\":22}\n{\"cut");
+    let (first, second, end) = (line(8, "{\"a\":1}"), line(17, "{\"b\":22}"), job_event(JobState::Completed, None));
+    for (after, wanted) in [
+        ("0", format!("{first}{second}{end}")),
+        ("8", format!("{second}{end}")),
+        ("17", end.clone()),
+        ("9", format!("{first}{second}{end}")),
+        ("999", format!("{first}{second}{end}")),
+        ("", end.clone()),
     ] {
-        assert!(sender.offer(&event));
+        assert_eq!(sorted(&all(watch(&asked, after).await).await), sorted(&wanted), "{after}");
     }
-    assert_eq!(next(&mut body).await, HEAD);
-    assert_eq!(next(&mut body).await, text_of(2..=3));
-    assert_eq!(next(&mut body).await, text_of([4]));
-    assert_eq!(next(&mut body).await, "event: look\ndata: {}\n\n");
-    assert_eq!(next(&mut body).await, text_of([5]));
-    assert_eq!(next(&mut body).await, "id: 6\nevent: finished\ndata: {}\n\n");
-    assert_eq!(next(&mut body).await, OVER);
+    *asked.backend.journal.lock().unwrap() = None;
+    assert_eq!(sorted(&all(watch(&asked, "0").await).await), sorted(&end), "the run folder is gone");
+}
+
+#[tokio::test]
+async fn stream_follows_a_job_from_the_queue_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Queued, "");
+    let mut body = watch(&asked, "").await;
+    assert_eq!(sorted(&next(&mut body).await), sorted(&job_event(JobState::Queued, Some(0))));
+    let append = |text: &str| {
+        let mut file = OpenOptions::new().append(true).open(folder.path().join("journal.jsonl")).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+    };
+    append("{\"a\":1}\n{\"b\"");
+    *asked.backend.state.lock().unwrap() = Some(JobState::Running);
+    assert_eq!(sorted(&next(&mut body).await), sorted(&job_event(JobState::Running, None)));
+    assert_eq!(sorted(&next(&mut body).await), sorted(&line(8, "{\"a\":1}")));
+    let mut late = watch(&asked, "").await;
+    assert_eq!(sorted(&next(&mut late).await), sorted(&job_event(JobState::Running, Some(8))), "from now on");
+    append(":2}\n");
+    for body in [&mut body, &mut late] {
+        assert_eq!(sorted(&next(body).await), sorted(&line(16, "{\"b\":2}")), "whole lines alone");
+    }
+    append("{\"c\":3}\n");
+    *asked.backend.state.lock().unwrap() = Some(JobState::Cancelled);
+    assert_eq!(sorted(&next(&mut body).await), sorted(&line(24, "{\"c\":3}")), "every line before the end");
+    assert_eq!(sorted(&next(&mut body).await), sorted(&job_event(JobState::Cancelled, None)));
     assert_eq!(next(&mut body).await, "");
-    assert!(sender.is_closed());
 }
 
 #[tokio::test]
-async fn slow_client_gets_the_gap_and_a_new_snapshot() {
-    let asked = asked(1, 0, false);
-    let mut body = watch(&asked, "").await;
-    assert_eq!(next(&mut body).await, head_at(0));
-    let slow = asked.backend.senders.lock().unwrap().pop().unwrap();
-    (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
-    stand(&asked, 1, 1000, false);
-    let head = head_at(1000);
-    assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{head}"));
-    assert!(slow.is_closed(), "the old queue is given back");
-    let sender = asked.backend.senders.lock().unwrap().pop().unwrap();
-    assert!(sender.offer(&cycle(1001)));
-    assert_eq!(next(&mut body).await, text_of([1001]));
+async fn long_journal_is_sent_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let text: String = (0..200_000).map(|number| format!("{{\"n\":{number}}}\n")).collect();
+    let asked = with_journal(folder.path(), JobState::Completed, &text);
+    let seen = all(watch(&asked, "0").await).await;
+    assert_eq!(seen.matches("\"n\":").count(), 200_000);
+    assert!(seen.contains(&format!("id: {}\n", text.len())));
 }
 
 #[tokio::test]
-async fn slow_client_gets_the_end_that_it_missed() {
-    let asked = asked(1, 0, false);
-    let mut body = watch(&asked, "").await;
-    assert_eq!(next(&mut body).await, head_at(0));
-    let slow = asked.backend.senders.lock().unwrap().pop().unwrap();
-    (1..=1000).for_each(|seq| assert!(slow.offer(&cycle(seq))));
-    stand(&asked, 1, 1001, true);
-    let head = head_at(1000);
-    assert_eq!(next(&mut body).await, format!("event: gap\ndata: {{\"from\":1,\"to\":1000}}\n\n{head}"));
-    assert_eq!(next(&mut body).await, text_of([1001]), "what is not in the gap comes");
-    assert_eq!(next(&mut body).await, OVER);
-}
-
-#[tokio::test]
-async fn unanswering_store_ends_the_stream_without_a_gap() {
-    let asked = asked(1, 3, true);
-    let body = watch(&asked, "1").await;
+async fn unanswering_store_ends_the_stream_and_it_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Running, "{\"a\":1}\n");
+    let mut body = watch(&asked, "0").await;
+    next(&mut body).await;
+    assert_eq!(sorted(&next(&mut body).await), sorted(&line(8, "{\"a\":1}")));
     asked.backend.refuse(Refusal::Busy { why: "the job store is busy".to_owned(), retry_after_s: 1 });
-    let bye = "event: bye\ndata: {\"code\":\"store_silent\",\"why\":\"the job store does not answer now\"}\n\n";
-    assert_eq!(all(body).await, format!("{HEAD}{bye}"));
-    assert_eq!(all(watch(&asked, "1").await).await, format!("{HEAD}{}{OVER}", text_of(2..=3)), "it can be had later");
+    assert_eq!(next(&mut body).await, "");
+    assert_eq!(sorted(&next(&mut watch(&asked, "8").await).await), sorted(&job_event(JobState::Running, Some(8))));
 }
 
 #[tokio::test]
-async fn a_quiet_stream_shows_that_it_is_alive_and_ends_with_the_daemon() {
-    let asked = asked(1, 0, false);
+async fn quiet_stream_shows_that_it_is_alive() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Running, "");
     let mut body = watch(&asked, "").await;
-    assert_eq!(next(&mut body).await, head_at(0));
+    next(&mut body).await;
     let heartbeat = body.frame().await.unwrap().unwrap().into_data().unwrap();
-    assert_eq!(heartbeat, ": hb\n\n");
+    assert!(heartbeat.starts_with(b":"), "{heartbeat:?}");
     asked.stop.cancel();
-    assert_eq!(next(&mut body).await, "event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}\n\n");
     assert_eq!(next(&mut body).await, "");
 }
 
 #[tokio::test]
 async fn streams_are_counted() {
-    let asked = asked(1, 0, false);
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Running, "");
     let mut held = Vec::new();
     for _ in 0..EVENT_STREAMS {
         held.push(watch(&asked, "").await);
@@ -179,9 +164,9 @@ async fn streams_are_counted() {
 }
 
 #[test]
-fn fifty_clients_get_a_bye_at_shutdown() {
-    let asked = TestApi::new();
-    stand(&asked, 1, 0, false);
+fn fifty_streams_end_at_shutdown() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = with_journal(folder.path(), JobState::Running, "");
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let (app, stop) = (asked.app.clone(), asked.stop.clone());
@@ -199,7 +184,7 @@ fn fifty_clients_get_a_bye_at_shutdown() {
     for client in &mut clients {
         let mut rest = String::new();
         client.read_to_string(&mut rest).unwrap();
-        assert!(rest.contains("event: bye\ndata: {\"code\":\"daemon_ends\",\"why\":\"the daemon ends\"}"), "{rest}");
+        assert!(rest.ends_with("0\r\n\r\n"), "{rest}");
     }
     drop(clients);
     assert_eq!(server.join().unwrap(), ShutdownReport { dropped: 0 });

@@ -2,150 +2,202 @@ use std::fs;
 
 use super::*;
 
-/// A store killed now and opened again: everything it had answered is on the disk.
-pub(super) fn killed(data: &Path) -> (tempfile::TempDir, OpenOutcome) {
-    let copy = snapshot(data);
-    let opened = open(copy.path(), limits());
-    (copy, opened)
-}
-
 #[test]
-fn nothing_that_was_answered_is_lost() {
+fn nothing_that_was_answered_is_lost_and_nothing_runs_twice() {
     let (folder, store) = new_store(limits());
-    let running = begin(&store, "one", "a").row.id;
+    let running = begin(&store, "one", "a").id;
     let waiting = queue(&store, "two", "a").id;
-    assert_eq!(append(&store, running, "{}"), Ok(1));
     fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
     let (_copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
-    assert_eq!((recovery.clean, recovery.damage, recovery.moved_aside), (false, None, None));
-    assert_eq!((recovery.interrupted, recovery.ended), (vec![running], vec![]));
-    assert_eq!(recovery.paused, plates());
+    assert_eq!((recovery.clean, recovery.interrupted, recovery.ended), (false, vec![running], vec![]));
+    assert_eq!((recovery.paused, recovery.known), (plates(), plates()));
     let row = job(&again, running);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Interrupted, "the daemon ended while it ran"));
     assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingStatus::None));
     assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
-    assert_eq!(job(&again, waiting).state, JobState::Queued);
-    let events = ask(|done| again.replay(&running, 1, 9, done)).unwrap().unwrap().events;
-    assert_eq!(events.iter().map(|event| (event.seq, event.kind.as_str())).collect::<Vec<_>>(), [(2, FINISHED)]);
-    assert!(events[0].body.contains(r#""state":"interrupted""#), "{events:?}");
-    assert_eq!(append(&again, running, "{}"), Ok(3));
-    // the queued job runs on demand, the other never again
-    assert_eq!(again.claim("a", &super::folder(&again)).unwrap().unwrap().row.id, waiting);
-    assert_eq!(again.claim("a", &super::folder(&again)), Ok(None));
+    assert_eq!(claim(&again, "a").unwrap().row.id, waiting);
+    assert_eq!(claim(&again, "a"), None);
 }
 
 #[test]
-fn a_store_dropped_or_forgotten_was_not_closed_in_order() {
+fn store_killed_after_any_write_opens_with_that_write() {
     let (folder, store) = new_store(limits());
-    queue(&store, "one", "b");
-    drop(store);
-    let OpenOutcome { store, recovery } = open(folder.path(), limits());
-    assert_eq!((recovery.clean, recovery.paused, recovery.damage), (false, plates(), None));
-    std::mem::forget(store);
-    let (_copy, opened) = killed(folder.path());
-    assert_eq!((opened.recovery.clean, all_jobs(&opened.store).len()), (false, 1));
+    let states =
+        |data: &Path| -> Vec<JobState> { killed(data).1.store.all_jobs().iter().map(|row| row.state).collect() };
+    assert_eq!(states(folder.path()), []);
+    let id = queue(&store, "one", "a").id;
+    assert_eq!(states(folder.path()), [JobState::Queued]);
+    claim(&store, "a").unwrap();
+    assert_eq!(states(folder.path()), [JobState::Interrupted]);
+    store.finish(&id, &end(JobState::Completed)).unwrap();
+    assert_eq!(states(folder.path()), [JobState::Completed]);
+    fs::remove_file(folder.path().join("upm.db-shm")).unwrap();
+    assert_eq!(states(folder.path()), [JobState::Completed], "the index of the log is made anew");
 }
 
 #[test]
-fn after_an_orderly_end_only_plates_with_work_are_paused() {
+fn store_cut_off_while_it_is_made_is_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("upm.db"), "").unwrap();
+    queue(&open(folder.path(), limits()).store, "one", "a");
+}
+
+#[test]
+fn after_an_orderly_end_only_plates_with_work_or_a_pause_are_paused() {
     let (folder, store) = new_store(limits());
     queue(&store, "one", "b");
     assert!(store.close(TIMEOUT));
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
-    set_paused(&store, "b", false);
-    let id = store.claim("b", &super::folder(&store)).unwrap().unwrap().row.id;
-    store.finish(&id, end(JobState::Completed)).unwrap();
+    let pause = |store: &Store, act| store.audit(&AuditEntry::of_plate("b", act, "why")).unwrap();
+    pause(&store, AuditEntry::RESUME);
+    let id = claim(&store, "b").unwrap().row.id;
+    store.finish(&id, &end(JobState::Completed)).unwrap();
     assert!(store.close(TIMEOUT));
-    let OpenOutcome { recovery, .. } = open(folder.path(), limits());
+    let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
-}
-
-#[test]
-fn a_job_left_on_its_plate_at_an_orderly_end_pauses_all() {
-    let (folder, store) = new_store(limits());
-    let id = begin(&store, "one", "a").row.id;
+    pause(&store, AuditEntry::PAUSE);
     assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(folder.path(), limits());
-    assert_eq!((recovery.clean, recovery.paused), (false, plates()));
-    assert_eq!(recovery.interrupted, [id]);
+    assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
+    assert_eq!(recovery.paused_after.iter().map(|row| row.id).collect::<Vec<_>>(), [id]);
 }
 
 #[test]
-fn a_run_that_the_daemon_ended_is_interrupted_and_one_that_a_person_ended_cancelled() {
+fn job_left_on_its_plate_at_an_orderly_end_pauses_all() {
     let (folder, store) = new_store(limits());
-    let ends = [
-        ("daemon", "shutdown", JobState::Interrupted),
-        ("asked", "cancelled", JobState::Cancelled),
-        ("stopped", "estop", JobState::Cancelled),
-    ];
-    let ids = ends.map(|(name, code, _)| {
-        let id = begin(&store, name, "a").row.id;
-        let report = format!(r#"{{"outcome": "cancelled", "reason": "why", "stop": {{"code": "{code}"}}}}"#);
-        fs::write(store.runs().join(name).join("report.json"), report).unwrap();
-        id
-    });
-    let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
-    assert_eq!((recovery.interrupted, recovery.ended), (ids[..1].to_vec(), ids[1..].to_vec()));
-    for ((_, _, state), id) in ends.into_iter().zip(ids) {
-        let row = job(&store, id);
-        assert_eq!((row.state, row.reason.as_str(), row.report_json.is_some()), (state, "why", true));
-    }
+    let id = begin(&store, "one", "a").id;
+    assert!(store.close(TIMEOUT));
+    let OpenOutcome { recovery, .. } = open(folder.path(), limits());
+    assert_eq!((recovery.clean, recovery.paused, recovery.interrupted), (false, plates(), vec![id]));
 }
 
 #[test]
-fn a_run_that_had_ended_keeps_its_outcome() {
+fn run_that_had_ended_keeps_its_outcome_and_a_damaged_folder_harms_its_job_alone() {
     let (folder, store) = new_store(limits());
-    let reports = [
-        ("done", r#"{"outcome": "completed", "reason": "all there"}"#, JobState::Completed, "all there"),
-        ("lost", r#"{"outcome": "failed", "reason": "a part was lost"}"#, JobState::Failed, "a part was lost"),
-        ("cut", r#"{"outcome": "comp"#, JobState::Interrupted, "the daemon ended while it ran"),
-        ("odd", r#"{"outcome": "running"}"#, JobState::Interrupted, "the daemon ended while it ran"),
+    let stopped = |code: &str| format!(r#"{{"outcome": "cancelled", "reason": "why", "stop": {{"code": "{code}"}}}}"#);
+    let runs = [
+        ("done", r#"{"outcome": "completed", "reason": "all there"}"#.to_owned(), JobState::Completed, "all there"),
+        (
+            "lost",
+            r#"{"outcome": "failed", "reason": "a part was lost"}"#.to_owned(),
+            JobState::Failed,
+            "a part was lost",
+        ),
+        ("asked", stopped("cancelled"), JobState::Cancelled, "why"),
+        ("ended", stopped("shutdown"), JobState::Interrupted, "why"),
+        ("cut", r#"{"outcome": "comp"#.to_owned(), JobState::Interrupted, "the daemon ended while it ran"),
+        ("odd", r#"{"outcome": "running"}"#.to_owned(), JobState::Interrupted, "the daemon ended while it ran"),
     ];
-    let ids = reports.map(|(name, report, ..)| {
-        let id = begin(&store, name, "a").row.id;
+    let ids = runs.each_ref().map(|(name, report, ..)| {
+        let id = begin(&store, name, "a").id;
         fs::write(store.runs().join(name).join("report.json"), report).unwrap();
         id
     });
+    let gone = begin(&store, "gone", "a").id;
+    fs::remove_dir(store.runs().join("gone")).unwrap();
     let (_copy, OpenOutcome { store, recovery }) = killed(folder.path());
-    assert_eq!((recovery.ended, recovery.interrupted), (ids[..2].to_vec(), ids[2..].to_vec()));
-    for ((_, report, state, reason), id) in reports.into_iter().zip(ids) {
+    assert_eq!((recovery.ended.len(), recovery.interrupted.len()), (3, 4));
+    for ((name, _, state, reason), id) in runs.into_iter().zip(ids) {
         let row = job(&store, id);
-        assert_eq!((row.state, row.reason.as_str()), (state, reason));
-        assert_eq!(row.report_json.as_deref(), (state != JobState::Interrupted).then_some(report));
+        assert_eq!((row.state, row.reason.as_str()), (state, reason), "{name}");
         assert_eq!(row.progress, if state == JobState::Completed { 1.0 } else { 0.0 });
     }
+    assert_eq!(job(&store, gone).state, JobState::Interrupted);
 }
 
 #[test]
-fn folders_made_for_claims_that_never_were_go_when_they_are_empty() {
+#[cfg(target_os = "linux")]
+fn recording_is_as_its_report_says_and_fifos_do_not_block_the_start() {
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
     let (folder, store) = new_store(limits());
-    let id = queue(&store, "one", "a").id;
-    ["one", "other"].into_iter().for_each(|name| fs::create_dir(store.runs().join(name)).unwrap());
-    fs::write(store.runs().join("other/notes"), "a person's").unwrap();
-    let (copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
-    assert_eq!(recovery.orphans, [copy.path().join("runs/other")]);
-    assert!(!copy.path().join("runs/one").exists());
-    assert_eq!(job(&again, id).state, JobState::Queued);
+    let failed = r#"{"outcome": "completed", "recording": {"code": "recording_failed", "text": "it lags"}}"#;
+    let runs = [
+        ("failed", Some(failed), RecordingStatus::Failed),
+        ("whole", Some(r#"{"outcome": "completed"}"#), RecordingStatus::Whole),
+        ("cut", None, RecordingStatus::Partial),
+    ];
+    let ids = runs.map(|(name, report, _)| {
+        let (id, run) = (begin(&store, name, "a").id, store.runs().join(name));
+        fs::write(run.join("run.rrd"), "rerun").unwrap();
+        report.into_iter().for_each(|report| fs::write(run.join("report.json"), report).unwrap());
+        id
+    });
+    let fifo = begin(&store, "fifo", "a").id;
+    drop(store);
+    for file in ["journal.jsonl", "run.rrd", "report.json"] {
+        let path = folder.path().join("runs/fifo").join(file);
+        mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+    }
+    let store = open(folder.path(), limits()).store;
+    assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
+    assert_eq!(job(&store, fifo).recording, RecordingStatus::Partial);
 }
 
 #[test]
-fn a_data_folder_belongs_to_one_daemon() {
+fn data_folder_belongs_to_one_daemon_and_one_that_cannot_be_made_is_named() {
     let (folder, store) = new_store(limits());
     let refused = try_open(folder.path(), limits()).unwrap_err();
     assert!(refused.to_string().contains("belongs to another daemon that is running"), "{refused}");
-    queue(&store, "one", "a");
     assert!(store.close(TIMEOUT));
-    assert_eq!(all_jobs(&try_open(folder.path(), limits()).unwrap().store).len(), 1);
+    try_open(folder.path(), limits()).unwrap();
+    let refused = try_open(&folder.path().join("upm.db/data"), limits()).unwrap_err().to_string();
+    assert!(refused.contains("upm.db/data"), "{refused}");
 }
 
 #[test]
-fn a_data_folder_that_cannot_be_made_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("file");
-    fs::write(&file, "").unwrap();
-    let refused = try_open(&file.join("data"), limits()).unwrap_err().to_string();
-    assert!(refused.contains("file/data"), "{refused}");
+fn file_that_is_no_store_of_this_version_is_refused_and_left_untouched() {
+    let (folder, store) = new_store(limits());
+    queue(&store, "one", "a");
+    assert!(store.close(TIMEOUT));
+    let path = folder.path().join("upm.db");
+    let mut sound = fs::read(&path).unwrap();
+    let other = |at: usize, bytes: &[u8]| {
+        let mut text = sound.clone();
+        text[at..at + bytes.len()].copy_from_slice(bytes);
+        text
+    };
+    let files = [
+        (other(60, &[0, 0, 0, 9]), "expected a job store of version 2, found version 9: choose another data folder"),
+        (other(68, b"song"), "expected a job store of version 2, found another database: choose another data folder"),
+        (
+            b"notes of a person".to_vec(),
+            "expected a job store of version 2, found no database: choose another data folder",
+        ),
+    ];
+    for (text, wanted) in files {
+        fs::write(&path, &text).unwrap();
+        let refused = try_open(folder.path(), limits()).unwrap_err().to_string();
+        assert_eq!(refused, format!("{}: {wanted}", path.display()));
+        assert_eq!(fs::read(&path).unwrap(), text);
+    }
+    sound.iter_mut().skip(4096).for_each(|byte| *byte = 0x5a);
+    fs::write(&path, &sound).unwrap();
+    fs::remove_file(folder.path().join("upm.db-wal")).ok();
+    assert!(matches!(try_open(folder.path(), limits()), Err(StoreFault::Corrupt(_))));
+    assert_eq!(fs::read(&path).unwrap(), sound, "a damaged store stays as it is");
+}
+
+#[test]
+fn audit_log_is_append_only() {
+    let (_folder, store) = new_store(limits());
+    store.audit(&AuditEntry::of_plate("a", AuditEntry::PAUSE, "why")).unwrap();
+    for sql in ["DELETE FROM audit", "UPDATE audit SET act = ''"] {
+        assert!(store.read(|connection| connection.execute(sql, [])).is_err(), "{sql}");
+    }
+    assert_eq!(store.audit_log(), [("pause".to_owned(), String::new())]);
+}
+
+#[test]
+fn writes_survive_a_power_cut() {
+    assert!(rusqlite::version_number() >= 3_051_003, "without the fix for resets of the log: {}", rusqlite::version());
+    let (_folder, store) = new_store(limits());
+    let pragma = |name| store.read(|connection| connection.pragma_query_value(None, name, |row| row.get(0)));
+    assert_eq!(pragma("synchronous"), Ok(2));
+    let mode: String =
+        store.read(|connection| connection.pragma_query_value(None, "journal_mode", |row| row.get(0))).unwrap();
+    assert_eq!(mode, "wal");
 }
 
 #[test]
@@ -153,6 +205,8 @@ fn ids_rise_across_a_clock_set_back() {
     let (folder, store) = new_store(limits());
     let first = queue(&store, "one", "a").id;
     assert!(store.close(TIMEOUT));
-    let store = Store::open(folder.path(), &plates(), limits(), still(|| Timestamp::UNIX_EPOCH)).unwrap().store;
-    assert!(queue(&store, "two", "a").id > first);
+    let store = Store::open(folder.path(), &plates(), limits(), || Timestamp::UNIX_EPOCH).unwrap().store;
+    let row = queue(&store, "two", "a");
+    assert!(row.id > first);
+    claim(&store, "a").unwrap();
 }

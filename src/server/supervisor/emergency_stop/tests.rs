@@ -56,7 +56,6 @@ struct Model {
     state: StopState,
     /// Number of the newest stop or reset.
     change: u32,
-    kept: bool,
     /// State that the next start reads.
     on_disk: bool,
     attached: bool,
@@ -70,7 +69,7 @@ impl Model {
 
     fn stop(&mut self) -> bool {
         let changed = !self.is_latched();
-        (self.state, self.kept) = (StopState::Held, false);
+        self.state = StopState::Held;
         self.change += 1;
         changed
     }
@@ -99,26 +98,30 @@ impl Model {
         if stop.is_some() {
             return Err(ResetFault::StoppedAgain);
         }
-        (self.state, self.kept) = (StopState::Released, false);
+        (self.state, self.on_disk) = (StopState::Released, false);
         self.change += 1;
         Ok(())
     }
 }
 
+const LONG: Duration = Duration::from_secs(60);
 const REFUSED: ResetFault = ResetFault::NotPersisted(StoreFault::Full);
 
-fn stop_of(is_stopped: bool) -> EmergencyStop {
-    EmergencyStop::new(Latch::found(is_stopped), Interlock::default(), thread::current(), Arc::default())
+/// The emergency stop of a plate whose latch is in `folder`.
+fn stop_in(folder: &tempfile::TempDir) -> EmergencyStop {
+    let latch = Latch::open(folder.path(), "one", false).unwrap();
+    EmergencyStop::new(latch, Interlock::default(), Arc::default())
 }
 
 proptest! {
     #[test]
     fn every_step_follows_the_state_table(steps in prop::collection::vec(step(), 1..60)) {
-        let mut stop = stop_of(false);
+        let folder = tempfile::tempdir().unwrap();
+        let mut stop = stop_in(&folder);
         let mut attached: Option<InterlockGuard> = None;
         let mut tokens: Vec<(StopToken, u32)> = Vec::new();
         let mut model =
-            Model { state: StopState::Released, change: 0, kept: false, on_disk: false, attached: false, pauses: 0 };
+            Model { state: StopState::Released, change: 0, on_disk: false, attached: false, pauses: 0 };
         for step in steps {
             let pauses = model.pauses;
             match step {
@@ -157,20 +160,19 @@ proptest! {
                 }
                 ModelStep::Detach => (attached, model.attached) = (None, false),
                 ModelStep::Keep => {
-                    stop.latch.keep();
-                    (model.kept, model.on_disk) = (true, model.is_latched());
+                    prop_assert_eq!(stop.persist(), model.is_latched());
+                    model.on_disk = model.is_latched();
                 }
                 ModelStep::Restart => {
                     (attached, model.attached) = (None, false);
-                    stop = stop_of(model.on_disk);
+                    stop = stop_in(&folder);
                     tokens.clear();
                     model.state = if model.on_disk { StopState::Held } else { StopState::Released };
-                    (model.change, model.kept) = (0, false);
+                    model.change = 0;
                 }
             }
             prop_assert_eq!(stop.state(), model.state);
             prop_assert_eq!(stop.holds(), model.state != StopState::Released);
-            prop_assert_eq!(stop.wait_until_persisted(Duration::ZERO), model.is_latched() && model.kept);
             prop_assert_eq!(stop.cause().is_some(), stop.holds());
             prop_assert_eq!(stop.interlock().tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
         }
@@ -179,27 +181,21 @@ proptest! {
 }
 
 #[test]
-fn waits_end_when_motors_are_off_and_when_the_stop_is_persisted() {
-    let long = Duration::from_secs(60);
-    let stop = stop_of(false);
+fn wait_ends_when_the_motors_are_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let stop = stop_in(&folder);
     let _fitted = stop.interlock().attach(PlateTime::ZERO);
     stop.interlock().energize().unwrap();
-    let start = Barrier::new(3);
+    let start = Barrier::new(2);
     thread::scope(|scope| {
         let silent = scope.spawn(|| {
             start.wait();
-            stop.wait_until_motors_off(long)
-        });
-        let kept = scope.spawn(|| {
-            start.wait();
-            stop.wait_until_persisted(long)
+            stop.wait_until_motors_off(LONG)
         });
         stop.stop();
         start.wait();
         assert_eq!(stop.wait_until_motors_off(Duration::from_millis(1)), None, "it sounds");
-        assert!(!stop.wait_until_persisted(Duration::from_millis(1)));
         stop.interlock().motors_off(PlateTime::from_secs(0.001));
-        stop.latch.keep();
-        assert!(silent.join().unwrap().is_some() && kept.join().unwrap());
+        assert!(silent.join().unwrap().is_some());
     });
 }

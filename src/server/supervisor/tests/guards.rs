@@ -7,18 +7,16 @@ fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (s
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
     let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
     let [job, behind] = [&text, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
-    next(&events, "finished");
-    let report = serde_json::from_str(&test_plates.row(&job).report_json.unwrap()).unwrap();
+    let report = serde_json::from_str(&test_plates.ended(&job).report_json.unwrap()).unwrap();
     let pause = plate.paused();
     if pause.is_some() {
         assert_eq!(test_plates.row(&behind).state, JobState::Queued);
         assert!(plate.resume(caller("ann")));
     }
-    assert_eq!(next(&events, "finished")["state"], "completed");
+    assert_eq!(test_plates.ended(&behind).state, JobState::Completed);
     (report, pause)
 }
 
@@ -45,12 +43,11 @@ fn lost_part_pauses_the_plate_for_an_operator() {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let text = TWO_COINS
         .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
     let lost = test_plates.submit(plate, &text, Pace::Max);
-    assert_eq!(next(&events, "finished")["state"], "failed");
-    let reason = test_plates.row(&lost).reason;
+    let JobRow { state, reason, .. } = test_plates.ended(&lost);
+    assert_eq!(state, JobState::Failed);
     assert!(reason.contains("is lost, last seen at"), "{reason}");
     let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
@@ -93,13 +90,12 @@ fn end_by_a_guard_pauses_the_plate_for_an_operator() {
     }
     let plates = test_plates.open_by(wrong, None, |_| {});
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
         "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
         "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
     let [away, next_one] = [away, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
-    assert_eq!(next(&events, "finished")["state"], "failed");
-    let reason = test_plates.row(&away).reason;
+    let JobRow { state, reason, .. } = test_plates.ended(&away);
+    assert_eq!(state, JobState::Failed);
     assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
     let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
@@ -109,7 +105,7 @@ fn end_by_a_guard_pauses_the_plate_for_an_operator() {
     assert!(pause.cause.remedy_in_why && pause.why.ends_with(&pause.cause.remedy), "{pause:?}");
     assert_eq!(test_plates.row(&next_one).state, JobState::Queued);
     assert!(plate.resume(caller("ann")));
-    next(&events, "finished");
+    test_plates.ended(&next_one);
 }
 
 #[test]
@@ -117,24 +113,14 @@ fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
-    test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
-    next(&events, "look");
+    let id = test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
+    until_seen(plate, &id);
     let shown = || plate.snapshot().observation.conditions;
     assert_eq!(shown(), [], "all is well at first");
-    let began = next(&events, "warning");
-    let held = loop {
-        next(&events, "look");
-        if let [held] = &shown()[..] {
-            break held.clone();
-        }
-    };
+    let held = eventually("a condition", || shown().pop());
     assert_eq!(held.code, "camera_dark");
-    assert_eq!(began["text"], format!("{}; {}", held.reason, held.remedy));
-    assert!(next(&events, "warning")["text"].as_str().unwrap().starts_with("no longer"));
-    next(&events, "look");
-    next(&events, "look");
-    assert_eq!(shown(), [], "and again in the end");
+    assert!(!held.reason.is_empty() && !held.remedy.is_empty(), "{held:?}");
+    eventually_true("it ends", || shown().is_empty());
     plates.shutdown(LONG);
 }

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::states::StandingJob;
-use upm_fixtures::wait::eventually;
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
@@ -55,9 +54,18 @@ fn until(plate: &PlateHandle, state: StandingState) -> String {
     })
 }
 
+/// Waits until the standing job has planned a cycle; returns the job.
+fn cycling(plate: &PlateHandle) -> JobId {
+    eventually("the standing job runs", || {
+        let snapshot = plate.snapshot();
+        let runs = snapshot.standing?.state == StandingState::Running && !snapshot.observation.phase.is_empty();
+        snapshot.job.filter(|_| runs)
+    })
+}
+
 /// Name, state and standing flag of each job, oldest first.
 fn jobs(test_plates: &TestPlates) -> Vec<(String, JobState, bool)> {
-    test_plates.job_store.jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
+    test_plates.store.all_jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
 }
 
 #[test]
@@ -65,16 +73,12 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
-    next(&events, "cycle");
-    let snapshot = plate.snapshot();
-    assert_eq!((snapshot.state, standing(plate)), (PlateState::Running, (StandingState::Running, String::new())));
-    let first = snapshot.job.unwrap();
+    let first = cycling(plate);
+    assert_eq!((plate.snapshot().state, standing(plate).1), (PlateState::Running, String::new()));
 
     let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    let ends = [next(&events, "finished"), next(&events, "finished")];
-    assert_eq!([&ends[0]["state"], &ends[1]["state"]], ["completed", "completed"]);
-    next(&events, "cycle");
+    assert_eq!([&first, &queued].map(|id| test_plates.ended(id).state), [JobState::Completed; 2]);
+    cycling(plate);
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     let run = |state| ("standing".to_owned(), state, true);
     let two = ("two".to_owned(), JobState::Completed, false);
@@ -93,12 +97,12 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
 fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
     let test_plates = test_plates(setup(r#"{ "type": "hold" }"#, 0.5));
     let plates = ShutDownPlates(test_plates.open(None));
-    let events = listen(plates.get("one").unwrap());
-    for _ in 0..2 {
-        let end = next(&events, "finished");
-        assert_eq!((&end["state"], &end["reason"]), (&"completed".into(), &"plate time limit of 0.5 s reached".into()));
-    }
-    assert!(test_plates.job_store.jobs().len() >= 2);
+    let ended = || test_plates.store.all_jobs().into_iter().filter(|row| row.state.is_final()).collect::<Vec<_>>();
+    eventually_true("it ends twice", || ended().len() >= 2);
+    let first = ended().remove(0);
+    let reason = "plate time limit of 0.5 s reached";
+    assert_eq!((first.state, first.reason.as_str()), (JobState::Completed, reason));
+    drop(plates);
 }
 
 #[test]
@@ -107,15 +111,14 @@ fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
     let test_plates = test_plates(StandingSetup { paused, ..endless() });
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
-    test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&events, "finished")["state"], "completed");
+    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
     assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
     assert_eq!(jobs(&test_plates).len(), 1);
     assert!(plate.resume(caller("ann")));
-    next(&events, "cycle");
+    cycling(plate);
     assert_eq!(standing(plate), (StandingState::Running, String::new()));
-    assert_eq!(test_plates.job_store.audit_log().last().map(|entry| entry.act.clone()), Some("resume".to_owned()));
+    assert_eq!(test_plates.acts(), ["resume"]);
 }
 
 #[test]
@@ -123,17 +126,16 @@ fn cancelled_standing_job_waits_for_an_operator() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
-    next(&events, "cycle");
-    assert!(plate.cancel(&plate.snapshot().job.unwrap()));
-    assert_eq!(next(&events, "finished")["state"], "cancelled");
+    let first = cycling(plate);
+    assert!(plate.cancel(&first));
+    assert_eq!(test_plates.ended(&first).state, JobState::Cancelled);
     assert_eq!(until(plate, StandingState::Paused), "its last run was cancelled by request");
     assert_eq!((plate.snapshot().state, plate.paused()), (PlateState::Idle, None), "the plate itself takes jobs");
-    test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&events, "finished")["state"], "completed");
+    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
     assert_eq!(jobs(&test_plates).len(), 2);
     plate.resume(caller("ann"));
-    next(&events, "cycle");
+    cycling(plate);
 }
 
 #[test]
@@ -141,15 +143,14 @@ fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
-    next(&events, "cycle");
+    let first = cycling(plate);
     assert!(plate.estop());
-    assert_eq!(next(&events, "finished")["reason"], "emergency stop");
+    assert_eq!(test_plates.ended(&first).reason, "emergency stop");
     eventually_true("a reset", || reset(plate, "bob") != Err(ResetFault::StillStopping));
     assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
     assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
     plate.resume(caller("bob"));
-    next(&events, "cycle");
+    cycling(plate);
     assert_eq!(jobs(&test_plates).len(), 2);
 }
 
@@ -170,13 +171,12 @@ fn standing_job_with_an_end_that_gives_way_is_cancelled() {
     let test_plates = test_plates(setup(r#"{ "type": "plus_sign", "laps": 50 }"#, 6000.0));
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
-    next(&events, "cycle");
-    test_plates.submit(plate, TWO_COINS, Pace::Max);
-    let end = next(&events, "finished");
-    assert_eq!((&end["state"], &end["reason"]), (&"cancelled".into(), &"gave way to another job".into()));
-    assert_eq!(next(&events, "finished")["state"], "completed");
-    next(&events, "cycle");
+    let first = cycling(plate);
+    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    let ended = test_plates.ended(&first);
+    assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "gave way to another job"));
+    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
+    cycling(plate);
 }
 
 #[test]
@@ -184,10 +184,9 @@ fn standing_job_waits_while_the_disk_is_nearly_full() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
     let plate = plates.get("one").unwrap();
-    let events = listen(plate);
     // other jobs still run
-    test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(next(&events, "finished")["state"], "completed");
+    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
+    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
     eventually_true("the standing job waits for room", || {
         let (state, why) = standing(plate);
         assert_eq!(state, StandingState::Waiting);
