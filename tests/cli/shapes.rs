@@ -46,8 +46,8 @@ fn schema_of_a_job_lists_every_rule() {
     let schema: Value = serde_json::from_str(&schema).unwrap();
     let keys =
         |of: &str| -> Vec<String> { schema["$defs"][of]["properties"].as_object().unwrap().keys().cloned().collect() };
-    assert_eq!(keys("RawTargets"), ["circle", "grid", "line", "svg", "text"]);
-    let of_path = keys("RawPath");
+    assert_eq!(keys("TargetRule"), ["circle", "grid", "line", "svg", "text"]);
+    let of_path = keys("PathEntry");
     assert!(["circle", "lissajous", "svg", "waypoints_mm"].iter().all(|key| of_path.iter().any(|other| other == key)));
 }
 

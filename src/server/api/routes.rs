@@ -7,7 +7,7 @@ use super::{events, files, jobs, plates};
 use crate::http::{ProblemKind, Scope};
 use crate::states::JobState;
 use upm_core::job::Pace;
-use upm_runner::config::RawJob;
+use upm_runner::config::JobFile;
 
 /// Every operation of the API.
 pub(super) fn operations() -> Vec<Operation> {
@@ -24,7 +24,7 @@ fn job_operations() -> Vec<Operation> {
     vec![
         Operation {
             params: SUBMIT_PARAMS,
-            body: Some(schema_of::<RawJob>),
+            body: Some(schema_of::<JobFile>),
             problems: &[
                 ProblemKind::Conflict,
                 ProblemKind::Invalid,
@@ -34,7 +34,7 @@ fn job_operations() -> Vec<Operation> {
             ..post("submit", "/v1/jobs", "Queue a job", SUBMIT_ANSWERS, jobs::submit)
         },
         Operation {
-            body: Some(schema_of::<RawJob>),
+            body: Some(schema_of::<JobFile>),
             problems: &[ProblemKind::Invalid],
             ..post("check", "/v1/check", "Check a job without queueing it", CHECKED, jobs::check)
         },
