@@ -71,7 +71,7 @@ impl Library {
     /// # Errors
     /// The fault of [`text_of`], otherwise all faults of [`Self::from_json`].
     pub fn load(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        let text = text_of(path).map_err(|fault| vec![fault])?;
+        let text = text_of(path)?;
         Self::from_json(&text, &path.display().to_string())
     }
 }

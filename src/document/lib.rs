@@ -2,8 +2,8 @@
 //! reported with its file, its place, the expected and the found value.
 
 mod diagnostic;
-mod duplicates;
 mod file_kind;
+mod json_value;
 mod read;
 mod schema_check;
 mod schema_key;

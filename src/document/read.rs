@@ -1,30 +1,36 @@
+use std::any::TypeId;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path as FilePath;
+use std::sync::{Mutex, PoisonError};
 
 use schemars::{JsonSchema, schema_for};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Path, nearest};
-use super::{Document, duplicates, schema_check};
+use super::json_value::value_of;
+use super::{Document, schema_check};
 
 /// Largest file that is read, bytes: 1 MiB.
 pub const MOST_BYTES: u64 = 1 << 20;
 
-/// The JSON Schema (draft 2020-12) of `T`.
-pub fn schema_of<T: JsonSchema>() -> Value {
-    schema_for!(T).to_value()
+/// The JSON Schema (draft 2020-12) of `T`, made at the first call.
+pub fn schema_of<T: JsonSchema + 'static>() -> &'static Value {
+    static MADE: Mutex<BTreeMap<TypeId, &'static Value>> = Mutex::new(BTreeMap::new());
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    made.entry(TypeId::of::<T>()).or_insert_with(|| Box::leak(Box::new(schema_for!(T).to_value())))
 }
 
 /// The text of the file at `path`.
 ///
 /// # Errors
-/// The fault of a file that cannot be read, is larger than [`MOST_BYTES`] or is not UTF-8.
-pub fn text_of(path: &FilePath) -> Result<String, Diagnostic> {
+/// The only fault of a file that cannot be read, is larger than [`MOST_BYTES`] or is not UTF-8.
+pub fn text_of(path: &FilePath) -> Result<String, Vec<Diagnostic>> {
     let fault =
-        |found: String, allowed: &str| Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed);
-    let bytes = bytes_of(path).map_err(|error| unreadable(path, &error))?;
+        |found: String, allowed: &str| vec![Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed)];
+    let bytes = bytes_of(path).map_err(|error| vec![unreadable(path, &error)])?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
     }
@@ -78,14 +84,14 @@ fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// The faults of [`parse`]; where there are none, every fault that `build` reports.
-pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
+pub fn parse_and_build<T: DeserializeOwned + JsonSchema + 'static, Made>(
     text: &str,
     file: &str,
-    build: impl FnOnce(Raw, &mut Diagnostics) -> Option<Made>,
+    build: impl FnOnce(T, &mut Diagnostics) -> Option<Made>,
 ) -> Result<Made, Vec<Diagnostic>> {
-    let raw = parse(text, file)?;
+    let document = parse(text, file)?;
     let mut faults = Diagnostics::of(file);
-    let made = build(raw, &mut faults);
+    let made = build(document, &mut faults);
     faults.into_result(made)
 }
 
@@ -95,29 +101,19 @@ pub fn parse_and_build<Raw: DeserializeOwned + JsonSchema, Made>(
 /// # Errors
 /// Text that is not JSON and a document of another kind yield that single fault. Otherwise every key that is there
 /// twice and every fault against the schema; once there are none, the first fault that serde finds.
-pub fn parse<T: DeserializeOwned + JsonSchema>(text: &str, file: &str) -> Result<T, Vec<Diagnostic>> {
-    let mut faults = Diagnostics::of(file);
-    let value: Value = match serde_json::from_str(text) {
-        Ok(value) => value,
-        Err(error) => return Err(vec![Diagnostic::syntax(file, &error)]),
-    };
-    let schema = schema_of::<T>();
-    match Document::mistaken(&value, &schema) {
-        Some((wanted, found)) => {
-            faults.push(Path::root(), format!("{}, for `{}`", found.name(), found.command()), wanted.name());
-        }
-        None => {
-            duplicates::check(text, &mut faults);
-            schema_check::check(&value, &schema, &Path::root(), &mut faults);
-        }
+pub fn parse<T: DeserializeOwned + JsonSchema + 'static>(text: &str, file: &str) -> Result<T, Vec<Diagnostic>> {
+    let (mut faults, schema) = (Diagnostics::of(file), schema_of::<T>());
+    let value = value_of(text, &mut faults).map_err(|error| vec![Diagnostic::syntax(file, &error)])?;
+    if let Some((wanted, found)) = Document::mistaken(&value, schema) {
+        let found = format!("{}, for `{}`", found.name(), found.command());
+        return Err(vec![Diagnostic::new(file, Path::root(), found, wanted.name())]);
     }
+    schema_check::check(&value, schema, &Path::root(), &mut faults);
     if !faults.is_empty() {
         return Err(faults.into_list());
     }
-    let made = serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text));
-    made.map_err(|error| {
+    serde_path_to_error::deserialize(&value).map_err(|error| {
         let path = Some(error.path().to_string()).filter(|path| path != ".").unwrap_or("$".to_owned());
-        let found = error.inner().to_string();
-        vec![Diagnostic::new(file, path, found, "what `upm schema` prints")]
+        vec![Diagnostic::new(file, path, error.inner(), "what `upm schema` prints")]
     })
 }

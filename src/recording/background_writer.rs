@@ -334,13 +334,4 @@ mod tests {
             assert_eq!(disk.text(), "line one\n");
         }
     }
-
-    #[test]
-    fn full_disk_is_reported_at_finish_when_no_write_follows() {
-        let disk = RecordedDisk { room_bytes: Some(3), ..RecordedDisk::default() };
-        let mut writer =
-            BackgroundWriter::start(disk, OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default()).unwrap();
-        writer.write_all(b"line\n").unwrap();
-        assert_eq!(writer.finish().unwrap_err().kind(), ErrorKind::StorageFull);
-    }
 }

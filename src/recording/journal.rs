@@ -203,23 +203,6 @@ mod tests {
     }
 
     #[test]
-    fn every_line_is_json_with_a_type() {
-        let text = written(|journal| {
-            let mut run = synthetic_run::SyntheticRun::new(1);
-            run.localise(journal);
-            run.cycle(journal);
-            let at = PlateTime::from_secs(2.5);
-            journal.confirmed(&ConfirmedFacts { at, corner_px: 0.1, part_m: 2e-5, parts_m: &[Vec2::new(0.01, 0.02)] });
-            run.pulses_without_an_end(journal);
-        });
-        let types: Vec<String> = text
-            .lines()
-            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["type"].as_str().unwrap().to_owned())
-            .collect();
-        assert_eq!(types, ["localised", "cycle", "confirmed", "unfinished_cycle"]);
-    }
-
-    #[test]
     fn full_disk_is_reported_at_the_end() {
         #[derive(Debug)]
         struct FullDisk(usize);

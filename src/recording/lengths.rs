@@ -39,7 +39,7 @@ impl Lengths {
 }
 
 /// The value rounded to four decimals: 0.1 µm for lengths in mm.
-pub(crate) fn rounded(value: f64) -> f64 {
+pub fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4 + 0.0
 }
 

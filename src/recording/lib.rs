@@ -26,6 +26,7 @@ pub use background_writer::{BackgroundWriter, SyncWrite};
 pub use fanout::Fanout;
 pub use handle::{RecordingHandle, RecordingState, report_recording_end};
 pub use journal::{Journal, journal_schema};
+pub use lengths::rounded;
 pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::MotionRecord;
@@ -36,5 +37,5 @@ pub use report::{
     Report, SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
-pub use run_stats::{Deadlines, EndFacts, PartEnd, RunStats};
+pub use run_stats::RunStats;
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

@@ -136,13 +136,6 @@ mod tests {
     }
 
     #[test]
-    fn pooling_keeps_the_peak_of_every_cell() {
-        let small = pooled(&plane(5, 3), [2, 2]);
-        assert_eq!((small.width, small.height), (3, 2));
-        assert_eq!(small.values, [6.0, 8.0, 9.0, 11.0, 13.0, 14.0]);
-    }
-
-    #[test]
     fn a_coarse_plane_covers_its_frame() {
         // 2 x 2 pixels per value; the last column and row of the frame are beyond them
         let over = laid_over(&plane(2, 1), [5, 3], 1);
@@ -168,13 +161,5 @@ mod tests {
         assert!((0..3).all(|c| half[c].abs_diff(heat(0.5)[c]) <= 1), "{half:?}");
         assert_eq!(map.picture.get_pixel(1, 1).0, heat(0.0));
         assert_eq!(vote_map(&HoughArray::default(), [4, 4]).picture.dimensions(), (0, 0));
-    }
-
-    #[test]
-    fn heat_runs_from_black_to_white() {
-        assert_eq!(heat(0.0), [0, 0, 4]);
-        assert_eq!(heat(0.5), [188, 55, 84]);
-        assert_eq!(heat(1.0), [252, 255, 164]);
-        assert_eq!(share(1.0, 0.0), 0.0);
     }
 }

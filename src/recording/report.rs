@@ -2,12 +2,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
+use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_document::schema_of;
 
 /// `report.json`. Lengths in mm, to 1e-4.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
     /// Name of the job.
     pub name: String,
@@ -94,7 +96,7 @@ pub struct Report {
 
 /// The JSON Schema (draft 2020-12) of `report.json`.
 pub fn report_schema() -> Value {
-    schema_of::<Report>()
+    schema_of::<Report>().clone()
 }
 
 /// Parts against their paths in every frame between the first and the last points of the paths, from truth where there
@@ -228,6 +230,21 @@ pub struct PartReport {
     pub true_mm: Option<[f64; 2]>,
     /// Distance to the target, from truth where there is one.
     pub error_mm: Option<f64>,
+}
+
+impl PartReport {
+    /// The part `id` of this kind: its last target, its last seen and its true position, m.
+    pub fn of(id: &str, kind: &str, target_m: Option<Vec2>, measured_m: Option<Vec2>, true_m: Option<Vec2>) -> Self {
+        let error_m = true_m.or(measured_m).zip(target_m).map(|(at_m, target_m)| (at_m - target_m).norm());
+        Self {
+            id: id.to_owned(),
+            kind: kind.to_owned(),
+            target_mm: target_m.map(point_mm),
+            measured_mm: measured_m.map(point_mm),
+            true_mm: true_m.map(point_mm),
+            error_mm: error_m.map(mm),
+        }
+    }
 }
 
 /// The cause that ended a run: a code for programs, a text for people.

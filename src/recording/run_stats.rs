@@ -1,16 +1,12 @@
-use std::time::Duration;
-
-use super::lengths::{Lengths, mm, point_mm, rounded};
+use super::lengths::{Lengths, rounded};
 use super::path_stats::PathStats;
-use super::report::{
-    CycleError, FaultReport, GuardReport, PartReport, PlannerReport, PredictionError, Report, StopReport,
-};
+use super::report::{CycleError, GuardReport, PredictionError, Report};
 use super::timings::Timings;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
+use upm_core::units::m_from_mm;
 use upm_task::Setpoints;
 
 /// Largest time difference between an observation and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
@@ -36,61 +32,6 @@ pub struct RunStats {
     timings: Timings,
 }
 
-/// Facts about the end of a run that a sink cannot know.
-#[derive(Clone, Debug, Default)]
-pub struct EndFacts {
-    /// Name of the job.
-    pub name: String,
-    /// Seed of all random numbers of the run.
-    pub seed: u64,
-    /// Its planner and the reason; `None` where that is unknown.
-    pub planner: Option<PlannerReport>,
-    /// Completed, failed or cancelled.
-    pub outcome: Outcome,
-    /// The reason, for people.
-    pub reason: String,
-    /// The cause that ended it; `None` where the outcome says it all.
-    pub cause: Option<StopCause>,
-    /// Plate time at the end.
-    pub plate_time: PlateTime,
-    /// Duration of the run by the computer's clock, s.
-    pub wall_time_s: f64,
-    /// Missed deadlines; `None` where plate time did not keep to the clock.
-    pub deadlines: Option<Deadlines>,
-    /// Number of completed laps.
-    pub laps: u32,
-    /// Number of lost parts.
-    pub lost_parts: usize,
-    /// Every part, in the order of the job.
-    pub parts: Vec<PartEnd>,
-    /// Faults of the rig that began within the run.
-    pub faults: Vec<FaultReport>,
-}
-
-/// Deadlines of a run in real time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Deadlines {
-    /// Number of missed deadlines.
-    pub misses: u64,
-    /// Largest lateness, whole frames.
-    pub worst_frames: u64,
-    /// Total lag of plate time behind the clock.
-    pub behind: Duration,
-}
-
-/// State of one part at the end, as known to control.
-#[derive(Clone, Debug)]
-pub struct PartEnd {
-    /// Name in this run.
-    pub id: String,
-    /// Name of its kind; empty if unknown.
-    pub kind: String,
-    /// Last place that the task asked for, m; `None` without one.
-    pub target_m: Option<Vec2>,
-    /// Last seen position, m.
-    pub measured_m: Option<Vec2>,
-}
-
 impl RunStats {
     /// Statistics that compare with `truth`, if given.
     pub fn new(truth: Option<GroundTruthHandle>) -> Self {
@@ -107,66 +48,29 @@ impl RunStats {
         &self.timings
     }
 
-    /// The whole report. It reads the ground truth now, so call it before the rig goes on.
-    pub fn report(&self, ending: EndFacts) -> Report {
-        let truth = self.truth.as_ref().map(GroundTruthHandle::read);
+    /// `ending`, which has the facts that a sink cannot know, with all that was counted and measured. It reads the
+    /// ground truth now, so call it before the rig goes on.
+    pub fn report(&self, ending: Report) -> Report {
         let mut errors = Lengths::default();
-        let mut parts = Vec::with_capacity(ending.parts.len());
-        for (i, part) in ending.parts.into_iter().enumerate() {
-            let true_m = truth.as_ref().and_then(|truth| truth.parts.get(i)).map(|p| p.part_in_table.position_m);
-            let error_m = true_m.or(part.measured_m).zip(part.target_m).map(|(at, target)| (at - target).norm());
-            error_m.into_iter().for_each(|error_m| errors.push(error_m));
-            parts.push(PartReport {
-                id: part.id,
-                kind: part.kind,
-                target_mm: part.target_m.map(point_mm),
-                measured_mm: part.measured_m.map(point_mm),
-                true_mm: true_m.map(point_mm),
-                error_mm: error_m.map(mm),
-            });
-        }
+        ending.parts.iter().filter_map(|part| part.error_mm).for_each(|error_mm| errors.push(m_from_mm(error_mm)));
+        let (cycles, forecasts) = (&self.cycle_errors, self.off_library.rms_mm().zip(self.off_learning.rms_mm()));
         Report {
-            verdict: None,
-            guards: self.guards.clone(),
-            faults: ending.faults,
-            name: ending.name,
-            seed: ending.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            planner: ending.planner,
-            outcome: ending.outcome,
-            stop: ending.cause.map(|cause| StopReport::of(cause, &ending.reason)),
-            reason: ending.reason,
-            plate_time_s: rounded(ending.plate_time.secs()),
-            wall_time_s: rounded(ending.wall_time_s),
+            guards: self.guards.clone(),
             frames: self.frames,
             cycles: self.cycles,
             pulses: self.pulses,
-            laps: ending.laps,
-            collisions: truth.map(|truth| truth.collisions),
-            lost_parts: ending.lost_parts,
-            deadline_misses: ending.deadlines.map(|deadlines| deadlines.misses),
-            worst_late_frames: ending.deadlines.map(|deadlines| deadlines.worst_frames),
-            behind_s: ending.deadlines.map(|deadlines| rounded(deadlines.behind.as_secs_f64())),
+            collisions: self.truth.as_ref().map(|truth| truth.read().collisions),
             max_error_mm: errors.max_mm(),
             rms_error_mm: errors.rms_mm(),
             mean_error_mm: errors.mean_mm(),
-            cycle_error_mm: self
-                .cycle_errors
-                .mean_mm()
-                .zip(self.cycle_errors.max_mm())
-                .map(|(mean, max)| CycleError { mean, max }),
+            cycle_error_mm: cycles.mean_mm().zip(cycles.max_mm()).map(|(mean, max)| CycleError { mean, max }),
             sensing_rms_error_mm: self.sensing.rms_mm(),
             sensing_rms_error_at_rest_mm: self.sensing_at_rest.rms_mm(),
             path: self.paths.report(),
-            prediction_error_mm: self
-                .off_library
-                .rms_mm()
-                .zip(self.off_learning.rms_mm())
-                .map(|(library, learned)| PredictionError { library, learned }),
-            parts,
+            prediction_error_mm: forecasts.map(|(library, learned)| PredictionError { library, learned }),
             timing_us: self.timings.report(),
-            recording: None,
-            warnings: Vec::new(),
+            ..ending
         }
     }
 }
@@ -237,29 +141,15 @@ impl Sink for RunStats {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::SelectedBy;
+    use crate::report::PartReport;
     use upm_fixtures::synthetic_run::SyntheticRun;
 
-    fn ending(parts: Vec<PartEnd>) -> EndFacts {
-        EndFacts {
-            name: "test".into(),
-            seed: 7,
-            planner: None,
-            outcome: Outcome::Completed,
-            reason: "all parts in place".into(),
-            cause: None,
-            plate_time: PlateTime::from_secs(3.25),
-            wall_time_s: 0.5,
-            deadlines: None,
-            laps: 0,
-            lost_parts: 0,
-            parts,
-            faults: Vec::new(),
-        }
+    fn ending(parts: Vec<PartReport>) -> Report {
+        Report { name: "test".into(), seed: 7, parts, ..Report::default() }
     }
 
-    fn part(target_m: Option<Vec2>, measured_m: Vec2) -> PartEnd {
-        PartEnd { id: "penny-1".into(), kind: "penny".into(), target_m, measured_m: Some(measured_m) }
+    fn part(target_m: Option<Vec2>, measured_m: Vec2) -> PartReport {
+        PartReport::of("penny-1", "penny", target_m, Some(measured_m), None)
     }
 
     #[test]
@@ -291,7 +181,8 @@ mod tests {
         run.sensing_offset_m = Vec2::new(3e-5, 4e-5);
         let mut stats = RunStats::new(Some(run.truth.clone()));
         (0..3).for_each(|_| run.cycle(&mut stats));
-        let report = stats.report(ending(vec![part(Some(run.parts_m[0]), Vec2::zeros())]));
+        let at_m = Some(run.parts_m[0]);
+        let report = stats.report(ending(vec![PartReport::of("penny-1", "penny", at_m, Some(Vec2::zeros()), at_m)]));
         assert_eq!(report.sensing_rms_error_mm, Some(0.05));
         assert_eq!(report.sensing_rms_error_at_rest_mm, Some(0.05));
         assert_eq!((report.max_error_mm, report.collisions), (Some(0.0), Some(0)), "truth, not measurement, counts");
@@ -309,29 +200,10 @@ mod tests {
     fn json_has_the_names_of_the_contract() {
         let report = RunStats::new(None).report(ending(vec![part(None, Vec2::zeros())]));
         let json = serde_json::to_value(&report).unwrap();
-        for key in [
-            "outcome",
-            "reason",
-            "plate_time_s",
-            "wall_time_s",
-            "frames",
-            "cycles",
-            "pulses",
-            "laps",
-            "collisions",
-            "lost_parts",
-            "max_error_mm",
-            "rms_error_mm",
-            "mean_error_mm",
-            "sensing_rms_error_mm",
-            "cross_track_rms_mm",
-            "cross_track_max_mm",
-            "travel_ratio",
-            "speed_held_mm_s",
-            "seed",
-            "name",
-            "version",
-        ] {
+        let keys = "outcome reason plate_time_s wall_time_s frames cycles pulses laps collisions lost_parts max_error_mm \
+                    rms_error_mm mean_error_mm sensing_rms_error_mm cross_track_rms_mm cross_track_max_mm travel_ratio \
+                    speed_held_mm_s seed name version";
+        for key in keys.split_whitespace() {
             assert!(json.get(key).is_some(), "{key}");
         }
         for key in ["id", "kind", "target_mm", "measured_mm", "true_mm", "error_mm"] {
@@ -342,39 +214,7 @@ mod tests {
                 assert!(json["timing_us"][key][figure].is_number(), "{key}: {figure}");
             }
         }
-        assert_eq!(json["outcome"], "completed");
+        assert_eq!(json.get("deadline_misses"), None);
         assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
-    }
-
-    #[test]
-    fn planner_of_the_run_is_reported_with_its_reason() {
-        let planner = PlannerReport {
-            name: "cor_sequence".into(),
-            chosen: SelectedBy::Auto,
-            code: "one_part".into(),
-            why: "the job moves one part".into(),
-            alternatives: vec!["pseudo_inverse".into()],
-        };
-        let report = RunStats::new(None).report(EndFacts { planner: Some(planner), ..ending(Vec::new()) });
-        let json = serde_json::to_value(&report).unwrap();
-        let expected = serde_json::json!({
-            "name": "cor_sequence", "chosen": "auto", "code": "one_part", "why": "the job moves one part",
-            "alternatives": ["pseudo_inverse"],
-        });
-        assert_eq!(json["planner"], expected);
-        assert_eq!(serde_json::from_value::<Report>(json).unwrap(), report);
-    }
-
-    #[test]
-    fn deadlines_are_reported_only_where_there_were_any() {
-        let json = |deadlines| {
-            let report = RunStats::new(None).report(EndFacts { deadlines, ..ending(Vec::new()) });
-            let json = serde_json::to_value(&report).unwrap();
-            assert_eq!(serde_json::from_value::<Report>(json.clone()).unwrap(), report);
-            ["deadline_misses", "worst_late_frames", "behind_s"].map(|key| json.get(key).cloned())
-        };
-        assert_eq!(json(None), [None, None, None]);
-        let late = Deadlines { misses: 3, worst_frames: 2, behind: Duration::from_millis(1250) };
-        assert_eq!(json(Some(late)), [Some(3.into()), Some(2.into()), Some(1.25.into())]);
     }
 }

@@ -52,13 +52,4 @@ mod tests {
             prop_assert!((part / (off / whole).sqrt() - 1.0).abs() < 3e-3, "{part}");
         }
     }
-
-    #[test]
-    fn harmonics_that_one_lacks_are_off_altogether() {
-        let asked = wave(&[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]);
-        let more = wave(&[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0, 0.0, 0.0]]);
-        assert_eq!(off_part(&asked, &asked, 0.2), 0.0);
-        assert_eq!(off_part(&more, &asked, 0.2), 0.5);
-        assert_eq!(off_part(&TwistWave::default(), &asked, 0.2), 1.0);
-    }
 }

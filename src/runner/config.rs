@@ -16,57 +16,44 @@ mod bins;
 mod clearance;
 mod corridor;
 mod daemon;
+mod daemon_file;
 mod drawings;
 mod faults;
 mod fit;
 mod in_phase;
 mod job;
+mod job_file;
 mod kinds;
 mod layout;
 mod part_path;
 mod paths;
 mod placement;
-mod raw_daemon;
-mod raw_job;
-mod raw_rig;
-mod raw_shapes;
-mod raw_simulate;
-mod raw_simulation;
-mod raw_trace;
 mod read;
 mod rig;
 mod rig_checks;
+mod rig_file;
 mod schema;
+mod shape_file;
 mod simulate;
 mod targets;
 mod task;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod units;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
-pub use daemon::{DaemonSpec, KeepSpec, PlateSpec, StandingSpec, WatchdogSpec};
-pub use faults::{DrawnFaults, RawFault, RawFaults, RawValue};
-pub use job::{JobSpec, LibraryRef};
+pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
+pub use daemon_file::{KeepSpec, WatchdogSpec};
+pub use job::JobSpec;
+pub use job_file::{Assignment, BinEntry, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice, Region};
 pub use kinds::{KindSpec, PartGroup};
 pub use layout::{JobLayout, LayoutPart, LayoutPath};
 pub use placement::{PlacedPart, place_parts};
-pub use raw_daemon::{RawDaemon, RawDisk, RawKeep, RawLive, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
-pub use raw_job::{
-    Assignment, DeadlinePolicy, LibrarySource, PlannerChoice, RawBin, RawJob, RawLimits, RawParts, RawPath, RawRegion,
-    RawTask,
-};
-pub use raw_rig::{
-    RawAccelerometers, RawCamera, RawDamping, RawDrive, RawFields, RawFriction, RawKind, RawLevels, RawMotors,
-    RawPlate, RawResonance, RawRig, RigSource,
-};
-pub use raw_shapes::{RawCircle, RawGrid, RawLine, RawLissajous, RawSvg, RawTargets, RawText};
-pub use raw_simulate::{RawHarmonic, RawPlaced, RawPulse, RawSimulate};
-pub use raw_simulation::{RawKnocks, RawSimulation};
-pub use raw_trace::{RawCounts, RawTrace};
 pub use read::{Origin, is_plain_name};
-pub use rig::{RigSpec, fingerprint};
+pub use rig::RigSpec;
+pub use rig_file::{CameraSection, GrayLevels, Knocks, PlateSection, RigFile, RigSource, SimulationSection};
 pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;

@@ -44,13 +44,13 @@ use upm_cor_library::Library;
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{
-    BackgroundWriter, Deadlines, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
-    report_recording_end,
+    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
+    report_recording_end, rounded,
 };
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
 
-use end_facts::{ending, unwritten_ending, verdict};
+use end_facts::{add_write_failure, ending, verdict};
 use folder::TruthLog;
 use paced::{PaceClock, RealTimeRig};
 
@@ -118,7 +118,7 @@ pub fn run(
     let is_broken = || interlock.tripped().is_some() || options.recording_options.journal.fault().is_some();
     let cause = || (!is_broken()).then(ExternalStop::by_operator);
     let controls = RunControls { stop, give_way: &give_way, interlock: &interlock, pacing, cause: &cause };
-    let Done { result, written } = Session { job, library, folder, options, clock, controls }.run(setup, watcher)?;
+    let (result, written) = Session { job, library, folder, options, clock, controls }.run(setup, watcher)?;
     written.map(|()| result)
 }
 
@@ -138,7 +138,7 @@ pub fn run_linked(
     let session = Session { job, library, folder, options, clock, controls };
     let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
     match checked.and_then(|()| RunSetup::new(job, &session.library).map_err(RunError::Job)) {
-        Ok(setup) => session.run(setup, watcher).map(|done| done.result),
+        Ok(setup) => session.run(setup, watcher).map(|(result, _)| result),
         Err(error) => {
             session.leave_reason(None, &error);
             Err(error)
@@ -147,10 +147,7 @@ pub fn run_linked(
 }
 
 /// A run that has ended, and whether its files were written.
-struct Done {
-    result: RunResult,
-    written: Result<(), RunError>,
-}
+type Done = (RunResult, Result<(), RunError>);
 
 /// Everything needed for one run of a job.
 struct Session<'a> {
@@ -215,23 +212,23 @@ impl Session<'_> {
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
             written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
-        let mut ending = ending(job, Some(setup), finish, wall_time_s);
-        ending.deadlines = options.real_time.then(|| Deadlines {
-            misses: controls.pacing.misses().saturating_sub(missed_before),
-            worst_frames: controls.pacing.worst_frames(),
-            behind: controls.pacing.behind(),
-        });
         if let Err(error) = &written {
-            unwritten_ending(&mut ending, error);
+            add_write_failure(&mut finish.ending, error);
         }
-        let recording = options.recording_options.recording.ended_early();
-        let mut report = Report { recording, warnings, ..stats.report(ending) };
+        let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
+        report.recording = options.recording_options.recording.ended_early();
+        report.warnings = warnings;
+        if options.real_time {
+            report.deadline_misses = Some(controls.pacing.misses().saturating_sub(missed_before));
+            report.worst_late_frames = Some(controls.pacing.worst_frames());
+            report.behind_s = Some(rounded(controls.pacing.behind().as_secs_f64()));
+        }
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         let warnings = report.warnings.clone();
         let result = RunResult { folder: folder.path().to_owned(), report, warnings };
-        Ok(Done { result, written: written.and(reported) })
+        Ok((result, written.and(reported)))
     }
 
     /// Pacing by the clock, for a run in real time.

@@ -37,7 +37,7 @@ impl PlanReport {
             job: job.name.clone(),
             rig: job.rig.model.name.clone(),
             layout: JobLayout::of(job),
-            is_knocked: job.rig.raw.simulation.knocks.is_some(),
+            is_knocked: job.rig.document.simulation.knocks.is_some(),
             forecast: forecast?,
         })
     }

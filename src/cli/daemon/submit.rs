@@ -6,7 +6,7 @@ use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
 use upm_core::job::Pace;
-use upm_runner::config::{DiagnosticClass, JobSpec, MOST_BYTES, Origin, RawJob, RawRig, RigSource};
+use upm_runner::config::{DiagnosticClass, JobFile, JobSpec, MOST_BYTES, Origin, RigSource};
 use upm_server::api::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
@@ -44,29 +44,29 @@ pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) 
 
 /// Checked job of the file with all drawings written out, so that it names no other file. The rig is written out, so
 /// that a plate with another rig refuses the job, and without its library, which each plate sets itself.
-fn sendable(file: &Path) -> Result<RawJob, Failure> {
+fn sendable(file: &Path) -> Result<JobFile, Failure> {
     let mut job = checked_job(file)?;
-    if let Some(RigSource::Inline(rig)) = &job.rig {
-        job.rig = Some(RigSource::Inline(Box::new(RawRig { library: None, ..(**rig).clone() })));
+    if let Some(RigSource::Inline(rig)) = &mut job.rig {
+        rig.library = None;
     }
     Ok(job)
 }
 
-fn checked_job(file: &Path) -> Result<RawJob, Failure> {
+fn checked_job(file: &Path) -> Result<JobFile, Failure> {
     let read_failed = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
     match JobSpec::load(file) {
         Ok(job) => serde_json::from_value(job.effective()).map_err(|error| read_failed(&error)),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| read_failed(&error))?;
-            let job: RawJob = serde_json::from_str(&text).map_err(|error| read_failed(&error))?;
+            let job: JobFile = serde_json::from_str(&text).map_err(|error| read_failed(&error))?;
             job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
         }
         Err(faults) => Err(Failure::of_files(faults)),
     }
 }
 
-fn body_of(job: &RawJob, file: &Path) -> Result<String, Failure> {
+fn body_of(job: &JobFile, file: &Path) -> Result<String, Failure> {
     let body = serde_json::to_string(job).map_err(Failure::failed)?;
     if body.len() as u64 > MOST_BYTES {
         let (file, bytes) = (file.display(), body.len());

@@ -1,5 +1,5 @@
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
-use super::raw_job::RawBin;
+use super::job_file::BinEntry;
 use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_core::geometry::Vec2;
@@ -9,16 +9,16 @@ use upm_task::BinParams;
 
 impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
-    pub(super) fn sort(&self, raw: &[RawBin], faults: &mut Diagnostics) -> Option<TaskSpec> {
+    pub(super) fn sort(&self, entries: &[BinEntry], faults: &mut Diagnostics) -> Option<TaskSpec> {
         let at = self.at.key("bins");
-        let mut bins: Vec<BinParams> = Vec::with_capacity(raw.len());
-        for (i, raw) in raw.iter().enumerate() {
+        let mut bins: Vec<BinParams> = Vec::with_capacity(entries.len());
+        for (i, entry) in entries.iter().enumerate() {
             let at = at.index(i);
-            let bin = self.bin(raw, &at, faults);
+            let bin = self.bin(entry, &at, faults);
             for (k, kind) in bin.kinds.iter().enumerate() {
                 let taken =
                     bin.kinds.iter().take(k).chain(bins.iter().flat_map(|b| &b.kinds)).any(|other| other == kind);
-                let name = raw.kinds.get(k).map_or("", String::as_str);
+                let name = entry.kinds.get(k).map_or("", String::as_str);
                 let found = format!("{name:?} a second time");
                 faults.require(!taken, at.key("kinds").index(k), found, "each kind in one bin");
             }
@@ -34,10 +34,10 @@ impl TaskContext<'_> {
         Some(TaskSpec::Sort { bins })
     }
 
-    fn bin(&self, raw: &RawBin, at: &Path, faults: &mut Diagnostics) -> BinParams {
+    fn bin(&self, entry: &BinEntry, at: &Path, faults: &mut Diagnostics) -> BinParams {
         let kind = |(i, name): (usize, &String)| self.rig.known_kind(name, &at.key("kinds").index(i), faults);
-        let kinds: Vec<usize> = raw.kinds.iter().enumerate().filter_map(kind).collect();
-        let bin = BinParams { kinds, min_m: point_m(raw.region_mm.min), max_m: point_m(raw.region_mm.max) };
+        let kinds: Vec<usize> = entry.kinds.iter().enumerate().filter_map(kind).collect();
+        let bin = BinParams { kinds, min_m: point_m(entry.region_mm.min), max_m: point_m(entry.region_mm.max) };
         let at = at.key("region_mm");
         for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);

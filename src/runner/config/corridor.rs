@@ -1,6 +1,6 @@
 //! Narrowest corridor that parts can hold on a rig.
 
-use super::raw_job::PlannerChoice;
+use super::job_file::PlannerChoice;
 use super::rig::RigSpec;
 use std::f64::consts::TAU;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
@@ -22,7 +22,7 @@ fn narrowest_m(rig: &RigSpec, parts: usize, planner: PlannerChoice) -> f64 {
         PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => false,
     });
     let period_s = TAU / fields.map_or(rig.model.base_radps, |fields| fields.base_radps);
-    let sway_m = rig.raw.friction.coefficient * GRAVITY_MPS2 * period_s * period_s / 32.0;
+    let sway_m = rig.document.friction.coefficient * GRAVITY_MPS2 * period_s * period_s / 32.0;
     let sensing_m = SENSING_PX * rig.sim.camera.position_m.z / rig.sim.camera.lens.focal_px;
     sway_m + DEVIATIONS * sensing_m.hypot(SCATTER_M)
 }

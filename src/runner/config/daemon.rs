@@ -1,11 +1,8 @@
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
-use std::time::Duration;
 
-use serde_json::Value;
-
+use super::daemon_file::{DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
 use super::job::JobSpec;
-use super::raw_daemon::{RawDaemon, RawKeep, RawServedPlate, RawStandingJob, RawStart, RawWatchdog};
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use upm_core::job::Pace;
@@ -47,8 +44,6 @@ pub struct DaemonSpec {
     pub live_history_bytes: Option<u64>,
     /// True to accept jobs with simulated faults.
     pub allow_faults: bool,
-    /// Contents of the file with all defaults written out.
-    raw: RawDaemon,
 }
 
 /// A plate of the daemon.
@@ -77,52 +72,29 @@ pub struct StandingSpec {
     pub starts_paused: bool,
 }
 
-/// Retention limits for jobs that have ended.
-#[derive(Clone, Debug, PartialEq)]
-pub struct KeepSpec {
-    /// Largest total size of run folders, bytes.
-    pub runs_bytes: u64,
-    /// Most ended runs of the standing job kept for each plate.
-    pub standing_runs: u64,
-    /// Most jobs kept in the store.
-    pub jobs: u64,
-}
-
-/// Limits at which the watchdog stops a plate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WatchdogSpec {
-    /// Longest time without a frame, wall time.
-    pub hung: Duration,
-    /// Longest time without a visible part, s of plate time.
-    pub no_part_s: f64,
-    /// Longest time for which a journal or an event queue may accept nothing, wall time.
-    pub blocked: Duration,
-}
-
 impl DaemonSpec {
     /// Reads and validates the daemon file at `path` and the rigs it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
-        let text = text_of(path).map_err(|fault| vec![fault])?;
-        Self::from_json(&text, &Origin::of_file(path))
+        Self::from_json(&text_of(path)?, &Origin::of_file(path))
     }
 
     /// Validates the daemon file in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
+        parse_and_build(text, &origin.file, |file, faults| Self::build(file, origin, faults))
     }
 
-    fn build(raw: RawDaemon, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
+    fn build(file: DaemonFile, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
         let root = Path::root();
-        let listen = address_in("listen", &raw.listen, faults);
-        let stop_listen = raw.stop_listen.as_ref().and_then(|text| address_in("stop_listen", text, faults));
-        let plates = plates_of(&raw.plates, origin, faults);
-        let default_plate = default_plate_of(&raw, faults);
-        let hosts = hosts_of(&raw.hosts, faults);
+        let listen = address_in("listen", &file.listen, faults);
+        let stop_listen = file.stop_listen.as_ref().and_then(|text| address_in("stop_listen", text, faults));
+        let plates = plates_of(&file.plates, origin, faults);
+        let default_plate = default_plate_of(&file, faults);
+        let hosts = hosts_of(&file.hosts, faults);
         let mut file_of = |key: &str, named: &str| origin.named_file(named, &root.key(key), faults);
-        let data = file_of("data", &raw.data);
-        let token_file = raw.token_file.as_ref().and_then(|named| file_of("token_file", named));
-        let read_token_file = raw.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
-        check_ports(&raw, faults);
+        let data = file_of("data", &file.data);
+        let token_file = file.token_file.as_ref().and_then(|named| file_of("token_file", named));
+        let read_token_file = file.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
+        check_ports(&file, faults);
         Some(Self {
             file: origin.file.clone(),
             listen: listen?,
@@ -130,17 +102,16 @@ impl DaemonSpec {
             data: data?,
             plates: plates?,
             default_plate,
-            queue: raw.queue as usize,
-            pace: raw.pace,
+            queue: file.queue as usize,
+            pace: file.pace,
             hosts,
             token_file,
             read_token_file,
-            keep: keep_of(&raw.keep),
-            min_free_bytes: megabytes(raw.disk.min_free_mb),
-            watchdog: watchdog_of(&raw.watchdog),
-            live_history_bytes: raw.live.rerun.then(|| megabytes(raw.live.history_mb)),
-            allow_faults: raw.allow_faults,
-            raw,
+            keep: file.keep,
+            min_free_bytes: file.disk.min_free_bytes,
+            watchdog: file.watchdog,
+            live_history_bytes: file.live.rerun.then_some(file.live.history_bytes),
+            allow_faults: file.allow_faults,
         })
     }
 
@@ -153,11 +124,6 @@ impl DaemonSpec {
     pub fn plate_names(&self) -> Vec<String> {
         self.plates.iter().map(|plate| plate.name.clone()).collect()
     }
-
-    /// The file with all defaults written out; reading it with the same origin gives an equal spec.
-    pub fn effective(&self) -> Value {
-        serde_json::to_value(&self.raw).unwrap_or_default()
-    }
 }
 
 fn address_in(key: &str, text: &str, faults: &mut Diagnostics) -> Option<SocketAddr> {
@@ -169,13 +135,13 @@ fn address_in(key: &str, text: &str, faults: &mut Diagnostics) -> Option<SocketA
 }
 
 /// All plates, or `None` with the faults of every one.
-fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Diagnostics) -> Option<Vec<PlateSpec>> {
-    let plate_of = |(i, plate): (usize, &RawServedPlate)| {
+fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) -> Option<Vec<PlateSpec>> {
+    let plate_of = |(i, plate): (usize, &PlateEntry)| {
         let at = Path::root().key("plates").index(i);
         let name = quoted(&plate.name);
         faults.require(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
         // case-insensitive file systems would map two latches to one file
-        let twice = raw.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
+        let twice = entries.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
         faults.require(!twice, at.key("name"), &name, "a name that no plate before has");
         let library = plate.library.as_ref().map(|named| origin.named_file(named, &at.key("library"), faults));
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
@@ -193,35 +159,34 @@ fn plates_of(raw: &[RawServedPlate], origin: &Origin, faults: &mut Diagnostics) 
         };
         Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, live_port: plate.live_port, standing })
     };
-    let plates: Vec<Option<PlateSpec>> = raw.iter().enumerate().map(plate_of).collect();
+    let plates: Vec<Option<PlateSpec>> = entries.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()
 }
 
 /// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name.
 fn standing_of(
-    raw: &RawStandingJob,
-    plate: &RawServedPlate,
+    entry: &StandingEntry,
+    plate: &PlateEntry,
     rig: &RigSpec,
     origin: &Origin,
     at: &Path,
     faults: &mut Diagnostics,
 ) -> Option<StandingSpec> {
-    let path = origin.named_file(&raw.job, &at.key("job"), faults)?;
-    let text = text_of(&path).map_err(|fault| vec![fault]);
-    let job = text.and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig)));
+    let path = origin.named_file(&entry.job, &at.key("job"), faults)?;
+    let job = text_of(&path).and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig)));
     let named_by = format!("{}: {}", origin.file, at.key("job"));
     let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
     let mut of_job = Diagnostics::of(&job.file);
     check_standing(&job, plate, rig, &mut of_job);
     faults.append_named(of_job.into_list(), &named_by);
-    Some(StandingSpec { job, starts_paused: raw.start == RawStart::Paused })
+    Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
 }
 
 /// Checks that the standing job uses the plate's rig and names neither a library nor another plate.
-fn check_standing(job: &JobSpec, plate: &RawServedPlate, rig: &RigSpec, faults: &mut Diagnostics) {
+fn check_standing(job: &JobSpec, plate: &PlateEntry, rig: &RigSpec, faults: &mut Diagnostics) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
-    faults.require(rig.is_as_in(&job.rig.raw), root.key("rig"), "another rig", allowed);
+    faults.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
     let asked = job.plate.as_deref().unwrap_or(name);
     let allowed = format!("{name} or nothing (it is the standing job of that plate)");
     faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
@@ -238,17 +203,12 @@ fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Diagnostics) -> Option<
     rig.library.clone()
 }
 
-fn default_plate_of(raw: &RawDaemon, faults: &mut Diagnostics) -> Option<String> {
-    let names: Vec<&str> = raw.plates.iter().map(|plate| plate.name.as_str()).collect();
-    match (&raw.default_plate, names.as_slice()) {
+fn default_plate_of(file: &DaemonFile, faults: &mut Diagnostics) -> Option<String> {
+    let names: Vec<&str> = file.plates.iter().map(|plate| plate.name.as_str()).collect();
+    match (&file.default_plate, names.as_slice()) {
         (Some(named), _) => {
-            let found = quoted(named);
-            faults.require(
-                names.contains(&named.as_str()),
-                Path::root().key("default_plate"),
-                found,
-                one_of(named, &names),
-            );
+            let is_plate = names.contains(&named.as_str());
+            faults.require(is_plate, Path::root().key("default_plate"), quoted(named), one_of(named, &names));
             Some(named.clone())
         }
         (None, [only]) => Some((*only).to_owned()),
@@ -257,13 +217,13 @@ fn default_plate_of(raw: &RawDaemon, faults: &mut Diagnostics) -> Option<String>
 }
 
 /// Names as in a Host header, without the port.
-fn hosts_of(raw: &[String], faults: &mut Diagnostics) -> Vec<String> {
-    for (i, host) in raw.iter().enumerate() {
+fn hosts_of(names: &[String], faults: &mut Diagnostics) -> Vec<String> {
+    for (i, host) in names.iter().enumerate() {
         let at = Path::root().key("hosts").index(i);
         let allowed = "a host name or IP address without a port like lab.example.org";
         faults.require(is_host(host), &at, quoted(host), allowed);
     }
-    raw.iter().map(|host| canonical(host)).collect()
+    names.iter().map(|host| canonical(host)).collect()
 }
 
 /// Canonical form of `host`, if it is an address, which can be written in many forms.
@@ -286,34 +246,14 @@ fn is_host(host: &str) -> bool {
 }
 
 /// Checks that each port is used only once.
-fn check_ports(raw: &RawDaemon, faults: &mut Diagnostics) {
-    let listen = raw.listen.parse().ok().map(|address: SocketAddr| address.port());
-    for (i, plate) in raw.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
-        let before = raw.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
+fn check_ports(file: &DaemonFile, faults: &mut Diagnostics) {
+    let listen = file.listen.parse().ok().map(|address: SocketAddr| address.port());
+    for (i, plate) in file.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
+        let before = file.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
         let at = Path::root().key("plates").index(i).key("live_port");
         let found = plate.live_port.unwrap_or_default();
         faults.require(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
     }
-}
-
-fn keep_of(raw: &RawKeep) -> KeepSpec {
-    KeepSpec {
-        runs_bytes: (raw.runs_gb * 1e9).round() as u64,
-        standing_runs: raw.standing_runs.into(),
-        jobs: raw.jobs.into(),
-    }
-}
-
-fn watchdog_of(raw: &RawWatchdog) -> WatchdogSpec {
-    WatchdogSpec {
-        hung: Duration::from_secs_f64(raw.hung_s),
-        no_part_s: raw.no_part_s,
-        blocked: Duration::from_secs_f64(raw.blocked_s),
-    }
-}
-
-fn megabytes(mb: f64) -> u64 {
-    (mb * 1e6).round() as u64
 }
 
 #[cfg(test)]
@@ -323,8 +263,8 @@ mod tests {
     #[test]
     fn hosts_are_in_the_form_that_requests_are_compared_in() {
         let mut faults = Diagnostics::of("daemon.json");
-        let raw = ["Lab.Example", "[fe80:0::1]", "FE80::00:2", "[::ffff:10.0.0.7]", "10.0.0.8"].map(str::to_owned);
-        let hosts = hosts_of(&raw, &mut faults);
+        let written = ["Lab.Example", "[fe80:0::1]", "FE80::00:2", "[::ffff:10.0.0.7]", "10.0.0.8"].map(str::to_owned);
+        let hosts = hosts_of(&written, &mut faults);
         assert_eq!(hosts, ["lab.example", "fe80::1", "fe80::2", "10.0.0.7", "10.0.0.8"]);
         assert!(faults.into_result(Some(())).is_ok());
     }

@@ -1,15 +1,15 @@
 //! Replaces the drawing files that a job names by their path data.
 
-use super::raw_job::{RawJob, RawTask};
-use super::raw_shapes::RawSvg;
+use super::job_file::{JobFile, TaskSection};
 use super::read::{Origin, exactly_one};
+use super::shape_file::SvgShape;
 use upm_document::{Diagnostic, Diagnostics, Path, text_of};
 use upm_shapes::path_data_of;
 
 /// Longest path data accepted in a job, bytes.
 const LONGEST_DATA: usize = 65_536;
 
-impl RawJob {
+impl JobFile {
     /// The same job with path data in place of its drawing files.
     ///
     /// # Errors
@@ -22,24 +22,27 @@ impl RawJob {
 }
 
 /// Writes path data in place of every file that the task names.
-pub(super) fn write_out(task: &mut RawTask, origin: &Origin, faults: &mut Diagnostics) {
+pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Diagnostics) {
     let at = Path::root().key("task");
     match task {
-        RawTask::Arrange { targets: Some(targets), .. } => {
+        TaskSection::Arrange { targets: Some(targets), .. } => {
             let at = at.key("targets").key("svg");
             targets.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
         }
-        RawTask::Trajectories { paths, .. } => {
+        TaskSection::Trajectories { paths, .. } => {
             for (i, path) in paths.iter_mut().enumerate() {
                 let at = at.key("paths").index(i).key("svg");
                 path.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
             }
         }
-        RawTask::PlusSign { .. } | RawTask::Arrange { .. } | RawTask::Sort { .. } | RawTask::Hold { .. } => {}
+        TaskSection::PlusSign { .. }
+        | TaskSection::Arrange { .. }
+        | TaskSection::Sort { .. }
+        | TaskSection::Hold { .. } => {}
     }
 }
 
-fn write_out_one(svg: &mut RawSvg, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
+fn write_out_one(svg: &mut SvgShape, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
     if !exactly_one(&[("file", svg.file.is_some()), ("d", svg.d.is_some())], at, faults) {
         svg.d = None;
         return;
@@ -48,7 +51,7 @@ fn write_out_one(svg: &mut RawSvg, at: &Path, origin: &Origin, faults: &mut Diag
     let at = at.key("file");
     let Some(path) = origin.named_file(&named, &at, faults) else { return };
     match text_of(&path) {
-        Err(fault) => faults.append(vec![fault]),
+        Err(unread) => faults.append(unread),
         Ok(text) => match path_data_of(&text) {
             Err(found) => faults.push(&at, format!("{} with {found}", path.display()), "an SVG drawing with paths"),
             Ok(d) if d.len() > LONGEST_DATA => {

@@ -19,10 +19,10 @@ pub(super) const MOST_FAULTS: usize = 32;
 /// Faults of the simulated rig: a list, or a seed that draws them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum RawFaults {
+pub(crate) enum FaultList {
     /// The faults themselves.
     #[schemars(title = "list")]
-    List(#[schemars(length(max = MOST_FAULTS))] Vec<RawFault>),
+    List(#[schemars(length(max = MOST_FAULTS))] Vec<FaultEntry>),
     /// One to five faults drawn by a seed, or none.
     #[schemars(title = "drawn")]
     Drawn(DrawnFaults),
@@ -31,39 +31,37 @@ pub enum RawFaults {
 /// Faults drawn by a seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct DrawnFaults {
+pub(crate) struct DrawnFaults {
     /// Determines the faults, together with the number of parts.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// One fault of the simulated rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawFault {
+pub(crate) struct FaultEntry {
     /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
     /// `plate`, `device`, `clock`.
     #[schemars(length(min = 1, max = 16))]
-    pub component: String,
+    pub(crate) component: String,
     /// The fault; each component has its kinds.
     #[schemars(length(min = 1, max = 16))]
-    pub kind: String,
+    pub(crate) kind: String,
     /// How much, where the kind asks for it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub value: Option<RawValue>,
+    pub(crate) value: Option<FaultValue>,
     /// From when, s of plate time.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1e6))]
-    pub from_s: f64,
+    pub(crate) from_s: f64,
     /// Until when, s; left out: for good.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
-    pub to_s: Option<f64>,
+    pub(crate) to_s: Option<f64>,
 }
 
 /// One value of a fault, or several.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum RawValue {
+pub(crate) enum FaultValue {
     /// A number, for kinds with a single value.
     #[schemars(title = "number")]
     One(f64),
@@ -72,7 +70,7 @@ pub enum RawValue {
     Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
 }
 
-impl RawValue {
+impl FaultValue {
     fn numbers(&self) -> &[f64] {
         match self {
             Self::One(value) => std::slice::from_ref(value),
@@ -81,14 +79,14 @@ impl RawValue {
     }
 }
 
-impl RawFault {
+impl FaultEntry {
     /// `spec` in the form of a job file.
-    pub fn of(spec: &FaultSpec) -> Self {
+    pub(super) fn of(spec: &FaultSpec) -> Self {
         let count = spec.kind.values().len();
         let value = match count {
             0 => None,
-            1 => Some(RawValue::One(spec.values[0])),
-            _ => Some(RawValue::Several(spec.values.iter().copied().take(count).collect())),
+            1 => Some(FaultValue::One(spec.values[0])),
+            _ => Some(FaultValue::Several(spec.values.iter().copied().take(count).collect())),
         };
         Self {
             component: spec.component.name(),
@@ -115,7 +113,7 @@ impl RawFault {
         Some(Self {
             component: component.trim().to_owned(),
             kind: kind.trim().to_owned(),
-            value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(RawValue::Several(list))))?,
+            value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(FaultValue::Several(list))))?,
             from_s,
             to_s,
         })
@@ -123,12 +121,12 @@ impl RawFault {
 }
 
 /// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
-pub(super) fn build(raw: &RawFaults, parts: usize, at: &Path, faults: &mut Diagnostics) -> Vec<FaultSpec> {
-    match raw {
-        RawFaults::Drawn(drawn) => drawn_faults(drawn.seed, parts),
-        RawFaults::List(list) => {
+pub(super) fn build(entry: &FaultList, parts: usize, at: &Path, faults: &mut Diagnostics) -> Vec<FaultSpec> {
+    match entry {
+        FaultList::Drawn(drawn) => drawn_faults(drawn.seed, parts),
+        FaultList::List(list) => {
             let each = list.iter().enumerate();
-            each.filter_map(|(i, raw)| spec(raw, parts, &at.index(i), faults)).collect()
+            each.filter_map(|(i, entry)| spec(entry, parts, &at.index(i), faults)).collect()
         }
     }
 }
@@ -139,8 +137,8 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Diagnostics) ->
     let mut specs = Vec::new();
     for text in each {
         let at = Path::root().key(text);
-        match RawFault::parse(text) {
-            Some(raw) => specs.extend(spec(&raw, parts, &at, faults)),
+        match FaultEntry::parse(text) {
+            Some(entry) => specs.extend(spec(&entry, parts, &at, faults)),
             None => {
                 let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
                 faults.push(Path::root(), quoted(text), allowed);
@@ -159,42 +157,42 @@ fn components(found: &str) -> String {
     }
 }
 
-fn spec(raw: &RawFault, parts: usize, at: &Path, faults: &mut Diagnostics) -> Option<FaultSpec> {
-    let Some(component) = FaultyComponent::named(&raw.component) else {
-        let found = quoted(&raw.component);
-        faults.push(at.key("component"), found, components(&raw.component));
+fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -> Option<FaultSpec> {
+    let Some(component) = FaultyComponent::named(&entry.component) else {
+        let found = quoted(&entry.component);
+        faults.push(at.key("component"), found, components(&entry.component));
         return None;
     };
     if let FaultyComponent::Part(part) = component {
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
-        faults.require(part < parts, at.key("component"), &raw.component, allowed);
+        faults.require(part < parts, at.key("component"), &entry.component, allowed);
     }
-    let Some(kind) = component.kinds().find(|kind| kind.name() == raw.kind) else {
+    let Some(kind) = component.kinds().find(|kind| kind.name() == entry.kind) else {
         let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
-        faults.push(at.key("kind"), quoted(&raw.kind), one_of(&raw.kind, &kinds));
+        faults.push(at.key("kind"), quoted(&entry.kind), one_of(&entry.kind, &kinds));
         return None;
     };
-    let values = values(raw, component, kind, parts, &at.key("value"), faults)?;
+    let values = values(entry, component, kind, parts, &at.key("value"), faults)?;
     let in_time = |s: f64| (0.0..=LATEST_S).contains(&s);
-    faults.require(in_time(raw.from_s), at.key("from_s"), raw.from_s, format!("0 to {LATEST_S}"));
-    if let Some(to_s) = raw.to_s {
-        let allowed = format!("a time after from_s, {}, up to {LATEST_S}", raw.from_s);
-        let is_later = PlateTime::from_secs(to_s) > PlateTime::from_secs(raw.from_s);
+    faults.require(in_time(entry.from_s), at.key("from_s"), entry.from_s, format!("0 to {LATEST_S}"));
+    if let Some(to_s) = entry.to_s {
+        let allowed = format!("a time after from_s, {}, up to {LATEST_S}", entry.from_s);
+        let is_later = PlateTime::from_secs(to_s) > PlateTime::from_secs(entry.from_s);
         faults.require(in_time(to_s) && is_later, at.key("to_s"), to_s, allowed);
     }
-    let (from, to) = (PlateTime::from_secs(raw.from_s), raw.to_s.map(PlateTime::from_secs));
+    let (from, to) = (PlateTime::from_secs(entry.from_s), entry.to_s.map(PlateTime::from_secs));
     Some(FaultSpec { component, kind, values, from, to })
 }
 
 fn values(
-    raw: &RawFault,
+    entry: &FaultEntry,
     component: FaultyComponent,
     kind: FaultKind,
     parts: usize,
     at: &Path,
     faults: &mut Diagnostics,
 ) -> Option<[f64; 3]> {
-    let given = raw.value.as_ref().map_or(&[][..], RawValue::numbers);
+    let given = entry.value.as_ref().map_or(&[][..], FaultValue::numbers);
     let wanted = kind.values();
     let mut values = [0.0; 3];
     if given.is_empty() && wanted.iter().all(|range| range.default.is_some()) {
@@ -282,7 +280,7 @@ mod tests {
     fn drawn_faults_equal_those_read_from_their_list() {
         for seed in 0..500 {
             let drawn = drawn_faults(seed, 3);
-            let list = RawFaults::List(drawn.iter().map(RawFault::of).collect());
+            let list = FaultList::List(drawn.iter().map(FaultEntry::of).collect());
             let mut faults = Diagnostics::of("job");
             assert_eq!(build(&list, 3, &Path::root(), &mut faults), drawn, "{:?}", faults.into_list());
         }

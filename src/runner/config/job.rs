@@ -1,19 +1,17 @@
-use std::path::PathBuf;
-
 use serde_json::{Map, Value};
 
 use super::clearance;
 use super::drawings;
-use super::faults::{self, RawFault, RawFaults};
+use super::faults::{self, FaultEntry, FaultList};
+use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice};
 use super::kinds::{KindSpec, PartGroup, each_kind};
-use super::raw_job::{DeadlinePolicy, LibrarySource, PlannerChoice, RawJob, RawParts};
-use super::raw_rig::{RawRig, RigSource};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
+use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, quoted, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// Validated job file: rig, parts, task, planner and limits.
@@ -46,81 +44,77 @@ pub struct JobSpec {
     /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
     /// Contents of the file with all defaults written out, without the rig.
-    raw: RawJob,
-}
-
-/// A COR library, by its file or its content.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LibraryRef {
-    /// File from which it is loaded.
-    File(PathBuf),
-    /// Content of the file.
-    Inline(Map<String, Value>),
+    document: JobFile,
 }
 
 impl JobSpec {
     /// Reads and validates the job file at `path` and the rig it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
-        let text = text_of(path).map_err(|fault| vec![fault])?;
-        Self::from_json(&text, &Origin::of_file(path), None)
+        Self::from_json(&text_of(path)?, &Origin::of_file(path), None)
     }
 
     /// Validates the job in `text`. `plate_rig` is the default rig; a rig written out in the job must be equal to it.
     /// Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, plate_rig, faults))
+        parse_and_build(text, &origin.file, |document, faults| Self::build(document, origin, plate_rig, faults))
     }
 
-    fn build(mut raw: RawJob, origin: &Origin, plate_rig: Option<&RigSpec>, faults: &mut Diagnostics) -> Option<Self> {
+    fn build(
+        mut document: JobFile,
+        origin: &Origin,
+        plate_rig: Option<&RigSpec>,
+        faults: &mut Diagnostics,
+    ) -> Option<Self> {
         let root = Path::root();
-        faults.require(is_plain_name(&raw.name), root.key("name"), format!("{:?}", raw.name), NAMES);
-        for (i, group) in raw.parts.iter().enumerate() {
+        faults.require(is_plain_name(&document.name), root.key("name"), format!("{:?}", document.name), NAMES);
+        for (i, group) in document.parts.iter().enumerate() {
             let alone = group.position_mm.is_none() || group.count == 1;
             let at = root.key("parts").index(i).key("position_mm");
             faults.require(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
         // path data replaces a drawing's file, so that a run folder needs no other file
-        drawings::write_out(&mut raw.task, origin, faults);
-        let library = library_of(&raw, origin, faults);
-        let rig = rig_of(raw.rig.take(), origin, plate_rig, raw.plate.as_deref(), faults)?;
-        let parts = groups_of(&raw, &rig, faults);
+        drawings::write_out(&mut document.task, origin, faults);
+        let library = library_of(&document, origin, faults);
+        let rig = rig_of(document.rig.take(), origin, plate_rig, document.plate.as_deref(), faults)?;
+        let parts = groups_of(&document, &rig, faults);
         if !clearance::check_total(&parts, faults) {
             return None;
         }
         check_distinguishable(&parts, &rig, faults);
-        check_knocks(&rig, raw.limits.plate_time_s, faults);
-        if raw.planner == PlannerChoice::SynthesizedField && rig.model.fields.is_none() {
-            refuse_fields(faults);
-        }
-        let task = task::build(&raw.task, &parts, &rig, raw.planner, faults);
+        check_knocks(&rig, document.limits.plate_time_s, faults);
+        let has_fields = document.planner != PlannerChoice::SynthesizedField || rig.model.fields.is_some();
+        let found = "\"synthesized_field\" on a rig without `fields`";
+        let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
+        faults.require(has_fields, root.key("planner"), found, allowed);
+        let task = task::build(&document.task, &parts, &rig, document.planner, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
-        let of_rig = raw.faults.as_ref().map(|raw| faults::build(raw, each_kind(&parts).len(), &at, faults));
+        let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
         // faults drawn by a seed are written out, so that the run folder documents them
-        raw.faults = of_rig.as_ref().map(|specs| RawFaults::List(specs.iter().map(RawFault::of).collect()));
+        document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(FaultEntry::of).collect()));
         Some(Self {
             file: origin.file.clone(),
-            name: raw.name.clone(),
-            plate: raw.plate.clone(),
+            name: document.name.clone(),
+            plate: document.plate.clone(),
             library: library.or_else(|| rig.library.clone().map(LibraryRef::File)),
             parts,
             task: task?,
-            planner: raw.planner,
-            tolerance_m: m_from_mm(raw.tolerance_mm),
-            plate_time_limit_s: raw.limits.plate_time_s,
+            planner: document.planner,
+            tolerance_m: m_from_mm(document.tolerance_mm),
+            plate_time_limit_s: document.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
             without_guard: None,
-            deadlines: raw.deadlines,
+            deadlines: document.deadlines,
             rig,
-            raw,
+            document,
         })
     }
 
     /// As [`Self::load`], on `rig` in place of the one that the file names.
     pub fn load_on(path: &std::path::Path, rig: &RigSpec) -> Result<Self, Vec<Diagnostic>> {
-        let (text, origin) = (text_of(path).map_err(|fault| vec![fault])?, Origin::of_file(path));
-        parse_and_build(&text, &origin.file, |raw: RawJob, faults| {
-            Self::build(RawJob { rig: None, ..raw }, &origin, Some(rig), faults)
+        let (text, origin) = (text_of(path)?, Origin::of_file(path));
+        parse_and_build(&text, &origin.file, |document: JobFile, faults| {
+            Self::build(JobFile { rig: None, ..document }, &origin, Some(rig), faults)
         })
     }
 
@@ -131,7 +125,7 @@ impl JobSpec {
 
     /// True if the job itself has a library, by its file or written out; its rig may name another.
     pub fn names_library(&self) -> bool {
-        self.raw.library.is_some()
+        self.document.library.is_some()
     }
 
     /// Key that names the library: the job's or its rig's.
@@ -141,18 +135,18 @@ impl JobSpec {
 
     /// Seed of all random numbers.
     pub fn seed(&self) -> u64 {
-        self.raw.seed
+        self.document.seed
     }
 
     /// The same job with another seed.
     pub fn with_seed(mut self, seed: u64) -> Self {
-        self.raw.seed = seed;
+        self.document.seed = seed;
         self
     }
 
     /// The same job with another planner.
     pub fn with_planner(mut self, planner: PlannerChoice) -> Self {
-        (self.planner, self.raw.planner) = (planner, planner);
+        (self.planner, self.document.planner) = (planner, planner);
         self
     }
 
@@ -173,7 +167,7 @@ impl JobSpec {
         let typed = faults.into_result(Some(typed))?;
         self.faults.extend(typed);
         if !self.faults.is_empty() {
-            self.raw.faults = Some(RawFaults::List(self.faults.iter().map(RawFault::of).collect()));
+            self.document.faults = Some(FaultList::List(self.faults.iter().map(FaultEntry::of).collect()));
         }
         Ok(self)
     }
@@ -190,13 +184,13 @@ impl JobSpec {
 
     /// The job with the rig and all defaults written out; reading it with the same origin gives an equal spec.
     pub fn effective(&self) -> Value {
-        let rig = Some(RigSource::Inline(Box::new(self.rig.raw.clone())));
-        serde_json::to_value(RawJob { rig, ..self.raw.clone() }).unwrap_or_default()
+        let rig = Some(RigSource::Inline(Box::new(self.rig.document.clone())));
+        serde_json::to_value(JobFile { rig, ..self.document.clone() }).unwrap_or_default()
     }
 
     /// As [`Self::effective`], without the rig: the form sent to a plate that has the rig.
     pub fn effective_without_rig(&self) -> Value {
-        serde_json::to_value(&self.raw).unwrap_or_default()
+        serde_json::to_value(&self.document).unwrap_or_default()
     }
 
     /// As [`Self::effective`], with the library written out too: a run can be repeated from it without any other file.
@@ -209,15 +203,13 @@ impl JobSpec {
     }
 }
 
-fn library_of(raw: &RawJob, origin: &Origin, faults: &mut Diagnostics) -> Option<LibraryRef> {
-    match raw.library.as_ref()? {
-        LibrarySource::Inline(content) => Some(LibraryRef::Inline(content.clone())),
-        LibrarySource::File(named) => {
-            let path = origin.resolve(named);
-            let at = Path::root().key("library");
-            faults.require(path.is_some(), &at, quoted(named), "nothing (files cannot be named here)");
-            path.map(LibraryRef::File)
+fn library_of(document: &JobFile, origin: &Origin, faults: &mut Diagnostics) -> Option<LibraryRef> {
+    match document.library.as_ref()? {
+        LibraryRef::File(named) => {
+            let named = named.to_string_lossy();
+            origin.named_file(&named, &Path::root().key("library"), faults).map(LibraryRef::File)
         }
+        inline => Some(inline.clone()),
     }
 }
 
@@ -230,7 +222,13 @@ fn rig_of(
 ) -> Option<RigSpec> {
     let at = Path::root().key("rig");
     match (source, plate_rig) {
-        (Some(RigSource::Inline(raw)), Some(rig)) => the_same(&raw, rig, plate, &at, faults),
+        (Some(RigSource::Inline(document)), Some(rig)) => {
+            // the library of the rig is not compared, since the plate chooses it
+            let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
+            let same = rig.is_as_in(&document);
+            faults.require(same, at, "another rig", format!("the rig of {plate}, or nothing"));
+            same.then(|| rig.clone())
+        }
         (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
         (None, Some(rig)) => Some(rig.clone()),
         (None, None) => {
@@ -240,20 +238,12 @@ fn rig_of(
     }
 }
 
-/// The plate's rig, if the job's is equal to it. The library of the rig is not compared, since the plate chooses it.
-fn the_same(raw: &RawRig, rig: &RigSpec, plate: Option<&str>, at: &Path, faults: &mut Diagnostics) -> Option<RigSpec> {
-    let same = rig.is_as_in(raw);
-    let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
-    faults.require(same, at, "another rig", format!("the rig of {plate}, or nothing"));
-    same.then(|| rig.clone())
-}
-
 /// Largest number of knocks in a run.
 const MOST_KNOCKS: f64 = 10_000.0;
 
 /// Reports a rig that is knocked too often for a run of `until_s`.
 fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Diagnostics) {
-    let Some(knocks) = &rig.raw.simulation.knocks else { return };
+    let Some(knocks) = &rig.document.simulation.knocks else { return };
     // two knocks are half the mean time apart or more
     let least_s = until_s / (0.5 * MOST_KNOCKS);
     let allowed =
@@ -261,17 +251,10 @@ fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Diagnostics) {
     faults.require(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
 }
 
-/// Reports synthesised fields on a rig without `fields`.
-fn refuse_fields(faults: &mut Diagnostics) {
-    let found = "\"synthesized_field\" on a rig without `fields`";
-    let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
-    faults.push(Path::root().key("planner"), found, allowed);
-}
-
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an
 /// invalid index, so that checks of everything else still run and no consequential faults are reported.
-fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PartGroup> {
-    let group_of = |(i, group): (usize, &RawParts)| {
+fn groups_of(document: &JobFile, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PartGroup> {
+    let group_of = |(i, group): (usize, &PartsEntry)| {
         let at = Path::root().key("parts").index(i).key("kind");
         let kind = rig.known_kind(&group.kind, &at, faults);
         let at_random = group.position_mm.is_none();
@@ -282,7 +265,7 @@ fn groups_of(raw: &RawJob, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PartG
             position_m: group.position_mm.map(point_m),
         }
     };
-    raw.parts.iter().enumerate().map(group_of).collect()
+    document.parts.iter().enumerate().map(group_of).collect()
 }
 
 /// Least relative difference in diameter, with respect to the larger one, at which a measured radius distinguishes two

@@ -1,5 +1,5 @@
-use super::raw_rig::RawRig;
 use super::read::{NAMES, is_plain_name};
+use super::rig_file::RigFile;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
@@ -54,15 +54,15 @@ impl KindSpec {
 }
 
 /// The four coins, then the rig's kinds by name.
-pub(super) fn kinds_of(raw: &RawRig, at: &Path, faults: &mut Diagnostics) -> Vec<KindSpec> {
-    let friction = raw.friction.coefficient;
+pub(super) fn kinds_of(rig: &RigFile, at: &Path, faults: &mut Diagnostics) -> Vec<KindSpec> {
+    let friction = rig.friction.coefficient;
     let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
-    for (name, kind) in &raw.kinds {
+    for (name, kind) in &rig.kinds {
         let at = at.key("kinds").key(name);
         faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
         faults.require(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
-        let side_mm = raw.plate.side_mm;
+        let side_mm = rig.plate.side_mm;
         let allowed = format!("up to {side_mm} (the plate's side)");
         faults.require(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
         kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));

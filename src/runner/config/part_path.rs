@@ -1,9 +1,9 @@
 //! The polyline of one path of a job file.
 
 use super::fit::Growth;
-use super::raw_job::RawPath;
-use super::raw_shapes::{RawCircle, RawLissajous, RawSvg};
+use super::job_file::PathEntry;
 use super::read::{exactly_one, point_m};
+use super::shape_file::{CircleShape, LissajousShape, SvgShape};
 use super::targets::drawing_of;
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
@@ -43,13 +43,13 @@ impl PartPath {
 
     /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
     /// whole lap. Empty if the file is at fault.
-    pub fn each(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
-        line_of(raw, at, faults).map(|line| part_paths(&line, raw, at)).unwrap_or_default()
+    pub fn each(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
+        line_of(entry, at, faults).map(|line| part_paths(&line, entry, at)).unwrap_or_default()
     }
 }
 
-fn part_paths(line: &PathLine, raw: &RawPath, at: &Path) -> Vec<PartPath> {
-    let waypoints_m = |k: u32| match raw.count {
+fn part_paths(line: &PathLine, entry: &PathEntry, at: &Path) -> Vec<PartPath> {
+    let waypoints_m = |k: u32| match entry.count {
         1 => line.points_m.clone(),
         count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
     };
@@ -57,14 +57,18 @@ fn part_paths(line: &PathLine, raw: &RawPath, at: &Path) -> Vec<PartPath> {
         at: at.clone(),
         shape_at: at.key(line.key),
         growth: line.growth.clone(),
-        has_file_corners: line.growth.is_none() && raw.count == 1,
-        params: PathParams { waypoints_m: waypoints_m(k), speed_mps: m_from_mm(raw.speed_mm_s), repeat: raw.repeat },
+        has_file_corners: line.growth.is_none() && entry.count == 1,
+        params: PathParams {
+            waypoints_m: waypoints_m(k),
+            speed_mps: m_from_mm(entry.speed_mm_s),
+            repeat: entry.repeat,
+        },
     };
-    (0..raw.count).map(part_path).collect()
+    (0..entry.count).map(part_path).collect()
 }
 
-fn line_of(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
-    let RawPath { waypoints_mm, circle, lissajous, svg, .. } = raw;
+fn line_of(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let PathEntry { waypoints_mm, circle, lissajous, svg, .. } = entry;
     let keys = [
         ("waypoints_mm", waypoints_mm.is_some()),
         ("circle", circle.is_some()),
@@ -74,28 +78,28 @@ fn line_of(raw: &RawPath, at: &Path, faults: &mut Diagnostics) -> Option<PathLin
     if !exactly_one(&keys, at, faults) {
         return None;
     }
-    if let Some(raw) = circle {
-        return Some(circle_of(raw));
+    if let Some(entry) = circle {
+        return Some(circle_of(entry));
     }
-    if let Some(raw) = lissajous {
-        return lissajous_of(raw, &at.key("lissajous"), faults);
+    if let Some(entry) = lissajous {
+        return lissajous_of(entry, &at.key("lissajous"), faults);
     }
-    if let Some(raw) = svg {
-        return drawn_line(raw, &at.key("svg"), faults);
+    if let Some(entry) = svg {
+        return drawn_line(entry, &at.key("svg"), faults);
     }
     let points_m = waypoints_mm.iter().flatten().copied().map(point_m).collect();
     Some(PathLine { key: "waypoints_mm", points_m, growth: None })
 }
 
-fn circle_of(raw: &RawCircle) -> PathLine {
-    let RawCircle { center_mm, radius_mm, start_deg, clockwise } = *raw;
+fn circle_of(entry: &CircleShape) -> PathLine {
+    let CircleShape { center_mm, radius_mm, start_deg, clockwise } = *entry;
     let center_m = point_m(center_mm);
     let points_m = circle_path(center_m, m_from_mm(radius_mm), start_deg.to_radians(), clockwise);
     PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
 }
 
-fn lissajous_of(raw: &RawLissajous, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
-    let RawLissajous { center_mm, size_mm, frequencies: [a, b], phase_deg } = *raw;
+fn lissajous_of(entry: &LissajousShape, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let LissajousShape { center_mm, size_mm, frequencies: [a, b], phase_deg } = *entry;
     let common = common_factor(a, b);
     if common > 1 {
         let allowed = format!("[{}, {}], the same figure without a common factor", a / common, b / common);
@@ -112,8 +116,8 @@ fn common_factor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { common_factor(b, a % b) }
 }
 
-fn drawn_line(raw: &RawSvg, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
-    let (drawing, growth) = drawing_of(raw, at, faults)?;
+fn drawn_line(entry: &SvgShape, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let (drawing, growth) = drawing_of(entry, at, faults)?;
     let Some(points_m) = drawing.single_line() else {
         faults.push(at, "a drawing of several lines", "one unbroken line");
         return None;

@@ -2,8 +2,8 @@
 
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::in_phase::check_in_phase;
+use super::job_file::PathEntry;
 use super::part_path::PartPath;
-use super::raw_job::RawPath;
 use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_core::units::m_from_mm;
@@ -13,29 +13,29 @@ impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
     pub(super) fn trajectories(
         &self,
-        raw: &[RawPath],
+        entries: &[PathEntry],
         in_phase: bool,
         corridor_mm: f64,
         faults: &mut Diagnostics,
     ) -> Option<TaskSpec> {
         let at = self.at.key("paths");
-        let total = raw.iter().map(|path| path.count as usize).sum();
+        let total = entries.iter().map(|path| path.count as usize).sum();
         self.demand_one_each(total, "path", &at, faults);
-        if total > self.kinds.len().max(raw.len()) {
+        if total > self.kinds.len().max(entries.len()) {
             return None;
         }
         let before = faults.len();
         let mut paths: Vec<PartPath> = Vec::with_capacity(total);
-        for (i, raw) in raw.iter().enumerate() {
+        for (i, entry) in entries.iter().enumerate() {
             let at = at.index(i);
-            let alone = in_phase || raw.count == 1;
-            faults.require(alone, at.key("count"), raw.count, "1 (more parts on one path only with in_phase)");
-            paths.extend(PartPath::each(raw, &at, faults));
+            let alone = in_phase || entry.count == 1;
+            faults.require(alone, at.key("count"), entry.count, "1 (more parts on one path only with in_phase)");
+            paths.extend(PartPath::each(entry, &at, faults));
         }
         if faults.len() > before {
             return None;
         }
-        self.check_on_plate(raw, &paths, faults);
+        self.check_on_plate(entries, &paths, faults);
         let before = faults.len();
         check_ends(&paths, &self.radii_m, in_phase, faults);
         if in_phase && faults.len() == before {
@@ -46,17 +46,17 @@ impl TaskContext<'_> {
     }
 
     /// Reports generated paths, and typed corners, that leave the plate; corners once for all parts on their path.
-    fn check_on_plate(&self, raw: &[RawPath], paths: &[PartPath], faults: &mut Diagnostics) {
+    fn check_on_plate(&self, entries: &[PathEntry], paths: &[PartPath], faults: &mut Diagnostics) {
         for (PartPath { shape_at, growth, params, .. }, &radius_m) in paths.iter().zip(&self.radii_m) {
             if let Some(growth) = growth {
                 self.check_path(&params.waypoints_m, radius_m, growth, shape_at, faults);
             }
         }
         let mut radii_m = self.radii_m.iter();
-        for (i, raw) in raw.iter().enumerate() {
-            let largest_m = radii_m.by_ref().take(raw.count as usize).copied().fold(0.0, f64::max);
+        for (i, entry) in entries.iter().enumerate() {
+            let largest_m = radii_m.by_ref().take(entry.count as usize).copied().fold(0.0, f64::max);
             let at = self.at.key("paths").index(i).key("waypoints_mm");
-            for (k, &waypoint_mm) in raw.waypoints_mm.iter().flatten().enumerate() {
+            for (k, &waypoint_mm) in entry.waypoints_mm.iter().flatten().enumerate() {
                 check_inside(point_m(waypoint_mm), largest_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
             }
         }

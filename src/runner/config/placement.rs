@@ -57,7 +57,7 @@ fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> 
         for _ in 0..group.count {
             let (Some(spec), Some(id)) = (job.rig.kinds.get(group.kind), ids.next()) else { continue };
             let rng = &mut streams.numbered("part friction", parts.len() as u64);
-            let friction = drawn_friction(spec.friction, job.rig.raw.friction.spread, rng);
+            let friction = drawn_friction(spec.friction, job.rig.document.friction.spread, rng);
             let params = PartParams { friction, ..spec.part() };
             let position_m = group.position_m.unwrap_or_default();
             parts.push((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m));

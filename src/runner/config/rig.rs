@@ -1,13 +1,13 @@
 use std::path::PathBuf;
 
 use nalgebra::Vector3;
-use serde_json::Value;
+use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::kinds::{KindSpec, kinds_of};
-use super::raw_rig::{RawFields, RawRig, RigSource};
 use super::read::{Origin, point_m};
 use super::rig_checks;
+use super::rig_file::{FieldSection, RigFile, RigSource};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
@@ -18,7 +18,7 @@ use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, Pla
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigSpec {
     /// Contents of the file with all defaults written out.
-    pub raw: RawRig,
+    pub document: RigFile,
     /// Properties that can be measured or are in a data sheet.
     pub model: RigModel,
     /// Parameters of the simulated rig.
@@ -36,13 +36,12 @@ pub struct RigSpec {
 impl RigSpec {
     /// Reads and validates the rig file at `path`. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
-        let text = text_of(path).map_err(|fault| vec![fault])?;
-        Self::from_json(&text, &Origin::of_file(path))
+        Self::from_json(&text_of(path)?, &Origin::of_file(path))
     }
 
     /// Validates the rig in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, &Path::root(), faults))
+        parse_and_build(text, &origin.file, |document, faults| Self::build(document, origin, &Path::root(), faults))
     }
 
     /// The shipped weak prototype, without its library, which is a separate file; the rig is compiled into the program.
@@ -57,15 +56,15 @@ impl RigSpec {
 
     fn shipped(file: &str, text: &str) -> Result<Self, Vec<Diagnostic>> {
         let origin = Origin::of_request(file);
-        parse_and_build(text, file, |raw: RawRig, faults| {
-            Self::build(RawRig { library: None, ..raw }, &origin, &Path::root(), faults)
+        parse_and_build(text, file, |document: RigFile, faults| {
+            Self::build(RigFile { library: None, ..document }, &origin, &Path::root(), faults)
         })
     }
 
     /// The rig that `source` at `at` names or contains. Faults in the rig's file carry that file's name.
     pub(super) fn from_source(source: RigSource, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {
         let named = match source {
-            RigSource::Inline(raw) => return Self::build(*raw, origin, at, faults),
+            RigSource::Inline(document) => return Self::build(*document, origin, at, faults),
             RigSource::File(named) => named,
         };
         let Some(path) = origin.resolve(&named) else {
@@ -79,37 +78,34 @@ impl RigSpec {
     /// The same rig as part of a file that calls it `named`: its paths become relative to that file.
     fn rebased_from(mut self, named: &str) -> Self {
         let folder = std::path::Path::new(named).parent();
-        if let (Some(folder), Some(library)) = (folder, &mut self.raw.library) {
+        if let (Some(folder), Some(library)) = (folder, &mut self.document.library) {
             *library = folder.join(&library).to_string_lossy().into_owned();
         }
         self
     }
 
-    fn build(mut raw: RawRig, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {
+    fn build(mut document: RigFile, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {
         let before = faults.len();
-        fill_in(&mut raw);
-        let kinds = kinds_of(&raw, at, faults);
-        let sim = sim_params(&raw);
-        rig_checks::check(&raw, &sim, at, faults);
-        let library = raw.library.as_ref().map(|named| (named, origin.resolve(named)));
-        if let Some((named, None)) = &library {
-            faults.push(at.key("library"), quoted(named), "nothing (files cannot be named here)");
-        }
-        let library = library.and_then(|(_, path)| path);
+        fill_in(&mut document);
+        let kinds = kinds_of(&document, at, faults);
+        let sim = sim_params(&document);
+        rig_checks::check(&document, &sim, at, faults);
+        let at_library = at.key("library");
+        let library = document.library.as_ref().and_then(|named| origin.named_file(named, &at_library, faults));
         let is_whole = *at == Path::root();
         let library_key =
             if is_whole { format!("rig {}: library", origin.file) } else { format!("{}: {at}.library", origin.file) };
-        let (model, fingerprint) = (model_of(&raw, &sim), fingerprint(&raw));
-        (faults.len() == before).then_some(Self { raw, model, sim, kinds, library, library_key, fingerprint })
+        let (model, fingerprint) = (model_of(&document, &sim), fingerprint(&document));
+        (faults.len() == before).then_some(Self { document, model, sim, kinds, library, library_key, fingerprint })
     }
 
-    /// True if `raw`, with defaults written out, equals this rig except for the library it names. A `raw` without
-    /// knocks leaves them to this rig.
-    pub(super) fn is_as_in(&self, raw: &RawRig) -> bool {
-        let mut compared = RawRig { library: self.raw.library.clone(), ..raw.clone() };
-        compared.simulation.knocks = compared.simulation.knocks.or_else(|| self.raw.simulation.knocks.clone());
+    /// True if `document`, with defaults written out, equals this rig except for the library it names. A rig without
+    /// knocks leaves them to this one.
+    pub(super) fn is_as_in(&self, document: &RigFile) -> bool {
+        let mut compared = RigFile { library: self.document.library.clone(), ..document.clone() };
+        compared.simulation.knocks = compared.simulation.knocks.or_else(|| self.document.simulation.knocks.clone());
         fill_in(&mut compared);
-        compared == self.raw
+        compared == self.document
     }
 
     /// Index in [`RigSpec::kinds`] of the kind called `name`.
@@ -129,16 +125,16 @@ impl RigSpec {
 }
 
 /// Fills in the defaults that depend on other values.
-fn fill_in(raw: &mut RawRig) {
-    let side_m = m_from_mm(raw.plate.side_mm);
-    raw.plate.inertia_kg_m2.get_or_insert(raw.plate.mass_kg * side_m * side_m / 6.0);
-    raw.camera.principal_px.get_or_insert(raw.camera.size_px.map(|size| (size as f64 - 1.0) / 2.0));
+fn fill_in(document: &mut RigFile) {
+    let side_m = m_from_mm(document.plate.side_mm);
+    document.plate.inertia_kg_m2.get_or_insert(document.plate.mass_kg * side_m * side_m / 6.0);
+    document.camera.principal_px.get_or_insert(document.camera.size_px.map(|size| (size as f64 - 1.0) / 2.0));
 }
 
-fn sim_params(raw: &RawRig) -> SimParams {
-    let RawRig { plate, motors, accelerometers, .. } = raw;
+fn sim_params(document: &RigFile) -> SimParams {
+    let RigFile { plate, motors, accelerometers, .. } = document;
     SimParams {
-        step_s: raw.simulation.step_s,
+        step_s: document.simulation.step_s,
         plate: PlateParams {
             side_m: m_from_mm(plate.side_mm),
             mass_kg: plate.mass_kg,
@@ -165,13 +161,13 @@ fn sim_params(raw: &RawRig) -> SimParams {
             bias_sd_mps2: accelerometers.bias_sd_mps2,
             gain_sd: accelerometers.gain_sd,
         },
-        camera: camera_params(raw),
-        contact: ContactParams { restitution: raw.friction.restitution, rim_friction: raw.friction.rim },
+        camera: camera_params(document),
+        contact: ContactParams { restitution: document.friction.restitution, rim_friction: document.friction.rim },
     }
 }
 
-fn camera_params(raw: &RawRig) -> CameraParams {
-    let camera = &raw.camera;
+fn camera_params(document: &RigFile) -> CameraParams {
+    let camera = &document.camera;
     CameraParams {
         size_px: camera.size_px,
         frame_hz: camera.frame_hz,
@@ -193,9 +189,9 @@ fn camera_params(raw: &RawRig) -> CameraParams {
     }
 }
 
-fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
+fn model_of(document: &RigFile, sim: &SimParams) -> RigModel {
     RigModel {
-        name: raw.name.clone(),
+        name: document.name.clone(),
         plate_side_m: sim.plate.side_m,
         lever_arm_m: sim.motors.lever_arm_m,
         motor_arrangement: sim.motors.arrangement,
@@ -203,26 +199,26 @@ fn model_of(raw: &RawRig, sim: &SimParams) -> RigModel {
         plate_inertia_kgm2: sim.plate.inertia_kgm2,
         newtons_per_count: sim.motors.newtons_per_count,
         count_limit: sim.motors.count_limit,
-        base_radps: std::f64::consts::TAU * raw.drive.base_hz,
-        attack_s: raw.drive.attack_s,
-        rest_s: raw.drive.rest_s,
-        max_sustain_s: raw.drive.max_sustain_s,
-        fields: raw.fields.as_ref().map(field_drive_of),
+        base_radps: std::f64::consts::TAU * document.drive.base_hz,
+        attack_s: document.drive.attack_s,
+        rest_s: document.drive.rest_s,
+        max_sustain_s: document.drive.max_sustain_s,
+        fields: document.fields.as_ref().map(field_drive_of),
         accelerometer_in_plate_m: sim.accelerometers.position_m,
         frame_size_px: sim.camera.size_px,
         frame_hz: sim.camera.frame_hz,
         exposure_s: sim.camera.exposure_s,
         lens: sim.camera.lens,
-        dark_parts: raw.camera.levels.part < raw.camera.levels.plate,
+        dark_parts: document.camera.levels.part < document.camera.levels.plate,
     }
 }
 
-fn field_drive_of(raw: &RawFields) -> FieldDriveModel {
+fn field_drive_of(document: &FieldSection) -> FieldDriveModel {
     FieldDriveModel {
-        base_radps: std::f64::consts::TAU * raw.base_hz,
-        harmonics: raw.harmonics,
-        attack_s: raw.attack_s,
-        rest_s: raw.rest_s,
+        base_radps: std::f64::consts::TAU * document.base_hz,
+        harmonics: document.harmonics,
+        attack_s: document.attack_s,
+        rest_s: document.rest_s,
     }
 }
 
@@ -230,41 +226,12 @@ fn field_drive_of(raw: &RawFields) -> FieldDriveModel {
 /// `motors`, `drive`, `accelerometers` and, where there are any, `fields`: the properties that a measured COR library
 /// depends on. Camera, friction, kinds, step, name and library are left out, since a library remains valid with another
 /// camera and another coin.
-pub fn fingerprint(raw: &RawRig) -> String {
-    let section = |made: Result<Value, serde_json::Error>| made.unwrap_or_default();
-    let sections = [
-        ("accelerometers", section(serde_json::to_value(&raw.accelerometers))),
-        ("drive", section(serde_json::to_value(&raw.drive))),
-        ("motors", section(serde_json::to_value(&raw.motors))),
-        ("plate", section(serde_json::to_value(&raw.plate))),
-    ];
-    let fields = raw.fields.as_ref().map(|fields| ("fields", section(serde_json::to_value(fields))));
-    let mut canonical = String::new();
-    write_canonical(&Value::from_iter(sections.into_iter().chain(fields)), &mut canonical);
-    Sha256::digest(canonical).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// JSON with sorted keys, independent of the map's order.
-fn write_canonical(value: &Value, out: &mut String) {
-    match value {
-        Value::Object(members) => {
-            let mut sorted: Vec<_> = members.iter().collect();
-            sorted.sort_by_key(|(key, _)| key.as_str());
-            for (i, (key, member)) in sorted.into_iter().enumerate() {
-                out.push(if i == 0 { '{' } else { ',' });
-                out.push_str(&Value::from(key.as_str()).to_string());
-                out.push(':');
-                write_canonical(member, out);
-            }
-            out.push_str(if members.is_empty() { "{}" } else { "}" });
-        }
-        Value::Array(items) => {
-            for (i, item) in items.iter().enumerate() {
-                out.push(if i == 0 { '[' } else { ',' });
-                write_canonical(item, out);
-            }
-            out.push_str(if items.is_empty() { "[]" } else { "]" });
-        }
-        plain => out.push_str(&plain.to_string()),
+fn fingerprint(rig: &RigFile) -> String {
+    let RigFile { accelerometers, drive, motors, plate, .. } = rig;
+    // the members of a value are sorted by their keys
+    let mut sections = json!({ "accelerometers": accelerometers, "drive": drive, "motors": motors, "plate": plate });
+    if let Some(fields) = &rig.fields {
+        sections["fields"] = json!(fields);
     }
+    Sha256::digest(sections.to_string()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }

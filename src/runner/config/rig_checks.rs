@@ -1,5 +1,5 @@
-use super::raw_rig::{RawLevels, RawRig};
 use super::read::{NAMES, is_plain_name};
+use super::rig_file::{GrayLevels, RigFile};
 use super::view;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_document::{Diagnostics, Path};
@@ -13,19 +13,19 @@ const MOST_PIXELS: usize = 64_000_000;
 const SIDE_RATIO: f64 = 1.35;
 
 /// Consistency checks between the numbers of a rig, beyond the range of each.
-pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
-    faults.require(is_plain_name(&raw.name), at.key("name"), format!("{:?}", raw.name), NAMES);
-    check_plate(raw, at, faults);
-    check_motors(raw, at, faults);
-    check_drive(raw, at, faults);
-    check_fields(raw, at, faults);
-    check_accelerometers(raw, at, faults);
-    check_camera(raw, sim, at, faults);
-    let push_mm = raw.simulation.knocks.as_ref().map(|knocks| knocks.push_mm);
+pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
+    faults.require(is_plain_name(&rig.name), at.key("name"), format!("{:?}", rig.name), NAMES);
+    check_plate(rig, at, faults);
+    check_motors(rig, at, faults);
+    check_drive(rig, at, faults);
+    check_fields(rig, at, faults);
+    check_accelerometers(rig, at, faults);
+    check_camera(rig, sim, at, faults);
+    let push_mm = rig.simulation.knocks.as_ref().map(|knocks| knocks.push_mm);
     let at_push = at.key("simulation").key("knocks").key("push_mm");
     faults.require(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
-    let step_s = raw.simulation.step_s;
-    let longest_s = (0.01 / raw.drive.base_hz).min(1.0 / raw.motors.sample_hz).min(1.0 / raw.accelerometers.sample_hz);
+    let step_s = rig.simulation.step_s;
+    let longest_s = (0.01 / rig.drive.base_hz).min(1.0 / rig.motors.sample_hz).min(1.0 / rig.accelerometers.sample_hz);
     faults.require(
         step_s <= longest_s * (1.0 + 1e-9),
         at.key("simulation").key("step_s"),
@@ -34,8 +34,8 @@ pub(super) fn check(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagn
     );
 }
 
-fn check_plate(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
-    let (plate, base_hz) = (&raw.plate, raw.drive.base_hz);
+fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
+    let (plate, base_hz) = (&rig.plate, rig.drive.base_hz);
     let at = at.key("plate");
     let side_m = plate.side_mm * 1e-3;
     let (inertia, most) = (plate.inertia_kg_m2.unwrap_or_default(), 0.5 * plate.mass_kg * side_m * side_m);
@@ -52,10 +52,10 @@ fn check_plate(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     }
 }
 
-fn check_motors(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
-    let (motors, base_hz) = (&raw.motors, raw.drive.base_hz);
+fn check_motors(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
+    let (motors, base_hz) = (&rig.motors, rig.drive.base_hz);
     let at = at.key("motors");
-    let reach_mm = 0.5 * raw.plate.side_mm;
+    let reach_mm = 0.5 * rig.plate.side_mm;
     let allowed = format!("up to {reach_mm} (half the plate's side)");
     faults.require(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
     let least_hz = 8.0 * base_hz;
@@ -68,7 +68,7 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
         low_pass,
         format!("above {} (the second harmonic must pass) and below {top} (half the sample rate)", 2.0 * base_hz),
     );
-    check_force(raw, &at, faults);
+    check_force(rig, &at, faults);
     faults.require(
         motors.newtons_per_count <= motors.force_limit_n,
         at.key("newtons_per_count"),
@@ -79,9 +79,9 @@ fn check_motors(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
 
 /// Reports motors too weak for friction: two coils of an axis at their limit must accelerate the plate enough for a
 /// part to slide.
-fn check_force(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
-    let (motors, plate_kg) = (&raw.motors, raw.plate.mass_kg);
-    let hold_mps2 = raw.friction.coefficient * GRAVITY_MPS2;
+fn check_force(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
+    let (motors, plate_kg) = (&rig.motors, rig.plate.mass_kg);
+    let hold_mps2 = rig.friction.coefficient * GRAVITY_MPS2;
     let (least_n, full_counts) = (0.5 * plate_kg * hold_mps2, f64::from(motors.count_limit));
     let rounded_up = |newtons: f64| (newtons * 1e6).ceil() / 1e6;
     let why = format!("less does not slide a part: two coils on {plate_kg} kg against friction of {hold_mps2:.2} m/s²");
@@ -92,24 +92,24 @@ fn check_force(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     faults.require(motors.force_limit_n >= least_n, at.key("force_limit_n"), motors.force_limit_n, allowed);
 }
 
-fn check_drive(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
-    let (found, least) = (raw.drive.max_sustain_s, 3.0 / raw.drive.base_hz);
+fn check_drive(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
+    let (found, least) = (rig.drive.max_sustain_s, 3.0 / rig.drive.base_hz);
     let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
     faults.require(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
 }
 
 /// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.
-fn check_fields(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
-    let (Some(fields), at) = (&raw.fields, at.key("fields")) else { return };
-    let (base_hz, resonance) = (fields.base_hz, &raw.plate.resonance_hz);
+fn check_fields(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
+    let (Some(fields), at) = (&rig.fields, at.key("fields")) else { return };
+    let (base_hz, resonance) = (fields.base_hz, &rig.plate.resonance_hz);
     let stiffest_hz = resonance.x.max(resonance.y).max(resonance.spin);
     let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
     faults.require(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);
-    let (least_hz, longest_s) = (3.0 / raw.drive.max_sustain_s, raw.drive.max_sustain_s);
+    let (least_hz, longest_s) = (3.0 / rig.drive.max_sustain_s, rig.drive.max_sustain_s);
     let allowed = format!("{least_hz:.4} or more (three periods within drive.max_sustain_s, {longest_s})");
     faults.require(base_hz >= least_hz * (1.0 - 1e-9), at.key("base_hz"), base_hz, allowed);
-    let (highest_hz, low_pass_hz) = (base_hz * fields.harmonics as f64, raw.motors.low_pass_hz);
-    let (motors_hz, read_hz) = (raw.motors.sample_hz / 4.0, raw.accelerometers.sample_hz / 8.0);
+    let (highest_hz, low_pass_hz) = (base_hz * fields.harmonics as f64, rig.motors.low_pass_hz);
+    let (motors_hz, read_hz) = (rig.motors.sample_hz / 4.0, rig.accelerometers.sample_hz / 8.0);
     let allowed = format!(
         "a highest harmonic below {} Hz (motors.low_pass_hz, a quarter of motors.sample_hz and an eighth of \
          accelerometers.sample_hz)",
@@ -123,12 +123,12 @@ fn check_fields(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     faults.require(fields.attack_s >= least_s * (1.0 - 1e-4), at.key("attack_s"), fields.attack_s, allowed);
 }
 
-fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
+fn check_accelerometers(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let at = at.key("accelerometers");
-    let (found_hz, least_hz) = (raw.accelerometers.sample_hz, 16.0 * raw.drive.base_hz);
+    let (found_hz, least_hz) = (rig.accelerometers.sample_hz, 16.0 * rig.drive.base_hz);
     let allowed = format!("{least_hz} or more (16 samples to a period of the drive)");
     faults.require(found_hz >= least_hz, at.key("sample_hz"), found_hz, allowed);
-    let ([x, y], half) = (raw.accelerometers.position_mm, 0.5 * raw.plate.side_mm);
+    let ([x, y], half) = (rig.accelerometers.position_mm, 0.5 * rig.plate.side_mm);
     let place = at.key("position_mm");
     for (i, found) in [x, y].into_iter().enumerate() {
         faults.require(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
@@ -141,8 +141,8 @@ fn check_accelerometers(raw: &RawRig, at: &Path, faults: &mut Diagnostics) {
     faults.require(arm < least || off >= least, &place, format!("{off:.3} mm off an axis"), allowed);
 }
 
-fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
-    let (camera, at) = (&raw.camera, at.key("camera"));
+fn check_camera(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
+    let (camera, at) = (&rig.camera, at.key("camera"));
     let period_s = 1.0 / camera.frame_hz;
     let allowed = format!("below {period_s:.6} (one frame's period)");
     faults.require(camera.exposure_s < period_s, at.key("exposure_s"), camera.exposure_s, allowed);
@@ -150,7 +150,7 @@ fn check_camera(raw: &RawRig, sim: &SimParams, at: &Path, faults: &mut Diagnosti
     let allowed = format!("up to {MOST_PIXELS} px in all");
     faults.require(columns * rows <= MOST_PIXELS, at.key("size_px"), format!("{columns} x {rows}"), allowed);
     check_levels(&camera.levels, &at.key("levels"), faults);
-    let lowest_mm = 0.5 * raw.plate.side_mm;
+    let lowest_mm = 0.5 * rig.plate.side_mm;
     let height = &at.key("position_mm").index(2);
     let [_, _, z_mm] = camera.position_mm;
     faults.require(z_mm >= lowest_mm, height, z_mm, format!("{lowest_mm} or more (half the plate's side above it)"));
@@ -186,11 +186,11 @@ fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
 /// Checks the gray levels. The finder detects parts from 20 % of the plate's level, at most 255, upwards; 60 leaves
 /// room for shading and noise. The table is the square whose edges are detected beside the picture's strongest, those
 /// of the parts: it is lost if its step is a fifth of theirs, and found if it is a quarter.
-fn check_levels(levels: &RawLevels, at: &Path, faults: &mut Diagnostics) {
+fn check_levels(levels: &GrayLevels, at: &Path, faults: &mut Diagnostics) {
     const LEAST_PART: f64 = 60.0;
     const LEAST_GROUND: f64 = 40.0;
     const GROUND_SHARE: f64 = 0.3;
-    let RawLevels { ground, plate, part } = *levels;
+    let GrayLevels { ground, plate, part } = *levels;
     let contrast = (plate - part).abs();
     let allowed = format!("{LEAST_PART} or more away from levels.plate, {plate} (parts must stand out on the plate)");
     faults.require(contrast >= LEAST_PART, at.key("part"), part, allowed);

@@ -1,6 +1,10 @@
 use serde_json::Value;
 
-use super::{RawDaemon, RawJob, RawRig, RawSimulate, RawTrace};
+use super::daemon_file::DaemonFile;
+use super::job_file::JobFile;
+use super::rig_file::RigFile;
+use super::simulate::ExperimentFile;
+use super::trace::TraceFile;
 use upm_cor_library::RawLibrary;
 use upm_document::schema_of;
 
@@ -11,15 +15,16 @@ pub fn schema_names() -> &'static [&'static str] {
 
 /// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
 pub fn schema(name: &str) -> Option<Value> {
-    match name {
-        "job" => Some(schema_of::<RawJob>()),
-        "rig" => Some(schema_of::<RawRig>()),
-        "simulate" => Some(schema_of::<RawSimulate>()),
-        "library" => Some(schema_of::<RawLibrary>()),
-        "trace" => Some(schema_of::<RawTrace>()),
-        "daemon" => Some(schema_of::<RawDaemon>()),
-        _ => None,
-    }
+    let schema = match name {
+        "job" => schema_of::<JobFile>(),
+        "rig" => schema_of::<RigFile>(),
+        "simulate" => schema_of::<ExperimentFile>(),
+        "library" => schema_of::<RawLibrary>(),
+        "trace" => schema_of::<TraceFile>(),
+        "daemon" => schema_of::<DaemonFile>(),
+        _ => return None,
+    };
+    Some(schema.clone())
 }
 
 #[cfg(test)]

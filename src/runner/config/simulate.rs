@@ -1,14 +1,114 @@
+//! Files of open-loop experiments: given pulses on given parts.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
-use super::raw_simulate::{RawHarmonic, RawPulse, RawSimulate};
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
+use super::rig_file::RigSource;
 use upm_core::geometry::Twist;
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
+use upm_document::{Diagnostic, Diagnostics, Path, SchemaKey, parse_and_build, text_of};
 use upm_sim::OpenPulse;
+
+/// An open-loop experiment: given pulses on given parts.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "simulate")]
+pub(super) struct ExperimentFile {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default)]
+    _schema: SchemaKey,
+    /// The rig: a path relative to this file, or the object itself.
+    rig: RigSource,
+    /// How the plate moves.
+    #[serde(default)]
+    plate: PlateMode,
+    /// Base frequency w of every pulse, Hz. Left out: the rig's.
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    base_hz: Option<f64>,
+    /// Parts on the plate.
+    #[schemars(length(min = 1, max = 64))]
+    parts: Vec<PartEntry>,
+    /// Pulses, one after another.
+    #[schemars(length(min = 1, max = 1000))]
+    pulses: Vec<PulseEntry>,
+    /// Samples a second of the trajectories put out.
+    #[serde(default = "sample_hz")]
+    #[schemars(range(min = 1.0, max = 100_000.0))]
+    sample_hz: f64,
+}
+
+fn sample_hz() -> f64 {
+    1000.0
+}
+
+/// A part and where it starts.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PartEntry {
+    /// penny, nickel, dime, quarter or a kind of the rig's.
+    kind: String,
+    /// Where it starts, mm; its centre lies on the plate.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    position_mm: [f64; 2],
+}
+
+/// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
+/// `cos wt - ½ cos 2wt`; or any periodic motion of the plate (`harmonics`).
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PulseEntry {
+    /// Centre of rotation, mm.
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
+    cor_mm: Option<[f64; 2]>,
+    /// Amplitude of the spin, rad/s.
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    omega_rad_s: Option<f64>,
+    /// Direction of a translation, degrees counter-clockwise from x.
+    #[schemars(range(min = -360.0, max = 360.0))]
+    direction_deg: Option<f64>,
+    /// Amplitude of a translation's speed, m/s.
+    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    speed_mps: Option<f64>,
+    /// The plate's velocity at full height: harmonic k of the base frequency at index k - 1.
+    #[schemars(length(min = 1, max = 16))]
+    harmonics: Option<Vec<HarmonicEntry>>,
+    /// 1 as said, parts of a rotation flow counter-clockwise; -1 in reverse.
+    #[serde(default = "forwards")]
+    #[schemars(extend("enum" = [-1, 1]))]
+    rotation: i32,
+    /// Length at full height, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    sustain_s: f64,
+    /// Attack and decay, s. Left out: the rig's.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    attack_s: Option<f64>,
+    /// Rest after it, s. Left out: the rig's.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    rest_s: Option<f64>,
+}
+
+/// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
+/// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
+#[derive(Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct HarmonicEntry {
+    /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    cos: [f64; 3],
+    /// Amplitudes of `sin kwt`: m/s, m/s, rad/s.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    sin: [f64; 3],
+}
+
+fn forwards() -> i32 {
+    1
+}
 
 /// Most samples in the output, over all parts.
 const MOST_SAMPLES: f64 = 1e7;
@@ -38,50 +138,41 @@ pub struct SimulateSpec {
 impl SimulateSpec {
     /// Reads and validates the experiment file at `path` and the rig it names. Errors list every fault.
     pub fn load(path: &std::path::Path) -> Result<Self, Vec<Diagnostic>> {
-        let text = text_of(path).map_err(|fault| vec![fault])?;
-        Self::from_json(&text, &Origin::of_file(path))
+        Self::from_json(&text_of(path)?, &Origin::of_file(path))
     }
 
     /// Validates the experiment in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |raw, faults| Self::build(raw, origin, faults))
+        parse_and_build(text, &origin.file, |file, faults| Self::build(file, origin, faults))
     }
 
-    fn build(raw: RawSimulate, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
-        let root = Path::root();
-        for (i, pulse) in raw.pulses.iter().enumerate() {
-            check_pulse(pulse, &root.key("pulses").index(i), faults);
-        }
-        let rig = RigSpec::from_source(raw.rig.clone(), origin, &root.key("rig"), faults)?;
-        let base_hz = raw.base_hz.unwrap_or(rig.raw.drive.base_hz);
-        check_frequencies(&raw, &rig, base_hz, faults);
-        let parts = placed(&raw, &rig, faults);
-        let pulses: Vec<OpenPulse> = raw.pulses.iter().filter_map(|pulse| pulse_of(pulse, &rig)).collect();
+    fn build(file: ExperimentFile, origin: &Origin, faults: &mut Diagnostics) -> Option<Self> {
+        let (root, pulses) = (Path::root(), file.pulses.iter().enumerate());
+        let motions: Vec<_> =
+            pulses.map(|(i, pulse)| pulse.motion(&root.key("pulses").index(i), faults).unwrap_or_default()).collect();
+        let rig = RigSpec::from_source(file.rig.clone(), origin, &root.key("rig"), faults)?;
+        let base_hz = file.base_hz.unwrap_or(rig.document.drive.base_hz);
+        check_frequencies(&file, &rig, base_hz, faults);
+        let parts = placed(&file, &rig, faults);
+        let pulse_of = |(pulse, harmonics): (&PulseEntry, _)| OpenPulse {
+            harmonics,
+            envelope: Envelope {
+                attack_s: pulse.attack_s.unwrap_or(rig.model.attack_s),
+                sustain_s: pulse.sustain_s,
+                rest_s: pulse.rest_s.unwrap_or(rig.model.rest_s),
+            },
+        };
+        let pulses: Vec<OpenPulse> = file.pulses.iter().zip(motions).map(pulse_of).collect();
         let total_s: f64 = pulses.iter().map(|pulse| pulse.envelope.total_s()).sum();
-        let samples = total_s * raw.sample_hz * raw.parts.len() as f64;
+        let samples = total_s * file.sample_hz * file.parts.len() as f64;
         let found = format!("{samples:.0} samples of all parts over {total_s:.3} s");
         faults.require(samples <= MOST_SAMPLES, root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
         let base_radps = std::f64::consts::TAU * base_hz;
-        Some(Self { rig, plate: raw.plate, base_radps, parts, pulses, sample_hz: raw.sample_hz })
+        Some(Self { rig, plate: file.plate, base_radps, parts, pulses, sample_hz: file.sample_hz })
     }
 }
 
-/// The pulse in SI, with its sign; `None` if it has no motion.
-fn pulse_of(raw: &RawPulse, rig: &RigSpec) -> Option<OpenPulse> {
-    let sign = f64::from(raw.rotation);
-    let harmonics = match &raw.harmonics {
-        Some(harmonics) => harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect(),
-        None => TwistHarmonic::pump(pump_of(raw)? * sign).to_vec(),
-    };
-    let envelope = Envelope {
-        attack_s: raw.attack_s.unwrap_or(rig.model.attack_s),
-        sustain_s: raw.sustain_s,
-        rest_s: raw.rest_s.unwrap_or(rig.model.rest_s),
-    };
-    Some(OpenPulse { harmonics, envelope })
-}
-
-impl RawHarmonic {
+impl HarmonicEntry {
     fn scaled(&self, scale: f64) -> TwistHarmonic {
         let twist = |[vx_mps, vy_mps, spin_radps]: [f64; 3]| Twist::new(vx_mps, vy_mps, spin_radps) * scale;
         TwistHarmonic { cos: twist(self.cos), sin: twist(self.sin) }
@@ -92,44 +183,44 @@ impl RawHarmonic {
     }
 }
 
-/// Velocity field of a rotation or a translation.
-fn pump_of(raw: &RawPulse) -> Option<Twist> {
-    match (raw.cor_mm, raw.omega_rad_s, raw.direction_deg, raw.speed_mps) {
-        (Some(cor_mm), Some(omega_radps), ..) => Some(Twist::about(point_m(cor_mm), omega_radps)),
-        (.., Some(direction_deg), Some(speed_mps)) => {
-            let (sin, cos) = direction_deg.to_radians().sin_cos();
-            Some(Twist::new(speed_mps * cos, speed_mps * sin, 0.0))
-        }
-        _ => None,
-    }
-}
-
-fn check_pulse(raw: &RawPulse, at: &Path, faults: &mut Diagnostics) {
-    let given = [
-        raw.cor_mm.is_some(),
-        raw.omega_rad_s.is_some(),
-        raw.direction_deg.is_some(),
-        raw.speed_mps.is_some(),
-        raw.harmonics.is_some(),
-    ];
-    let motions =
-        [[true, true, false, false, false], [false, false, true, true, false], [false, false, false, false, true]];
-    if !motions.contains(&given) {
-        let names = ["cor_mm", "omega_rad_s", "direction_deg", "speed_mps", "harmonics"];
-        let found: Vec<&str> = names.into_iter().zip(given).filter_map(|(name, given)| given.then_some(name)).collect();
-        let found = if found.is_empty() { "none of them".to_owned() } else { found.join(", ") };
-        faults.push(at, found, "cor_mm and omega_rad_s, or direction_deg and speed_mps, or harmonics");
-    }
-    if let Some(harmonics) = &raw.harmonics {
-        let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
-        faults.require(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
+impl PulseEntry {
+    /// Harmonics of the plate's velocity, with their sign; a fault if not exactly one motion is given.
+    fn motion(&self, at: &Path, faults: &mut Diagnostics) -> Option<Vec<TwistHarmonic>> {
+        let Self { cor_mm, omega_rad_s, direction_deg, speed_mps, harmonics, .. } = self;
+        let sign = f64::from(self.rotation);
+        let pump = match (*cor_mm, *omega_rad_s, *direction_deg, *speed_mps, harmonics) {
+            (Some(cor_mm), Some(omega_radps), None, None, None) => Twist::about(point_m(cor_mm), omega_radps),
+            (None, None, Some(direction_deg), Some(speed_mps), None) => {
+                let (sin, cos) = direction_deg.to_radians().sin_cos();
+                Twist::new(speed_mps * cos, speed_mps * sin, 0.0)
+            }
+            (None, None, None, None, Some(harmonics)) => {
+                let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
+                faults.require(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
+                return Some(harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect());
+            }
+            _ => {
+                let given = [
+                    ("cor_mm", cor_mm.is_some()),
+                    ("omega_rad_s", omega_rad_s.is_some()),
+                    ("direction_deg", direction_deg.is_some()),
+                    ("speed_mps", speed_mps.is_some()),
+                    ("harmonics", harmonics.is_some()),
+                ];
+                let found: Vec<&str> = given.into_iter().filter_map(|(name, given)| given.then_some(name)).collect();
+                let found = if found.is_empty() { "none of them".to_owned() } else { found.join(", ") };
+                faults.push(at, found, "cor_mm and omega_rad_s, or direction_deg and speed_mps, or harmonics");
+                return None;
+            }
+        };
+        Some(TwistHarmonic::pump(pump * sign).to_vec())
     }
 }
 
 /// Reports a harmonic too fast for the simulation's step or, if played by motors, for the generator, and a base
 /// frequency so low that the velocity is not the integral of the force.
-fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mut Diagnostics) {
-    let (highest_hz, why) = highest_hz(rig, raw.plate);
+fn check_frequencies(file: &ExperimentFile, rig: &RigSpec, base_hz: f64, faults: &mut Diagnostics) {
+    let (highest_hz, why) = highest_hz(rig, file.plate);
     let mut check = |harmonic: usize, at: &Path| {
         let found_hz = harmonic as f64 * base_hz;
         let (found, allowed) =
@@ -137,10 +228,10 @@ fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mu
         faults.require(found_hz <= highest_hz * (1.0 + 1e-9), at, found, allowed);
     };
     let root = Path::root();
-    if raw.pulses.iter().any(|pulse| pulse.harmonics.is_none()) {
+    if file.pulses.iter().any(|pulse| pulse.harmonics.is_none()) {
         check(2, &root.key("base_hz"));
     }
-    for (i, pulse) in raw.pulses.iter().enumerate() {
+    for (i, pulse) in file.pulses.iter().enumerate() {
         let harmonics = pulse.harmonics.as_deref().unwrap_or_default();
         if let Some(last) = harmonics.iter().rposition(|harmonic| !harmonic.is_zero()) {
             check(last + 1, &root.key("pulses").index(i).key("harmonics"));
@@ -148,7 +239,7 @@ fn check_frequencies(raw: &RawSimulate, rig: &RigSpec, base_hz: f64, faults: &mu
     }
     let resonance_hz = rig.sim.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     let allowed = format!("above {resonance_hz}, the rig's highest resonance (velocity is the force's integral there)");
-    let above = raw.plate == PlateMode::Kinematic || base_hz > resonance_hz;
+    let above = file.plate == PlateMode::Kinematic || base_hz > resonance_hz;
     faults.require(above, root.key("base_hz"), base_hz, allowed);
 }
 
@@ -166,11 +257,11 @@ fn highest_hz(rig: &RigSpec, plate: PlateMode) -> (f64, String) {
     }
 }
 
-fn placed(raw: &RawSimulate, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PlacedPart> {
+fn placed(file: &ExperimentFile, rig: &RigSpec, faults: &mut Diagnostics) -> Vec<PlacedPart> {
     let half_m = 0.5 * rig.model.plate_side_m;
     let mut numbers = vec![0_usize; rig.kinds.len()];
     let (mut parts, mut discs) = (Vec::new(), Vec::new());
-    for (i, part) in raw.parts.iter().enumerate() {
+    for (i, part) in file.parts.iter().enumerate() {
         let at = Path::root().key("parts").index(i);
         let Some(kind) = rig.known_kind(&part.kind, &at.key("kind"), faults) else { continue };
         let (Some(spec), Some(number)) = (rig.kinds.get(kind), numbers.get_mut(kind)) else { continue };

@@ -2,8 +2,8 @@
 
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::fit::{FittedOutline, Growth};
-use super::raw_shapes::{RawCircle, RawGrid, RawLine, RawSvg, RawTargets, RawText};
 use super::read::{exactly_one, point_m};
+use super::shape_file::{CircleShape, GridShape, LineShape, SvgShape, TargetRule, TextShape};
 use super::task::TaskContext;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -15,12 +15,12 @@ impl TaskContext<'_> {
     pub(super) fn targets(
         &self,
         typed_mm: Option<&[[f64; 2]]>,
-        made: Option<&RawTargets>,
+        made: Option<&TargetRule>,
         faults: &mut Diagnostics,
     ) -> Option<Vec<Vec2>> {
         match (typed_mm, made) {
             (Some(targets_mm), None) => Some(self.typed_targets(targets_mm, faults)),
-            (None, Some(raw)) => self.made_targets(raw, &self.at.key("targets"), faults),
+            (None, Some(shape)) => self.made_targets(shape, &self.at.key("targets"), faults),
             (Some(_), Some(_)) => {
                 faults.push(self.at.key("targets"), "targets and targets_mm", "one of the two");
                 None
@@ -46,8 +46,8 @@ impl TaskContext<'_> {
         targets_m
     }
 
-    fn made_targets(&self, raw: &RawTargets, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
-        let RawTargets { line, grid, circle, text, svg } = raw;
+    fn made_targets(&self, shape: &TargetRule, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
+        let TargetRule { line, grid, circle, text, svg } = shape;
         let keys = [
             ("line", line.is_some()),
             ("grid", grid.is_some()),
@@ -58,14 +58,14 @@ impl TaskContext<'_> {
         if !exactly_one(&keys, at, faults) {
             return None;
         }
-        let shape = if let Some(raw) = line {
-            line_of(raw, at.key("line"))
-        } else if let Some(raw) = grid {
-            self.grid(raw, at.key("grid"), faults)?
-        } else if let Some(raw) = circle {
-            circle_of(raw, at.key("circle"))
-        } else if let Some(raw) = text {
-            self.text(raw, at.key("text"), faults)?
+        let shape = if let Some(shape) = line {
+            line_of(shape, at.key("line"))
+        } else if let Some(shape) = grid {
+            self.grid(shape, at.key("grid"), faults)?
+        } else if let Some(shape) = circle {
+            circle_of(shape, at.key("circle"))
+        } else if let Some(shape) = text {
+            self.text(shape, at.key("text"), faults)?
         } else {
             let at = at.key("svg");
             let (drawing, growth) = drawing_of(svg.as_ref()?, &at, faults)?;
@@ -74,8 +74,8 @@ impl TaskContext<'_> {
         self.places_of(&shape, faults)
     }
 
-    fn grid(&self, raw: &RawGrid, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
-        let RawGrid { center_mm, rows, columns, spacing_mm } = raw;
+    fn grid(&self, shape: &GridShape, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
+        let GridShape { center_mm, rows, columns, spacing_mm } = shape;
         let center_m = point_m(*center_mm);
         let parts = self.kinds.len();
         if rows.is_none() && columns.is_none() {
@@ -94,8 +94,8 @@ impl TaskContext<'_> {
         Some(FittedOutline { at, pattern, growth: Growth { name: "spacing_mm", size_mm: vec![*spacing_mm], center_m } })
     }
 
-    fn text(&self, raw: &RawText, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
-        let RawText { string, height_mm, center_mm } = raw;
+    fn text(&self, shape: &TextShape, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
+        let TextShape { string, height_mm, center_mm } = shape;
         let center_m = point_m(*center_mm);
         let drawing = Drawing::of_text(string, m_from_mm(*height_mm), center_m);
         let in_string = at.key("string");
@@ -126,24 +126,24 @@ impl TaskContext<'_> {
     }
 }
 
-fn line_of(raw: &RawLine, at: Path) -> FittedOutline {
-    let [from_m, to_m] = [raw.from_mm, raw.to_mm].map(point_m);
+fn line_of(shape: &LineShape, at: Path) -> FittedOutline {
+    let [from_m, to_m] = [shape.from_mm, shape.to_mm].map(point_m);
     let pattern = Pattern::Line { from_m, to_m };
     let growth =
         Growth { name: "length", size_mm: vec![mm_from_m((to_m - from_m).norm())], center_m: pattern.center_m() };
     FittedOutline { at, pattern, growth }
 }
 
-fn circle_of(raw: &RawCircle, at: Path) -> FittedOutline {
-    let RawCircle { center_mm, radius_mm, start_deg, clockwise } = *raw;
+fn circle_of(shape: &CircleShape, at: Path) -> FittedOutline {
+    let CircleShape { center_mm, radius_mm, start_deg, clockwise } = *shape;
     let (center_m, radius_m) = (point_m(center_mm), m_from_mm(radius_mm));
     let pattern = Pattern::Circle { center_m, radius_m, start_rad: start_deg.to_radians(), clockwise };
     FittedOutline { at, pattern, growth: Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m } }
 }
 
 /// The drawing at `at`, whose path data has been written out.
-pub(super) fn drawing_of(raw: &RawSvg, at: &Path, faults: &mut Diagnostics) -> Option<(Drawing, Growth)> {
-    let RawSvg { d, width_mm, height_mm, center_mm, .. } = raw;
+pub(super) fn drawing_of(shape: &SvgShape, at: &Path, faults: &mut Diagnostics) -> Option<(Drawing, Growth)> {
+    let SvgShape { d, width_mm, height_mm, center_mm, .. } = shape;
     let keys = [("width_mm", width_mm.is_some()), ("height_mm", height_mm.is_some())];
     if !exactly_one(&keys, at, faults) {
         return None;

@@ -1,6 +1,6 @@
 use super::corridor;
+use super::job_file::{Assignment, PlannerChoice, TaskSection};
 use super::kinds::{PartGroup, each_kind, part_ids};
-use super::raw_job::{Assignment, PlannerChoice, RawTask};
 use super::rig::RigSpec;
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -61,30 +61,30 @@ impl TaskSpec {
 
 /// The task in SI. Faults where it is not feasible.
 pub(super) fn build(
-    raw: &RawTask,
+    task: &TaskSection,
     groups: &[PartGroup],
     rig: &RigSpec,
     planner: PlannerChoice,
     faults: &mut Diagnostics,
 ) -> Option<TaskSpec> {
     let scene = TaskContext::new(groups, rig);
-    if let RawTask::PlusSign { corridor_mm, .. } | RawTask::Trajectories { corridor_mm, .. } = raw {
+    if let TaskSection::PlusSign { corridor_mm, .. } | TaskSection::Trajectories { corridor_mm, .. } = task {
         let at = scene.at.key("corridor_mm");
         corridor::check(*corridor_mm, rig, (scene.kinds.len(), planner), &at, faults);
     }
-    match raw {
-        RawTask::PlusSign { laps, edge_margin_mm, corridor_mm } => {
+    match task {
+        TaskSection::PlusSign { laps, edge_margin_mm, corridor_mm } => {
             scene.plus_sign(*laps, *edge_margin_mm, *corridor_mm, faults)
         }
-        RawTask::Trajectories { paths, in_phase, corridor_mm } => {
+        TaskSection::Trajectories { paths, in_phase, corridor_mm } => {
             scene.trajectories(paths, *in_phase, *corridor_mm, faults)
         }
-        RawTask::Arrange { targets_mm, targets, assignment } => {
+        TaskSection::Arrange { targets_mm, targets, assignment } => {
             let targets_m = scene.targets(targets_mm.as_deref(), targets.as_deref(), faults)?;
             Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
         }
-        RawTask::Sort { bins } => scene.sort(bins, faults),
-        RawTask::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
+        TaskSection::Sort { bins } => scene.sort(bins, faults),
+        TaskSection::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),
     }
 }
 

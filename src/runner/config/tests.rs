@@ -4,6 +4,7 @@ mod jobs;
 mod many;
 mod mutation;
 mod placing;
+mod refusals;
 mod rigs;
 mod shapes;
 mod simulate;

@@ -1,8 +1,11 @@
+//! Trace files: what the accelerometers saw during one pulse on any rig.
+
 use std::f64::consts::TAU;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::raw_trace::{RawCounts, RawTrace};
 use super::read::point_m;
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
@@ -11,24 +14,93 @@ use upm_document::{Diagnostic, Diagnostics, Path, SchemaKey, counted, parse_and_
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;
 
+/// A trace: what the accelerometers saw during one pulse on any rig, and what is needed to read it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "trace")]
+pub(super) struct TraceFile {
+    /// Path or address of this file's schema, for editors. Nothing else reads it.
+    #[serde(rename = "$schema", default, skip_serializing)]
+    schema: SchemaKey,
+    /// Samples a second in every channel; 16 or more to a period of `base_hz`.
+    #[schemars(range(min = 16.0, max = 1e6))]
+    sample_hz: f64,
+    /// Time of the first sample after the start of the pulse, s.
+    #[serde(default)]
+    #[schemars(range(min = -60.0, max = 60.0))]
+    first_sample_s: f64,
+    /// Acceleration of one count, m/s², as the data sheet has it.
+    #[schemars(range(max = 1e5), extend("exclusiveMinimum" = 0.0))]
+    mps2_per_count: f64,
+    /// Largest count the converter shows; a sample there is clipped.
+    #[schemars(range(min = 1, max = 32767))]
+    count_limit: i16,
+    /// Base frequency of the vibration, Hz.
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    base_hz: f64,
+    /// Attack and decay of the pulse, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    attack_s: f64,
+    /// Length at full height, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    sustain_s: f64,
+    /// Place of accelerometer 1 on the plate, mm; number 2 sits at minus that.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    position_mm: [f64; 2],
+    /// Readings of x1, y1, x2 and y2 per true 1.
+    #[serde(default = "no_gain_error")]
+    #[schemars(inner(range(min = 0.1, max = 10.0)))]
+    channel_gain: [f64; 4],
+    /// The samples.
+    counts: ChannelCounts,
+}
+
+fn no_gain_error() -> [f64; 4] {
+    [1.0; 4]
+}
+
+/// Counts of the four channels, equally many in each; null for a sample that is missing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ChannelCounts {
+    /// Along x, accelerometer 1.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    x1: Vec<Option<i16>>,
+    /// Along y, accelerometer 1.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    y1: Vec<Option<i16>>,
+    /// Along x, accelerometer 2.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    x2: Vec<Option<i16>>,
+    /// Along y, accelerometer 2.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    y2: Vec<Option<i16>>,
+}
+
+impl ChannelCounts {
+    /// Each channel with its name.
+    fn named(&self) -> [(&'static str, &[Option<i16>]); 4] {
+        [("x1", &self.x1), ("y1", &self.y1), ("x2", &self.x2), ("y2", &self.y2)]
+    }
+}
+
 /// Reads and validates the trace file at `path`. Errors list every fault.
 pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Diagnostic>> {
-    let text = text_of(path).map_err(|fault| vec![fault])?;
-    trace_from_json(&text, &path.display().to_string())
+    trace_from_json(&text_of(path)?, &path.display().to_string())
 }
 
 /// Validates the trace in `text`, called `file` in faults. Errors list every fault. Gaps and clipped samples are valid:
 /// the fit decides whether they matter.
 pub fn trace_from_json(text: &str, file: &str) -> Result<RecordedPulse, Vec<Diagnostic>> {
-    parse_and_build(text, file, |raw, faults| {
-        check(&raw, faults);
-        Some(pulse_of(&raw))
+    parse_and_build(text, file, |trace, faults| {
+        check(&trace, faults);
+        Some(pulse_of(trace))
     })
 }
 
 /// Trace file of `pulse`: one line per key and per channel.
 pub fn trace_to_json(pulse: &RecordedPulse) -> String {
-    laid_out(&serde_json::to_value(raw_of(pulse)).unwrap_or_default(), 0) + "\n"
+    laid_out(&serde_json::to_value(file_of(pulse)).unwrap_or_default(), 0) + "\n"
 }
 
 fn laid_out(value: &Value, indent: usize) -> String {
@@ -41,19 +113,19 @@ fn laid_out(value: &Value, indent: usize) -> String {
     format!("{{\n{}\n{:indent$}}}", lines.join(",\n"), "")
 }
 
-fn check(raw: &RawTrace, faults: &mut Diagnostics) {
+fn check(file: &TraceFile, faults: &mut Diagnostics) {
     let root = Path::root();
-    let least_hz = LEAST_SAMPLES * raw.base_hz;
+    let least_hz = LEAST_SAMPLES * file.base_hz;
     let allowed = format!("{least_hz} or more ({LEAST_SAMPLES} samples to a period of base_hz)");
-    faults.require(raw.sample_hz >= least_hz, root.key("sample_hz"), raw.sample_hz, allowed);
-    let apart = raw.position_mm != [0.0, 0.0];
+    faults.require(file.sample_hz >= least_hz, root.key("sample_hz"), file.sample_hz, allowed);
+    let apart = file.position_mm != [0.0, 0.0];
     faults.require(apart, root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
     let at = root.key("counts");
-    let samples = raw.counts.x1.len();
-    for (name, channel) in raw.counts.named() {
+    let samples = file.counts.x1.len();
+    for (name, channel) in file.counts.named() {
         let found = counted(channel.len(), "sample");
         faults.require(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
-        check_range(channel, raw.count_limit, &at.key(name), faults);
+        check_range(channel, file.count_limit, &at.key(name), faults);
     }
 }
 
@@ -68,30 +140,30 @@ fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Diag
     }
 }
 
-fn pulse_of(raw: &RawTrace) -> RecordedPulse {
-    let counts = raw.counts.named().map(|(_, channel)| channel.iter().map(|c| c.unwrap_or(MISSING_SAMPLE)).collect());
+fn pulse_of(file: TraceFile) -> RecordedPulse {
+    let counts = file.counts.named().map(|(_, channel)| channel.iter().map(|c| c.unwrap_or(MISSING_SAMPLE)).collect());
     RecordedPulse {
         trace: AccelTrace {
-            sample_hz: raw.sample_hz,
-            first_sample_s: raw.first_sample_s,
-            mps2_per_count: raw.mps2_per_count,
-            count_limit: raw.count_limit,
+            sample_hz: file.sample_hz,
+            first_sample_s: file.first_sample_s,
+            mps2_per_count: file.mps2_per_count,
+            count_limit: file.count_limit,
             counts,
         },
-        envelope: Envelope { attack_s: raw.attack_s, sustain_s: raw.sustain_s, rest_s: 0.0 },
-        base_radps: TAU * raw.base_hz,
-        accelerometer_in_plate_m: point_m(raw.position_mm),
-        channel_gain: raw.channel_gain,
+        envelope: Envelope { attack_s: file.attack_s, sustain_s: file.sustain_s, rest_s: 0.0 },
+        base_radps: TAU * file.base_hz,
+        accelerometer_in_plate_m: point_m(file.position_mm),
+        channel_gain: file.channel_gain,
     }
 }
 
-fn raw_of(pulse: &RecordedPulse) -> RawTrace {
+fn file_of(pulse: &RecordedPulse) -> TraceFile {
     let RecordedPulse { trace, envelope, .. } = pulse;
     let [x1, y1, x2, y2] = trace
         .counts
         .each_ref()
         .map(|channel| channel.iter().map(|&count| (count != MISSING_SAMPLE).then_some(count)).collect());
-    RawTrace {
+    TraceFile {
         schema: SchemaKey,
         sample_hz: trace.sample_hz,
         first_sample_s: trace.first_sample_s,
@@ -103,7 +175,7 @@ fn raw_of(pulse: &RecordedPulse) -> RawTrace {
         position_mm: [pulse.accelerometer_in_plate_m.x, pulse.accelerometer_in_plate_m.y]
             .map(|m| rounded(mm_from_m(m))),
         channel_gain: pulse.channel_gain,
-        counts: RawCounts { x1, y1, x2, y2 },
+        counts: ChannelCounts { x1, y1, x2, y2 },
     }
 }
 

@@ -259,21 +259,6 @@ mod tests {
         }
     }
 
-    /// A sustain of 0.05 s holds a quarter of the slowest axis's period: the search finds the resonance or reports that
-    /// it cannot.
-    #[test]
-    fn resonance_beyond_the_longest_sustain_is_left_out() {
-        let mut rig = RigSpec::upm_2().unwrap();
-        rig.sim.camera.size_px = [1, 1];
-        rig.model.frame_size_px = [1, 1];
-        rig.model.max_sustain_s = 0.05;
-        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
-        let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(1));
-        let found = calibration::measure_resonances(&mut simulated, &rig.model, &params, &stop, &mut |_| ()).unwrap();
-        let off = |axis: &calibration::AxisResonance| axis.fit.natural_radps / (TAU * 5.0) - 1.0;
-        assert!(found.as_ref().is_none_or(|axes| off(&axes[0]).abs() < 0.15), "{found:?}");
-    }
-
     #[test]
     fn a_drive_too_weak_to_slide_a_coin_is_refused_with_the_limit() {
         let (mut rig, params) = small();

@@ -137,7 +137,7 @@ pub fn dry_run(
         let dry_run = DryRunParams {
             starts_m: starts_m.clone(),
             frame_hz: model.frame_hz,
-            friction_spread: job.rig.raw.friction.spread,
+            friction_spread: job.rig.document.friction.spread,
             streams: Streams::new(job.seed()),
             number,
             most_work_ms,
@@ -178,7 +178,7 @@ pub fn dry_run(
         fields: fields.is_some(),
         speed_mps,
         dry_runs,
-        friction_spread: job.rig.raw.friction.spread,
+        friction_spread: job.rig.document.friction.spread,
     })
 }
 

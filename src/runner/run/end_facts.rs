@@ -4,61 +4,63 @@ use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 
 use super::{PlannerSelection, RunError, RunSetup};
 use crate::config::{Assignment, JobSpec, TaskSpec};
-use upm_control::{ExpectedPart, FinalState};
+use upm_control::{ExpectedPart, FinalState, RunEnd};
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::Rig;
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
-use upm_recording::{EndFacts, FaultReport, PartEnd, PartReport, Report, Verdict};
+use upm_recording::{FaultReport, PartReport, Report, StopReport, Verdict, rounded};
 use upm_sim::faults::FaultSpec;
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
 
-/// Ending of a run; `setup` is `None` for a run that had no plate.
+/// Report of the end of a run, without what its sinks counted; `setup` is `None` for a run that had no plate.
 pub(super) fn ending<R: Rig>(
     job: &JobSpec,
     setup: Option<&RunSetup<R>>,
     finish: FinalState,
     wall_time_s: f64,
-) -> EndFacts {
-    let FinalState { ending, wanted, measured_m, lost } = finish;
-    let part_ending = |(i, part): (usize, &ExpectedPart), setup: &RunSetup<R>| PartEnd {
-        id: part.id.clone(),
-        kind: setup.params.kinds.get(part.kind).map(|kind| kind.name.clone()).unwrap_or_default(),
-        target_m: wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied()),
-        measured_m: measured_m.get(i).copied(),
+) -> Report {
+    let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost } = finish;
+    let parts_of = |setup: &RunSetup<R>| {
+        let truth = setup.truth().read();
+        let part_at_end = |(i, part): (usize, &ExpectedPart)| {
+            let kind = setup.params.kinds.get(part.kind).map_or("", |kind| &kind.name);
+            let target_m = wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied());
+            let true_m = truth.parts.get(i).map(|part| part.part_in_table.position_m);
+            PartReport::of(&part.id, kind, target_m, measured_m.get(i).copied(), true_m)
+        };
+        setup.params.parts.iter().enumerate().map(part_at_end).collect()
     };
-    let parts = setup.map(|setup| setup.params.parts.iter().enumerate().map(|part| part_ending(part, setup)).collect());
-    EndFacts {
+    Report {
         name: job.name.clone(),
         seed: job.seed(),
         planner: Some(setup.map_or_else(|| PlannerSelection::of(job).report(), |setup| setup.planner.report())),
-        outcome: ending.outcome,
-        reason: ending.reason,
-        cause: ending.cause,
-        plate_time: setup.map_or(PlateTime::ZERO, RunSetup::now),
-        wall_time_s,
-        deadlines: None,
+        outcome,
+        stop: cause.map(|cause| StopReport::of(cause, &reason)),
+        reason,
+        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.now().secs())),
+        wall_time_s: rounded(wall_time_s),
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
-        parts: parts.unwrap_or_default(),
+        parts: setup.map(parts_of).unwrap_or_default(),
         faults: setup.map(faults_within).unwrap_or_default(),
+        ..Report::default()
     }
 }
 
-/// Adds `error`, about a file that could not be written, to the ending of a run. A lost part and a stop from outside
+/// Adds `error`, about a file that could not be written, to the end of a run. A lost part and a stop from outside
 /// remain its cause.
-pub(super) fn unwritten_ending(ending: &mut EndFacts, error: &RunError) {
-    let lost = ending.cause.filter(|&cause| cause == StopCause::PartLost);
-    match (lost, ending.outcome, ending.cause) {
-        (Some(_), ..) => ending.reason = format!("{}; {error}", ending.reason),
-        (None, Outcome::Cancelled, Some(StopCause::Estop | StopCause::Cancelled | StopCause::Interrupted)) => {
+pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
+    match (ending.outcome, ending.cause) {
+        (_, Some(StopCause::PartLost)) => ending.reason = format!("{}; {error}", ending.reason),
+        (Outcome::Cancelled, Some(StopCause::Estop | StopCause::Cancelled | StopCause::Interrupted)) => {
             ending.reason = format!("stopped; {error}");
         }
-        (None, ..) => {
-            ending.reason = error.to_string();
-            (ending.outcome, ending.cause) = (Outcome::Failed, Some(StopCause::JournalLost));
+        _ => {
+            let (outcome, cause) = (Outcome::Failed, Some(StopCause::JournalLost));
+            *ending = RunEnd { outcome, cause, reason: error.to_string() };
         }
     }
 }
@@ -154,8 +156,8 @@ mod tests {
     fn write_failure_is_added_to_the_cause_or_replaces_a_lesser_one() {
         let error = RunError::Write { path: "journal.jsonl".into(), reason: "no space".into() };
         let ended = |cause, outcome| {
-            let mut ending = EndFacts { cause, outcome, reason: "penny-1 is lost".into(), ..EndFacts::default() };
-            unwritten_ending(&mut ending, &error);
+            let mut ending = RunEnd { cause, outcome, reason: "penny-1 is lost".into() };
+            add_write_failure(&mut ending, &error);
             (ending.cause, ending.outcome, ending.reason)
         };
         let (failed, cancelled) = (Outcome::Failed, Outcome::Cancelled);

@@ -2,13 +2,13 @@
 
 use rand_distr::{Distribution, StandardUniform};
 
-use crate::config::RawKnocks;
+use crate::config::Knocks;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent};
 
 /// The knocks of a run of at most `until_s` of plate time, from a separate random stream.
-pub(super) fn drawn(knocks: &RawKnocks, until_s: f64, streams: &Streams) -> Vec<FaultSpec> {
+pub(super) fn drawn(knocks: &Knocks, until_s: f64, streams: &Streams) -> Vec<FaultSpec> {
     let mut noise = streams.stream("knocks");
     let mut draw = || -> f64 { StandardUniform.sample(&mut noise) };
     let (mut at_s, mut drawn) = (0.0, Vec::new());
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn knocks_have_the_configured_rate_and_strength() {
-        let knocks = RawKnocks { every_s: 1.5, push_mm: [0.6, -0.8] };
+        let knocks = Knocks { every_s: 1.5, push_mm: [0.6, -0.8] };
         let drawn = |seed| drawn(&knocks, 1500.0, &Streams::new(seed));
         let all = drawn(3);
         assert!((960..1040).contains(&all.len()), "{}", all.len());

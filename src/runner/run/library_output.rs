@@ -120,15 +120,6 @@ mod tests {
     }
 
     #[test]
-    fn calibration_that_gives_no_library_leaves_the_file_untouched() {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("l.json");
-        fs::write(&out, "old").unwrap();
-        drop(LibraryOutput::check(&out).unwrap());
-        assert_eq!((fs::read_to_string(&out).unwrap().as_str(), names(folder.path()).len()), ("old", 1));
-    }
-
-    #[test]
     fn output_that_is_a_folder_or_lacks_one_is_refused_beforehand() {
         let folder = tempfile::tempdir().unwrap();
         let not_a_file = |out: &Path| matches!(LibraryOutput::check(out), Err(LibraryOutputFault::NotAFile { .. }));

@@ -82,7 +82,7 @@ impl RunSetup {
         };
         let task = task(job, library, &placed, planner.method);
         let streams = Streams::new(job.seed());
-        let knocks = job.rig.raw.simulation.knocks.iter();
+        let knocks = job.rig.document.simulation.knocks.iter();
         let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
         let faults = job.faults.iter().copied().chain(knocks).collect();
         Ok(Self { truth: rig.probe(), rig, model, planner, task, params, placed, faults, streams })

@@ -6,12 +6,12 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::controls::TOO_BUSY;
+use super::testing::options;
 use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{RigFault, Trip};
-use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;
 
 const STEP_S: f64 = 5e-5;
@@ -74,10 +74,6 @@ struct StopRecord {
     pulses: usize,
 }
 
-fn recording_options() -> RecordingOptions {
-    RecordingOptions::lossless(MonotonicClock::new())
-}
-
 impl StopRecord {
     /// Runs the plus sign and calls `act` in the third frame of pulse `number`, from 1.
     fn run(plate: &StoppedPlate, real_time: bool, number: u64, act: impl FnMut(), cause: Option<&str>) -> Self {
@@ -95,25 +91,11 @@ impl StopRecord {
     ) -> Self {
         let out = TempDir::new().unwrap();
         let library = job_library(job).unwrap();
-        let started_utc = "20260101T000000Z".to_owned();
-        let options = RunOptions {
-            live: None,
-            out: out.path().to_owned(),
-            started_utc,
-            rerun: RerunMode::Off,
-            recording_options: recording_options(),
-            real_time,
-        };
+        let options = RunOptions { real_time, ..options(&out) };
         let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
         let cause = || cause.map(|reason| ExternalStop::of(StopCause::Cancelled, reason));
-        let controls = RunControls {
-            stop: &plate.stop,
-            give_way: &plate.give_way,
-            interlock: &plate.interlock,
-            pacing: &plate.pacing,
-            cause: &cause,
-        };
+        let controls = plate.controls(&cause);
         let run = run_linked(job, library, folder, &options, &*plate.clock, controls, &mut watcher).unwrap();
         let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
         let lines: Vec<Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
@@ -152,6 +134,13 @@ struct StoppedPlate {
     interlock: Interlock,
     pacing: PacingStats,
     clock: Arc<PlateClock>,
+}
+
+impl StoppedPlate {
+    fn controls<'a>(&'a self, cause: &'a dyn Fn() -> Option<ExternalStop>) -> RunControls<'a> {
+        let Self { stop, give_way, interlock, pacing, .. } = self;
+        RunControls { stop, give_way, interlock, pacing, cause }
+    }
 }
 
 #[test]
@@ -243,13 +232,8 @@ fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
 fn a_cause_that_comes_too_late_changes_nothing() {
     let plate = StoppedPlate::default();
     let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
-    let controls = RunControls {
-        stop: &plate.stop,
-        give_way: &plate.give_way,
-        interlock: &plate.interlock,
-        pacing: &plate.pacing,
-        cause: &|| Some(ExternalStop::of(StopCause::Cancelled, "late")),
-    };
+    let cause = || Some(ExternalStop::of(StopCause::Cancelled, "late"));
+    let controls = plate.controls(&cause);
     let mut heard = upm_recording::MemorySink::default();
     controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::completed("all in place"));
@@ -269,23 +253,8 @@ fn impossible_job_is_reported_beforehand_and_leaves_its_reason() {
     let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
-    let options = RunOptions {
-        live: None,
-        out: out.path().to_owned(),
-        started_utc: String::new(),
-        rerun: RerunMode::Off,
-        recording_options: recording_options(),
-        real_time: false,
-    };
-    let controls = RunControls {
-        stop: &plate.stop,
-        give_way: &plate.give_way,
-        interlock: &plate.interlock,
-        pacing: &plate.pacing,
-        cause: &|| None,
-    };
     let mut watcher = upm_recording::MemorySink::default();
-    let done = run_linked(&job, library, folder, &options, &*plate.clock, controls, &mut watcher);
+    let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(done.is_err_and(|error| error.is_bad_input()));
     let report: Report = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     assert!(report.reason.contains("not all placed") && report.outcome == Outcome::Failed, "{report:?}");
@@ -296,25 +265,10 @@ fn one_interlock_serves_one_run_at_a_time() {
     let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
     let busy = plate.interlock.attach(PlateTime::ZERO).unwrap();
     let job = job();
-    let options = RunOptions {
-        live: None,
-        out: out.path().to_owned(),
-        started_utc: "20260101T000000Z".into(),
-        rerun: RerunMode::Off,
-        recording_options: recording_options(),
-        real_time: false,
-    };
-    let folder = RunFolder::create(&options.out, &job, &options.started_utc).unwrap();
-    let controls = RunControls {
-        stop: &plate.stop,
-        give_way: &plate.give_way,
-        interlock: &plate.interlock,
-        pacing: &plate.pacing,
-        cause: &|| None,
-    };
+    let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let mut watcher = upm_recording::MemorySink::default();
     let library = job_library(&job).unwrap();
-    let done = run_linked(&job, library, folder, &options, &*plate.clock, controls, &mut watcher);
+    let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");
     drop(busy);
 }

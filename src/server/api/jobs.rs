@@ -12,7 +12,7 @@ use super::layout::{Checked, LayoutView};
 use super::types::{Job, JobsPage, JobsQuery};
 use crate::http::Problem;
 use upm_core::job::Pace;
-use upm_runner::config::RawJob;
+use upm_runner::config::JobFile;
 
 const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
 
@@ -49,7 +49,7 @@ pub(super) async fn submit(
     Extension(caller): RequestCaller,
     FromQuery(query): FromQuery<SubmitQuery>,
     FromHeaders(headers): FromHeaders<SubmitHeaders>,
-    body: JsonBody<RawJob>,
+    body: JsonBody<JobFile>,
 ) -> Result<Response, Problem> {
     let submission = Submission { text: body.text, pace: query.pace, key: headers.key, caller };
     let submitted = api.backend.submit(submission).await?;
@@ -58,7 +58,7 @@ pub(super) async fn submit(
     Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
 }
 
-pub(super) async fn check(State(api): ApiState, body: JsonBody<RawJob>) -> Answer<Checked> {
+pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<Checked> {
     Ok(Json(api.backend.check(body.text).await?))
 }
 

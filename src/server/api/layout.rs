@@ -1,6 +1,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use upm_runner::config::RawBin;
+use upm_runner::config::BinEntry;
 
 /// The layout of a job on its plate, from its file. It never changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -10,7 +10,7 @@ pub struct LayoutView {
     /// Target position of each part, mm; empty for a task without target positions.
     pub targets_mm: Vec<[f64; 2]>,
     /// The bins, with positions in mm from the plate's centre.
-    pub bins: Vec<RawBin>,
+    pub bins: Vec<BinEntry>,
     /// Paths that parts shall follow.
     pub paths: Vec<LayoutPathView>,
     /// True for a job that ends only at its plate time limit.

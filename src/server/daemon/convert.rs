@@ -8,7 +8,7 @@ use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
 use upm_core::units::{mm_from_m, places_mm};
 use upm_recording::RecordingState;
-use upm_runner::config::{RawBin, RawRegion};
+use upm_runner::config::{BinEntry, Region};
 
 /// A job in the API's form.
 pub(super) fn job(row: &JobRow) -> Job {
@@ -84,9 +84,9 @@ fn part(part: &supervisor::LayoutPart) -> LayoutPartView {
 /// A layout in the API's form, mm.
 pub(super) fn layout(layout: &JobLayout) -> LayoutView {
     let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
-    let bin = |bin: &Bin| RawBin {
+    let bin = |bin: &Bin| BinEntry {
         kinds: bin.kinds.clone(),
-        region_mm: RawRegion { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) },
+        region_mm: Region { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) },
     };
     let path = |path: &supervisor::LayoutPath| LayoutPathView {
         waypoints_mm: places_mm(&path.waypoints_m),

@@ -26,12 +26,12 @@ fn the_shipped_daemon_has_three_plates_each_with_its_library() {
     // one library serves both: they differ only in light and friction
     assert_eq!(strong.rig.fingerprint, evening.rig.fingerprint);
     assert_eq!(strong.rig.model.name, evening.rig.model.name);
-    assert_ne!(strong.rig.raw.friction, evening.rig.raw.friction);
-    assert_ne!(strong.rig.raw.camera.levels, evening.rig.raw.camera.levels);
+    assert_ne!(strong.rig.document.friction, evening.rig.document.friction);
+    assert_ne!(strong.rig.document.camera.levels, evening.rig.document.camera.levels);
 }
 
 #[test]
-fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
+fn defaults_are_those_of_the_shipped_file() {
     let least = json!({"plates": [{"name": "only", "rig": "rigs/upm-2.json"}]});
     let spec = daemon(&least).unwrap();
     let shipped = DaemonSpec::load(&shipped("daemon.json")).unwrap();
@@ -39,7 +39,6 @@ fn defaults_are_those_of_the_shipped_file_and_are_written_out() {
     assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
     assert_eq!((spec.min_free_bytes, spec.live_history_bytes), (500_000_000, None));
     assert_eq!(spec.listen, shipped.listen);
-    assert_eq!(daemon(&spec.effective()).unwrap(), spec);
     let mut two = least;
     two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
     set(&mut two, "/live", json!({"rerun": true}));
@@ -79,30 +78,6 @@ plates[2].live_port: expected a port that nothing else here has, found 9000";
 }
 
 #[test]
-fn keys_types_and_ranges_are_reported_first() {
-    for (pointer, value, expected) in [
-        ("/queue", json!(0), ["queue: expected ", ", found 0"]),
-        ("/queue", json!(10_001), ["queue: expected ", ", found 10001"]),
-        ("/plates", json!([]), ["plates: expected ", ", found a list of 0"]),
-        ("/pace", json!("fast"), ["pace: expected one of real-time, max", ", found \"fast\""]),
-        ("/watchdog/no_frame", json!(1), ["watchdog.no_frame: expected ", ", found unknown key \"no_frame\""]),
-        ("/plates/0/live_port", json!(0), ["plates[0].live_port: expected ", ", found 0"]),
-        ("/plates/0/live_port", json!(65_536), ["plates[0].live_port: expected ", ", found 65536"]),
-        ("/keep/runs_gb", json!(0), ["keep.runs_gb: expected ", ", found 0"]),
-        ("/plates/1/rig", json!(7), ["plates[1].rig: expected ", ", found 7"]),
-        ("/token_file", json!(""), ["token_file: expected ", ", found \"\""]),
-        ("/plates/0/name", json!("a b"), ["plates[0].name: expected 1 to 64 letters", ", found \"a b\""]),
-        ("/plates/0/live_port", json!(8750), ["plates[0].live_port: expected a port that ", ", found 8750"]),
-    ] {
-        let (faults, [begin, end]) = (changed(pointer, value), expected);
-        assert!(
-            faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end),
-            "{expected:?}: {faults:?}"
-        );
-    }
-}
-
-#[test]
 fn a_request_may_not_bring_a_daemon_that_names_files() {
     let faults = DaemonSpec::from_json(&text_of("daemon.json"), &Origin::of_request("daemon")).unwrap_err();
     assert!(faults.iter().all(|fault| fault.expected.contains("files cannot be named here")), "{faults:?}");
@@ -121,7 +96,7 @@ fn job_may_repeat_its_plates_rig_but_name_no_other() {
         JobSpec::from_json(&document.to_string(), &origin, Some(strong)).map_err(lines)
     };
     // as in the file, with its defaults left out and naming a library; and with all written out
-    for rig in [value_of("rigs/upm-2.json"), serde_json::to_value(&strong.raw).unwrap()] {
+    for rig in [value_of("rigs/upm-2.json"), serde_json::to_value(&strong.document).unwrap()] {
         let made = job(rig).unwrap();
         assert_eq!((&made.rig, made.library.is_some()), (strong, true));
     }
@@ -140,7 +115,7 @@ fn knocks_of_a_job_are_those_of_its_plate() {
     let knocked = RigSpec::load(&shipped("rigs/upm-2-knocked.json")).unwrap();
     let job = |plate_rig: &RigSpec, rig: &RigSpec| {
         let mut document = value_of("hold-4.json");
-        set(&mut document, "/rig", serde_json::to_value(&rig.raw).unwrap());
+        set(&mut document, "/rig", serde_json::to_value(&rig.document).unwrap());
         JobSpec::from_json(&document.to_string(), &Origin::of_request("job"), Some(plate_rig)).map_err(lines)
     };
     for rig in [&quiet, &knocked] {
@@ -149,18 +124,6 @@ fn knocks_of_a_job_are_those_of_its_plate() {
     assert_eq!(job(&quiet, &quiet).unwrap().rig, quiet);
     let refused = job(&quiet, &knocked).unwrap_err();
     assert_eq!(refused, ["rig: expected the rig of the plate, or nothing, found another rig"]);
-}
-
-#[test]
-fn run_with_too_many_knocks_is_refused() {
-    let job = |plate_time_s: f64| {
-        let mut document = value_of("hold-4.json");
-        set(&mut document, "/limits/plate_time_s", json!(plate_time_s));
-        super::job(&document).map(|_| ()).map_err(lines)
-    };
-    assert_eq!(job(7500.0), Ok(()));
-    let line = "limits.plate_time_s: expected up to 7500 (10000 knocks by the rig's simulation.knocks), found 7501";
-    assert_eq!(job(7501.0), Err(vec![line.to_owned()]));
 }
 
 #[test]
@@ -208,30 +171,6 @@ fn invalid_standing_job_is_reported_in_one_line_with_its_path() {
     ] {
         assert_eq!(with(pointer, value), [expected], "{pointer}");
     }
-    for (pointer, value, expected) in [
-        (
-            "/plates/0/standing_job/job",
-            json!("gone.json"),
-            ["$: expected a file that can be read", ", found no such file"],
-        ),
-        ("/plates/0/standing_job/job", json!(7), ["plates[0].standing_job.job: expected ", ", found 7"]),
-        ("/plates/0/standing_job", json!({}), ["plates[0].standing_job.job: expected ", ", found nothing"]),
-        (
-            "/plates/0/standing_job/start",
-            json!("later"),
-            ["plates[0].standing_job.start: expected one of running, paused", ", found \"later\""],
-        ),
-        (
-            "/plates/0/standing_job/pace",
-            json!("max"),
-            ["plates[0].standing_job.pace: expected ", ", found unknown key \"pace\""],
-        ),
-        ("/keep/standing_runs", json!(0), ["keep.standing_runs: expected ", ", found 0"]),
-    ] {
-        let (faults, [begin, end]) = (changed(pointer, value), expected);
-        assert!(
-            faults.len() == 1 && faults[0].starts_with(begin) && faults[0].ends_with(end),
-            "{expected:?}: {faults:?}"
-        );
-    }
+    let gone = changed("/plates/0/standing_job/job", json!("gone.json"));
+    assert!(matches!(&gone[..], [line] if line.starts_with("$: expected a file that can be read")), "{gone:?}");
 }

@@ -2,10 +2,9 @@ use std::f64::consts::TAU;
 
 use serde_json::{Value, json};
 
-use super::{lines, rig, set, shipped, value_of};
+use super::{rig, set, shipped, value_of};
 use crate::config::{RigSpec, view};
 use upm_core::geometry::Vec2;
-use upm_core::units::GRAVITY_MPS2;
 
 #[test]
 fn shipped_rigs_are_valid_and_framed() {
@@ -22,16 +21,6 @@ fn shipped_rigs_are_valid_and_framed() {
         assert!((side_px / (side_m * 1e3) - px_per_mm).abs() < 0.05, "{name}: {side_px}");
         assert!(spec.model.dark_parts);
     }
-}
-
-#[test]
-fn the_first_rig_is_weak_and_the_second_is_not() {
-    let weak = RigSpec::load(&shipped("rigs/upm-1.json")).unwrap().model;
-    let peak_mps2 = 2.0 * weak.count_limit * weak.newtons_per_count / weak.plate_mass_kg;
-    assert!((peak_mps2 / GRAVITY_MPS2 - 2.0).abs() < 1e-6);
-    assert!((weak.plate_inertia_kgm2 - 0.35 * 0.2032 * 0.2032 / 6.0).abs() < 1e-15);
-    let strong = RigSpec::load(&shipped("rigs/upm-2.json")).unwrap().model;
-    assert!((strong.count_limit * strong.newtons_per_count - 222.0).abs() < 1e-4);
 }
 
 /// Largest acceleration at any accelerometer channel: all motors at their limit, with the worst signs.
@@ -89,59 +78,16 @@ fn fingerprint_never_changes() {
 fn knocks_are_read_and_leave_the_fingerprint() {
     let mut document = value_of("rigs/upm-1.json");
     let quiet = rig(&document).unwrap();
-    assert_eq!(quiet.raw.simulation.knocks, None);
+    assert_eq!(quiet.document.simulation.knocks, None);
     set(&mut document, "/simulation/knocks", knocks(2.0, [13.0, -13.0]));
     let knocked = rig(&document).unwrap();
-    let read = knocked.raw.simulation.knocks.unwrap();
+    let read = knocked.document.simulation.knocks.unwrap();
     assert_eq!((read.every_s, read.push_mm), (2.0, [13.0, -13.0]));
     assert_eq!(knocked.fingerprint, quiet.fingerprint, "a knocked rig is the same rig");
 }
 
 fn knocks(every_s: f64, push_mm: [f64; 2]) -> Value {
     json!({"every_s": every_s, "push_mm": push_mm})
-}
-
-#[test]
-fn impossible_rigs_are_faults() {
-    for (pointer, value, at, allowed) in [
-        ("/plate/side_mm", json!(0), "plate.side_mm", "from 20 to 2000"),
-        ("/plate/inertia_kg_m2", json!(0.02), "plate.inertia_kg_m2", "all mass in the corners"),
-        ("/plate/inertia_kg_m2", json!(0), "plate.inertia_kg_m2", "above 0"),
-        ("/plate/resonance_hz/y", json!(60), "plate.resonance_hz.y", "below drive.base_hz, 60"),
-        ("/motors/sample_hz", json!(480), "motors.sample_hz", "above 480 (four times the second harmonic)"),
-        ("/motors/low_pass_hz", json!(120), "motors.low_pass_hz", "above 120 (the second harmonic must pass)"),
-        ("/motors/lever_arm_mm", json!(110), "motors.lever_arm_mm", "up to 101.6"),
-        ("/motors/gain_error", json!([0, 0, 0]), "motors.gain_error", "a list of 4 items"),
-        ("/motors/gain_error/2", json!(0.9), "motors.gain_error[2]", "from -0.5 to 0.5"),
-        ("/accelerometers/sample_hz", json!(900), "accelerometers.sample_hz", "960 or more (16 samples to a period"),
-        ("/accelerometers/position_mm", json!([0, 1]), "accelerometers.position_mm", "from the centre"),
-        ("/accelerometers/position_mm", json!([-92, 0]), "accelerometers.position_mm", "off both axes"),
-        ("/accelerometers/position_mm/0", json!(150), "accelerometers.position_mm[0]", "on the plate"),
-        ("/camera/exposure_s", json!(0.02), "camera.exposure_s", "below 0.016667 (one frame's period)"),
-        ("/camera/position_mm/0", json!(90), "camera", "the whole plate in view"),
-        ("/camera/position_mm/2", json!(-900), "camera.position_mm[2]", "101.6 or more"),
-        ("/camera/size_px/0", json!(12.5), "camera.size_px[0]", "a whole number from 64 to 8192"),
-        ("/camera/size_px", json!([8192, 8192]), "camera.size_px", "up to 64000000 px in all"),
-        ("/camera/radial/0", json!(-20), "camera.radial", "one-to-one"),
-        ("/camera/levels/part", json!(220), "camera.levels.part", "60 or more away from levels.plate, 225"),
-        ("/camera/levels/part", json!(166), "camera.levels.part", "parts must stand out on the plate"),
-        ("/camera/levels/ground", json!(240), "camera.levels.ground", "58.5 or more away from levels.plate, 225"),
-        ("/camera/levels/ground", json!(185), "camera.levels.ground", "must stand out from the ground"),
-        ("/drive/max_sustain_s", json!(0.02), "drive.max_sustain_s", "three periods"),
-        ("/simulation/step_s", json!(5e-4), "simulation.step_s", "up to 0.0001"),
-        ("/simulation/knocks", knocks(0.05, [1.0, 0.0]), "simulation.knocks.every_s", "from 0.1 to 1000"),
-        ("/simulation/knocks", knocks(1.0, [0.0, -13.5]), "simulation.knocks.push_mm[1]", "from -13 to 13"),
-        ("/simulation/knocks", knocks(1.0, [0.0, 0.0]), "simulation.knocks.push_mm", "a push along x or y"),
-        ("/simulation/knocks", json!({"every_s": 1}), "simulation.knocks.push_mm", "a list of 2 items"),
-        ("/kinds", json!({"penny": {"diameter_mm": 20, "mass_g": 2, "thickness_mm": 1}}), "kinds.penny", "other than"),
-    ] {
-        let mut document = value_of("rigs/upm-1.json");
-        set(&mut document, pointer, value);
-        let faults = lines(rig(&document).unwrap_err());
-        let found =
-            faults.iter().any(|fault| fault.starts_with(&format!("{at}: expected ")) && fault.contains(allowed));
-        assert!(found, "{pointer}: {faults:?}");
-    }
 }
 
 #[test]
@@ -156,30 +102,6 @@ fn synthesised_motions_are_checked_and_part_of_the_fingerprint() {
     set(&mut none, "/fields", Value::Null);
     assert_eq!(rig(&none).unwrap().model.fields, None);
     assert_ne!(rig(&none).unwrap().fingerprint, spec.fingerprint);
-    for (pointer, value, at, allowed) in [
-        ("/fields/base_hz", json!(4), "fields.base_hz", "from 5 to 200"),
-        ("/fields/base_hz", json!(7), "fields.base_hz", "above 7, the highest of plate.resonance_hz"),
-        (
-            "/fields/base_hz",
-            json!(9),
-            "fields.base_hz",
-            "10.0000 or more (three periods within drive.max_sustain_s, 0.3)",
-        ),
-        ("/fields/harmonics", json!(1), "fields.harmonics", "from 2 to 16"),
-        ("/fields/harmonics", json!(17), "fields.harmonics", "from 2 to 16"),
-        ("/motors/low_pass_hz", json!(240), "fields.harmonics", "below 240 Hz"),
-        ("/motors/sample_hz", json!(900), "fields.harmonics", "below 225 Hz (motors.low_pass_hz, a quarter of"),
-        ("/accelerometers/sample_hz", json!(1800), "fields.harmonics", "below 225 Hz"),
-        ("/fields/attack_s", json!(0.016), "fields.attack_s", "0.016667 or more (half a period of fields.base_hz)"),
-        ("/fields/rest_s", json!(-1), "fields.rest_s", "from 0 to 5"),
-    ] {
-        let mut document = base.clone();
-        set(&mut document, pointer, value);
-        let faults = lines(rig(&document).unwrap_err());
-        let found =
-            faults.iter().any(|fault| fault.starts_with(&format!("{at}: expected ")) && fault.contains(allowed));
-        assert!(found, "{pointer}: {faults:?}");
-    }
 }
 
 #[test]

@@ -1,12 +1,12 @@
 use serde_json::{Value, json};
 
-use super::{job, lines, origin, set, value_of};
+use super::{lines, origin, value_of};
 use crate::config::{Diagnostic, SimulateSpec};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 
-fn experiment() -> Value {
+pub(super) fn experiment() -> Value {
     json!({
         "rig": "rigs/upm-1.json",
         "plate": "kinematic",
@@ -89,57 +89,4 @@ fn frequencies_are_held_to_step_generator_and_resonance() {
         "{slow}"
     );
     assert_eq!(check("kinematic", 17.0, pump, 5e-5, 1000.0), Ok(()));
-}
-
-#[test]
-fn points_are_accepted_in_experiments_only() {
-    let with_point = |mut document: Value, diameter_mm: f64| {
-        document["rig"] = value_of("rigs/upm-1.json");
-        document["rig"]["kinds"]["point"] = json!({"diameter_mm": diameter_mm, "mass_g": 2.5, "thickness_mm": 1.5});
-        document["parts"][0]["kind"] = json!("point");
-        document
-    };
-    for diameter_mm in [0.0, 0.01] {
-        let spec = read(&with_point(experiment(), diameter_mm)).unwrap();
-        assert_eq!(spec.parts[0].params.radius_m, 0.5e-3 * diameter_mm);
-        let faults = lines(job(&with_point(value_of("plus-sign.json"), diameter_mm)).unwrap_err());
-        let refused = "parts[0].kind: expected 1 mm or more";
-        assert!(faults.len() == 1 && faults[0].starts_with(refused), "{faults:?}");
-    }
-    assert!(job(&with_point(value_of("plus-sign.json"), 1.0)).is_ok());
-}
-
-#[test]
-fn impossible_experiments_are_faults() {
-    for (pointer, value, at, allowed) in [
-        ("/pulses/0/rotation", json!(0), "pulses[0].rotation", "-1 or 1"),
-        ("/pulses/0/rotation", json!(3_000_000_000_u64), "pulses[0].rotation", "-1 or 1"),
-        ("/rig", json!(3), "rig", "a path or a rig object"),
-        ("/pulses/0/speed_mps", json!(1), "pulses[0]", "cor_mm and omega_rad_s, or direction_deg and speed_mps"),
-        ("/pulses/0/harmonics", json!([{"cos": [1, 0, 0]}]), "pulses[0]", "or harmonics"),
-        ("/pulses/0/harmonics", json!([]), "pulses[0].harmonics", "1 to 16 items"),
-        ("/pulses/0/harmonics", json!(vec![json!({}); 17]), "pulses[0].harmonics", "1 to 16 items"),
-        ("/pulses/0/harmonics", json!([{}, {"sin": [0, 0, 0]}]), "pulses[0].harmonics", "an amplitude other than 0"),
-        ("/pulses/0/harmonics", json!([{"cos": [1, 0]}]), "pulses[0].harmonics[0].cos", "a list of 3 items"),
-        ("/pulses/0/harmonics", json!([{"cos": [1, 0, 1e9]}]), "pulses[0].harmonics[0].cos[2]", "from -1000 to 1000"),
-        ("/pulses/0/harmonics", json!([{"tan": 1}]), "pulses[0].harmonics[0].tan", "cos, sin"),
-        ("/base_hz", json!(0), "base_hz", "from 1 to 1000"),
-        ("/pulses/0/omega_rad_s", json!(0), "pulses[0].omega_rad_s", "above 0"),
-        ("/pulses/1/sustain", json!(0), "pulses[1].sustain", "did you mean sustain_s?"),
-        ("/parts/0/position_mm/0", json!(103), "parts[0].position_mm[0]", "its centre on the plate"),
-        ("/parts/0/position_mm", json!([-40, 10]), "parts[1].position_mm", "parts cannot overlap"),
-        ("/parts/1/kind", json!("dim"), "parts[1].kind", "did you mean dime?"),
-        ("/plate", json!("static"), "plate", "dynamic, kinematic"),
-    ] {
-        let mut document = experiment();
-        set(&mut document, pointer, value);
-        let faults = lines(read(&document).unwrap_err());
-        let found =
-            faults.iter().any(|fault| fault.starts_with(&format!("{at}: expected ")) && fault.contains(allowed));
-        assert!(found, "{pointer}: {faults:?}");
-    }
-    let mut document = experiment();
-    set(&mut document, "/sample_hz", json!(100_000));
-    set(&mut document, "/pulses/0/sustain_s", json!(60));
-    assert!(lines(read(&document).unwrap_err())[0].starts_with("sample_hz: expected "));
 }

@@ -128,23 +128,17 @@ fn libraries_of_both_motor_arrangements_differ_in_signs_alone() {
 }
 
 #[test]
-fn dead_coil_is_refused_by_name() {
+fn dead_reversed_and_weak_coils_are_refused_by_name() {
     for (k, motor) in Motor::ALL.into_iter().enumerate() {
-        let fault = refusal(Alteration::Coil(k, 0.0), 0.0);
-        let dead =
-            |coil| matches!(fault, CalibrationFault::Coil { coil: c, fault: CoilFault::Dead { .. } } if c == coil);
-        assert!(dead(motor), "{fault}");
-    }
-}
-
-#[test]
-fn reversed_coil_is_refused_by_name() {
-    for (k, motor) in Motor::ALL.into_iter().enumerate() {
-        match refusal(Alteration::Coil(k, -1.0), 0.0) {
-            CalibrationFault::Coil { coil, fault: CoilFault::Reversed { gain } } => {
-                assert!(coil == motor && (gain + 1.0).abs() < 0.2, "{coil:?} {gain}");
-            }
-            fault => panic!("{fault}"),
+        for (factor, wanted) in [(0.0, "dead"), (-1.0, "reversed"), (0.6, "unlike")] {
+            let CalibrationFault::Coil { coil, fault } = refusal(Alteration::Coil(k, factor), 0.0) else { panic!() };
+            let found = match fault {
+                CoilFault::Dead { .. } => "dead",
+                CoilFault::Reversed { gain } if (gain + 1.0).abs() < 0.2 => "reversed",
+                CoilFault::Unlike { .. } => "unlike",
+                _ => "another fault",
+            };
+            assert_eq!((coil, found), (motor, wanted), "{fault:?}");
         }
     }
 }
@@ -171,16 +165,6 @@ fn swapped_coils_are_refused_by_their_names() {
 }
 
 #[test]
-fn coil_weak_by_two_fifths_is_refused_by_name() {
-    for (k, motor) in Motor::ALL.into_iter().enumerate() {
-        let fault = refusal(Alteration::Coil(k, 0.6), 0.0);
-        let unlike =
-            |coil| matches!(fault, CalibrationFault::Coil { coil: c, fault: CoilFault::Unlike { .. } } if c == coil);
-        assert!(unlike(motor), "{fault}");
-    }
-}
-
-#[test]
 fn coils_far_off_their_nominal_force_are_refused() {
     let (mut rig, params) = small();
     rig.model.newtons_per_count *= 1.6;
@@ -191,29 +175,18 @@ fn coils_far_off_their_nominal_force_are_refused() {
 }
 
 #[test]
-fn dead_accelerometer_channel_is_refused_by_name() {
-    for channel in 0..4 {
-        let fault = refusal(Alteration::Channel(channel, 0.0), 0.0);
-        let dead = matches!(fault, CalibrationFault::Channel { channel: c, fault: MiswiredChannel::Dead { .. } } if c == channel);
-        assert!(dead, "{fault}");
+fn miswired_accelerometer_channels_are_refused_by_name() {
+    let dead_or_reversed = (0..4).flat_map(|channel| [(channel, 0.0, "dead"), (channel, -1.0, "reversed")]);
+    for (channel, factor, wanted) in dead_or_reversed.chain([(2, 0.7, "gain")]) {
+        let refused = refusal(Alteration::Channel(channel, factor), 0.0);
+        let CalibrationFault::Channel { channel: named, fault } = refused else { panic!("{refused}") };
+        let found = match fault {
+            MiswiredChannel::Dead { .. } => "dead",
+            MiswiredChannel::Reversed { .. } => "reversed",
+            MiswiredChannel::Gain { .. } => "gain",
+        };
+        assert_eq!((named, found), (channel, wanted), "{fault:?}");
     }
-}
-
-#[test]
-fn reversed_accelerometer_channel_is_refused_by_name() {
-    for channel in 0..4 {
-        let fault = refusal(Alteration::Channel(channel, -1.0), 0.0);
-        let reversed = matches!(
-            fault, CalibrationFault::Channel { channel: c, fault: MiswiredChannel::Reversed { .. } } if c == channel
-        );
-        assert!(reversed, "{fault}");
-    }
-}
-
-#[test]
-fn accelerometer_channel_of_another_gain_is_refused_by_name() {
-    let fault = refusal(Alteration::Channel(2, 0.7), 0.0);
-    assert!(matches!(fault, CalibrationFault::Channel { channel: 2, fault: MiswiredChannel::Gain { .. } }), "{fault}");
 }
 
 /// Plate time within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s to
@@ -222,25 +195,13 @@ const DURING_STEPS_S: f64 = 60.0;
 const DURING_CENTRES_S: f64 = 121.0;
 
 #[test]
-fn channel_reversed_half_way_is_refused_by_the_closing_pulse() {
+fn changes_within_a_calibration_are_refused_by_what_sees_them() {
     let fault = refusal(Alteration::Channel(1, -1.0), DURING_STEPS_S);
     assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Channel(1), .. }), "{fault}");
-}
-
-#[test]
-fn coil_weak_half_way_is_refused_by_the_steps_of_the_coins() {
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_STEPS_S);
     assert!(matches!(fault, CalibrationFault::StepChanged { .. }), "{fault}");
-}
-
-#[test]
-fn coil_weak_at_the_end_is_refused_by_the_closing_pulse() {
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_CENTRES_S);
     assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Coil(Motor::Y1), .. }), "{fault}");
-}
-
-#[test]
-fn camera_frozen_half_way_is_refused_by_its_guard() {
     let fault = refusal(Alteration::Camera, DURING_STEPS_S);
     assert!(matches!(&fault, CalibrationFault::Unseen(reason) if reason.contains("same picture again")), "{fault}");
 }

@@ -11,18 +11,6 @@ fn along(vx: f64, vy: f64) -> Twist {
 }
 
 #[test]
-fn along_x_alone_nothing_goes_up() {
-    let coverage = Coverage::of(&library([along(0.5, 0.0), along(-0.3, 0.0)]));
-    assert_eq!((coverage.inside, coverage.outside, coverage.translations), (0, 0, 2));
-    assert_eq!((coverage.gap, coverage.unreached_share()), (None, 1.0));
-    assert_eq!(coverage.never_strongest, [1]);
-    for place in &coverage.places {
-        assert!(place.weakest_direction.x.abs() < 1e-12 && place.share < 1e-12, "{place:?}");
-        assert!(place.longest_step_m < 1e-12 && place.longest_sd_m < 1e-12 && place.shortest_step_m.is_none());
-    }
-}
-
-#[test]
 fn between_two_axes_both_do_their_part() {
     let coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5), along(0.1, 0.1)]));
     assert_eq!(coverage.unreached_share(), 0.0);
@@ -54,18 +42,6 @@ fn a_lone_rotation_moves_nothing_through_its_centre() {
 }
 
 #[test]
-fn centres_are_counted_where_they_are() {
-    let at = |x: f64, y: f64| Twist::about(Vec2::new(x, y), 5.0);
-    let made = library([at(0.05, -0.09), at(-0.03, 0.02), at(0.0, 0.12), at(1.9, 0.0), at(2.1, 0.0), along(0.2, 0.2)]);
-    let coverage = Coverage::of(&made);
-    assert_eq!((coverage.inside, coverage.outside, coverage.translations), (2, 2, 2));
-    assert_eq!(coverage.places.len(), coverage.columns * coverage.columns);
-    let first = coverage.places[0].position_m;
-    assert!(first.x < 0.0 && first.y > 0.0 && (first.x + first.y).abs() < 1e-15, "top left: {first}");
-    assert!(coverage.places[coverage.places.len() / 2].position_m.norm() < 1e-15);
-}
-
-#[test]
 fn shades_span_least_to_longest_step_and_skip_unreached_places() {
     let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
     coverage.places.iter_mut().for_each(|place| place.longest_step_m = 0.026);
@@ -78,19 +54,6 @@ fn shades_span_least_to_longest_step_and_skip_unreached_places() {
     coverage.places.iter_mut().for_each(|place| place.share = 0.0);
     assert_eq!((coverage.steps_m(), coverage.is_even()), (None, false));
     assert!(coverage.shades().iter().all(|&shade| shade == 0.0));
-}
-
-#[test]
-fn rounding_noise_is_not_stretched_over_all_shades() {
-    let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
-    coverage.places[0].longest_step_m += 1e-14;
-    let [least_m, most_m] = coverage.steps_m().unwrap();
-    assert!(least_m < most_m && most_m - least_m < 1e-12, "rounding alone: {least_m} {most_m}");
-    assert!(coverage.is_even() && coverage.shades().iter().all(|&shade| shade == 0.5), "{:?}", coverage.shades());
-    coverage.places[3].share = 0.01;
-    assert_eq!((coverage.is_even(), coverage.shades()[3]), (true, 0.0), "out of reach");
-    coverage.places[5].longest_step_m = most_m + 2e-5;
-    assert_eq!((coverage.is_even(), coverage.shades()[5]), (false, 1.0));
 }
 
 proptest! {

@@ -1,57 +1,57 @@
+//! A job file as a person writes it.
+
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::faults::RawFaults;
-use super::raw_rig::RigSource;
-use super::raw_shapes::{RawCircle, RawLissajous, RawSvg, RawTargets};
+use super::faults::FaultList;
+use super::rig_file::RigSource;
+use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
 use upm_document::SchemaKey;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "job")]
-pub struct RawJob {
+pub struct JobFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
-    pub schema: SchemaKey,
+    pub(crate) schema: SchemaKey,
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
-    pub name: String,
+    pub(crate) name: String,
     /// Seed of everything random.
     #[serde(default = "one_u64")]
     pub seed: u64,
     /// The rig: a path relative to this file, or the object itself. A job sent to a daemon may leave it out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rig: Option<RigSource>,
     /// The daemon's plate to run on; means nothing elsewhere.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 64))]
     pub plate: Option<String>,
     /// COR library in place of the rig's: a path relative to this file, or the object itself.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub library: Option<LibrarySource>,
+    pub(crate) library: Option<LibraryRef>,
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
-    pub parts: Vec<RawParts>,
+    pub(crate) parts: Vec<PartsEntry>,
     /// Goal of the run.
-    pub task: RawTask,
+    pub(crate) task: TaskSection,
     /// How motions are found.
     #[serde(default)]
-    pub planner: PlannerChoice,
+    pub(crate) planner: PlannerChoice,
     /// A part this near its target has arrived, mm.
     #[serde(default = "tolerance_mm")]
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
-    pub tolerance_mm: f64,
+    pub(crate) tolerance_mm: f64,
     /// When to give up.
     #[serde(default)]
-    pub limits: RawLimits,
+    pub(crate) limits: RunLimits,
     /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub faults: Option<RawFaults>,
+    pub(crate) faults: Option<FaultList>,
     /// Policy for a computer that is too slow for the plate.
     #[serde(default)]
-    pub deadlines: DeadlinePolicy,
+    pub(crate) deadlines: DeadlinePolicy,
 }
 
 fn one_u64() -> u64 {
@@ -69,10 +69,10 @@ fn tolerance_mm() -> f64 {
 /// A COR library named by its file or written out; the library room reads the object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum LibrarySource {
+pub enum LibraryRef {
     /// Path of a library file, relative to the file it stands in.
     #[schemars(title = "path")]
-    File(String),
+    File(PathBuf),
     /// The library itself.
     #[schemars(title = "library")]
     Inline(Map<String, Value>),
@@ -81,23 +81,22 @@ pub enum LibrarySource {
 /// Parts of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawParts {
+pub(crate) struct PartsEntry {
     /// penny, nickel, dime, quarter or a kind of the rig's.
-    pub kind: String,
+    pub(crate) kind: String,
     /// How many.
     #[serde(default = "one")]
     #[schemars(range(min = 1, max = 64))]
-    pub count: u32,
+    pub(crate) count: u32,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub position_mm: Option<[f64; 2]>,
+    pub(crate) position_mm: Option<[f64; 2]>,
 }
 
 /// Goal of a run; `type` selects the kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub enum RawTask {
+pub(crate) enum TaskSection {
     /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
     PlusSign {
         /// Rounds over all four branches; 0 is without end.
@@ -117,7 +116,7 @@ pub enum RawTask {
     Trajectories {
         /// One path for each part, in the order of `parts`; a path with a `count` is for that many.
         #[schemars(length(min = 1, max = 64))]
-        paths: Vec<RawPath>,
+        paths: Vec<PathEntry>,
         /// The parts hold their phase to each other: all are at the same share of their laps at any time. Asks for
         /// laps of equal length (within 1 %), equal speeds and equal repeats.
         #[serde(default)]
@@ -130,12 +129,10 @@ pub enum RawTask {
     /// Every part goes to a place.
     Arrange {
         /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
         targets_mm: Option<Vec<[f64; 2]>>,
         /// A rule that makes the places.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        targets: Option<Box<RawTargets>>,
+        targets: Option<Box<TargetRule>>,
         /// Assignment of parts to places.
         #[serde(default)]
         assignment: Assignment,
@@ -144,7 +141,7 @@ pub enum RawTask {
     Sort {
         /// Rectangles for the kinds, 1 to 16.
         #[schemars(length(min = 1, max = 16))]
-        bins: Vec<RawBin>,
+        bins: Vec<BinEntry>,
     },
     /// Every part stays where it is.
     Hold {
@@ -168,39 +165,31 @@ fn corridor_mm() -> f64 {
     1.0
 }
 
-fn is_one(count: &u32) -> bool {
-    *count == 1
-}
-
 /// A path, with exactly one of `waypoints_mm`, `circle`, `lissajous` and `svg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawPath {
+pub(crate) struct PathEntry {
     /// Corners of the path, mm, in order.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
-    pub waypoints_mm: Option<Vec<[f64; 2]>>,
+    pub(crate) waypoints_mm: Option<Vec<[f64; 2]>>,
     /// All round a circle.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub circle: Option<RawCircle>,
+    pub(crate) circle: Option<CircleShape>,
     /// All round a closed figure of two sine waves.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lissajous: Option<RawLissajous>,
+    pub(crate) lissajous: Option<LissajousShape>,
     /// Along the one line of an SVG drawing.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub svg: Option<RawSvg>,
+    pub(crate) svg: Option<SvgShape>,
     /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its
     /// last point to the first is then a part of it.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(default = "one")]
     #[schemars(range(min = 1, max = 64))]
-    pub count: u32,
+    pub(crate) count: u32,
     /// Speed along it, mm/s.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub speed_mm_s: f64,
+    pub(crate) speed_mm_s: f64,
     /// How often it is gone through, from its last point straight back to the first; 0 is without end.
     #[serde(default = "one")]
     #[schemars(range(max = 1_000_000))]
-    pub repeat: u32,
+    pub(crate) repeat: u32,
 }
 
 /// Assignment of parts to places.
@@ -217,18 +206,18 @@ pub enum Assignment {
 /// Rectangle on the plate for the parts of some kinds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawBin {
+pub struct BinEntry {
     /// Kinds that belong here.
     #[schemars(length(min = 1, max = 64))]
     pub kinds: Vec<String>,
     /// The rectangle in which their rims must lie.
-    pub region_mm: RawRegion,
+    pub region_mm: Region,
 }
 
 /// A rectangle, mm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawRegion {
+pub struct Region {
     /// Lower left corner, mm.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub min: [f64; 2],
@@ -268,13 +257,13 @@ pub enum DeadlinePolicy {
 /// When to give up; tasks without end are completed then.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct RawLimits {
+pub(crate) struct RunLimits {
     /// Longest plate time of the run, s.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
-    pub plate_time_s: f64,
+    pub(crate) plate_time_s: f64,
 }
 
-impl Default for RawLimits {
+impl Default for RunLimits {
     fn default() -> Self {
         Self { plate_time_s: 600.0 }
     }

@@ -1,0 +1,105 @@
+//! JSON text as a value. A parsed value no longer shows duplicate keys of an object, so they are reported while it is
+//! read.
+
+use std::fmt;
+
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde_json::{Map, Value};
+
+use super::diagnostic::{Diagnostics, Path};
+
+/// The JSON value in `text`; adds a fault for each key that its object already has.
+///
+/// # Errors
+/// The error of a text that is not JSON.
+pub(super) fn value_of(text: &str, faults: &mut Diagnostics) -> serde_json::Result<Value> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let value = Walk { at: Path::root(), faults }.deserialize(&mut json)?;
+    json.end().map(|()| value)
+}
+
+struct Walk<'a> {
+    at: Path,
+    faults: &'a mut Diagnostics,
+}
+
+impl<'de> DeserializeSeed<'de> for Walk<'_> {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, value: D) -> Result<Value, D::Error> {
+        value.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Walk<'_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
+        let mut object = Map::new();
+        while let Some(key) = members.next_key::<String>()? {
+            let at = self.at.key(&key);
+            if object.contains_key(&key) {
+                self.faults.push(&at, format!("the key {key:?} a second time"), "each key once");
+            }
+            let value = members.next_value_seed(Walk { at, faults: self.faults })?;
+            object.insert(key, value);
+        }
+        Ok(Value::Object(object))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
+        let mut list = Vec::new();
+        while let Some(item) = items.next_element_seed(Walk { at: self.at.index(list.len()), faults: self.faults })? {
+            list.push(item);
+        }
+        Ok(Value::Array(list))
+    }
+
+    fn visit_bool<E: Error>(self, value: bool) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_u64<E: Error>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_str<E: Error>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
+
+    fn visit_unit<E: Error>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_duplicate_key_is_reported_with_its_path() {
+        let mut faults = Diagnostics::of("f");
+        let text = r#"{"a": 1, "b": [{"c": null, "d": 2.5, "c": true}], "a": "x", "e": {"a": -1}}"#;
+        assert_eq!(value_of(text, &mut faults).unwrap(), serde_json::from_str::<Value>(text).unwrap());
+        let lines: Vec<String> = faults.into_list().iter().map(ToString::to_string).collect();
+        assert_eq!(
+            lines,
+            [
+                "f: b[0].c: expected each key once, found the key \"c\" a second time",
+                "f: a: expected each key once, found the key \"a\" a second time",
+            ]
+        );
+    }
+}
