@@ -8,7 +8,7 @@ use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
 use super::offered::{experiments, rerun_modes, scenes, schemas};
 use super::run_args::{ExportArgs, RunFolderArgs};
-use upm_core::job::Pace;
+use upm_core::job::{CameraMode, Pace};
 use upm_perception::vision::ResponseMethod;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
@@ -98,6 +98,11 @@ pub struct InitArgs {
     pub force: bool,
 }
 
+fn cameras() -> impl TypedValueParser<Value = CameraMode> {
+    let names = CameraMode::ALL.map(CameraMode::code);
+    PossibleValuesParser::new(names).map(|name| CameraMode::of_code(&name).unwrap_or_default())
+}
+
 /// `upm run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
@@ -118,6 +123,9 @@ pub struct RunArgs {
     /// As fast as possible, or no faster than the clock
     #[arg(long, value_parser = pace(), default_value = "max")]
     pub pace: Pace,
+    /// Rendered pictures, or positions with the noise of a measurement in pictures: much faster
+    #[arg(long, value_parser = cameras(), default_value = "pixels")]
+    pub camera: CameraMode,
     /// Recording for Rerun: off, save, connect[=URL] or spawn [default: save where this build can record; with --seeds
     /// off, since a recording for each run is a lot]
     #[arg(long, value_name = "MODE", value_parser = rerun_modes(), hide_possible_values = true)]

@@ -47,7 +47,13 @@ pub(super) fn batch(file: &Path, seeds: &str, args: &RunArgs, common: Common) ->
         progress.shown.finish();
         runs
     };
-    let summary = BatchSummary::new(&job.name, &job.rig.model.name, seeds.len(), clock.elapsed().as_secs_f64(), runs);
+    let summary = BatchSummary::new(
+        [&job.name, &job.rig.model.name],
+        job.camera,
+        seeds.len(),
+        clock.elapsed().as_secs_f64(),
+        runs,
+    );
     let files = write(&summary, &out)?;
     if common.json {
         print_json(&summary)?;

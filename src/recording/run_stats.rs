@@ -9,7 +9,7 @@ use super::timings::Timings;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{CameraMode, Outcome, StopCause};
 use upm_core::time::PlateTime;
 use upm_task::Setpoints;
 
@@ -43,6 +43,8 @@ pub struct EndFacts {
     pub name: String,
     /// Seed of all random numbers of the run.
     pub seed: u64,
+    /// What its camera delivered.
+    pub camera: CameraMode,
     /// Its planner and the reason; `None` where that is unknown.
     pub planner: Option<PlannerReport>,
     /// Completed, failed or cancelled.
@@ -132,6 +134,7 @@ impl RunStats {
             name: ending.name,
             seed: ending.seed,
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            camera: ending.camera,
             planner: ending.planner,
             outcome: ending.outcome,
             stop: ending.cause.map(|cause| StopReport::of(cause, &ending.reason)),

@@ -11,6 +11,7 @@ use super::raw_rig::{RawRig, RigSource};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
 use super::task::{self, TaskSpec};
+use upm_core::job::CameraMode;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, quoted, text_of};
@@ -41,6 +42,8 @@ pub struct JobSpec {
     pub plate_time_limit_s: f64,
     /// Simulated faults.
     pub faults: Vec<FaultSpec>,
+    /// What the simulated camera delivers; not in the file, but chosen for a run.
+    pub camera: CameraMode,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<String>,
     /// Policy for a computer that is too slow for the plate.
@@ -109,6 +112,7 @@ impl JobSpec {
             tolerance_m: m_from_mm(raw.tolerance_mm),
             plate_time_limit_s: raw.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
+            camera: CameraMode::default(),
             without_guard: None,
             deadlines: raw.deadlines,
             rig,
@@ -148,6 +152,11 @@ impl JobSpec {
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.raw.seed = seed;
         self
+    }
+
+    /// The same job with another camera.
+    pub fn with_camera(self, camera: CameraMode) -> Self {
+        Self { camera, ..self }
     }
 
     /// The same job with another planner.

@@ -33,6 +33,7 @@ pub(super) fn ending<R: Rig>(
     EndFacts {
         name: job.name.clone(),
         seed: job.seed(),
+        camera: job.camera,
         planner: Some(setup.map_or_else(|| PlannerSelection::of(job).report(), |setup| setup.planner.report())),
         outcome: ending.outcome,
         reason: ending.reason,
