@@ -305,8 +305,8 @@ pub struct LabArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan it makes up to five dry runs of a job on the forecasts of its planner, without a rig or \
-                  a camera. All their figures are predictions. Exit status 1 when most dry runs fail."
+                  With --plan it makes five dry runs of a job on all cores: runs with successive seeds and with \
+                  --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces

@@ -2,6 +2,7 @@ mod coverage_report;
 mod picture;
 mod plan;
 mod plan_picture;
+mod plan_statistics;
 mod plan_table;
 
 use std::io::IsTerminal;
@@ -82,7 +83,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
 fn status(findings: &[(&Path, CheckFinding)]) -> u8 {
     let cannot = |finding: &CheckFinding| {
         let planned = finding.as_ref().ok().and_then(|found| found.planned.as_ref());
-        planned.is_some_and(|planned| planned.forecast.verdict().is_failure())
+        planned.is_some_and(|planned| planned.verdict().is_failure())
     };
     if findings.iter().any(|(_, finding)| finding.is_err()) {
         BAD_INPUT

@@ -185,7 +185,7 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
+fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {
