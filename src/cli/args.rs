@@ -9,7 +9,7 @@ use super::client_args::{ClientCommand, pace};
 use super::features::{HELP, VERSION};
 use super::offered::schemas;
 use super::run_args::{ExportArgs, RunFolderArgs};
-use upm_core::job::Pace;
+use upm_core::job::{CameraMode, Pace};
 use upm_perception::vision::ResponseMethod;
 use upm_recording::{BadRerunMode, RerunMode};
 
@@ -104,6 +104,11 @@ pub struct InitArgs {
     pub force: bool,
 }
 
+fn cameras() -> impl TypedValueParser<Value = CameraMode> {
+    let names = CameraMode::ALL.map(CameraMode::code);
+    PossibleValuesParser::new(names).map(|name| CameraMode::of_code(&name).unwrap_or_default())
+}
+
 /// `upm run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
@@ -124,6 +129,9 @@ pub struct RunArgs {
     /// As fast as possible, or no faster than the clock
     #[arg(long, value_parser = pace(), default_value = "max")]
     pub pace: Pace,
+    /// Rendered pictures, or positions with the noise of a measurement in pictures: much faster
+    #[arg(long, value_parser = cameras(), default_value = "pixels")]
+    pub camera: CameraMode,
     /// Recording for Rerun: off, save, connect[=URL] or spawn [default: save where this build can record; with --seeds
     /// off, since a recording for each run is a lot]
     #[arg(long, value_name = "MODE", value_parser = rerun_mode)]
@@ -263,8 +271,8 @@ pub struct SimulateArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan it makes up to five dry runs of a job on the forecasts of its planner, without a rig or \
-                  a camera. All their figures are predictions. Exit status 1 when most dry runs fail."
+                  With --plan it makes five dry runs of a job on all cores: runs with successive seeds and with \
+                  --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces

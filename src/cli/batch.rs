@@ -46,7 +46,8 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
     let batch =
         SeedBatch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted, turns };
     let runs = batch.run();
-    let summary = BatchSummary::new(&job.name, &job.rig.model.name, seeds.len(), clock.elapsed().as_secs_f64(), runs);
+    let (names, wall_time_s) = ([job.name.as_str(), &job.rig.model.name], clock.elapsed().as_secs_f64());
+    let summary = BatchSummary::new(names, job.camera, seeds.len(), wall_time_s, runs);
     let files = write(&summary, &out)?;
     print(common.json, &summary, || {
         table::lines(&summary).iter().try_for_each(|line| outln!("{line}"))?;

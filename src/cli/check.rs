@@ -2,6 +2,7 @@ mod coverage_report;
 mod picture;
 mod plan;
 mod plan_picture;
+mod plan_statistics;
 mod plan_table;
 
 use std::path::Path;
@@ -55,7 +56,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
                 FileReport::Coverage(covered) => picture::coverage_chart(&covered.coverage, &covered.rig_name),
                 FileReport::Plan(planned) => plan_picture::plan_chart(planned),
             };
-            std::fs::write(picture, lab::svg(&chart)?).map_err(|error| Failure::write(picture, error))?;
+            std::fs::write(picture, upm_chart::svg(&chart)).map_err(|error| Failure::write(picture, error))?;
         }
     }
     if common.json {
@@ -70,9 +71,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
 fn status(finding: &CheckFinding) -> u8 {
     match finding {
         Err(_) => BAD_INPUT,
-        Ok(ValidFile { report: Some(FileReport::Plan(plan)), .. }) if plan.forecast.verdict().is_failure() => {
-            NOT_REACHED
-        }
+        Ok(ValidFile { report: Some(FileReport::Plan(plan)), .. }) if plan.verdict().is_failure() => NOT_REACHED,
         Ok(_) => 0,
     }
 }

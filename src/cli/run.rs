@@ -52,7 +52,7 @@ pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> 
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
-    job = job.with_faults(&args.faults).map_err(Failure::faults)?;
+    job = job.with_camera(args.camera).with_faults(&args.faults).map_err(Failure::faults)?;
     #[cfg(feature = "mutants")]
     job.without_guard.clone_from(&args.without_guard);
     Ok(job)

@@ -1,5 +1,6 @@
 use super::output::Failure;
 use super::progress::behind;
+use upm_core::job::CameraMode;
 use upm_recording::{CycleError, PathReport, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
@@ -28,6 +29,9 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
         ),
         ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
     ];
+    if report.camera != CameraMode::Pixels {
+        rows.push(("camera", "positions in place of pictures".into()));
+    }
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));
     }

@@ -12,7 +12,7 @@ use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
-use super::pulse_planner::FreshPlanner;
+use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
 use upm_cor_library::Library;
@@ -67,7 +67,7 @@ pub struct FinalState {
 pub fn run(devices: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
     let RunIo { rig, model, sink, clock, stop, give_way } = devices;
     let mut open = || {
-        let planner = match FreshPlanner::new(params.method, library, params.planner).plans() {
+        let planner = match PulsePlanner::new(params.method, library, params.planner) {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };

@@ -6,7 +6,6 @@ pub mod calibration;
 mod condition;
 mod conditions;
 mod cycle;
-mod dry_run;
 mod facts;
 mod gain_estimator;
 mod guards;
@@ -19,7 +18,6 @@ mod run_end;
 
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, RunIo, run};
-pub use dry_run::{ClosestApproach, DryRun, DryRunParams, LimitMet, dry_run};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
     PulseFacts, PulsePositions, Sink,
@@ -27,5 +25,4 @@ pub use facts::{
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::{ExpectedPart, FramePurpose, Perception};
-pub use pulse_planner::FreshPlanner;
 pub use run_end::RunEnd;

@@ -1,4 +1,4 @@
-//! Planning of one cycle, the same in a run and in its dry run.
+//! Planning of one cycle.
 
 use std::ops::ControlFlow::{Break, Continue};
 
@@ -27,19 +27,14 @@ const LEAST_SHARE: f64 = 1e-4;
 pub(super) struct Planning<'a> {
     pub params: &'a ControlParams,
     pub library: &'a Library,
-    pub planner: Box<dyn PulsePlanner>,
+    pub planner: PulsePlanner,
     pub gains: GainEstimator,
     pub watch: ProgressWatch,
 }
 
 impl<'a> Planning<'a> {
     /// State at the start of a run on a plate of half side `half_side_m`.
-    pub fn new(
-        params: &'a ControlParams,
-        library: &'a Library,
-        planner: Box<dyn PulsePlanner>,
-        half_side_m: f64,
-    ) -> Self {
+    pub fn new(params: &'a ControlParams, library: &'a Library, planner: PulsePlanner, half_side_m: f64) -> Self {
         let gains = GainEstimator::new(params.parts.len(), half_side_m);
         Self { params, library, planner, gains, watch: ProgressWatch::new(params.follows_paths, params.tolerance_m) }
     }

@@ -1,3 +1,5 @@
+//! The planner of a run: finds the motions of a cycle and forecasts their effect.
+
 use std::sync::Arc;
 
 use super::run_end::RunEnd;
@@ -8,29 +10,8 @@ use upm_planner::{
     RotationPlanner,
 };
 
-/// A planner: finds the motions of a cycle and forecasts their effect.
-pub(super) trait PulsePlanner {
-    /// The pulses that make every part's step, within the corridors of those that have one.
-    fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan;
-
-    /// True when it tries smaller steps itself where the whole ones are infeasible.
-    fn tries_smaller(&self) -> bool {
-        false
-    }
-
-    /// Bounds the displacement of a part in one sequence, m.
-    fn limit_stride(&mut self, _stride_m: Option<f64>) {}
-
-    /// Forecast positions of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
-    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>>;
-}
-
-/// An unused planner, or the reason that the library has none. Several dry runs share one because its tables take a
-/// few tenths of a second.
-pub struct FreshPlanner(Result<AnyPlanner, RunEnd>);
-
-#[derive(Clone)]
-enum AnyPlanner {
+/// A planner of one of the methods.
+pub(super) enum PulsePlanner {
     Rotations(RotationPlanner),
     /// The papers' method, which knows the ideal field alone; the measured `flows` forecast the displacements of its
     /// rotations.
@@ -41,33 +22,25 @@ enum AnyPlanner {
     Fields(FieldPlanner),
 }
 
-impl FreshPlanner {
-    /// The planner that `method` asks for, or the reason that it cannot work with this library.
-    pub fn new(method: PlanningMethod, library: &Arc<Library>, params: PlannerParams) -> Self {
+impl PulsePlanner {
+    /// The planner that `method` asks for, or the ending of a run whose library lacks what it needs.
+    pub fn new(method: PlanningMethod, library: &Arc<Library>, params: PlannerParams) -> Result<Self, RunEnd> {
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
-        Self(match method {
-            PlanningMethod::CorSequence => Ok(AnyPlanner::Rotations(rotations())),
+        match method {
+            PlanningMethod::CorSequence => Ok(Self::Rotations(rotations())),
             PlanningMethod::PseudoInverse => {
                 let planner = PseudoInverse::new(Arc::clone(library), params);
-                Ok(AnyPlanner::PseudoInverse { planner, flows: rotations() })
+                Ok(Self::PseudoInverse { planner, flows: rotations() })
             }
-            PlanningMethod::SynthesizedField => {
-                FieldPlanner::new(library, params).map(AnyPlanner::Fields).ok_or_else(|| {
-                    let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
-                    RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
-                })
-            }
-        })
+            PlanningMethod::SynthesizedField => FieldPlanner::new(library, params).map(Self::Fields).ok_or_else(|| {
+                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
+                RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
+            }),
+        }
     }
 
-    /// A planner, or the ending of a run without one.
-    pub(super) fn plans(&self) -> Result<Box<dyn PulsePlanner>, RunEnd> {
-        self.0.clone().map(|planner| Box::new(planner) as Box<dyn PulsePlanner>)
-    }
-}
-
-impl PulsePlanner for AnyPlanner {
-    fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
+    /// The pulses that make every part's step, within the corridors of those that have one.
+    pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
         match self {
             Self::Rotations(planner) => planner.plan(parts, corridors),
             Self::PseudoInverse { planner, .. } => planner.plan(parts),
@@ -75,17 +48,20 @@ impl PulsePlanner for AnyPlanner {
         }
     }
 
-    fn limit_stride(&mut self, stride_m: Option<f64>) {
+    /// Bounds the displacement of a part in one sequence, m.
+    pub fn limit_stride(&mut self, stride_m: Option<f64>) {
         if let Self::Rotations(planner) = self {
             planner.limit_stride(stride_m);
         }
     }
 
-    fn tries_smaller(&self) -> bool {
+    /// True when it tries smaller steps itself where the whole ones are infeasible.
+    pub fn tries_smaller(&self) -> bool {
         !matches!(self, Self::PseudoInverse { .. })
     }
 
-    fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+    /// Forecast positions of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
+    pub fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
         match (self, pulse) {
             (Self::Rotations(flows) | Self::PseudoInverse { flows, .. }, PlannedPulse::Rotation(rotation)) => {
                 Some(flows.forecast(parts, rotation))

@@ -43,6 +43,18 @@ coded_enum! {
 }
 
 coded_enum! {
+    /// What the simulated camera delivers.
+    #[derive(Default, schemars::JsonSchema)]
+    pub enum CameraMode {
+        /// Rendered pictures.
+        #[default]
+        Pixels = "pixels",
+        /// Positions of plate and parts with the noise of a measurement in pictures, in a hundredth of the time.
+        Positions = "positions",
+    }
+}
+
+coded_enum! {
     /// How the plate moves.
     #[derive(Default, schemars::JsonSchema)]
     pub enum PlateMode {
@@ -79,6 +91,9 @@ mod tests {
         }
         for pace in Pace::ALL {
             assert_eq!(serde_json::to_value(pace).unwrap(), pace.code());
+        }
+        for camera in CameraMode::ALL {
+            assert_eq!(serde_json::to_value(camera).unwrap(), camera.code());
         }
         for mode in PlateMode::ALL {
             assert_eq!(serde_json::to_value(mode).unwrap(), mode.code());

@@ -9,5 +9,7 @@ mod twist_wave;
 pub use drive::{Drive, Follows, Harmonic, Shaping};
 pub use envelope::Envelope;
 pub use motors::{MOTORS, Motor, MotorArrangement};
-pub use sensors::{AccelTrace, CHANNEL_NAMES, CHANNELS, Frame, MISSING_SAMPLE, RecordedPulse};
+pub use sensors::{
+    AccelTrace, CHANNEL_NAMES, CHANNELS, Frame, MISSING_SAMPLE, MeasuredDisc, MeasuredPositions, RecordedPulse,
+};
 pub use twist_wave::{TwistHarmonic, TwistWave};

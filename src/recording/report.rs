@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
 use upm_core::geometry::Vec2;
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{CameraMode, Outcome, RecordingEnd, StopCause};
 use upm_document::schema_of;
 
 /// `report.json`. Lengths in mm, to 1e-4.
@@ -17,6 +17,9 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
+    /// What the camera delivered: pictures, or positions in their place.
+    #[serde(default)]
+    pub camera: CameraMode,
     /// The planner that ran and why; `None` in reports of versions that did not record it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub planner: Option<PlannerReport>,

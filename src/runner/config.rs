@@ -53,7 +53,9 @@ pub use layout::{JobLayout, LayoutPart, LayoutPath};
 pub use placement::{PlacedPart, place_parts};
 pub use read::{Origin, is_plain_name};
 pub use rig::RigSpec;
-pub use rig_file::{CameraSection, GrayLevels, Knocks, PlateSection, RigFile, RigSource, SimulationSection};
+pub use rig_file::{
+    CameraSection, FrictionSection, GrayLevels, Knocks, PlateSection, RigFile, RigSource, SimulationSection,
+};
 pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;

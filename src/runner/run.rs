@@ -57,7 +57,7 @@ use paced::{PaceClock, RealTimeRig};
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
 pub use coverage::{Coverage, CoverageHole, WorstDirection};
-pub use dry_run::{DryRunProgress, Forecast, PartForecast, PlanVerdict, StartForecast, dry_run};
+pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast, StartForecast, dry_run};
 pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;

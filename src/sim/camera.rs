@@ -46,6 +46,7 @@ mod edge_outline;
 mod exposure;
 mod noise;
 mod plate;
+mod positions;
 #[cfg(test)]
 mod reference;
 #[cfg(test)]

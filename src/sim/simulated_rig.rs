@@ -8,7 +8,7 @@ use super::interlock_port::InterlockPort;
 use super::{Camera, DiscShape, PartParams, Plant, SimParams, Snapshot};
 use upm_core::geometry::Pose;
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
-use upm_core::random::Streams;
+use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Interlock, Rig, RigFault, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
@@ -24,6 +24,8 @@ pub struct SimRig {
     plant: Plant,
     camera: Camera,
     probe: GroundTruthHandle,
+    /// Noise of positions in place of pictures; `None` where the camera takes pictures.
+    position_noise: Option<Rng>,
     exposure: [Snapshot; EXPOSURE_SNAPSHOTS],
     /// Factor on the exposure time, 1 without a fault.
     exposure_factor: f64,
@@ -45,6 +47,7 @@ impl SimRig {
             plant: Plant::new(&params, &parts, &streams),
             camera: Camera::new(params.camera, params.plate.side_m, discs, streams.stream("camera")),
             probe: GroundTruthHandle::default(),
+            position_noise: None,
             exposure: Default::default(),
             exposure_factor: 1.0,
             last_frame: 0,
@@ -54,6 +57,11 @@ impl SimRig {
         };
         rig.publish(PlateTime::ZERO, 0.0);
         rig
+    }
+
+    /// Delivers measured positions in place of pictures, at the same times; `streams` has their noise.
+    pub fn without_pixels(self, streams: &Streams) -> Self {
+        Self { position_noise: Some(streams.stream("positions")), ..self }
     }
 
     /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
@@ -171,7 +179,14 @@ impl Rig for SimRig {
             EXPOSURE_SNAPSHOTS
         };
         self.stop_if_tripped()?;
-        self.camera.render(&self.exposure[..taken], frame);
+        let exposed = &self.exposure[..taken];
+        match &mut self.position_noise {
+            Some(noise) => {
+                frame.pixels.clear();
+                frame.positions = Some(self.camera.positions(exposed, noise));
+            }
+            None => self.camera.render(exposed, frame),
+        }
         (frame.index, frame.exposed_at) = (exposure.index, exposure.middle);
         self.last_frame = exposure.index;
         self.advance_to(exposure.closes());
@@ -277,6 +292,29 @@ mod tests {
             assert_eq!(rig.probe().read().at, frame.exposed_at);
             let late = rig.now() - frame.exposed_at - 0.5 * params.exposure_s;
             assert!((-1e-9..5.1e-5).contains(&late), "{late}");
+        }
+    }
+
+    #[test]
+    fn positions_have_the_times_and_places_of_pictures() {
+        let (mut pictured, mut measured) = (rig(1), rig(1).without_pixels(&Streams::new(1)));
+        for index in 1..60 {
+            if index == 5 {
+                pictured.play(&drive(300.0)).unwrap();
+                measured.play(&drive(300.0)).unwrap();
+            }
+            let (frame, other) = (capture(&mut pictured), capture(&mut measured));
+            assert_eq!((frame.index, frame.exposed_at), (other.index, other.exposed_at));
+            assert_eq!(pictured.probe().read(), measured.probe().read());
+            let positions = other.positions.unwrap();
+            assert!(other.pixels.is_empty() && frame.positions.is_none() && positions.corners_px.is_some());
+            for (disc, part) in positions.discs.iter().zip(&measured.probe().read().parts) {
+                let height_m = PartParams::PENNY.thickness_m;
+                let true_px = measured.camera().image_from_table(part.part_in_table.position_m, height_m);
+                // a part on the way is measured in the mean of the exposure
+                let off_px = (disc.center_px - true_px).norm();
+                assert!(off_px < if part.velocity_mps.norm() > 0.0 { 0.5 } else { 5.0 * disc.sd_px }, "{off_px}");
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{CameraMode, Outcome, StopCause};
 use upm_recording::{Report, Verdict};
 
 /// Result of one run of a batch.
@@ -126,6 +126,8 @@ pub(super) struct BatchSummary {
     pub name: String,
     pub rig: String,
     pub version: &'static str,
+    /// What the simulated camera delivered.
+    pub camera: CameraMode,
     /// Number of seeds requested.
     pub seeds: usize,
     pub completed: usize,
@@ -144,13 +146,14 @@ pub(super) struct BatchSummary {
 
 impl BatchSummary {
     /// Summary of a batch of `seeds` seeds, of which `runs` were started.
-    pub fn new(name: &str, rig: &str, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
+    pub fn new([name, rig]: [&str; 2], camera: CameraMode, seeds: usize, wall_time_s: f64, runs: Vec<SeedRun>) -> Self {
         let count = |is: fn(&SeedRun) -> bool| runs.iter().filter(|&run| is(run)).count();
         let spread = |&(key, ..): &(&'static str, &str, usize)| Some((key, FigureSpread::of(values(&runs, key))?));
         Self {
             name: name.to_owned(),
             rig: rig.to_owned(),
             version: env!("CARGO_PKG_VERSION"),
+            camera,
             seeds,
             completed: count(SeedRun::is_done),
             false_success: count(SeedRun::is_false_success),
@@ -195,7 +198,7 @@ pub(super) mod tests {
     }
 
     pub fn summary(runs: Vec<SeedRun>) -> BatchSummary {
-        BatchSummary::new("ring", "upm-2", runs.len() + 1, 2.0, runs)
+        BatchSummary::new(["ring", "upm-2"], CameraMode::Pixels, runs.len() + 1, 2.0, runs)
     }
 
     #[test]

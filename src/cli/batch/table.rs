@@ -1,5 +1,5 @@
 use super::summary::{BatchSummary, FIGURES, SeedRun};
-use upm_core::job::Outcome;
+use upm_core::job::{CameraMode, Outcome};
 
 /// Lines of the batch's table: counts, figures, and one line for each run that did not complete.
 pub(super) fn lines(summary: &BatchSummary) -> Vec<String> {
@@ -10,7 +10,7 @@ pub(super) fn lines(summary: &BatchSummary) -> Vec<String> {
 }
 
 fn headline(summary: &BatchSummary) -> String {
-    let BatchSummary { name, rig, seeds, completed, .. } = summary;
+    let BatchSummary { name, rig, camera, seeds, completed, .. } = summary;
     let others = [
         (summary.failed, "failed"),
         (summary.false_success, "completed only as measured"),
@@ -19,7 +19,8 @@ fn headline(summary: &BatchSummary) -> String {
     ];
     let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
     let noun = if *seeds == 1 { "seed" } else { "seeds" };
-    format!("{name} on {rig}, {seeds} {noun}: {completed} completed{}", others.collect::<String>())
+    let camera = if *camera == CameraMode::Positions { ", positions in place of pictures" } else { "" };
+    format!("{name} on {rig}, {seeds} {noun}{camera}: {completed} completed{}", others.collect::<String>())
 }
 
 fn figures(summary: &BatchSummary) -> Vec<String> {

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use super::picture::{at_mm, weakest_directions};
 use super::plan::PlanReport;
+use super::plan_statistics::{PlanVerdict, range};
 use super::plan_table::SAME;
 use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
 use upm_core::job::Bin;
 use upm_core::units::mm_from_m;
 use upm_runner::config::JobLayout;
-use upm_runner::run::{PartForecast, PlanVerdict};
+use upm_runner::run::PartForecast;
 
 /// Extent of the picture, in half sides of the plate from its middle.
 const PLAN_REACH: f64 = 1.08;
@@ -20,15 +21,15 @@ const REACH: f64 = 1.7;
 /// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first dry run.
 /// A part has one colour, parts of one kind similar ones.
 pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
-    let PlanReport { forecast, layout, .. } = planned;
-    let half_side_mm = mm_from_m(forecast.half_side_m);
+    let PlanReport { forecast, layout, half_side_m, .. } = planned;
+    let half_side_mm = mm_from_m(*half_side_m);
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
     let palette = Palette::of(&kinds, Ground::Light);
     let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(bins(layout, &palette));
-    let trails = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.trails_m);
-    let predicted = trails.iter().enumerate();
+    let paths_m = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
+    let predicted = paths_m.iter().enumerate();
     layers.extend(predicted.map(|(i, path_m)| Layer::new("", Mark::Line, color(i), path_m.iter().copied().map(at_mm))));
     layers.extend(paths(layout, &color));
     layers.extend(forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(part, color(i))));
@@ -44,14 +45,11 @@ pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
 
 fn plan_title(planned: &PlanReport) -> String {
     let PlanReport { job, rig, forecast, .. } = planned;
-    match forecast.range(|dry_run| dry_run.plate_time_s) {
-        Some([_, median_s, _]) if forecast.verdict() == PlanVerdict::CanBeDone => {
+    match range(&forecast.dry_runs, |report| report.plate_time_s) {
+        Some([_, median_s, _]) if planned.verdict() == PlanVerdict::CanBeDone => {
             format!("{job} on {rig}: predicted to take {median_s:.1} s of plate time")
         }
         Some(_) => format!("{job} on {rig}: not every dry run reaches the goal"),
-        None if forecast.verdict() == PlanVerdict::Undecided => {
-            format!("{job} on {rig}: too long for a dry run to its end")
-        }
         None => format!("{job} on {rig}: predicted that it cannot be done"),
     }
 }

@@ -1,4 +1,4 @@
-use upm_core::signal::Frame;
+use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
 /// Number of bands of a frame that are checked separately: one of them may freeze while the others go on.
@@ -45,6 +45,8 @@ pub struct Freshness {
     noisy: [bool; BANDS],
     /// The row in the middle of each band in the last frame.
     middle: [Vec<u8>; BANDS],
+    /// Positions in the last frame, where it had them in place of pixels.
+    positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     changed: bool,
     frames: u64,
@@ -61,6 +63,7 @@ impl Freshness {
             seen,
             noisy: [false; BANDS],
             middle: Default::default(),
+            positions: None,
             changed: false,
             frames: 0,
         }
@@ -69,7 +72,10 @@ impl Freshness {
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
     pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<StaleReason> {
         let stamp = self.check_stamp(frame, now);
-        let repeated = self.check_picture(frame);
+        let repeated = match &frame.positions {
+            Some(positions) => self.check_positions(positions),
+            None => self.check_picture(frame),
+        };
         stamp.or(repeated.then_some(StaleReason::Repeated))
     }
 
@@ -84,6 +90,14 @@ impl Freshness {
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
         (!is_next || !in_time).then_some(StaleReason::Stamp { older_s })
+    }
+
+    /// True for positions that came before: noise makes each of them unique.
+    fn check_positions(&mut self, positions: &MeasuredPositions) -> bool {
+        let before = self.positions.replace(positions.clone());
+        let is_same = before.as_ref() == Some(positions);
+        self.changed |= before.is_some() && !is_same;
+        is_same && !positions.discs.is_empty()
     }
 
     fn check_picture(&mut self, frame: &Frame) -> bool {
@@ -177,6 +191,8 @@ impl StillnessGuard {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use upm_core::geometry::Vec2;
+    use upm_core::signal::MeasuredDisc;
 
     /// Frame `index` at 60 per second with noise of `seed`.
     fn frame(index: u64, seed: u64) -> Frame {
@@ -204,6 +220,21 @@ mod tests {
         let mut torn = frame(53, 53);
         torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
         assert_eq!(check(&mut fresh, &torn), Some(StaleReason::Repeated), "a quarter of it stands still");
+    }
+
+    #[test]
+    fn positions_that_come_again_are_stale_and_hidden_ones_are_not() {
+        let mut fresh = Freshness::new(60.0, 0.004);
+        let at = |index: u64, x_px: f64| {
+            let disc = MeasuredDisc { center_px: Vec2::new(x_px, 5.0), sd_px: 0.01, radius_m: 0.01 };
+            let positions = Some(MeasuredPositions { corners_px: None, discs: vec![disc] });
+            Frame { pixels: Vec::new(), positions, ..frame(index, 1) }
+        };
+        let stale =
+            [7.0, 7.01, 7.01, 7.0].into_iter().zip(1..).map(|(x_px, index)| check(&mut fresh, &at(index, x_px)));
+        assert_eq!(stale.collect::<Vec<_>>(), [None, None, Some(StaleReason::Repeated), None]);
+        let hidden = |index| Frame { positions: Some(MeasuredPositions::default()), ..at(index, 0.0) };
+        assert_eq!([5, 6].map(|index| check(&mut fresh, &hidden(index))), [None, None]);
     }
 
     #[test]

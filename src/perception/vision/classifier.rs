@@ -1,3 +1,5 @@
+use nalgebra::Matrix2;
+
 use super::disk::DiskKernel;
 use super::rim::{RimFinder, RimFit, RimGuess};
 use super::sampling::Sampler;
@@ -51,6 +53,25 @@ impl PartClassifier {
         let off = |kind: &PartKind| (radius_m / kind.radius_m - 1.0).abs();
         let best = (0..self.kinds.len()).min_by(|&a, &b| off(&self.kinds[a]).total_cmp(&off(&self.kinds[b])))?;
         (off(&self.kinds[best]) < RADIUS_TOLERANCE).then_some(best)
+    }
+
+    /// The parts of a frame that has positions in place of pixels; `None` for a picture.
+    pub(super) fn measured(&self, frame: &Frame, table: &Table) -> Option<Vec<Detection>> {
+        let positions = frame.positions.as_ref()?;
+        let found = positions.discs.iter().filter_map(|disc| {
+            let kind = self.nearest_kind(disc.radius_m)?;
+            let seen_m = table.table_from_image(disc.center_px);
+            let (shift_m, growth) = table.parallax(seen_m, self.kinds.get(kind)?.thickness_m);
+            Some(Detection {
+                kind,
+                center_px: disc.center_px,
+                radius_px: disc.radius_m * (1.0 + growth) * table.px_per_m_at(seen_m),
+                position_m: seen_m - shift_m / (1.0 + growth),
+                score: 1.0,
+                covariance_px2: Matrix2::from_diagonal_element(disc.sd_px.powi(2)),
+            })
+        });
+        Some(found.collect())
     }
 
     /// Detection of a part of `kind` from its rim; `disk` is the kind's. `None` where the disk does not fit the frame.

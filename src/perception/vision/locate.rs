@@ -80,6 +80,9 @@ pub enum TableFault {
         /// Its name: `top`, `right`, `bottom`, `left`.
         side: &'static str,
     },
+    /// The frame has positions in place of pixels, and a corner is hidden.
+    #[error("a corner of the table is hidden")]
+    CornerHidden,
     /// There are two squares side by side.
     #[error("more than one table in the picture")]
     MoreThanOne,
@@ -110,6 +113,10 @@ pub fn locate_table_in_stages(
 }
 
 fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut DebugImages>) -> Result<Table, TableFault> {
+    if let Some(positions) = &frame.positions {
+        let corners = positions.corners_px.ok_or(TableFault::CornerHidden)?.map(|corner| lens.ideal_from_image(corner));
+        return Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare);
+    }
     check(frame, lens, side_m)?;
     let Some(sampler) = Sampler::new(frame) else {
         return Err(TableFault::TooSmall { width: frame.width, height: frame.height });

@@ -142,6 +142,10 @@ impl PlateWatch {
     /// takes longer: the plate's brightness is learned from it.
     pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateOccupancy<'_> {
         self.foreign.clear();
+        if let Some(positions) = &frame.positions {
+            let hidden_share = if positions.corners_px.is_some() { 0.0 } else { 1.0 };
+            return PlateOccupancy { foreign: &[], hidden_share, dark: false };
+        }
         match self.hidden_share(frame, tracks) {
             Some(hidden_share) => PlateOccupancy { foreign: &self.foreign, hidden_share, dark: false },
             None => PlateOccupancy { foreign: &[], hidden_share: 0.0, dark: true },

@@ -84,6 +84,8 @@ impl TableMotion {
 /// growth is not counted as displacement.
 pub struct TableWatch {
     profiles: [Profile; ALL],
+    /// Corners of the table as it was located, px.
+    corners_px: [Vec2; 4],
     /// Corners from the plate's middle, in units of the farthest one's distance.
     corners: [Vec2; 4],
     frame_size: [usize; 2],
@@ -136,7 +138,8 @@ impl TableWatch {
             let row = Vector4::new(outward.x, outward.y, cross(arm, outward), arm.dot(&outward));
             Profile { center_px, outward, row }
         });
-        Self { profiles, corners: table.corners_px.map(from_middle), frame_size, rest: Vector4::zeros() }
+        let corners_px = table.corners_px;
+        Self { profiles, corners_px, corners: corners_px.map(from_middle), frame_size, rest: Vector4::zeros() }
     }
 
     /// Takes the sides in `frame`, in which the table was located, as the zero of later motions. No effect where they
@@ -151,6 +154,9 @@ impl TableWatch {
 
     /// Measures the sides in `frame`. A frame of another size is [`TableMotion::Hidden`].
     pub fn check(&self, frame: &Frame) -> TableMotion {
+        if let Some(positions) = &frame.positions {
+            return positions.corners_px.map_or(TableMotion::Hidden, |corners_px| self.motion_to(corners_px));
+        }
         let Some(reading) = self.read(frame) else { return TableMotion::Hidden };
         match self.fit(&reading) {
             Some(CornerFit { motion, sides_px }) => TableMotion::Seen {
@@ -161,6 +167,20 @@ impl TableWatch {
             },
             None if is_displaced(&reading.levels) => TableMotion::Displaced,
             None => TableMotion::Hidden,
+        }
+    }
+
+    /// Motion of the plate to where its corners are at `corners_px`.
+    fn motion_to(&self, corners_px: [Vec2; 4]) -> TableMotion {
+        let moved = |i: usize| {
+            let ways = corners_px.map(|corner_px| corner_px - self.corners_px[i]);
+            ways.into_iter().min_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default()
+        };
+        TableMotion::Seen {
+            sides_px: [None; 4],
+            shift_px: (0..4).map(moved).sum::<Vec2>() / 4.0,
+            turn_px: (0..4).map(|i| cross(self.corners[i], moved(i))).sum::<f64>() / 4.0,
+            corner_px: (0..4).map(|i| moved(i).norm()).fold(0.0, f64::max),
         }
     }
 

@@ -73,7 +73,9 @@ impl Tracker {
             motion.step();
             motion.keep_within(Vec2::zeros(), last);
         }
-        if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
+        if let Some(found) = self.localizer.measured(frame) {
+            self.assign_observations(found);
+        } else if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
             let view = TrackingFrame { frame, sampler, tracks: &self.tracks };
             for i in 0..self.tracks.len() {
                 self.observations[i] = self.localizer.near(&view, i, &self.expected(i));

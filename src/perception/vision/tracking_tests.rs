@@ -6,7 +6,7 @@ use upm_core::geometry::Lens;
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 use upm_core::rig::PartKind;
-use upm_core::signal::Frame;
+use upm_core::signal::{Frame, MeasuredDisc, MeasuredPositions};
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
 use upm_scene::{Scene, SceneDisc};
 
@@ -114,6 +114,43 @@ fn two_tracks_never_claim_one_part() {
     let apart = tracker.tracks()[0].seen.position_m - tracker.tracks()[1].seen.position_m;
     assert!((apart.norm() - 0.0195).abs() < 1e-4);
     assert_eq!(order.len(), 2);
+}
+
+#[test]
+fn positions_in_place_of_pixels_are_found_and_followed() {
+    let scene = small_scene(7);
+    let (table, _) = start(&scene, &[]);
+    let frame = |places_m: &[Vec2]| {
+        let disc = |&foot_m: &Vec2| {
+            let seen_m = foot_m + table.parallax(foot_m, pennies()[0].thickness_m).0;
+            MeasuredDisc { center_px: table.image_from_table(seen_m), sd_px: 0.01, radius_m: PENNY_M }
+        };
+        let discs = places_m.iter().map(disc).collect();
+        let positions = Some(MeasuredPositions { corners_px: Some(table.corners_px), discs });
+        Frame { pixels: Vec::new(), positions, ..Frame::new(scene.size_px[0], scene.size_px[1]) }
+    };
+    let places_m = |k: i32| [-1.0, 1.0].map(|side: f64| side * Vec2::new(0.04 - 0.002 * f64::from(k), 0.012));
+    let first = frame(&places_m(0));
+    let located = locate_table(&first, &scene.lens, SIDE_M).unwrap();
+    assert!(located.corners_px.iter().zip(&table.corners_px).all(|(a, b)| (a - b).norm() < 1e-6));
+    let parts = CoinFinder::new(&table, scene.size_px, &pennies(), true).find(&first);
+    let mut tracker = Tracker::new(&table, scene.size_px, &pennies(), true, parts);
+    for k in 1..=40 {
+        // the two pass each other; their order in the list says nothing
+        let [a, b] = places_m(k);
+        let listed = if k % 3 == 0 { [b, a] } else { [a, b] };
+        tracker.track(&frame(&listed));
+        for (track, place_m) in tracker.tracks().iter().zip([a, b]) {
+            assert!(
+                track.frames_unseen == 0 && (track.seen.position_m - place_m).norm() < 1e-9,
+                "frame {k}: {track:?}"
+            );
+        }
+    }
+    tracker.track(&frame(&places_m(41)[1..]));
+    assert_eq!(tracker.tracks().iter().map(|track| track.frames_unseen).collect::<Vec<_>>(), [1, 0], "one is hidden");
+    let hidden = Frame { positions: Some(MeasuredPositions::default()), ..first };
+    assert_eq!(locate_table(&hidden, &scene.lens, SIDE_M), Err(super::TableFault::CornerHidden));
 }
 
 proptest! {

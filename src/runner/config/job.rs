@@ -9,6 +9,7 @@ use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
+use upm_core::job::CameraMode;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
@@ -39,6 +40,8 @@ pub struct JobSpec {
     pub plate_time_limit_s: f64,
     /// Simulated faults.
     pub faults: Vec<FaultSpec>,
+    /// What the simulated camera delivers; not in the file, but chosen for a run.
+    pub camera: CameraMode,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<String>,
     /// Policy for a computer that is too slow for the plate.
@@ -103,6 +106,7 @@ impl JobSpec {
             tolerance_m: m_from_mm(document.tolerance_mm),
             plate_time_limit_s: document.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
+            camera: CameraMode::default(),
             without_guard: None,
             deadlines: document.deadlines,
             rig,
@@ -142,6 +146,11 @@ impl JobSpec {
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.document.seed = seed;
         self
+    }
+
+    /// The same job with another camera.
+    pub fn with_camera(self, camera: CameraMode) -> Self {
+        Self { camera, ..self }
     }
 
     /// The same job with another planner.

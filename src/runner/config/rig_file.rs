@@ -36,7 +36,7 @@ pub struct RigFile {
     pub camera: CameraSection,
     /// Friction and impacts. Only the simulated rig knows these.
     #[serde(default)]
-    pub(crate) friction: FrictionSection,
+    pub friction: FrictionSection,
     /// Kinds of part besides penny, nickel, dime and quarter, by name.
     #[serde(default)]
     pub(crate) kinds: BTreeMap<String, KindEntry>,
@@ -300,13 +300,13 @@ impl Default for GrayLevels {
 /// Coulomb friction and impacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct FrictionSection {
+pub struct FrictionSection {
     /// Friction between parts and plate.
     #[schemars(range(min = 0.01, max = 2.0))]
     pub(crate) coefficient: f64,
     /// Relative standard deviation of that from part to part.
     #[schemars(range(min = 0.0, max = 0.3))]
-    pub(crate) spread: f64,
+    pub spread: f64,
     /// Restitution between parts.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) restitution: f64,

@@ -36,6 +36,7 @@ pub(super) fn ending<R: Rig>(
     Report {
         name: job.name.clone(),
         seed: job.seed(),
+        camera: job.camera,
         planner: Some(setup.map_or_else(|| PlannerSelection::of(job).report(), |setup| setup.planner.report())),
         outcome,
         stop: cause.map(|cause| StopReport::of(cause, &reason)),

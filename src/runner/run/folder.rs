@@ -81,14 +81,14 @@ impl RunFolder {
         RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
     }
 
-    /// Writes `effective.json`: the version, and the job with rig, library and all defaults written out.
+    /// Writes `effective.json`: the version, the camera, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let library = match serde_json::from_str(&library.to_json()) {
             Ok(Value::Object(members)) => members,
             _ => return Err(self.write_error("effective.json", &"the library has no JSON form")),
         };
-        let effective = json!({ "version": env!("CARGO_PKG_VERSION"), "job": job.effective_with_library(library) });
-        self.write_json("effective.json", &effective)
+        let (version, effective) = (env!("CARGO_PKG_VERSION"), job.effective_with_library(library));
+        self.write_json("effective.json", &json!({ "version": version, "camera": job.camera, "job": effective }))
     }
 
     pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {

@@ -4,10 +4,11 @@ use std::sync::atomic::AtomicBool;
 use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
+use super::planner_selection::PlannerSelection;
 use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
 use crate::config::{Diagnostic, JobSpec};
-use upm_control::{self as control, ControlParams, FinalState, RunIo};
+use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
 use upm_cor_library::Library;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
@@ -33,7 +34,17 @@ impl<'a> InMemoryRun<'a> {
     /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
         let library = job_library(job).map_err(RunError::Library)?;
-        let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
+        let planner = PlannerSelection::with_forecast(job, &library);
+        Self::planned_by(job, library, planner).map_err(RunError::Job)
+    }
+
+    /// A run of `job` by `planner`. `Err` if the parts find no places.
+    pub(super) fn planned_by(
+        job: &'a JobSpec,
+        library: Arc<Library>,
+        planner: PlannerSelection,
+    ) -> Result<Self, Diagnostic> {
+        let setup = RunSetup::planned_by(job, &library, planner)?;
         Ok(Self { job, library, setup, has_own_task: false })
     }
 
@@ -58,10 +69,16 @@ impl<'a> InMemoryRun<'a> {
 
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
+        self.run_watched(&mut Fanout::new())
+    }
+
+    /// As [`Self::run`]; `watcher` receives all facts.
+    pub fn run_watched(self, watcher: &mut dyn Sink) -> Report {
         let Self { job, library, mut setup, has_own_task } = self;
         let mut notes = ReportSinks::of(&setup);
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let finish = play(&mut setup, &library, None, &mut notes.sinks(), &StoppedClock, &stop, &give_way);
+        let mut sinks = notes.sinks().with(watcher);
+        let finish = play(&mut setup, &library, None, &mut sinks, &StoppedClock, &stop, &give_way);
         notes.report(job, &setup, finish, has_own_task)
     }
 
@@ -120,9 +137,9 @@ mod tests {
 
     use super::*;
     use crate::config::Origin;
-    use crate::run::{PacingStats, RunOptions, run};
+    use crate::run::{PacingStats, RunOptions, Verification, run, verify};
     use upm_core::geometry::Vec2;
-    use upm_core::job::Outcome;
+    use upm_core::job::{CameraMode, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
     use upm_recording::{MemorySink, RecordingOptions, RerunMode};
     use upm_task::Setpoints;
@@ -141,11 +158,10 @@ mod tests {
         json!([{"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2}])
     }
 
-    /// Report of a run of the job with a folder and without pacing.
-    fn written(job: &JobSpec) -> Report {
-        let out = tempfile::TempDir::new().unwrap();
+    /// Report of a run of the job with a folder in `out` and without pacing.
+    fn written(job: &JobSpec, out: &Path) -> Report {
         let options = RunOptions {
-            out: out.path().to_owned(),
+            out: out.to_owned(),
             started_utc: "20260101T000000Z".into(),
             rerun: RerunMode::Off,
             real_time: false,
@@ -159,11 +175,32 @@ mod tests {
 
     #[test]
     fn report_of_a_run_in_memory_is_that_of_a_run_with_a_folder() {
-        for job in [job(json!([])), job(dropped_frames())] {
+        for job in [job(json!([])), job(dropped_frames()), job(dropped_frames()).with_camera(CameraMode::Positions)] {
             let report = InMemoryRun::new(&job).unwrap().run();
-            assert_eq!(report.outcome, Outcome::Completed, "{}", report.reason);
-            assert_eq!(report, written(&job));
+            assert_eq!((report.outcome, report.camera), (Outcome::Completed, job.camera), "{}", report.reason);
+            let out = tempfile::TempDir::new().unwrap();
+            assert_eq!(report, written(&job, out.path()));
+            let folder = out.path().read_dir().unwrap().next().unwrap().unwrap().path();
+            let verified = verify(&folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
+            assert!(matches!(verified, Verification::Equal { stopped: false, .. }), "{verified:?}");
         }
+    }
+
+    #[test]
+    fn run_without_pixels_takes_the_same_time_and_sees_what_is_hidden_as_hidden() {
+        let run = |job: JobSpec| InMemoryRun::new(&job).unwrap().run();
+        let (pixels, positions) = (run(job(json!([]))), run(job(json!([])).with_camera(CameraMode::Positions)));
+        assert_eq!(pixels.pulses, positions.pulses);
+        assert!((pixels.plate_time_s - positions.plate_time_s).abs() < 0.5, "{}", positions.plate_time_s);
+        let [off, seen_off] = [&positions, &pixels].map(|report| report.sensing_rms_error_at_rest_mm.unwrap());
+        assert!((0.5..2.0).contains(&(off / seen_off)), "{off} mm, in pictures {seen_off} mm");
+        let covered = |to_s: f64| {
+            let fault = json!([{"component": "view", "kind": "hand", "value": 0.5, "from_s": 0.5, "to_s": to_s}]);
+            let report = run(job(fault).with_camera(CameraMode::Positions));
+            (report.outcome, report.stop.map(|stop| stop.code))
+        };
+        assert_eq!(covered(2.0).0, Outcome::Completed, "a hand that goes away");
+        assert_eq!(covered(60.0), (Outcome::Failed, Some(StopCause::ViewHidden)));
     }
 
     #[test]

@@ -1,14 +1,13 @@
-//! Choice of a planner by dry runs, where both could be the faster one.
+//! Choice of a planner by runs without pixels, where both could be the faster one.
 
 use std::sync::Arc;
 
-use super::dry_run::{WORK_MS, is_completed, named};
+use super::in_memory::InMemoryRun;
 use super::planner_selection::{PlannerSelection, SelectionReason};
-use super::setup::{self, RunSetup};
+use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlannerChoice, TaskSpec};
-use upm_control::{self as control, DryRunParams, FreshPlanner};
 use upm_cor_library::Library;
-use upm_core::random::Streams;
+use upm_core::job::{CameraMode, Outcome};
 
 /// Most parts for which rotations can be as fast as fields.
 const NEAR: usize = 4;
@@ -24,7 +23,7 @@ impl RunSetup {
 }
 
 impl PlannerSelection {
-    /// Selects the planner of `job`; where several parts could go either way, by a dry run of each.
+    /// Selects the planner of `job`; where several parts could go either way, by a run of each without pixels.
     pub fn with_forecast(job: &JobSpec, library: &Arc<Library>) -> Self {
         let selection = Self::of(job);
         let SelectionReason::SeveralParts { parts } = selection.reason else { return selection };
@@ -45,19 +44,11 @@ impl PlannerSelection {
     }
 }
 
-/// Plate time of `job` by one dry run, s; `None` where it does not reach the goal.
+/// Plate time of a run of `job` without pixels and faults, s; `None` where it does not reach the goal.
 fn predicted_time_s(job: &JobSpec, library: &Arc<Library>) -> Option<f64> {
-    let RunSetup { params, placed, model, .. } = RunSetup::planned_by(job, library, PlannerSelection::of(job)).ok()?;
-    let planner = FreshPlanner::new(params.method, library, params.planner);
-    let dry_run = DryRunParams {
-        starts_m: named(&placed, &params),
-        frame_hz: model.frame_hz,
-        friction_spread: 0.0,
-        streams: Streams::new(job.seed()),
-        number: 0,
-        most_work_ms: WORK_MS,
-    };
-    let mut task = setup::task(job, library, &placed, params.method);
-    let done = control::dry_run(library, &planner, task.as_mut(), &params, &dry_run, &mut |_, _| {});
-    is_completed(&done).then_some(done.plate_time_s)
+    let mut job = job.clone().with_camera(CameraMode::Positions);
+    job.faults.clear();
+    let run = InMemoryRun::planned_by(&job, Arc::clone(library), PlannerSelection::of(&job)).ok()?;
+    let report = run.run();
+    (report.outcome == Outcome::Completed).then_some(report.plate_time_s)
 }

@@ -28,7 +28,7 @@ pub enum SelectionReason {
         /// Number of parts.
         parts: usize,
     },
-    /// A dry run of each planner: this one is faster.
+    /// A run without pixels by each planner: this one is faster.
     Forecast {
         /// Plate time by this planner and by the other, s.
         plate_time_s: [f64; 2],
@@ -63,11 +63,6 @@ impl PlannerSelection {
         name_of(self.method)
     }
 
-    /// Names of the alternatives in a job file.
-    pub fn alternative_names(&self) -> Vec<&'static str> {
-        self.alternatives.iter().copied().map(name_of).collect()
-    }
-
     /// The selection in the form of `report.json`.
     pub fn report(&self) -> PlannerReport {
         PlannerReport {
@@ -75,7 +70,7 @@ impl PlannerSelection {
             chosen: if self.reason == SelectionReason::NamedByJob { SelectedBy::Job } else { SelectedBy::Auto },
             code: self.reason.code().into(),
             why: self.reason.to_string(),
-            alternatives: self.alternative_names().into_iter().map(str::to_owned).collect(),
+            alternatives: self.alternatives.iter().map(|&other| name_of(other).into()).collect(),
         }
     }
 }
@@ -156,10 +151,10 @@ mod tests {
     fn named_planner_is_kept_and_the_others_of_the_rig_are_alternatives() {
         let named = selection("upm-2", 4, json!("cor_sequence"));
         assert_eq!((named.method, named.reason), (PlanningMethod::CorSequence, SelectionReason::NamedByJob));
-        assert_eq!(named.alternative_names(), ["synthesized_field", "pseudo_inverse"]);
+        assert_eq!(named.report().alternatives, ["synthesized_field", "pseudo_inverse"]);
         assert_eq!(named.report().chosen, SelectedBy::Job);
         let without_fields = selection("upm-1", 4, json!("pseudo_inverse"));
-        assert_eq!(without_fields.alternative_names(), ["cor_sequence"]);
+        assert_eq!(without_fields.report().alternatives, ["cor_sequence"]);
     }
 
     #[test]

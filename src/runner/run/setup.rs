@@ -7,6 +7,7 @@ use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
 use upm_cor_library::{Entry, Library};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::job::CameraMode;
 use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::PlateTime;
@@ -132,6 +133,7 @@ pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), 
     let placed = place_parts(job, streams)?;
     let poses = placed.iter().map(|part| (part.params, Pose::at(part.position_m)));
     let rig = SimRig::new(job.rig.model.clone(), job.rig.sim.clone(), poses.collect(), streams);
+    let rig = if job.camera == CameraMode::Positions { rig.without_pixels(&streams) } else { rig };
     Ok((rig, placed))
 }
 
@@ -183,7 +185,7 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-pub(super) fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
+fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     match &job.task {

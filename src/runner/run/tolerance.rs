@@ -15,7 +15,7 @@ const SENSING_PX: f64 = 0.01;
 /// Longest residual displacement that every planner leaves, since shorter steps get no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
 /// Scatter of a part along one axis after a synthesised field, m; the library has no such figure. In runs on `upm-2`
-/// parts end 0.05 mm off at random in both axes together, as dry runs draw it.
+/// parts end 0.05 mm off at random in both axes together.
 const FIELD_SCATTER_M: f64 = 0.035e-3;
 /// Number of standard deviations of sensing and scatter that are allowed for.
 const DEVIATIONS: f64 = 3.0;

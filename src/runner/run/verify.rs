@@ -110,7 +110,10 @@ fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
     let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
     let effective: Value = serde_json::from_str(text).map_err(|error| no_job(not_of_a_run(&error)))?;
     let job = effective.get("job").ok_or_else(|| no_job("job: expected the job that ran, found nothing".into()))?;
-    JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)
+    let camera = effective.get("camera").cloned().unwrap_or_default();
+    let camera = serde_json::from_value(camera).map_err(|error| no_job(format!("camera: {error}")))?;
+    let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)?;
+    Ok(job.with_camera(camera))
 }
 
 /// Writer of the repetition's journal, one line per write, which compares it with the recorded one.

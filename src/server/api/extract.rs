@@ -65,7 +65,7 @@ impl<T: JsonSchema> OperationInput for FromPath<T> {
 /// Parameters of the query, each at most once, and none but those of `T`.
 pub(super) struct FromQuery<T>(pub T);
 
-impl<T: DeserializeOwned + JsonSchema, S: Send + Sync> FromRequestParts<S> for FromQuery<T> {
+impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestParts<S> for FromQuery<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
@@ -84,7 +84,7 @@ impl<T: JsonSchema> OperationInput for FromQuery<T> {
 /// The headers that are members of `T`, each at most once.
 pub(super) struct FromHeaders<T>(pub T);
 
-impl<T: DeserializeOwned + JsonSchema, S: Send + Sync> FromRequestParts<S> for FromHeaders<T> {
+impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestParts<S> for FromHeaders<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
@@ -108,7 +108,10 @@ impl<T: JsonSchema> OperationInput for FromHeaders<T> {
 }
 
 /// `T` from texts by name.
-fn read_texts<T: DeserializeOwned + JsonSchema>(place: &str, texts: &[(String, String)]) -> Result<T, Problem> {
+fn read_texts<T: DeserializeOwned + JsonSchema + 'static>(
+    place: &str,
+    texts: &[(String, String)],
+) -> Result<T, Problem> {
     let schema = schema_of::<T>();
     let members = texts.iter().map(|(name, text)| {
         let is_number = schema.pointer(&format!("/properties/{name}/type")).is_some_and(|of| of == "integer");
@@ -125,7 +128,7 @@ pub(super) struct JsonBody<T> {
     form: PhantomData<fn() -> T>,
 }
 
-impl<T: DeserializeOwned + JsonSchema> JsonBody<T> {
+impl<T: DeserializeOwned + JsonSchema + 'static> JsonBody<T> {
     /// 400 for text that is not JSON, 422 for JSON that is not a valid `T`.
     pub fn read(&self) -> Result<T, Problem> {
         parse(&self.text, "body").map_err(|faults| {

@@ -65,12 +65,10 @@ fn mark_in(picture: &mut RgbImage, mark: &OverlayMark) {
 mod tests {
     use super::*;
     use upm_core::geometry::Vec2;
-    use upm_core::time::PlateTime;
 
     #[test]
     fn parts_are_ringed_and_targets_crossed() {
-        let frame =
-            Frame { width: 200, height: 100, pixels: vec![100; 200 * 100], index: 0, exposed_at: PlateTime::ZERO };
+        let frame = Frame::of_picture(200, 100, vec![100; 200 * 100]).unwrap();
         let mark = |x: f64, y: f64, radius_px: f64, seen| OverlayMark { center_px: Vec2::new(x, y), radius_px, seen };
         let marks = [
             mark(40.5, 40.5, 20.0, true),

@@ -99,6 +99,7 @@ mod tests {
             width: 64,
             height: 48,
             pixels: vec![90; 64 * 48],
+            positions: None,
             index,
             exposed_at: PlateTime::from_secs(index as f64),
         }

@@ -90,6 +90,11 @@ impl PlateOutline {
         }
     }
 
+    /// Corners of a plate at rest, m, clockwise as the camera sees them.
+    pub(super) fn corners_m(&self) -> [Vec2; 4] {
+        [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m)
+    }
+
     /// True when the point, given with the plate's pose, is on the plate.
     pub(super) fn contains(&self, plate_in_table: &Pose, p_m: Vec2) -> bool {
         let p = plate_in_table.apply_inverse(p_m);

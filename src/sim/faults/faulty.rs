@@ -9,7 +9,7 @@ use super::{FaultKind, FaultSpec, FaultyComponent, picture, trace};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Rig, RigFault};
-use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS};
+use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS, MeasuredPositions};
 use upm_core::time::PlateTime;
 use upm_core::units::{GRAVITY_MPS2, m_from_mm};
 
@@ -21,6 +21,9 @@ const ICE: f64 = 0.001;
 const OIL: f64 = 0.1;
 /// Relative amplitude of flicker.
 const FLICKER: f64 = 0.3;
+
+/// Pixels of a frame, or positions in their place.
+type Picture = (Vec<u8>, Option<MeasuredPositions>);
 
 /// A rig with faults. All their randomness comes from a separate stream.
 ///
@@ -38,11 +41,10 @@ pub struct Faulty<'a, R> {
     plant: PlantFaults,
     started_at: PlateTime,
     /// Pictures before delay, newest last, for the fault `late`.
-    taken: VecDeque<Vec<u8>>,
+    taken: VecDeque<Picture>,
     longest_lag: usize,
     /// The last delivered picture, kept for the fault `freeze`.
-    shown: Vec<u8>,
-    frozen: bool,
+    shown: Option<Picture>,
 }
 
 impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
@@ -63,8 +65,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
             plant: PlantFaults::default(),
             started_at: PlateTime::ZERO,
             taken: VecDeque::new(),
-            shown: Vec::new(),
-            frozen: false,
+            shown: None,
         }
     }
 
@@ -182,24 +183,22 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     fn deliver(&mut self, frame: &mut Frame, held: &[FaultSpec]) {
         let with = |kind| held.iter().find(|fault| fault.component == FaultyComponent::Camera && fault.kind == kind);
         if self.longest_lag > 0 {
-            self.taken.push_back(frame.pixels.clone());
+            self.taken.push_back((frame.pixels.clone(), frame.positions.clone()));
             if self.taken.len() > self.longest_lag + 1 {
                 self.taken.pop_front();
             }
             let lag = with(FaultKind::Late).map_or(0, |fault| fault.values[0] as usize);
             let at = self.taken.len().saturating_sub(lag + 1);
-            if let Some(pixels) = self.taken.get(at).filter(|_| lag > 0) {
-                frame.pixels.clone_from(pixels);
+            if let Some(picture) = self.taken.get(at).filter(|_| lag > 0) {
+                show(frame, picture);
             }
         }
         if !self.faults.iter().any(|fault| fault.kind == FaultKind::Freeze) {
             return;
         }
-        self.frozen = with(FaultKind::Freeze).is_some();
-        if self.frozen && self.shown.len() == frame.pixels.len() {
-            frame.pixels.clone_from(&self.shown);
-        } else {
-            self.shown.clone_from(&frame.pixels);
+        match &self.shown {
+            Some(picture) if with(FaultKind::Freeze).is_some() => show(frame, picture),
+            _ => self.shown = Some((frame.pixels.clone(), frame.positions.clone())),
         }
     }
 }
@@ -258,6 +257,11 @@ impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
         self.settle_plant();
         self.rig.pass(until)
     }
+}
+
+fn show(frame: &mut Frame, (pixels, positions): &Picture) {
+    frame.pixels.clone_from(pixels);
+    frame.positions.clone_from(positions);
 }
 
 /// The first two values as a position or a displacement, m.

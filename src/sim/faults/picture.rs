@@ -13,6 +13,9 @@ const HAND: u8 = 120;
 /// Covers `share` of the view with a hand, from the left.
 pub(super) fn cover(frame: &mut Frame, share: f64) {
     let columns = ((share * frame.width as f64).round() as usize).min(frame.width);
+    if let Some(positions) = &mut frame.positions {
+        positions.hide(|at_px| at_px.x < columns as f64);
+    }
     for (y, row) in frame.pixels.chunks_exact_mut(frame.width.max(1)).enumerate() {
         for (x, pixel) in row.iter_mut().take(columns).enumerate() {
             // skin is not uniform
@@ -45,9 +48,13 @@ pub(super) fn knock(frame: &mut Frame, shift_px: Vec2, turn_rad: f64) {
     if width < 2 || height < 2 {
         return;
     }
-    let before = frame.pixels.clone();
     let (sin, cos) = turn_rad.sin_cos();
     let middle = Vec2::new(width as f64 - 1.0, height as f64 - 1.0) * 0.5;
+    if let Some(positions) = &mut frame.positions {
+        let turned = |from: Vec2| Vec2::new(cos * from.x - sin * from.y, cos * from.y + sin * from.x);
+        positions.displace(|at_px| turned(at_px - middle) + middle + shift_px);
+    }
+    let before = frame.pixels.clone();
     let last = Vec2::new(width as f64 - 1.0, height as f64 - 1.0);
     for (i, pixel) in frame.pixels.iter_mut().enumerate() {
         let to = Vec2::new((i % width) as f64, (i / width) as f64) - shift_px - middle;
@@ -64,6 +71,10 @@ pub(super) fn knock(frame: &mut Frame, shift_px: Vec2, turn_rad: f64) {
 
 /// Exchanges left and right.
 pub(super) fn mirror(frame: &mut Frame) {
+    let last = frame.width as f64 - 1.0;
+    if let Some(positions) = &mut frame.positions {
+        positions.displace(|at_px| Vec2::new(last - at_px.x, at_px.y));
+    }
     frame.pixels.chunks_exact_mut(frame.width.max(1)).for_each(<[u8]>::reverse);
 }
 
@@ -84,6 +95,9 @@ pub(super) fn garble(frame: &mut Frame, noise: &mut Rng) {
 }
 
 fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
+    if let Some(positions) = &mut frame.positions {
+        positions.hide(|_| true);
+    }
     for pixels in frame.pixels.chunks_mut(8) {
         let bytes = noise.next_u64().to_le_bytes();
         pixels.iter_mut().zip(bytes).for_each(|(pixel, byte)| *pixel = byte & mask);
@@ -94,6 +108,7 @@ fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
 mod tests {
     use super::*;
     use upm_core::random::Streams;
+    use upm_core::signal::{MeasuredDisc, MeasuredPositions};
 
     /// A picture with one white pixel at (12, 5).
     fn dot() -> Frame {
@@ -121,6 +136,28 @@ mod tests {
         let mut frame = dot();
         mirror(&mut frame);
         assert_eq!(white(&frame), [(7, 5)]);
+    }
+
+    #[test]
+    fn positions_are_hidden_and_displaced_as_the_picture_is() {
+        let disc = |x, y| MeasuredDisc { center_px: Vec2::new(x, y), sd_px: 0.01, radius_m: 0.01 };
+        let seen = |change: &dyn Fn(&mut Frame)| {
+            let corners_px = Some([(2.0, 1.0), (17.0, 1.0), (17.0, 8.0), (2.0, 8.0)].map(|(x, y)| Vec2::new(x, y)));
+            let positions = Some(MeasuredPositions { corners_px, discs: vec![disc(4.0, 5.0), disc(12.0, 5.0)] });
+            let mut frame = Frame { pixels: Vec::new(), positions, ..Frame::new(20, 10) };
+            change(&mut frame);
+            frame.positions.unwrap()
+        };
+        let hidden = seen(&|frame| cover(frame, 0.4));
+        assert_eq!((hidden.corners_px, hidden.discs), (None, vec![disc(12.0, 5.0)]));
+        assert_eq!(seen(&|frame| cover(frame, 0.05)), seen(&|_| ()), "beside the plate");
+        let dark = seen(&|frame| darken(frame, &mut Streams::new(1).stream("faults")));
+        assert_eq!(dark, MeasuredPositions::default());
+        let knocked = seen(&|frame| knock(frame, Vec2::new(3.0, -2.0), 0.0));
+        assert_eq!((knocked.discs[1], knocked.corners_px.unwrap()[0]), (disc(15.0, 3.0), Vec2::new(5.0, -1.0)));
+        let turned = seen(&|frame| knock(frame, Vec2::zeros(), std::f64::consts::PI));
+        assert!((turned.discs[1].center_px - Vec2::new(7.0, 4.0)).norm() < 1e-9, "{turned:?}");
+        assert_eq!(seen(&mirror).discs[1], disc(7.0, 5.0));
     }
 
     #[test]

@@ -51,8 +51,10 @@ impl CameraView {
     }
 
     pub(super) fn picture(&mut self, stream: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
-        let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
-        stream.log("camera/image", &image.with_draw_order(-10.0))?;
+        if !frame.pixels.is_empty() {
+            let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
+            stream.log("camera/image", &image.with_draw_order(-10.0))?;
+        }
         let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
         let circles = paint::circles(tracks.iter().map(disc), paint::MEASURED, 1.5).with_colors(self.colors.clone());
         stream.log("camera/parts", &circles)?;

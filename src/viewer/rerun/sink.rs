@@ -197,7 +197,7 @@ impl Running {
             let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
             pixels.clone_from(&facts.frame.pixels);
             let Frame { width, height, index, exposed_at, .. } = *facts.frame;
-            let frame = Frame { width, height, pixels, index, exposed_at };
+            let frame = Frame { width, height, pixels, positions: None, index, exposed_at };
             self.send(Message::Picture { frame, tracks: facts.tracks.to_vec() });
         }
     }

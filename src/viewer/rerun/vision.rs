@@ -33,7 +33,9 @@ pub(super) fn log(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (
 }
 
 fn log_frame(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (&[&str], &[&str])) -> LogResult {
-    stream.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
+    if !found.frame.pixels.is_empty() {
+        stream.log("vision/frame/image", &picture::jpeg(&found.frame)?.with_draw_order(-10.0))?;
+    }
     let outline: Vec<_> = outline_px(&found.table).map(in_frame).collect();
     stream.log("vision/frame/table", &paint::lines([outline], paint::TRUE, 1.0))?;
     let corners = paint::dots(found.table.corners_px.map(in_frame), paint::TRUE, 4.0);

@@ -68,6 +68,12 @@ impl PartLocalizer {
         Self { table: table.clone(), classifier: PartClassifier::new(kinds, dark_parts), disks }
     }
 
+    /// The parts of a frame that has positions in place of pixels; `None` for a picture.
+    pub(super) fn measured(&self, frame: &Frame) -> Option<Vec<Observation>> {
+        let found = self.classifier.measured(frame, &self.table)?;
+        Some(found.into_iter().map(|part| Observation { part, agreeing: 0, levels: [0.0; 2] }).collect())
+    }
+
     /// Radius of the outline of a part of `kind`, px; 0 for an unknown kind.
     pub(super) fn radius_px(&self, kind: usize) -> f64 {
         self.disks.get(kind).map_or(0.0, |disk| disk.reach() as f64)

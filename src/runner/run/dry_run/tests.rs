@@ -6,9 +6,7 @@ use serde_json::{Value, json};
 
 use super::*;
 use crate::config::Origin;
-use crate::run::SelectionReason;
 use crate::run::coverage::fixture::library;
-use upm_control::RunEnd;
 use upm_core::geometry::Twist;
 
 #[test]
@@ -88,76 +86,4 @@ fn parts_are_named_as_control_will_name_them() {
     let mut found: Vec<f64> = placed[..3].iter().map(|part| part.position_m.x).collect();
     found.sort_by(f64::total_cmp);
     assert_eq!(found, [starts_m[0].x, starts_m[1].x, starts_m[2].x]);
-}
-
-#[test]
-fn a_forecast_sums_up_its_dry_runs() {
-    let nearest = |gap_m| Some(ClosestApproach { gap_m, parts: [0, 1], at_s: 1.0 });
-    let met = |limit: &str, times| LimitMet { limit: limit.into(), times };
-    let one = |ending: RunEnd, plate_time_s, gap_m, limits_met| DryRun {
-        ending,
-        plate_time_s,
-        cycles: 1,
-        pulses: 1,
-        trails_m: Vec::new(),
-        targets_m: Vec::new(),
-        nearest: nearest(gap_m),
-        limits_met,
-        prediction_error_m: None,
-        left_off: false,
-        progress: 1.0,
-        work_ms: 1.0,
-    };
-    let done = || RunEnd::completed("there");
-    let planner = PlannerSelection {
-        method: PlanningMethod::CorSequence,
-        reason: SelectionReason::OnePart,
-        alternatives: vec![],
-    };
-    let mut forecast = Forecast {
-        planner,
-        half_side_m: 0.1,
-        parts: Vec::new(),
-        independence: Independence { singular_values: Vec::new(), weakest: None },
-        fields: false,
-        speed_mps: None,
-        dry_runs: vec![
-            one(done(), 9.0, 0.003, vec![met("a", 2), met("b", 1)]),
-            one(done(), 4.0, 0.001, vec![]),
-            one(done(), 5.0, 0.002, vec![met("b", 3)]),
-        ],
-        friction_spread: 0.0,
-    };
-    let time = |dry_run: &DryRun| dry_run.plate_time_s;
-    assert_eq!(forecast.verdict(), PlanVerdict::CanBeDone);
-    assert_eq!(forecast.range(time), Some([4.0, 5.0, 9.0]));
-    assert_eq!(forecast.nearest(), nearest(0.001));
-    assert_eq!(forecast.limits_met(), [met("b", 4), met("a", 2)]);
-    forecast.dry_runs[2].ending = RunEnd::failed("stalled");
-    assert_eq!(forecast.verdict(), PlanVerdict::Likely);
-    assert_eq!(forecast.endings(), [("stalled", 1), ("there", 2)]);
-    assert_eq!(forecast.range(time), Some([4.0, 6.5, 9.0]));
-    forecast.dry_runs[1].ending = RunEnd::failed("stalled");
-    assert_eq!(forecast.verdict(), PlanVerdict::Unlikely);
-    forecast.dry_runs[0].left_off = true;
-    assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::Unlikely, 3), "left off at its end");
-    for dry_run in &mut forecast.dry_runs {
-        dry_run.ending = RunEnd::failed("left off");
-    }
-    assert_eq!((forecast.verdict(), forecast.decided()), (PlanVerdict::CannotBeDone, 2));
-    assert!(forecast.verdict().is_failure());
-    forecast.dry_runs.iter_mut().for_each(|dry_run| dry_run.left_off = true);
-    assert_eq!((forecast.verdict(), forecast.verdict().is_failure()), (PlanVerdict::Undecided, false));
-    forecast.dry_runs.clear();
-    assert_eq!(forecast.range(time), None);
-}
-
-#[test]
-fn number_of_dry_runs_follows_from_the_work_of_those_done() {
-    assert_eq!(affordable(0.0, 1), DRY_RUNS, "no work at all");
-    assert_eq!(affordable(100.0, 1), DRY_RUNS);
-    assert_eq!(affordable(WORK_MS / 2.5, 1), 2, "another may take 1.3 times as long, two may not");
-    assert_eq!(affordable(WORK_MS / 2.0, 1), 1);
-    assert_eq!(affordable(2.0 * WORK_MS, 1), 1);
-    assert_eq!(affordable(0.75 * WORK_MS, 3), 3);
 }

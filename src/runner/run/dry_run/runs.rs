@@ -1,0 +1,143 @@
+//! Runs without pixels, several at the same time, and their records.
+
+use std::collections::BTreeMap;
+use std::panic::resume_unwind;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread;
+
+use crate::config::{Diagnostic, JobSpec};
+use crate::run::in_memory::InMemoryRun;
+use crate::run::planner_selection::PlannerSelection;
+use upm_control::{Condition, ConditionChange, ConditionFacts, FrameFacts, Sink};
+use upm_cor_library::Library;
+use upm_core::geometry::Vec2;
+use upm_core::job::Outcome;
+use upm_core::time::PlateTime;
+use upm_recording::{Report, Verdict};
+use upm_task::Setpoints;
+
+/// Distance between two points of a recorded path, m.
+const PATH_STEP_M: f64 = 0.3e-3;
+/// Messages of progress that wait to be shown.
+const WAITING: usize = 64;
+
+/// A run of a job without pixels.
+#[derive(Clone, Debug)]
+pub struct DryRun {
+    /// Its report.
+    pub report: Report,
+    /// Its further figures.
+    pub record: DryRunRecord,
+}
+
+impl DryRun {
+    /// True if it reached the goal, in truth, too.
+    pub fn is_completed(&self) -> bool {
+        self.report.outcome == Outcome::Completed && self.report.verdict != Some(Verdict::FalseSuccess)
+    }
+}
+
+/// Figures of a dry run that its report does not have.
+#[derive(Clone, Debug, Default)]
+pub struct DryRunRecord {
+    /// Path of each part as measured, m.
+    pub paths_m: Vec<Vec<Vec2>>,
+    /// Least gap between two parts.
+    pub nearest: Option<ClosestApproach>,
+    /// Limits that cut the steps of cycles short, with the number of these cycles.
+    pub limits_met: BTreeMap<String, u64>,
+    radii_m: Vec<f64>,
+    /// Time of the last observation before the task advanced, and of the last one.
+    advanced: [PlateTime; 2],
+    /// Receives the number of the run, plate time and progress.
+    progress: Option<(usize, SyncSender<(usize, PlateTime, f64)>)>,
+}
+
+/// Least gap between two parts in a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosestApproach {
+    /// Distance between their rims, m; 0 or less where they touch.
+    pub gap_m: f64,
+    /// Indices of the two.
+    pub parts: [usize; 2],
+    /// Plate time, s.
+    pub at_s: f64,
+}
+
+impl DryRunRecord {
+    /// Time in which the task advanced, s.
+    pub(super) fn advanced_s(&self) -> f64 {
+        let [begun, ended] = self.advanced;
+        ended.secs_since(begun)
+    }
+}
+
+impl Sink for DryRunRecord {
+    fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
+        self.advanced = [if wanted.progress == 0.0 { at } else { self.advanced[0] }, at];
+        if let Some((number, sender)) = &self.progress {
+            sender.send((*number, at, wanted.progress)).ok();
+        }
+    }
+
+    fn frame(&mut self, facts: &FrameFacts<'_>) {
+        let places_m: Vec<Vec2> = facts.tracks.iter().map(|track| track.seen.position_m).collect();
+        self.paths_m.resize(places_m.len(), Vec::new());
+        for (path_m, &place_m) in self.paths_m.iter_mut().zip(&places_m) {
+            if path_m.last().is_none_or(|last_m| (place_m - last_m).norm() > PATH_STEP_M) {
+                path_m.push(place_m);
+            }
+        }
+        for (b, (place_m, radius_m)) in places_m.iter().zip(&self.radii_m).enumerate() {
+            for (a, other_m) in places_m[..b].iter().enumerate() {
+                let gap_m = (other_m - place_m).norm() - self.radii_m[a] - radius_m;
+                if self.nearest.is_none_or(|nearest| gap_m < nearest.gap_m) {
+                    let at_s = facts.frame.exposed_at.secs();
+                    self.nearest = Some(ClosestApproach { gap_m, parts: [a, b], at_s });
+                }
+            }
+        }
+    }
+
+    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+        let is_limit = matches!(
+            facts.condition,
+            Condition::StepsMeetEdge | Condition::StepsMeetParts | Condition::StepsUnreachable | Condition::SolverFails
+        );
+        if let (true, ConditionChange::Ended { times, .. }) = (is_limit, facts.change) {
+            *self.limits_met.entry(facts.reason.to_owned()).or_default() += times;
+        }
+    }
+}
+
+/// Runs all `jobs` by `planner`, each on its own thread; the results are in their order.
+pub(super) fn at_the_same_time(
+    jobs: &[JobSpec],
+    library: &Arc<Library>,
+    planner: &PlannerSelection,
+    watch: &mut dyn FnMut(PlateTime, f64),
+) -> Result<Vec<DryRun>, Diagnostic> {
+    let (sender, receiver) = sync_channel(WAITING);
+    thread::scope(|scope| {
+        let run = |(number, job)| {
+            let progress = Some((number, sender.clone()));
+            scope.spawn(move || {
+                let run = InMemoryRun::planned_by(job, Arc::clone(library), planner.clone())?;
+                let radii_m = (0..run.params().parts.len()).map(|part| run.params().radius_m(part)).collect();
+                let mut record = DryRunRecord { radii_m, progress, ..DryRunRecord::default() };
+                let report = run.run_watched(&mut record);
+                record.progress = None;
+                Ok(DryRun { report, record })
+            })
+        };
+        let threads: Vec<_> = jobs.iter().enumerate().map(run).collect();
+        drop(sender);
+        let mut shares = vec![0.0; jobs.len()];
+        for (number, at, share) in receiver {
+            shares[number] = share;
+            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
+        }
+        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+    })
+}
