@@ -108,7 +108,8 @@ impl TableFiles {
         files.collect::<Result<_, _>>().map(Self)
     }
 
-    /// Writes the rows of all lines of `journal`. An incomplete last line, as a killed run leaves it, counts as the end.
+    /// Writes the rows of all lines of `journal`. An incomplete last line, as a killed run leaves it, counts as its
+    /// end.
     fn add_journal(&mut self, path: &Path, journal: File, parts: &Value) -> Result<(), Failure> {
         let mut journal = BufReader::new(journal);
         let mut bytes = Vec::new();

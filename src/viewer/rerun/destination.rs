@@ -13,12 +13,9 @@ use crate::types::RecordingError;
 use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
 
-/// Address on which a spawned viewer listens.
-const LOOPBACK: Ipv4Addr = Ipv4Addr::LOCALHOST;
-
 /// Destination of a recording: a file, and feeds of viewers.
 pub(super) struct Destination {
-    out: Option<Box<dyn Write + Send>>,
+    pub(super) out: Option<Box<dyn Write + Send>>,
     path: PathBuf,
     viewer: Option<Live>,
     feeds: Vec<MessageSink>,
@@ -39,11 +36,6 @@ impl Destination {
     pub(super) fn and_live(mut self, live: Option<&LiveServer>, layout: impl FnOnce() -> String) -> Self {
         self.feeds.extend(live.map(|live| live.feed(layout())));
         self
-    }
-
-    /// True when there is a file.
-    pub(super) fn has_file(&self) -> bool {
-        self.out.is_some()
     }
 
     /// A destination whose file is one at `path` behind `wrap`.
@@ -78,7 +70,7 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
             let viewer = viewer.map_err(|e| {
                 RecordingError::Spawn(e.to_string().lines().next().unwrap_or_default().trim_end().to_owned())
             })?;
-            format!("rerun+http://{LOOPBACK}:{}/proxy", viewer.port)
+            format!("rerun+http://{}:{}/proxy", Ipv4Addr::LOCALHOST, viewer.port)
         }
     };
     parse_address(url).map(Some)
@@ -86,7 +78,7 @@ fn viewer_address(mode: &RerunMode) -> Result<Option<ProxyUri>, RecordingError> 
 
 /// Options for a viewer that is reachable from this machine only: by default it listens on every interface.
 fn loopback_viewer() -> SpawnOptions {
-    let extra_args = vec!["--bind".to_owned(), LOOPBACK.to_string()];
+    let extra_args = vec!["--bind".to_owned(), Ipv4Addr::LOCALHOST.to_string()];
     SpawnOptions { hide_welcome_screen: true, extra_args, ..Default::default() }
 }
 
@@ -105,6 +97,6 @@ mod tests {
         let bound: Vec<_> = options.extra_args.windows(2).filter(|pair| pair[0] == "--bind").collect();
         assert_eq!(bound.len(), 1, "{:?}", options.extra_args);
         assert!(bound[0][1].parse::<Ipv4Addr>().unwrap().is_loopback());
-        assert_eq!(options.connect_addr().ip(), LOOPBACK, "and is looked for where it listens");
+        assert_eq!(options.connect_addr().ip(), Ipv4Addr::LOCALHOST, "and is looked for where it listens");
     }
 }

@@ -15,32 +15,6 @@ const HANGS: f64 = 12.0;
 /// Size of a view on the first page in a window of 1280 by 800 points, in points of the screen.
 pub(super) const PANEL: [f64; 2] = [560.0, 450.0];
 
-/// Size of a label in lengths of a view.
-#[derive(Clone, Copy, Debug)]
-struct LabelSize {
-    /// Lengths of the view that are one point of the screen.
-    unit: f64,
-}
-
-impl LabelSize {
-    /// Size in a view of these bounds on a panel of `panel` points of the screen.
-    fn of(bounds: [[f64; 2]; 2], panel: [f64; 2]) -> Self {
-        let unit = [0, 1].map(|axis| (bounds[axis][1] - bounds[axis][0]) / panel[axis]);
-        Self { unit: unit[0].max(unit[1]) }
-    }
-
-    /// Half the width and half the height of `text`.
-    fn half(self, text: &str) -> [f64; 2] {
-        let wide = LETTER * text.chars().count() as f64 + BESIDE;
-        [0.5 * wide * self.unit, 0.5 * HEIGHT * self.unit]
-    }
-
-    /// Point that a label with this middle hangs from.
-    fn hung_from(self, [x, y]: [f64; 2]) -> [f32; 2] {
-        [x as f32, (y - HANGS * self.unit) as f32]
-    }
-}
-
 /// Number of parts from which names are shortened: `penny-12` to `p12`.
 const MANY: usize = 12;
 
@@ -49,7 +23,8 @@ const MANY: usize = 12;
 pub(super) struct Names {
     texts: Vec<String>,
     colors: Vec<Color>,
-    label: LabelSize,
+    /// Lengths of the view that are one point of the screen.
+    unit: f64,
     /// Bounds of the view, from and to along x and y.
     bounds: [[f64; 2]; 2],
     placed: Vec<LabelPlace>,
@@ -66,7 +41,8 @@ impl Names {
     ) -> Self {
         let texts =
             if ids.len() < MANY { ids.iter().map(|&id| id.to_owned()).collect() } else { shortened(ids, kinds) };
-        Self { texts, colors: colors(rgb), label: LabelSize::of(bounds, panel), bounds, placed: Vec::new() }
+        let [unit_x, unit_y] = [0, 1].map(|axis| (bounds[axis][1] - bounds[axis][0]) / panel[axis]);
+        Self { texts, colors: colors(rgb), unit: unit_x.max(unit_y), bounds, placed: Vec::new() }
     }
 
     /// The names of `parts`, as [`Names::new`].
@@ -89,7 +65,7 @@ impl Names {
 
     /// Height of a label in the view.
     pub(super) fn label_height(&self) -> f64 {
-        HEIGHT * self.label.unit
+        HEIGHT * self.unit
     }
 
     fn styled(&self, points: Points2D) -> Points2D {
@@ -105,11 +81,12 @@ impl Names {
         let labelled = |(([x, y], radius), text): (([f32; 2], f32), &String)| LabelledDisc {
             center: [f64::from(x), f64::from(y)],
             radius: f64::from(radius),
-            half: self.label.half(text),
+            half: [LETTER * text.chars().count() as f64 + BESIDE, HEIGHT].map(|size| 0.5 * size * self.unit),
         };
         let parts: Vec<LabelledDisc> = discs.into_iter().zip(&self.texts).map(labelled).collect();
         self.placed = place_labels(&parts, self.bounds, &self.placed);
-        self.placed.iter().map(|place| self.label.hung_from(place.center)).collect()
+        let hung_from = |[x, y]: [f64; 2]| [x as f32, (y - HANGS * self.unit) as f32];
+        self.placed.iter().map(|place| hung_from(place.center)).collect()
     }
 }
 

@@ -86,7 +86,7 @@ impl RerunSink {
         let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *recording_options;
         let run_waits = overflow != OverflowPolicy::GiveUp;
         // without a file there is no recording that could fail or be stopped
-        let is_kept = to.has_file();
+        let is_kept = to.out.is_some();
         let handle = if is_kept { recording_options.recording.clone() } else { RecordingHandle::default() };
         let (file, path, live) = to.start(handle.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);

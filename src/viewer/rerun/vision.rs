@@ -3,8 +3,7 @@ use super::paint::{self, in_frame, in_half_frame};
 use super::picture;
 use super::run_stream::{LogResult, RunStream};
 use upm_chart::{Ground, Palette};
-use upm_core::signal::Frame;
-use upm_perception::vision::{DebugImages, FloatImage, HoughArray};
+use upm_perception::vision::{DebugImages, HoughArray};
 use upm_recording::LocalisedRecord;
 use upm_recording::{edge_map, outline_px, response_map, vote_map};
 
@@ -18,16 +17,23 @@ const VOTES_PX: [usize; 2] = [720, 410];
 /// its findings. `names` are those of the parts, `kinds` those of their kinds.
 pub(super) fn log(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (&[&str], &[&str])) -> LogResult {
     let DebugImages { edges, hough, disk_response } = &found.stages;
+    let frame_px = [found.frame.width, found.frame.height];
     log_frame(stream, found, (names, kinds))?;
     // a stage that was not kept is empty
     if !edges.values.is_empty() {
-        log_edges(stream, edges, &found.frame)?;
+        let map = picture::gray_png(&edge_map(edges, frame_px, 2))?;
+        stream.log("vision/edges/map", &map.with_draw_order(-10.0))?;
     }
     if !hough.votes.is_empty() {
         log_hough(stream, hough)?;
     }
     if !disk_response.values.is_empty() {
-        log_disk_response(stream, disk_response, found)?;
+        let map = picture::color_png(&response_map(disk_response, frame_px, 2))?;
+        stream.log("vision/disk_response/map", &map.with_draw_order(-10.0))?;
+        let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));
+        let scores = found.detections.iter().map(|part| format!("{:.2}", part.score));
+        let peaks = paint::dots(peaks, paint::TRUE, 3.0).with_labels(scores).with_show_labels(true);
+        stream.log("vision/disk_response/peaks", &peaks)?;
     }
     Ok(())
 }
@@ -53,11 +59,6 @@ fn log_frame(stream: &RunStream, found: &LocalisedRecord, (names, kinds): (&[&st
     stream.log("vision/frame/parts", &circles.with_colors(paint::colors(palette.parts())))
 }
 
-fn log_edges(stream: &RunStream, edges: &FloatImage, frame: &Frame) -> LogResult {
-    let map = edge_map(edges, [frame.width, frame.height], 2);
-    stream.log("vision/edges/map", &picture::gray_png(&map)?.with_draw_order(-10.0))
-}
-
 fn log_hough(stream: &RunStream, hough: &HoughArray) -> LogResult {
     let map = vote_map(hough, VOTES_PX);
     stream.log("vision/hough/votes", &picture::color_png(&map.picture)?.with_draw_order(-10.0))?;
@@ -68,13 +69,4 @@ fn log_hough(stream: &RunStream, hough: &HoughArray) -> LogResult {
         .map(|&(column, row)| format!("{:.0}°, {:.0} px", degrees(column), row as f64 * hough.px_per_row));
     let rings = paint::circles(map.peaks.iter().map(|&peak| (peak, 7.0)), paint::TRUE, 1.0);
     stream.log("vision/hough/peaks", &rings.with_labels(labels).with_show_labels(true))
-}
-
-fn log_disk_response(stream: &RunStream, response: &FloatImage, found: &LocalisedRecord) -> LogResult {
-    let map = response_map(response, [found.frame.width, found.frame.height], 2);
-    stream.log("vision/disk_response/map", &picture::color_png(&map)?.with_draw_order(-10.0))?;
-    let peaks = found.detections.iter().map(|part| in_half_frame(part.center_px));
-    let scores = found.detections.iter().map(|part| format!("{:.2}", part.score));
-    let peaks = paint::dots(peaks, paint::TRUE, 3.0).with_labels(scores).with_show_labels(true);
-    stream.log("vision/disk_response/peaks", &peaks)
 }
