@@ -146,7 +146,7 @@ fn points_end_as_coulombs_law_in_fine_steps_predicts() {
     for (basis, most, most_m) in [(upm_2_basis(), 0.012, 0.3e-3), (upm_2_basis().for_paths(), 0.007, 0.25e-3)] {
         let mut rng = upm_core::random::Streams::new(1).stream("points");
         let (mut off_sq, mut went_sq, mut worst_m) = (0.0, 0.0, 0.0f64);
-        for _ in 0..16 {
+        for _ in 0..48 {
             let drawn: Vec<f64> = (0..48).map(|j| rng.random_range(-1.0..1.0) / basis.harmonic_of(j) as f64).collect();
             let coefficients = full(&basis, &drawn);
             let envelope = upm_2_envelope(rng.random_range(0.0..0.3));
