@@ -4,7 +4,6 @@ mod decades;
 mod labels;
 mod palette;
 mod svg;
-mod ticks;
 
 pub use labels::{LabelPlace, LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};

@@ -203,33 +203,6 @@ mod tests {
     }
 
     #[test]
-    fn hue_of_a_kind_does_not_depend_on_the_other_kinds() {
-        let of = |kinds: &[&str]| Palette::of(kinds, Ground::Light).kind("quarter").unwrap();
-        assert_eq!(of(&["quarter"]), of(&["penny", "quarter", "washer"]));
-        let [r, g, b] = of(&["quarter"]);
-        assert!(g > r && b > r, "teal: {r} {g} {b}");
-    }
-
-    #[test]
-    fn further_kinds_have_the_middle_of_the_largest_gap() {
-        let names: Vec<String> = (1..=12).map(|i| format!("k{i:02}")).collect();
-        let kinds: Vec<&str> = names.iter().map(String::as_str).collect();
-        let hues = hues_of(&kinds);
-        assert_eq!(["k01", "k02", "k03", "k04", "k05"].map(|kind| hues[kind]), [5.0, 105.0, 145.0, 285.0, 217.5]);
-        let mut all: Vec<f64> = hues.values().copied().chain(COINS.map(|(_, hue)| hue)).collect();
-        all.sort_by(f64::total_cmp);
-        for (i, hue) in all.iter().enumerate() {
-            let gap = (all[(i + 1) % all.len()] - hue).rem_euclid(360.0);
-            assert!((15.0..45.0).contains(&gap), "{gap} in {all:?}");
-        }
-        for ground in [Ground::Dark, Ground::Light] {
-            let palette = Palette::of(&kinds, ground);
-            let colors: Vec<[u8; 3]> = kinds.iter().filter_map(|kind| palette.kind(kind)).collect();
-            assert!(least_difference(&colors) >= 15, "{colors:?}");
-        }
-    }
-
-    #[test]
     fn bin_has_the_colour_of_its_kind() {
         let palette = Palette::of(&["penny", "dime"], Ground::Light);
         let bin = |kinds: &[&str]| palette.of_bin(&kinds.iter().map(|&kind| kind.to_owned()).collect::<Vec<_>>());

@@ -2,7 +2,6 @@ mod clip;
 mod legend;
 mod marks;
 mod range;
-mod scale;
 mod sheet;
 
 #[cfg(test)]
@@ -11,10 +10,9 @@ mod tests;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::{AxisScale, Chart};
+use super::{Chart, decades};
 use legend::Legend;
 use marks::PlotFrame;
-use scale::Scale;
 use sheet::{DrawResult, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
 
 /// Width of every picture, px.
@@ -29,8 +27,10 @@ const BELOW_PX: f64 = 48.0;
 const GAP_PX: f64 = 8.0;
 /// Height over width of a plot that is not a map.
 const USUAL: f64 = 0.55;
-/// Lines between two ticks that the backend may draw: as many as a scale asks for.
-const LIGHT_LINES: usize = 10;
+/// Width of the numbers and the label left of the y axis, px.
+const LEFT_PX: f64 = 90.0;
+/// The picture's width without margins, numbers and label, px.
+const PLOT_WIDTH_PX: f64 = WIDTH_PX - 2.0 * MARGIN_PX - LEFT_PX;
 /// Largest number of ticks along an axis.
 const MOST_TICKS: usize = 9;
 
@@ -62,20 +62,12 @@ pub fn svg_page(charts: &[Chart]) -> String {
     open + &page + "</svg>\n"
 }
 
-/// The scale over `range` with as many ticks as fit in `width_px` side by side.
-fn scale_across(axis: AxisScale, range: [f64; 2], width_px: f64) -> Scale {
-    let scales = (3..=MOST_TICKS).rev().map(|most| (most, Scale::of(axis, range, most)));
-    let mut fitting = scales.filter(|(most, scale)| *most as f64 * (scale.width_px(TICK_PX) + TICK_PX) <= width_px);
-    fitting.next().map_or_else(|| Scale::of(axis, range, 2), |(_, scale)| scale)
-}
-
 /// Layout of the picture.
 struct ChartLayout {
     title: Vec<String>,
-    x: Scale,
-    y: Scale,
-    /// Width of the numbers and the label left of the y axis, px.
-    left_px: f64,
+    /// Ranges of the axes, in decades on a logarithmic one.
+    x: [f64; 2],
+    y: [f64; 2],
     plot_height_px: f64,
     legend: Legend,
 }
@@ -88,16 +80,11 @@ impl ChartLayout {
             range::make_fit(&mut x, &mut y);
         }
         let aspect = if chart.map { (y[1] - y[0]) / (x[1] - x[0]) } else { USUAL };
-        let y = Scale::of(chart.y.scale, y, MOST_TICKS);
-        let left_px = y.width_px(TICK_PX) + 2.5 * LABEL_PX;
-        let plot_width_px = WIDTH_PX - 2.0 * MARGIN_PX - left_px;
-        let x = scale_across(chart.x.scale, x, plot_width_px);
         Self {
             title: text_lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
             x,
             y,
-            left_px,
-            plot_height_px: plot_width_px * aspect,
+            plot_height_px: PLOT_WIDTH_PX * aspect,
             legend: Legend::of(&chart.layers, WIDTH_PX - 2.0 * MARGIN_PX),
         }
     }
@@ -135,25 +122,23 @@ impl ChartLayout {
             .margin_left(fine(MARGIN_PX))
             .margin_right(fine(MARGIN_PX))
             .x_label_area_size(fine(BELOW_PX))
-            .y_label_area_size(fine(self.left_px))
-            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+            .y_label_area_size(fine(LEFT_PX))
+            .build_cartesian_2d(self.x[0]..self.x[1], self.y[0]..self.y[1])?;
         plot.configure_mesh()
             .label_style(font(TICK_PX, HPos::Center))
             .axis_desc_style(font(LABEL_PX, HPos::Center))
             .x_desc(plain_text(&chart.x.label))
             .y_desc(plain_text(&chart.y.label))
-            .light_line_style(RGBColor(240, 240, 240).stroke_width(fine(0.6) as u32))
             .bold_line_style(RGBColor(225, 225, 225).stroke_width(fine(1.0) as u32))
             .axis_style(RGBColor(90, 90, 90).stroke_width(fine(1.0) as u32))
-            .max_light_lines(LIGHT_LINES)
+            .max_light_lines(0)
+            .x_labels(MOST_TICKS)
+            .y_labels(MOST_TICKS)
+            .x_label_formatter(&|value| decades::tick_text(chart.x.scale, *value))
+            .y_label_formatter(&|value| decades::tick_text(chart.y.scale, *value))
             .set_all_tick_mark_size(fine(5.0))
             .draw()?;
         let (across, down) = plot.plotting_area().get_pixel_range();
-        Ok(PlotFrame {
-            x: self.x.range,
-            y: self.y.range,
-            across: [across.start, across.end],
-            down: [down.start, down.end],
-        })
+        Ok(PlotFrame { x: self.x, y: self.y, across: [across.start, across.end], down: [down.start, down.end] })
     }
 }

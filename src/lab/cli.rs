@@ -16,7 +16,7 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use super::experiment::{EXPERIMENTS, Experiment, Request, VISION, WAVEFORM_FIT, experiment};
+use super::experiment::{EXPERIMENTS, Experiment, Kind, Request, VISION, WAVEFORM_FIT, experiment};
 use super::outcome::ExperimentResult;
 use super::recorded::waveform_fit_of;
 use super::settings::SettingInfo;
@@ -25,6 +25,7 @@ use super::vision::vision_of;
 use super::{LabFault, LabRig};
 use args::{Cli, Command, ExperimentArgs};
 use failure::Failure;
+use upm_chart::Layer;
 use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
 
 /// Name that selects all experiments.
@@ -76,7 +77,7 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}")
 }
 
-/// Runs every experiment: one JSON document with figures and series of all, or a table of each.
+/// Runs every experiment: one JSON document with figures and curves of all, or a table of each.
 fn all(cli: &Cli) -> Result<String, Failure> {
     let args = &cli.experiment;
     let given = [
@@ -136,14 +137,17 @@ impl ExperimentOutput {
                 "relative_error": figure.relative_error(),
             })
         });
-        let series: serde_json::Map<String, Value> =
-            outcome.series.iter().map(|series| (series.name.clone(), json!(series.values))).collect();
+        let layer = |layer: &Layer| json!({ "label": layer.label, "points": layer.points });
+        let charts = outcome.charts.iter().map(|chart| {
+            let layers: Vec<Value> = chart.layers.iter().map(layer).collect();
+            json!({ "name": chart.name, "title": chart.title, "x": chart.x.label, "y": chart.y.label, "layers": layers })
+        });
         let table = outcome.sheet.as_ref().map(|sheet| json!({ "columns": sheet.columns, "rows": sheet.rows }));
         json!({
             "experiment": name,
             "on": on,
             "figures": figures.collect::<Vec<_>>(),
-            "series": series,
+            "charts": charts.collect::<Vec<_>>(),
             "table": table,
             "notes": outcome.notes,
         })
@@ -196,7 +200,7 @@ fn rounded(value: f64) -> f64 {
 fn rig_for(experiment: &Experiment, args: &ExperimentArgs) -> Result<LabRig, Failure> {
     let rig = match &args.rig {
         Some(path) => RigSpec::load(path),
-        None if experiment.strong_rig => RigSpec::upm_2(),
+        None if experiment.kind == Kind::StrongPlate => RigSpec::upm_2(),
         None => RigSpec::upm_1(),
     };
     lab_rig(&rig.map_err(Failure::of_files)?, args.seed)
@@ -226,7 +230,7 @@ fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure>
         LabFault::Setting(fault) => Failure::bad_input(format!("{name}: {fault}")),
         fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),
     })?;
-    let on = if experiment.on_rig { format!("rig {}, ", rig.model.name) } else { String::new() };
+    let on = if experiment.kind != Kind::Machine { format!("rig {}, ", rig.model.name) } else { String::new() };
     let set = [&args.set[..], args.sweep.as_slice()].concat().join(", ");
     let how = if set.is_empty() { String::new() } else { format!(", {set}") };
     Ok((format!("{on}seed {}{how}", rig.seed), outcome))

@@ -1,7 +1,7 @@
 use nalgebra::Vector2;
 
 use super::shaken::{BarePlate, steady_motion};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
@@ -35,12 +35,8 @@ pub fn cor_map(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     };
     let read: Vec<ReadCenter> = entries.iter().map(read).collect();
     let half_side_m = 0.5 * lab.model.plate_side_m;
-    Ok(ExperimentResult {
-        figures: figures(&read, half_side_m),
-        series: series(&read),
-        charts: vec![chart(&read, half_side_m)],
-        ..ExperimentResult::default()
-    })
+    let charts = vec![chart(&read, half_side_m)];
+    Ok(ExperimentResult { figures: figures(&read, half_side_m), charts, ..ExperimentResult::default() })
 }
 
 /// Measured and true centres, where both are nearer than [`FARTHEST`].
@@ -88,18 +84,6 @@ fn is_wrong_way(motion: &ReadCenter) -> bool {
     let ReadCenter { read, truth } = motion;
     let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
     along <= 0.0
-}
-
-fn series(read: &[ReadCenter]) -> Vec<Series> {
-    let column = |name: &str, of: fn(&ReadCenter) -> f64| Series::new(name, read.iter().map(of));
-    vec![
-        column("velocity_x_read_mps", |m| m.read.velocity_mps.x),
-        column("velocity_y_read_mps", |m| m.read.velocity_mps.y),
-        column("spin_read_radps", |m| m.read.spin_radps),
-        column("velocity_x_true_mps", |m| m.truth.velocity_mps.x),
-        column("velocity_y_true_mps", |m| m.truth.velocity_mps.y),
-        column("spin_true_radps", |m| m.truth.spin_radps),
-    ]
 }
 
 fn chart(read: &[ReadCenter], half_side_m: f64) -> Chart {

@@ -3,7 +3,7 @@ mod rows;
 mod vectors;
 
 use self::rows::{ROWS, ReadRow, Reads, compares_with_paper, eq_15, read_rows};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::{INCH_M, mm_from_m};
@@ -27,12 +27,7 @@ pub fn cor_steering(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
     figures.push(Figure::alone("COR off the perpendiculars, largest", "in", off_m / INCH_M, source));
     let mut charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
     charts.extend(ROWS.iter().zip(&compensated).map(|(row, read)| read.vectors.chart(lab, row.name, read.center_m)));
-    Ok(ExperimentResult {
-        figures,
-        series: series(&found_m, &plain_m, &expected_m),
-        charts,
-        ..ExperimentResult::default()
-    })
+    Ok(ExperimentResult { figures, charts, ..ExperimentResult::default() })
 }
 
 fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
@@ -62,21 +57,6 @@ fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]
     let source = "the paper's 128, less where a motor would exceed its limit";
     figures.push(Figure::alone("amplitude unit sent", "counts", f64::from(unit), source));
     figures
-}
-
-fn series(found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Vec<Series> {
-    let inches = |name: &str, values: Vec<f64>| Series::new(name, values.into_iter().map(|m| m / INCH_M));
-    let [x, y] = [|v: &Vec2| v.x, |v: &Vec2| v.y];
-    vec![
-        inches("cor_x_in", found_m.iter().map(x).collect()),
-        inches("cor_y_in", found_m.iter().map(y).collect()),
-        inches("cor_x_without_precompensation_in", plain_m.iter().map(x).collect()),
-        inches("cor_y_without_precompensation_in", plain_m.iter().map(y).collect()),
-        inches("cor_x_eq_15_in", expected_m.iter().map(x).collect()),
-        inches("cor_y_eq_15_in", expected_m.iter().map(y).collect()),
-        Series::new("paper_cor_x_in", ROWS.iter().map(|row| row.read_in[1])),
-        Series::new("paper_cor_y_in", ROWS.iter().map(|row| row.read_in[0])),
-    ]
 }
 
 fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Chart {

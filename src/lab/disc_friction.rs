@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use ellip::{ellipe, ellipk};
 
-use super::{ExperimentResult, Figure, Series};
+use super::{ExperimentResult, Figure};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::disc_friction::DiscFriction;
 
@@ -41,13 +41,6 @@ pub(super) fn report(outcome: &mut ExperimentResult) {
         let name = format!("relative deviation of a disc's {name}, largest");
         outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, FARKAS));
     }
-    outcome.series.extend([
-        Series::new("disc_slip_ratio", rows.iter().map(|row| row.ratio)),
-        Series::new("disc_force_over_mu_n", rows.iter().map(|row| row.table[0])),
-        Series::new("disc_force_over_mu_n_closed_form", rows.iter().map(|row| row.exact[0])),
-        Series::new("disc_torque_over_mu_n_r", rows.iter().map(|row| row.table[1])),
-        Series::new("disc_torque_over_mu_n_r_closed_form", rows.iter().map(|row| row.exact[1])),
-    ]);
     outcome.charts.push(chart(&rows));
 }
 
@@ -118,12 +111,5 @@ mod tests {
                 assert!((below / above - 1.0).abs() < 3e-6, "{e}: {below} {above}");
             }
         }
-    }
-
-    #[test]
-    fn two_hundred_ratios_in_order_with_the_corner() {
-        let ratios: Vec<f64> = slip_ratios().collect();
-        assert_eq!(ratios.len(), RATIOS);
-        assert!(ratios.is_sorted() && ratios.contains(&1.0));
     }
 }

@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use super::settings::{Setting, SettingAssignment, SettingInfo, assigned, find, infos};
+use super::settings::{Field, Setting, SettingAssignment, SettingInfo, assigned, find, infos, settings};
 use super::sweep::{Progress, Sweep};
 use super::{ExperimentResult, LabFault, LabRig, feeder, mchip, rock, topple};
 
@@ -11,26 +11,23 @@ pub struct Experiment {
     pub name: &'static str,
     /// Description in one line.
     pub about: &'static str,
-    /// True where the weak prototype cannot reproduce it because its motors saturate.
-    pub strong_rig: bool,
-    /// True where the simulated plate is the machine.
-    pub on_rig: bool,
+    /// Where it runs.
+    pub kind: Kind,
     /// Procedure of the experiment.
     pub method: &'static dyn Method,
 }
 
-impl Experiment {
-    const fn on_rig(name: &'static str, about: &'static str, method: &'static dyn Method) -> Self {
-        Self { name, about, strong_rig: false, on_rig: true, method }
-    }
-
-    const fn on_machine(name: &'static str, about: &'static str, method: &'static dyn Method) -> Self {
-        Self { on_rig: false, ..Self::on_rig(name, about, method) }
-    }
-
-    const fn strong(self) -> Self {
-        Self { strong_rig: true, ..self }
-    }
+/// Where an experiment runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// On the simulated plate of a rig.
+    Plate,
+    /// The same, by default of the strong prototype: the motors of the weak one saturate.
+    StrongPlate,
+    /// In rendered scenes.
+    Scenes,
+    /// On a machine of its own module.
+    Machine,
 }
 
 /// Options of one experiment. Without any the published experiments are reproduced.
@@ -92,36 +89,19 @@ impl<M: Clone + Send + Sync> Method for Procedure<M> {
 }
 
 /// Parameters of the simulated plate that can be set for experiments on it.
-const RIG_SETTINGS: &[Setting<LabRig>] = &[
-    Setting::<LabRig>::number("friction", [0.01, 2.0], 1.0, |rig| &mut rig.penny.friction)
-        .about("Coulomb friction between penny and plate"),
-    Setting::<LabRig>::number("base_hz", [20.0, 200.0], TAU, |rig| &mut rig.model.base_radps)
-        .about("base frequency of the drive"),
-    Setting::<LabRig>::number("accelerometer_noise_mps2", [0.0, 10.0], 1.0, |rig| {
-        &mut rig.sim.accelerometers.noise_mps2
-    })
-    .about("noise of a sample of the accelerometers"),
-];
+const RIG_SETTINGS: &[Setting<LabRig>] = settings! {
+    "friction", [0.01, 2.0], 1.0, penny.friction, "Coulomb friction between penny and plate";
+    "base_hz", [20.0, 200.0], TAU, model.base_radps, "base frequency of the drive";
+    "accelerometer_noise_mps2", [0.0, 10.0], 1.0, sim.accelerometers.noise_mps2, "noise of a sample of the accelerometers";
+};
 
 /// Those that act on a part, and those that act on a plate without parts.
-const PART_SETTINGS: &[Setting<LabRig>] = RIG_SETTINGS.split_at(2).0;
-const BARE_SETTINGS: &[Setting<LabRig>] = RIG_SETTINGS.split_at(1).1;
+const PART: &[Setting<LabRig>] = RIG_SETTINGS.split_at(2).0;
+const BARE: &[Setting<LabRig>] = RIG_SETTINGS.split_at(1).1;
 
-/// The procedure of an experiment on the simulated plate of a rig.
-macro_rules! on_rig {
-    ($make:path, $settings:expr) => {
-        &Procedure {
-            settings: $settings,
-            usual: LabRig::clone,
-            measure: |rig, _| $make(rig),
-            reproduce: |rig, _| $make(rig),
-        }
-    };
-}
-
-/// The procedure of an experiment on a machine whose parameters are defined in its module.
-macro_rules! machine {
-    ($module:ident, $machine:ident) => {
+/// Experiments, each by its kind, its name, its module and its settings or its machine, and its description.
+macro_rules! experiments {
+    (@ Machine $module:ident $machine:ident) => {
         &Procedure {
             settings: $module::SETTINGS,
             usual: |_| $module::$machine::published(),
@@ -129,80 +109,43 @@ macro_rules! machine {
             reproduce: $module::reproduce,
         }
     };
+    (@ Scenes $make:ident $same:ident) => {
+        &Procedure { settings: &[], usual: LabRig::clone, measure: super::$make, reproduce: super::$same }
+    };
+    (@ $plate:ident $make:ident $settings:ident) => {
+        &Procedure {
+            settings: $settings,
+            usual: LabRig::clone,
+            measure: |rig, _| super::$make(rig),
+            reproduce: |rig, _| super::$make(rig),
+        }
+    };
+    ($($kind:ident, $name:expr, $module:ident, $item:ident, $about:literal;)+) => {
+        &[$(Experiment {
+            name: $name,
+            about: $about,
+            kind: Kind::$kind,
+            method: experiments!(@ $kind $module $item),
+        }),+]
+    };
 }
 
 /// All experiments, in the order of the papers.
-pub const EXPERIMENTS: &[Experiment] = &[
-    Experiment::on_rig(
-        "cor-steering",
-        "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went",
-        on_rig!(super::cor_steering, BARE_SETTINGS),
-    ),
-    Experiment::on_rig(
-        WAVEFORM_FIT,
-        "one pulse, the accelerometers' trace of it and the motion read from that",
-        on_rig!(super::waveform_fit, BARE_SETTINGS),
-    ),
-    Experiment::on_rig(
-        "force-curve",
-        "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc",
-        on_rig!(super::force_curve, PART_SETTINGS),
-    ),
-    Experiment::on_rig(
-        "pulse-law",
-        "one pulse: wave and envelope, displacement against the square of its length, and where that law stops",
-        on_rig!(super::pulse_law, PART_SETTINGS),
-    )
-    .strong(),
-    Experiment::on_rig(
-        "field-span",
-        "how many dimensions rigid rotations span, and how many the fields of as many centres",
-        on_rig!(super::field_span, PART_SETTINGS),
-    )
-    .strong(),
-    Experiment::on_rig(
-        "race-track",
-        "snapshots of three coins on one rotation field",
-        on_rig!(super::race_track, PART_SETTINGS),
-    )
-    .strong(),
-    Experiment::on_rig(
-        "two-parts",
-        "two coins, four centres of rotation: the error of one large step and of several",
-        on_rig!(super::two_parts, PART_SETTINGS),
-    )
-    .strong(),
-    Experiment::on_rig(
-        "cor-map",
-        "every centre of a calibrated library, as read and as it truly is",
-        on_rig!(super::cor_map, BARE_SETTINGS),
-    ),
-    Experiment::on_rig(
-        VISION,
-        "vision on rendered pictures with ground truth, easy and hard",
-        &Procedure { settings: &[], usual: LabRig::clone, measure: super::vision, reproduce: super::vision },
-    ),
-    Experiment::on_machine(
-        "feeder",
-        "a plate shaken along one line: feed rate against duty and against an external force",
-        machine!(feeder, Feeder),
-    ),
-    Experiment::on_machine(
-        "mchip",
-        "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)",
-        machine!(mchip, MChip),
-    ),
-    Experiment::on_machine(
-        "topple",
-        "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch",
-        machine!(topple, Topple),
-    ),
-    Experiment::on_machine(
-        "rock",
-        "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep",
-        machine!(rock, Rock),
-    ),
-];
+pub const EXPERIMENTS: &[Experiment] = experiments! {
+    Plate, "cor-steering", cor_steering, BARE, "Table 1: amplitudes step the centre of rotation, the accelerometers read where it went";
+    Plate, WAVEFORM_FIT, waveform_fit, BARE, "one pulse, the accelerometers' trace of it and the motion read from that";
+    Plate, "force-curve", force_curve, PART, "mean friction force of the pump against speed, the way to the belt's speed, friction of a disc";
+    StrongPlate, "pulse-law", pulse_law, PART, "one pulse: wave and envelope, displacement against the square of its length, and where that law stops";
+    StrongPlate, "field-span", field_span, PART, "how many dimensions rigid rotations span, and how many the fields of as many centres";
+    StrongPlate, "race-track", race_track, PART, "snapshots of three coins on one rotation field";
+    StrongPlate, "two-parts", two_parts, PART, "two coins, four centres of rotation: the error of one large step and of several";
+    Plate, "cor-map", cor_map, BARE, "every centre of a calibrated library, as read and as it truly is";
+    Scenes, VISION, vision, vision, "vision on rendered pictures with ground truth, easy and hard";
+    Machine, "feeder", feeder, Feeder, "a plate shaken along one line: feed rate against duty and against an external force";
+    Machine, "mchip", mchip, MChip, "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)";
+    Machine, "topple", topple, Topple, "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch";
+    Machine, "rock", rock, Rock, "a block rocks on a table driven up and down: drives that keep it rocking, and how much else they keep";
+};
 
 /// The experiment that can also evaluate a recorded trace.
 pub const WAVEFORM_FIT: &str = "waveform-fit";
@@ -213,19 +156,4 @@ pub const VISION: &str = "vision";
 /// The experiment called `name`.
 pub fn experiment(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_experiment_is_found_by_its_name_alone() {
-        for (i, one) in EXPERIMENTS.iter().enumerate() {
-            assert_eq!(experiment(one.name).map(|found| found.about), Some(one.about));
-            assert!(EXPERIMENTS[..i].iter().all(|earlier| earlier.name != one.name), "{} stands twice", one.name);
-            assert!(one.name.chars().all(|c| c.is_ascii_lowercase() || c == '-'), "{}", one.name);
-        }
-        assert!(experiment("").is_none());
-    }
 }

@@ -12,9 +12,9 @@ use self::closed_form::{quasi_static_mps, viscosity_nspm};
 use self::part::Sliding;
 use self::plate::PlateCycle;
 pub use self::published::reproduce;
-use super::settings::Setting;
+use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, Series};
+use super::{ExperimentResult, Figure, LabFault};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -30,19 +30,14 @@ pub struct Feeder {
 }
 
 /// Parameters of a feeder.
-pub const SETTINGS: &[Setting<Feeder>] = &[
-    Setting::<Feeder>::number("accel_mps2", [1e-3, 1e6], 1.0, |feeder| &mut feeder.plate.accel_mps2)
-        .about("acceleration of the plate"),
-    Setting::<Feeder>::number("period_ms", [1e-3, 1e5], 1e-3, |feeder| &mut feeder.plate.period_s)
-        .about("length of a cycle"),
-    Setting::<Feeder>::number("duty", [0.5, 1.0], 1.0, |feeder| &mut feeder.plate.duty)
-        .about("share of the cycle in which the plate moves forwards"),
-    Setting::<Feeder>::number("friction", [1e-4, 10.0], 1.0, |feeder| &mut feeder.friction)
-        .about("Coulomb friction between part and plate"),
-    Setting::<Feeder>::number("mass_g", [1e-6, 1e6], 1e-3, |feeder| &mut feeder.mass_kg).about("mass of the part"),
-    Setting::<Feeder>::number("force_dyn", [-1e6, 1e6], DYN_N, |feeder| &mut feeder.force_n)
-        .about("external force along the feed"),
-];
+pub const SETTINGS: &[Setting<Feeder>] = settings! {
+    "accel_mps2", [1e-3, 1e6], 1.0, plate.accel_mps2, "acceleration of the plate";
+    "period_ms", [1e-3, 1e5], 1e-3, plate.period_s, "length of a cycle";
+    "duty", [0.5, 1.0], 1.0, plate.duty, "share of the cycle in which the plate moves forwards";
+    "friction", [1e-4, 10.0], 1.0, friction, "Coulomb friction between part and plate";
+    "mass_g", [1e-6, 1e6], 1e-3, mass_kg, "mass of the part";
+    "force_dyn", [-1e6, 1e6], DYN_N, force_n, "external force along the feed";
+};
 
 impl Feeder {
     /// The paper's device at its optimal duty (section III-C.1).
@@ -116,12 +111,12 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, Lab
             "K describes the rate under this force up to duty = {saturation:.4}, where the part saturates"
         ));
     }
-    let (chart, series) = cycle_chart(&plate, &cycle.events);
-    Ok(ExperimentResult { figures, notes, charts: vec![chart], series, ..ExperimentResult::default() })
+    let charts = vec![cycle_chart(&plate, &cycle.events)];
+    Ok(ExperimentResult { figures, notes, charts, ..ExperimentResult::default() })
 }
 
 /// Velocity of plate and part over a cycle.
-fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) {
+fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> Chart {
     let ms_mm = |&[t_s, speed_mps]: &[f64; 2]| [1e3 * t_s, mm_from_m(speed_mps)];
     let corners = plate.stretches().into_iter().scan([0.0, 0.0], |at, stretch| {
         *at = [at[0] + stretch.length_s, at[1] + stretch.accel_mps2 * stretch.length_s];
@@ -129,15 +124,12 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> (Chart, Vec<Series>) 
     });
     let plate: Vec<[f64; 2]> = std::iter::once([0.0, 0.0]).chain(corners).map(|at| ms_mm(&at)).collect();
     let part: Vec<[f64; 2]> = events.iter().map(ms_mm).collect();
-    let mut series = Series::columns(["plate_t_ms", "plate_mm_s"], &plate);
-    series.extend(Series::columns(["part_t_ms", "part_mm_s"], &part));
-    let chart = Chart::plot(
+    Chart::plot(
         "feeder-cycle",
         "One cycle of the plate, and the part on it",
         ["time (ms)", "velocity (mm/s)"],
         vec![Layer::new("plate", Mark::Line, Color::Gray, plate), Layer::new("part", Mark::Line, Color::Blue, part)],
-    );
-    (chart, series)
+    )
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use rand::RngExt;
 
 use super::pulses::{envelope, place, play};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::geometry::{Vec2, perp};
 use upm_core::job::PlateMode;
@@ -76,7 +76,6 @@ pub fn field_span(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
                 "0 for rigid rotations",
             ),
         ]);
-        outcome.series.push(Series::new(&name.replace(' ', "_"), values.iter().copied()));
         let points = counted.into_iter().enumerate().map(|(k, value)| [(k + 1) as f64, value]);
         layers.push(Layer::new(name, Mark::Line, Color::nth(i), points));
     }

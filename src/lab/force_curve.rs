@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump, disc_friction, general_wave};
+use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump, disc_friction, general_wave};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -69,8 +69,6 @@ fn report_forces(rig: &LabRig, outcome: &mut ExperimentResult) {
     let at_belt = belt.iter().map(|[_, force, exact]| (force - exact).abs() / at_rest).fold(0.0, f64::max);
     let source = "closed form: no force at the belt's speed";
     outcome.figures.push(Figure::against("deviation of the mean force at A/2", "f0", at_belt, 0.0, source));
-    let names = ["force_speed_over_amplitude", "force_over_mu_m_g", "force_over_mu_m_g_closed_form"];
-    outcome.series.extend(Series::columns(names, &rows));
     outcome.charts.push(force_chart(&rows));
 }
 
@@ -173,11 +171,6 @@ fn report_approach(rig: &LabRig, outcome: &mut ExperimentResult) {
         Figure::against("time to 1 - 1/e of A/2", "ms", 1e3 * approach.rise_s(), 1e3 * exact_rise_s, &integral),
         Figure::against("deviation of speed against time, largest", "A/2", approach.deviation(), 0.0, &integral),
     ]);
-    outcome.series.extend([
-        Series::new("approach_t_s", approach.t_s.iter().copied()),
-        Series::new("approach_speed_mps", approach.speed_mps.iter().copied()),
-        Series::new("approach_speed_mps_closed_form", approach.exact_mps.iter().copied()),
-    ]);
     outcome.charts.push(approach_chart(&approach, exact_k2));
 }
 
@@ -223,7 +216,7 @@ fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{assert_sources_are_short, lab_rig};
+    use super::super::testing::{assert_sources_are_short, curve, lab_rig};
     use super::*;
 
     fn figure<'a>(outcome: &'a ExperimentResult, name: &str) -> &'a Figure {
@@ -253,9 +246,9 @@ mod tests {
         let paper_f0 = 0.24;
         assert!((figure(&outcome, "mean force on a part at rest, f0").measured / paper_f0 - 1.0).abs() < 0.01);
         assert_sources_are_short(&outcome);
-        let forces = &outcome.series[1].values;
+        let forces = curve(&outcome, "force-curve", "simulated");
         assert_eq!(forces.len(), 20);
-        assert!(forces.is_sorted_by(|a, b| a > b), "falls with speed");
+        assert!(forces.is_sorted_by(|a, b| a[1] > b[1]), "falls with speed");
     }
 
     #[test]
@@ -269,12 +262,5 @@ mod tests {
             assert!((ratio / exact - 1.0).abs() < 0.001, "{name}: {ratio}");
             assert!(figure(&set, name).relative_error().unwrap().abs() < 0.001, "{name}");
         }
-    }
-
-    #[test]
-    fn a_rig_without_friction_is_refused() {
-        let mut rig = lab_rig("upm-1");
-        rig.penny.friction = 0.0;
-        assert!(matches!(force_curve(&rig), Err(LabFault::Rig(_))));
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use super::numerics::bisect;
 use super::pumped::{FAINT, PumpedLine};
-use super::{ExperimentResult, Figure, LabRig, Series};
+use super::{ExperimentResult, Figure, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_sim::PartParams;
 
@@ -25,19 +25,16 @@ pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
     let part = PartParams { friction: FAINT, ..rig.penny };
     let phase_rad = |i: u32, count: u32| TAU * f64::from(i) / f64::from(count);
     let (mut layers, mut worst) = (Vec::new(), 0.0f64);
-    let deg = |i: u32| phase_rad(i, PHASES).to_degrees();
-    outcome.series.push(Series::new("wave_phase_deg", (0..=PHASES).map(deg)));
     for (n, share) in SHARES.into_iter().enumerate() {
         let found: Vec<[f64; 2]> = (0..=PHASES)
             .map(|i| {
                 let at_rad = phase_rad(i, PHASES);
                 let speed = equilibrium(part, share, at_rad);
                 worst = worst.max((speed - share * at_rad.sin()).abs());
-                [deg(i), speed]
+                [at_rad.to_degrees(), speed]
             })
             .collect();
         let curve = (0..=CURVE).map(|i| phase_rad(i, CURVE)).map(|at_rad| [at_rad.to_degrees(), share * at_rad.sin()]);
-        outcome.series.push(Series::new(&format!("equilibrium_speed_b_{share}"), found.iter().map(|at| at[1])));
         layers.push(Layer::new(&format!("b = {share}: b sin φ"), Mark::Line, Color::nth(n), curve));
         layers.push(Layer::new("", Mark::Dots, Color::nth(n), found));
     }

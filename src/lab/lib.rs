@@ -40,7 +40,7 @@ use cor_map::cor_map;
 use cor_steering::cor_steering;
 use field_span::field_span;
 use force_curve::force_curve;
-use outcome::{DataSheet, ExperimentResult, Figure, Series};
+use outcome::{DataSheet, ExperimentResult, Figure};
 use pulse_law::pulse_law;
 use race_track::race_track;
 use two_parts::two_parts;

@@ -23,9 +23,9 @@ use self::measures::{arrivals, samples_from, spectrum};
 use self::part::PartShape;
 pub use self::published::reproduce;
 use self::run::{Run, Setup};
-use super::settings::Setting;
+use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, Series};
+use super::{ExperimentResult, Figure, LabFault};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -57,45 +57,29 @@ pub struct MChip {
 }
 
 /// Parameters of the array and its part.
-pub const SETTINGS: &[Setting<MChip>] = &[
-    Setting::<MChip>::number("duty", [0.1, 0.9], 1.0, |chip| &mut chip.duty)
-        .about("share of a cycle in which the torque is on"),
-    Setting::<MChip>::count("strobe", [0.0, 1.0], |chip| &mut chip.strobe)
-        .about("1: rows are off in turn, the wave of them running against the feed; 0: every row alike"),
-    Setting::<MChip>::count("lambda", [2.0, 8.0], |chip| &mut chip.spacing)
-        .about("rows from one that is off to the next"),
-    Setting::<MChip>::count("gamma", [1.0, 10_000.0], |chip| &mut chip.cycles).about("cycles for which a row is off"),
-    Setting::<MChip>::number("row_delay", [0.0, 1.0], 1.0, |chip| &mut chip.row_delay)
-        .about("delay of a row against the one before it, in cycles"),
-    Setting::<MChip>::number("mass_ug", [10.0, 1_000.0], 1e-9, |chip| &mut chip.mass_kg)
-        .about("mass of the part; a lighter one is thrown higher than the array is long"),
-    Setting::<MChip>::number("ridge_um", [-140.0, -20.0], 1e-6, |chip| &mut chip.device.ridge_place_m)
-        .about("place of the ridge from the axis, negative on the trailing side"),
-    Setting::<MChip>::number("ridge_height_um", [2.0, 50.0], 1e-6, |chip| &mut chip.device.ridge_height_m)
-        .about("height of the ridge above its slab"),
-    Setting::<MChip>::number("rim_um", [0.1, 2.0], 1e-6, |chip| &mut chip.device.rim_radius_m)
-        .about("radius of the ridge's rim"),
-    Setting::<MChip>::number("drive_hz", [200.0, 20_000.0], 1.0, |chip| &mut chip.device.drive_hz)
-        .about("frequency of the torque"),
-    Setting::<MChip>::number("peak_rad", [0.005, 0.2], 1.0, |chip| &mut chip.device.peak_rad)
-        .about("largest angle of a free resonator at 50 % duty"),
-    Setting::<MChip>::number("natural_hz", [500.0, 50_000.0], 1.0, |chip| &mut chip.device.natural_hz)
-        .about("undamped natural frequency of a resonator"),
-    Setting::<MChip>::number("damping", [0.05, 3.0], 1.0, |chip| &mut chip.device.damping_ratio)
-        .about("damping of a resonator over critical damping"),
-    Setting::<MChip>::number("solidity", [0.1, 1.0], 1.0, |chip| &mut chip.device.solidity)
-        .about("mass of a slab over that of solid silicon"),
-    Setting::<MChip>::number("friction", [0.0, 2.0], 1.0, |chip| &mut chip.device.friction)
-        .about("Coulomb friction of an impact"),
-    Setting::<MChip>::number("restitution", [0.0, 0.95], 1.0, |chip| &mut chip.device.restitution)
-        .about("restitution of an impact"),
-    Setting::<MChip>::number("force_dyn", [-1.0, 1.0], DYN_N, |chip| &mut chip.force_n)
-        .about("force on the part along the feed"),
-    Setting::<MChip>::number("step_us", [0.1, 2.0], 1e-6, |chip| &mut chip.step_s).about("step of the simulation"),
-    Setting::<MChip>::number("time_s", [0.1, 20.0], 1.0, |chip| &mut chip.time_s).about("length of a run"),
-    Setting::<MChip>::count("starts", [1.0, 1_000.0], |chip| &mut chip.starts).about("runs from different starts"),
-    Setting::<MChip>::count("seed", [0.0, 1e9], |chip| &mut chip.seed).about("seed of the starts"),
-];
+pub const SETTINGS: &[Setting<MChip>] = settings! {
+    "duty", [0.1, 0.9], 1.0, duty, "share of a cycle in which the torque is on";
+    "strobe", [0.0, 1.0], count, strobe, "1: rows are off in turn, the wave of them running against the feed; 0: every row alike";
+    "lambda", [2.0, 8.0], count, spacing, "rows from one that is off to the next";
+    "gamma", [1.0, 10_000.0], count, cycles, "cycles for which a row is off";
+    "row_delay", [0.0, 1.0], 1.0, row_delay, "delay of a row against the one before it, in cycles";
+    "mass_ug", [10.0, 1_000.0], 1e-9, mass_kg, "mass of the part; a lighter one is thrown higher than the array is long";
+    "ridge_um", [-140.0, -20.0], 1e-6, device.ridge_place_m, "place of the ridge from the axis, negative on the trailing side";
+    "ridge_height_um", [2.0, 50.0], 1e-6, device.ridge_height_m, "height of the ridge above its slab";
+    "rim_um", [0.1, 2.0], 1e-6, device.rim_radius_m, "radius of the ridge's rim";
+    "drive_hz", [200.0, 20_000.0], 1.0, device.drive_hz, "frequency of the torque";
+    "peak_rad", [0.005, 0.2], 1.0, device.peak_rad, "largest angle of a free resonator at 50 % duty";
+    "natural_hz", [500.0, 50_000.0], 1.0, device.natural_hz, "undamped natural frequency of a resonator";
+    "damping", [0.05, 3.0], 1.0, device.damping_ratio, "damping of a resonator over critical damping";
+    "solidity", [0.1, 1.0], 1.0, device.solidity, "mass of a slab over that of solid silicon";
+    "friction", [0.0, 2.0], 1.0, device.friction, "Coulomb friction of an impact";
+    "restitution", [0.0, 0.95], 1.0, device.restitution, "restitution of an impact";
+    "force_dyn", [-1.0, 1.0], DYN_N, force_n, "force on the part along the feed";
+    "step_us", [0.1, 2.0], 1e-6, step_s, "step of the simulation";
+    "time_s", [0.1, 20.0], 1.0, time_s, "length of a run";
+    "starts", [1.0, 1_000.0], count, starts, "runs from different starts";
+    "seed", [0.0, 1e9], count, seed, "seed of the starts";
+};
 
 impl MChip {
     /// The paper's array and part, with every row driven alike.
@@ -160,13 +144,7 @@ pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult,
         notes.push(format!("the part left the array in {left} of {} runs, which end there", summaries.len()));
     }
     progress(1.0);
-    Ok(ExperimentResult {
-        figures: figures(&summaries),
-        notes,
-        series: log_series(&run),
-        charts: charts(&run),
-        ..ExperimentResult::default()
-    })
+    Ok(ExperimentResult { figures: figures(&summaries), notes, charts: charts(&run), ..ExperimentResult::default() })
 }
 
 fn figures(summaries: &[Summary]) -> Vec<Figure> {
@@ -186,27 +164,6 @@ fn figures(summaries: &[Summary]) -> Vec<Figure> {
         alone("energy of roll over that of pitch (AngX over AngY)", "1", angular(3) / angular(4)),
         alone("height of the part above rest", "µm", 1e6 * mean(summaries, |summary| summary.height_m.mean)),
         alone("strongest line of the height", "Hz", mean(summaries, |summary| summary.bounce_line[0])),
-    ]
-}
-
-/// The collision log of a run, contact by contact, and the part's track.
-fn log_series(run: &Run) -> Vec<Series> {
-    let impacts = &run.impacts;
-    let gaps = arrivals(impacts, 0.0, f64::INFINITY);
-    let column = |name: &str, of: &dyn Fn(&run::Impact) -> f64| Series::new(name, impacts.iter().map(of));
-    vec![
-        column("impact_at_s", &|impact| impact.at_s),
-        column("impact_row", &|impact| (impact.row + 1) as f64),
-        column("impact_column", &|impact| (impact.column + 1) as f64),
-        column("impact_angle_rad", &|impact| impact.swing.angle_rad),
-        column("impact_speed_radps", &|impact| impact.swing.speed_radps),
-        column("impact_impulse_ns", &|impact| impact.impulse_ns.norm()),
-        column("impact_forward_ns", &|impact| impact.impulse_ns.x),
-        Series::new("contact_gap_s", gaps.iter().map(|gap| gap.gap_s)),
-        Series::new("contact_angle_rad", gaps.iter().map(|gap| gap.angle_rad)),
-        Series::new("track_t_s", run.samples.iter().map(|sample| sample.at_s)),
-        Series::new("track_x_m", run.samples.iter().map(|sample| sample.state.center_m.x)),
-        Series::new("track_height_m", run.samples.iter().map(|sample| run.height_m(&sample.state))),
     ]
 }
 

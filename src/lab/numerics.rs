@@ -32,14 +32,3 @@ pub(super) fn runge_kutta<const N: usize>(
     let k4 = slope(along(k3, step), step);
     along(std::array::from_fn(|i| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0), step)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn line_through_points_on_a_line_is_that_line() {
-        let [intercept, slope] = line_through(&[[0.0, 1.0], [1.0, 3.0], [4.0, 9.0]]);
-        assert!((slope - 2.0).abs() < 1e-12 && (intercept - 1.0).abs() < 1e-12);
-    }
-}

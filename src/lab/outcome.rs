@@ -41,27 +41,6 @@ impl Figure {
     }
 }
 
-/// Named numbers for the user's own plots; the unit is in the name.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    /// Name with unit, such as `speed_mps`.
-    pub name: String,
-    /// Values in order of measurement.
-    pub values: Vec<f64>,
-}
-
-impl Series {
-    /// A series called `name`.
-    pub fn new(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
-        Self { name: name.to_owned(), values: values.into_iter().collect() }
-    }
-
-    /// The columns of `rows`, one series per name.
-    pub(super) fn columns<const N: usize>(names: [&str; N], rows: &[[f64; N]]) -> Vec<Self> {
-        names.iter().enumerate().map(|(i, name)| Self::new(name, rows.iter().map(|row| row[i]))).collect()
-    }
-}
-
 /// A table of numbers: one row per point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DataSheet {
@@ -84,12 +63,6 @@ impl DataSheet {
             row.push(value.unwrap_or(f64::NAN));
         }
     }
-
-    /// The columns as series.
-    pub(super) fn series(&self) -> Vec<Series> {
-        let column = |i: usize| self.rows.iter().map(move |row| row[i]);
-        self.columns.iter().enumerate().map(|(i, name)| Series::new(name, column(i))).collect()
-    }
 }
 
 /// Complete result of an experiment.
@@ -97,8 +70,6 @@ impl DataSheet {
 pub struct ExperimentResult {
     /// Figures of the table.
     pub figures: Vec<Figure>,
-    /// The curves behind the figures.
-    pub series: Vec<Series>,
     /// Pictures of the results, one SVG file each.
     pub charts: Vec<Chart>,
     /// Table of the points of a sweep, or of several machines.

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use super::pulses::{EDGE_M, check_carries, envelope, place, play, saturation, strongest_spin};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series, coulomb_pump};
+use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
@@ -72,7 +72,6 @@ pub fn pulse_law(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     for (bench, name) in &benches {
         let rows = bench.rows(&sustains_s)?;
         outcome.figures.extend(figures(bench, &rows, name));
-        outcome.series.extend(series(&rows, &name.replace(' ', "_")));
         outcome.charts.push(law_chart(&rows, name));
     }
     Ok(outcome)
@@ -197,15 +196,6 @@ fn figures(bench: &PivotSetup<'_>, rows: &[PulseLawRow], plate: &str) -> Vec<Fig
     ]
 }
 
-fn series(rows: &[PulseLawRow], plate: &str) -> [Series; 3] {
-    let column = |name: &str, of: fn(&PulseLawRow) -> f64| Series::new(&format!("{plate}_{name}"), rows.iter().map(of));
-    [
-        column("length_ms", |row| 1e3 * row.length_s),
-        column("displacement_mm", |row| mm_from_m(row.found_m)),
-        column("displacement_averaged_mm", |row| mm_from_m(row.averaged_m)),
-    ]
-}
-
 /// Chart of Fig. 8.
 fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
     let period_s = TAU / rig.model.base_radps;
@@ -268,7 +258,7 @@ fn law_chart(rows: &[PulseLawRow], plate: &str) -> Chart {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{assert_sources_are_short, lab_rig};
+    use super::super::testing::{assert_sources_are_short, curve, lab_rig};
     use super::*;
 
     #[test]
@@ -281,19 +271,15 @@ mod tests {
             assert!((fast.measured / 0.4346 - 1.0).abs() < 0.1, "{name}: {fast:?}");
             let whole =
                 [figure("fast plate: within 10 % of that from"), figure("fast plate: within 10 % of that up to")];
-            let lengths_ms = &outcome.series[0].values;
-            assert_eq!(
-                whole.map(|figure| figure.measured),
-                [lengths_ms[0], lengths_ms[lengths_ms.len() - 1]],
-                "{name}"
-            );
+            let found = curve(&outcome, "pulse-law-fast-plate", "simulated");
+            for (figure, end) in whole.iter().zip([found.first(), found.last()]) {
+                assert!((figure.measured - 1e3 * end.unwrap()[0].sqrt()).abs() < 1e-6, "{name}: {figure:?}");
+            }
             let slow = figure("slow plate: displacement over S²").measured;
             assert!(slow < 0.85 * fast.measured, "{name}: the belt limits: {slow}");
             for plate in ["fast", "slow"] {
-                let [longest, averaged] = ["", "_averaged"].map(|of| {
-                    let name = format!("{plate}_plate_displacement{of}_mm");
-                    *outcome.series.iter().find(|series| series.name == name).unwrap().values.last().unwrap()
-                });
+                let [longest, averaged] = ["simulated", "mean force (Eq. 18), integrated"]
+                    .map(|label| curve(&outcome, &format!("pulse-law-{plate}-plate"), label).last().unwrap()[1]);
                 assert!((longest / averaged - 1.0).abs() < 0.05, "{name}: {longest} {averaged}");
             }
         }

@@ -127,12 +127,4 @@ mod tests {
             assert!(spin > 0.0 && plays(spin) && !plays(1.001 * spin), "{name}: {spin}");
         }
     }
-
-    #[test]
-    fn a_quarter_turn_is_a_quarter_turn() {
-        let cor = Vec2::new(0.1, -0.2);
-        let (angle, arc) = turn(cor, cor + Vec2::new(0.05, 0.0), cor + Vec2::new(0.0, 0.05));
-        assert!((angle - std::f64::consts::FRAC_PI_2).abs() < 1e-12 && (arc - 0.05 * angle).abs() < 1e-12);
-        assert!((turn(cor, cor + Vec2::new(0.05, 0.0), cor + Vec2::new(0.05, -0.01)).0) < 0.0);
-    }
 }

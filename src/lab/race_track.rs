@@ -9,7 +9,7 @@ use super::pulses::{
     EDGE_M, FINER, SATURATION, SERIES_HZ, calm_envelope, check_carries, mm, place, places, play, saturation,
     strongest_spin, turn,
 };
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
@@ -93,32 +93,26 @@ impl RaceCourse {
     }
 }
 
-/// One coin's rotation about the centre: at every sample the accumulated angle and arc.
+/// One coin's rotation about the centre: the angle at every sample, and the arc in all.
 struct Lap {
     positions_m: Vec<Vec2>,
     angle_rad: Vec<f64>,
-    arc_m: Vec<f64>,
+    arc_m: f64,
 }
 
 impl Lap {
     fn of(positions_m: Vec<Vec2>, cor_m: Vec2) -> Self {
-        let (mut angle_rad, mut arc_m) = (vec![0.0], vec![0.0]);
-        let (mut angle, mut arc) = (0.0, 0.0);
+        let (mut angle_rad, mut angle, mut arc_m) = (vec![0.0], 0.0, 0.0);
         for pair in positions_m.windows(2) {
             let (turned, gone) = turn(cor_m, pair[0], pair[1]);
-            (angle, arc) = (angle + turned, arc + gone);
+            (angle, arc_m) = (angle + turned, arc_m + gone);
             angle_rad.push(angle);
-            arc_m.push(arc);
         }
         Self { positions_m, angle_rad, arc_m }
     }
 
     fn angle(&self) -> f64 {
         self.angle_rad.last().copied().unwrap_or(f64::NAN)
-    }
-
-    fn arc(&self) -> f64 {
-        self.arc_m.last().copied().unwrap_or(f64::NAN)
     }
 
     /// Increase of the coin's distance from the centre over the race.
@@ -188,12 +182,8 @@ impl Race {
 /// give no valid pulse.
 pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
-    Ok(ExperimentResult {
-        figures: figures(rig, &race),
-        series: series(&race),
-        charts: vec![map(&race), angles(&race)],
-        ..ExperimentResult::default()
-    })
+    let charts = vec![map(&race), angles(&race)];
+    Ok(ExperimentResult { figures: figures(rig, &race), charts, ..ExperimentResult::default() })
 }
 
 fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
@@ -209,35 +199,20 @@ fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
         let saturation = saturation(rig, spin_radps, course.radius_m(i), &course.pulse.envelope);
         figures.push(Figure::alone(format!("{}: saturation", NAMES[i]), "1", saturation, SATURATION));
         let radius = format!("starts {:.1} mm from the centre", 1e3 * course.radius_m(i));
-        figures.push(Figure::alone(format!("{}: arc", NAMES[i]), "mm", 1e3 * lap.arc(), &radius));
+        figures.push(Figure::alone(format!("{}: arc", NAMES[i]), "mm", 1e3 * lap.arc_m, &radius));
         figures.push(Figure::alone(format!("{}: angle turned", NAMES[i]), "deg", lap.angle().to_degrees(), &radius));
         let drift_mm = 1e3 * lap.drift_m(course.cor_m);
         figures.push(Figure::alone(format!("{}: radial drift", NAMES[i]), "mm", drift_mm, "none in the ideal field"));
     }
     let outer = &race.laps[OUTER];
     for (i, lap) in race.laps.iter().enumerate().take(OUTER) {
-        let (arcs, angles) = (lap.arc() / outer.arc(), lap.angle() / outer.angle());
+        let (arcs, angles) = (lap.arc_m / outer.arc_m, lap.angle() / outer.angle());
         figures.push(Figure::alone(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, IDEAL));
         let inverse = course.radius_m(OUTER) / course.radius_m(i);
         let name = format!("{}: angle over the outer coin's", NAMES[i]);
         figures.push(Figure::alone(name, "1", angles, &format!("{inverse:.2} in the ideal field")));
     }
     figures
-}
-
-fn series(race: &Race) -> Vec<Series> {
-    let every = |values: &[f64]| values.iter().step_by(FINER).copied().collect::<Vec<_>>();
-    let mut series = vec![Series::new("t_s", every(&race.t_s))];
-    for (name, lap) in ["inner", "middle", "outer"].into_iter().zip(&race.laps) {
-        let places = lap.positions_m.iter().step_by(FINER);
-        series.extend([
-            Series::new(&format!("{name}_x_m"), places.clone().map(|place| place.x)),
-            Series::new(&format!("{name}_y_m"), places.map(|place| place.y)),
-            Series::new(&format!("{name}_arc_m"), every(&lap.arc_m)),
-            Series::new(&format!("{name}_angle_rad"), every(&lap.angle_rad)),
-        ]);
-    }
-    series
 }
 
 fn map(race: &Race) -> Chart {
@@ -272,26 +247,22 @@ fn angles(race: &Race) -> Chart {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{assert_sources_are_short, lab_rig};
+    use super::super::testing::{assert_sources_are_short, lab_rig, measured};
     use super::*;
-
-    fn figure(outcome: &ExperimentResult, name: &str) -> f64 {
-        outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
-    }
 
     #[test]
     fn inner_coins_turn_through_larger_angles_where_the_motors_are_strong() {
         let outcome = race_track(&lab_rig("upm-2")).unwrap();
         assert_sources_are_short(&outcome);
-        let angle = NAMES.map(|coin| figure(&outcome, &format!("{coin}: angle turned")));
+        let angle = NAMES.map(|coin| measured(&outcome, &format!("{coin}: angle turned")));
         assert!(angle[0] > 1.15 * angle[1] && angle[1] > 1.15 * angle[2] && angle[0] > 80.0, "{angle:?}");
         for coin in NAMES {
-            assert!(figure(&outcome, &format!("{coin}: saturation")) < 1.0);
-            let drift_mm = figure(&outcome, &format!("{coin}: radial drift"));
+            assert!(measured(&outcome, &format!("{coin}: saturation")) < 1.0);
+            let drift_mm = measured(&outcome, &format!("{coin}: radial drift"));
             assert!(drift_mm.abs() < 5.0, "the plate rests between pulses: {coin}: {drift_mm}");
         }
         for coin in &NAMES[..OUTER] {
-            let arcs = figure(&outcome, &format!("{coin}: arc over the outer coin's"));
+            let arcs = measured(&outcome, &format!("{coin}: arc over the outer coin's"));
             // the inner coin's belt is nearest to saturation
             assert!((0.7..1.05).contains(&arcs), "{coin}: {arcs}");
         }
@@ -300,10 +271,10 @@ mod tests {
     #[test]
     fn weak_motors_turn_the_plate_into_a_belt() {
         let outcome = race_track(&lab_rig("upm-1")).unwrap();
-        let arc = NAMES.map(|coin| figure(&outcome, &format!("{coin}: arc")));
+        let arc = NAMES.map(|coin| measured(&outcome, &format!("{coin}: arc")));
         assert!(arc[0] < arc[1] && arc[1] < arc[2], "{arc:?}");
         for coin in NAMES {
-            assert!(figure(&outcome, &format!("{coin}: saturation")) > 1.0);
+            assert!(measured(&outcome, &format!("{coin}: saturation")) > 1.0);
         }
     }
 
@@ -312,17 +283,13 @@ mod tests {
         for name in ["upm-1", "upm-2"] {
             let rig = lab_rig(name);
             let outcome = race_track(&rig).unwrap();
-            assert!(figure(&outcome, "least gap between rims") > 0.0);
+            assert!(measured(&outcome, "least gap between rims") > 0.0);
             let reach = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m;
-            let places: Vec<&Series> = outcome
-                .series
-                .iter()
-                .filter(|series| series.name.ends_with("_x_m") || series.name.ends_with("_y_m"))
-                .collect();
-            assert_eq!(places.len(), 6);
-            for series in places {
-                assert_eq!(series.values.len(), outcome.series[0].values.len());
-                assert!(series.values.iter().all(|v| v.abs() < reach), "{name}: {}", series.name);
+            let ways =
+                outcome.charts[0].layers.iter().filter(|layer| layer.color == Color::Gray && layer.label.is_empty());
+            assert_eq!(ways.clone().count(), 3);
+            for place in ways.flat_map(|way| &way.points).flatten() {
+                assert!(place.abs() < 1e3 * reach, "{name}: {place}");
             }
         }
     }

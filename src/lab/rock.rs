@@ -16,9 +16,9 @@ use self::motion::{End, Motion, Release};
 use self::orbit::RockingCycle;
 pub use self::published::reproduce;
 use self::wave::{Square, Wave};
-use super::settings::Setting;
+use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, Series};
+use super::{ExperimentResult, Figure, LabFault};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -36,26 +36,17 @@ pub struct Rock {
 }
 
 /// Parameters of the block and its drive.
-pub const SETTINGS: &[Setting<Rock>] = &[
-    Setting::<Rock>::number("length_mm", [1e-2, 1e4], 1e-3, |rock| &mut rock.block.length_m)
-        .about("length of the face that it stands on"),
-    Setting::<Rock>::number("height_mm", [1e-2, 1e4], 1e-3, |rock| &mut rock.block.height_m)
-        .about("height of the block"),
-    Setting::<Rock>::number("restitution", [0.05, 1.0], 1.0, |rock| &mut rock.restitution)
-        .about("part of the centre's normal speed that an impact gives back"),
-    Setting::<Rock>::number("peak_rad", [1e-3, 1.5], 1.0, |rock| &mut rock.peak_rad)
-        .about("peak of the tilt on the steady orbit"),
-    Setting::<Rock>::number("from", [0.0, 1.0], 1.0, |rock| &mut rock.from)
-        .about("tilt at which the table's acceleration turns upward, of the peak"),
-    Setting::<Rock>::number("to", [-1.0, 1.0], 1.0, |rock| &mut rock.to)
-        .about("tilt at which it turns downward again, of the peak; negative: after the impact"),
-    Setting::<Rock>::number("ramp", [0.0, 0.5], 1.0, |rock| &mut rock.ramp)
-        .about("length of the wave's edges, of the period"),
-    Setting::<Rock>::number("start", [0.01, 100.0], 1.0, |rock| &mut rock.start)
-        .about("tilt at which it is let go, of the peak"),
-    Setting::<Rock>::number("time_s", [0.01, 100.0], 1.0, |rock| &mut rock.time_s)
-        .about("time for which it is followed"),
-];
+pub const SETTINGS: &[Setting<Rock>] = settings! {
+    "length_mm", [1e-2, 1e4], 1e-3, block.length_m, "length of the face that it stands on";
+    "height_mm", [1e-2, 1e4], 1e-3, block.height_m, "height of the block";
+    "restitution", [0.05, 1.0], 1.0, restitution, "part of the centre's normal speed that an impact gives back";
+    "peak_rad", [1e-3, 1.5], 1.0, peak_rad, "peak of the tilt on the steady orbit";
+    "from", [0.0, 1.0], 1.0, from, "tilt at which the table's acceleration turns upward, of the peak";
+    "to", [-1.0, 1.0], 1.0, to, "tilt at which it turns downward again, of the peak; negative: after the impact";
+    "ramp", [0.0, 0.5], 1.0, ramp, "length of the wave's edges, of the period";
+    "start", [0.01, 100.0], 1.0, start, "tilt at which it is let go, of the peak";
+    "time_s", [0.01, 100.0], 1.0, time_s, "time for which it is followed";
+};
 
 impl Rock {
     /// The block of Figs. 5 and 6, started 6 % high. The paper prints neither its size nor the drive; these are our
@@ -127,8 +118,7 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabFaul
         track_chart("rock-tilt", "Tilt of the block", &[("let go here", &motion)], Some(rock.peak_rad)),
         wave_chart("rock-table", &wave),
     ];
-    let series = Series::columns(["t_s", "tilt_rad"], &motion.track);
-    Ok(ExperimentResult { figures, notes, charts, series, ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures, notes, charts, ..ExperimentResult::default() })
 }
 
 /// Parameters of the wave, and its effect near the orbit.

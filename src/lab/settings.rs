@@ -27,6 +27,17 @@ pub enum Field<M> {
     Count(fn(&mut M) -> &mut u32),
 }
 
+/// Parameters of a machine, each by its key, its range, one unit of the key in SI (`count` for a whole number), its
+/// field and its description.
+macro_rules! settings {
+    (@ count $($field:ident).+) => { Field::Count(|machine| &mut machine.$($field).+) };
+    (@ $unit:tt $($field:ident).+) => { Field::Number(|machine| &mut machine.$($field).+, $unit) };
+    ($($key:literal, $range:expr, $unit:tt, $($field:ident).+, $about:literal;)+) => {
+        &[$(Setting { key: $key, about: $about, range: $range, field: settings!(@ $unit $($field).+) }),+]
+    };
+}
+pub(super) use settings;
+
 /// Description of a parameter: meaning, default and range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingInfo {
@@ -60,21 +71,6 @@ impl FromStr for SettingAssignment {
 }
 
 impl<M> Setting<M> {
-    /// A number; one unit of the key is `unit` in SI.
-    pub const fn number(key: &'static str, range: [f64; 2], unit: f64, of: fn(&mut M) -> &mut f64) -> Self {
-        Self { key, about: "", range, field: Field::Number(of, unit) }
-    }
-
-    /// A whole number.
-    pub const fn count(key: &'static str, range: [f64; 2], of: fn(&mut M) -> &mut u32) -> Self {
-        Self { key, about: "", range, field: Field::Count(of) }
-    }
-
-    /// The same with a description.
-    pub const fn about(self, about: &'static str) -> Self {
-        Self { about, ..self }
-    }
-
     /// Its value in `machine`, in the key's unit.
     pub fn value(&self, machine: &mut M) -> f64 {
         match self.field {
@@ -155,10 +151,10 @@ mod tests {
         blows: u32,
     }
 
-    const SETTINGS: &[Setting<Press>] = &[
-        Setting::number("stroke_mm", [0.5, 20.0], 1e-3, |press| &mut press.stroke_m),
-        Setting::count("blows", [1.0, 9.0], |press| &mut press.blows),
-    ];
+    const SETTINGS: &[Setting<Press>] = settings! {
+        "stroke_mm", [0.5, 20.0], 1e-3, stroke_m, "";
+        "blows", [1.0, 9.0], count, blows, "";
+    };
     const PRESS: Press = Press { stroke_m: 0.01, blows: 2 };
 
     fn set(texts: &[&str]) -> Result<Press, String> {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{ExperimentResult, Figure, Series};
+use super::{ExperimentResult, Figure};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum};
@@ -57,7 +57,7 @@ impl TraceSpectrum {
         (0.25 * mean * self.samples as f64).sqrt()
     }
 
-    /// Adds figures, series and chart to `outcome`, whose fit is `fit`.
+    /// Adds figures and chart to `outcome`, whose fit is `fit`.
     pub fn add_to(&self, outcome: &mut ExperimentResult, fit: &TwistFit) {
         for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
             for (k, harmonic) in [(1, "w"), (2, "2w")] {
@@ -69,10 +69,6 @@ impl TraceSpectrum {
         }
         let source = "floor of the spectrum above 4w, between harmonics";
         outcome.figures.push(Figure::alone("noise of a sample", "m/s²", self.noise_mps2(), source));
-        outcome.series.push(Series::new("spectrum_hz", self.hz.iter().copied()));
-        for (name, amplitudes) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2) {
-            outcome.series.push(Series::new(&format!("{name}_amplitude_mps2"), amplitudes.iter().copied()));
-        }
         outcome.charts.push(self.chart());
     }
 

@@ -80,11 +80,9 @@ impl Sweep {
             }
             charts.push(self.chart(i, figure, &values, &column));
         }
-        let series = sheet.series();
         Ok(ExperimentResult {
             notes: self.notes(&values, &found),
             charts,
-            series,
             sheet: Some(sheet),
             ..ExperimentResult::default()
         })
@@ -161,17 +159,6 @@ pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, wo
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sweeps_are_read_and_their_ends_belong_to_them() {
-        let sweep: Sweep = "duty=0.5:1:6".parse().unwrap();
-        let values = sweep.values();
-        assert_eq!((sweep.key.as_str(), values.len(), values[0], values[5]), ("duty", 6, 0.5, 1.0));
-        for text in ["duty", "duty=0.5", "duty=0.5:1", "duty=0.5:1:1", "duty=0.5:1:x", "duty=0.5:1:3:4", "d=1:2:10001"]
-        {
-            assert!(text.parse::<Sweep>().unwrap_err().contains(text), "{text}");
-        }
-    }
 
     #[test]
     fn points_are_in_order_and_those_that_fail_are_empty() {

@@ -122,22 +122,6 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_whole_numbers() {
-        for (count, text) in [(62.0, "62"), (-2.0, "-2"), (0.0, "0"), (-0.0, "0"), (999_999.0, "999999")] {
-            assert_eq!(cells(count, None)[0], text);
-        }
-        assert_eq!(cells(64.0, Some(128.0)), ["64", "128", "-50.00"]);
-        assert_eq!(cells(2.0, Some(2.5)), ["2.000", "2.500", "-20.00"]);
-    }
-
-    #[test]
-    fn sheets_are_aligned_and_nan_is_shown_as_a_dash() {
-        let columns = ["duty", "rate (mm/s)"].map(str::to_owned).to_vec();
-        let sheet = DataSheet { columns, rows: vec![vec![0.5, 12.0], vec![0.75, f64::NAN]] };
-        assert_eq!(super::columns(&sheet), ["  duty  rate (mm/s)", "0.5000        12.00", "0.7500            -"]);
-    }
-
-    #[test]
     fn columns_are_aligned_by_characters() {
         let figures =
             [Figure::against("a", "m/s²", 2.0, 2.1, "Eq. 1"), Figure::alone("longer name", "mm", -123.456, "counted")];

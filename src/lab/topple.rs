@@ -10,9 +10,9 @@ mod trials;
 use self::peg::{Peg, Pivot, Shape, ratio_of_orientations};
 pub use self::published::reproduce;
 use self::trials::{Band, TrialScatter, band};
-use super::settings::Setting;
+use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, Series};
+use super::{ExperimentResult, Figure, LabFault};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -29,24 +29,17 @@ pub struct Topple {
 }
 
 /// Parameters of a part and its ledge.
-pub const SETTINGS: &[Setting<Topple>] = &[
-    Setting::<Topple>::count("cylinder", [0.0, 2.0], |topple| &mut topple.cylinder)
-        .about("0 for a block, 1 for a cylinder that stands, 2 for one on its side along the way"),
-    Setting::<Topple>::number("length_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.length_m)
-        .about("length along the way; diameter of a cylinder that stands"),
-    Setting::<Topple>::number("height_mm", [1e-3, 1e4], 1e-3, |topple| &mut topple.height_m)
-        .about("height of the part; diameter of a cylinder on its side"),
-    Setting::<Topple>::number("ledge_mm", [0.0, 1e4], 1e-3, |topple| &mut topple.ledge_m).about("height of the ledge"),
-    Setting::<Topple>::number("belt_percent", [0.0, 20.0], 1e-2, |topple| &mut topple.scatter.belt)
-        .about("standard deviation of the belt's speed"),
-    Setting::<Topple>::number("friction", [0.0, 5.0], 1.0, |topple| &mut topple.scatter.friction)
-        .about("friction between belt and part"),
-    Setting::<Topple>::number("friction_sd", [0.0, 1.0], 1.0, |topple| &mut topple.scatter.friction_sd)
-        .about("standard deviation of that friction"),
-    Setting::<Topple>::number("way_mm", [0.0, 1e5], 1e-3, |topple| &mut topple.scatter.way_m)
-        .about("way on the belt before the ledge"),
-    Setting::<Topple>::count("seed", [0.0, 1e9], |topple| &mut topple.seed).about("seed of the trials"),
-];
+pub const SETTINGS: &[Setting<Topple>] = settings! {
+    "cylinder", [0.0, 2.0], count, cylinder, "0 for a block, 1 for a cylinder that stands, 2 for one on its side along the way";
+    "length_mm", [1e-3, 1e4], 1e-3, length_m, "length along the way; diameter of a cylinder that stands";
+    "height_mm", [1e-3, 1e4], 1e-3, height_m, "height of the part; diameter of a cylinder on its side";
+    "ledge_mm", [0.0, 1e4], 1e-3, ledge_m, "height of the ledge";
+    "belt_percent", [0.0, 20.0], 1e-2, scatter.belt, "standard deviation of the belt's speed";
+    "friction", [0.0, 5.0], 1.0, scatter.friction, "friction between belt and part";
+    "friction_sd", [0.0, 1.0], 1.0, scatter.friction_sd, "standard deviation of that friction";
+    "way_mm", [0.0, 1e5], 1e-3, scatter.way_m, "way on the belt before the ledge";
+    "seed", [0.0, 1e9], count, seed, "seed of the trials";
+};
 
 impl Topple {
     /// A peg of half an inch and the paper's ledge; the scatter is our choice, since the paper prints none.
@@ -109,12 +102,7 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
         )
     };
     let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();
-    let shares = &bands[0].2.shares;
-    let series = vec![
-        Series::new("belt_mm_s", shares.iter().map(|share| mm_from_m(share[0]))),
-        Series::new("share_fallen", shares.iter().map(|share| share[1])),
-    ];
-    Ok(ExperimentResult { figures, notes, series, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures, notes, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
 }
 
 fn too_high(topple: &Topple, peg: &Peg) -> LabFault {

@@ -55,27 +55,26 @@ pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{assert_sources_are_short, lab_rig};
+    use super::super::testing::{assert_sources_are_short, lab_rig, measured};
     use super::plan::tests::flow_in_steps;
     use super::task::OBSERVATIONS;
     use super::*;
 
-    fn series(outcome: &ExperimentResult, name: &str) -> Vec<f64> {
-        outcome.series.iter().find(|series| series.name == name).unwrap().values.clone()
-    }
-
-    fn figure(outcome: &ExperimentResult, name: &str) -> f64 {
-        outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured
+    /// Observations and misses, mm, of a mover.
+    fn misses(outcome: &ExperimentResult, mover: &str) -> [Vec<f64>; 2] {
+        let chart = outcome.charts.iter().find(|chart| chart.name == "two-parts-observations").unwrap();
+        let layer = chart.layers.iter().find(|layer| layer.label.starts_with(mover)).unwrap();
+        [0, 1].map(|axis| layer.points.iter().map(|point| point[axis]).collect())
     }
 
     #[test]
     fn miss_falls_with_observations_where_motors_are_strong() {
         let outcome = two_parts(&lab_rig("upm-2")).unwrap();
-        let order = figure(&outcome, "order at which E falls with observations, ideal field");
+        let order = measured(&outcome, "order at which E falls with observations, ideal field");
         assert!((order - 2.0).abs() < 0.1, "{order}");
-        for mover in ["ideal_field", "strong_plate", "rigs_plate"] {
-            assert_eq!(series(&outcome, &format!("{mover}_observations")), [1.0, 2.0, 4.0, 8.0]);
-            let misses = series(&outcome, &format!("{mover}_miss_m"));
+        for mover in ["ideal field", "strong plate", "rig's plate"] {
+            let [observations, misses] = misses(&outcome, mover);
+            assert_eq!(observations, [1.0, 2.0, 4.0, 8.0]);
             assert!(misses.is_sorted_by(|a, b| a > b), "{mover}: {misses:?}");
             assert!(misses[3] < 0.1 * misses[0], "{mover}: {misses:?}");
         }
@@ -89,18 +88,18 @@ mod tests {
             Ok(parts.map(|part| flow_in_steps(task.centers_m[center], part, d)))
         };
         let integrated_mm = 1e3 * task.go(1, rotate).unwrap().miss_m;
-        let measured_mm = figure(&two_parts(&rig).unwrap(), "E of 1 observation, ideal field");
+        let measured_mm = measured(&two_parts(&rig).unwrap(), "E of 1 observation, ideal field");
         assert!((measured_mm / integrated_mm - 1.0).abs() < 1e-6, "{measured_mm} {integrated_mm}");
     }
 
     #[test]
     fn weak_motors_miss_farther_than_strong_ones() {
         let outcome = two_parts(&lab_rig("upm-1")).unwrap();
-        assert!(figure(&outcome, "saturation, strong plate") < 0.5);
-        assert!(figure(&outcome, "saturation, rig's plate") > 1.0);
-        let strong = series(&outcome, "strong_plate_miss_m");
+        assert!(measured(&outcome, "saturation, strong plate") < 0.5);
+        assert!(measured(&outcome, "saturation, rig's plate") > 1.0);
+        let [_, strong] = misses(&outcome, "strong plate");
         assert!(strong.len() == 4 && strong.is_sorted_by(|a, b| a > b), "{strong:?}");
-        let own = series(&outcome, "rigs_plate_miss_m");
+        let [_, own] = misses(&outcome, "rig's plate");
         assert!(own.iter().zip(&strong).all(|(own, strong)| own > strong), "{own:?}");
         let failed = outcome.figures.iter().filter(|figure| figure.name == "failed try, rig's plate").count();
         assert_eq!(own.len() + failed, OBSERVATIONS.len());

@@ -4,7 +4,7 @@ mod verdict_counts;
 mod verdicts;
 
 use super::sweep::{Progress, parallel};
-use super::{ExperimentResult, LabFault, LabRig, Series};
+use super::{ExperimentResult, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_scene::{Difficulty, Scene};
 use verdict_counts::VerdictCounts;
@@ -42,22 +42,10 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
     });
     ExperimentResult {
         figures: tallies.iter().flat_map(VerdictCounts::figures).collect(),
-        series: tallies.iter().flat_map(series).collect(),
         charts: vec![histogram(&tallies)],
         notes: tallies.iter().flat_map(VerdictCounts::notes).collect(),
         ..ExperimentResult::default()
     }
-}
-
-/// Every centre's error, and the seeds that need attention.
-fn series(verdict_counts: &VerdictCounts) -> Vec<Series> {
-    let name = verdict_counts.difficulty().name();
-    let mut series = vec![Series::new(&format!("{name}_center_error_px"), verdict_counts.center_errors_px())];
-    for (cause, seeds) in verdict_counts.failing() {
-        let seeds = seeds.iter().map(|&seed| seed as f64);
-        series.push(Series::new(&format!("{name}_{}_seeds", cause.replace(' ', "_")), seeds));
-    }
-    series
 }
 
 fn histogram(tallies: &[VerdictCounts]) -> Chart {
@@ -84,7 +72,7 @@ fn histogram(tallies: &[VerdictCounts]) -> Chart {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::assert_sources_are_short;
+    use super::super::testing::{assert_sources_are_short, curve, measured};
     use super::verdicts::TableVerdict;
     use super::*;
 
@@ -110,16 +98,12 @@ mod tests {
         let outcome = vision_of(3, 2, &|_| ());
         assert_sources_are_short(&outcome);
         for difficulty in Difficulty::ALL {
-            let figure = |name: &str| {
-                let name = format!("{difficulty}: {name}");
-                outcome.figures.iter().find(|figure| figure.name == name).unwrap_or_else(|| panic!("{name}")).measured
-            };
+            let figure = |name: &str| measured(&outcome, &format!("{difficulty}: {name}"));
             let parts: usize = [3, 4].map(|seed| Scene::generate(difficulty, seed).parts.len()).iter().sum();
             assert_eq!(figure("parts in all"), parts as f64);
             if figure("tables not found") + figure("tables misplaced") == 0.0 {
-                let errors =
-                    &outcome.series.iter().find(|one| one.name == format!("{difficulty}_center_error_px")).unwrap();
-                assert_eq!(errors.values.len() as f64 + figure("parts missed"), parts as f64);
+                let shares = curve(&outcome, "vision", difficulty.name()).iter().step_by(2).map(|at| at[1]);
+                assert!((shares.sum::<f64>() - 100.0).abs() < 1e-6);
             }
         }
         assert_eq!(outcome.charts[0].layers.len(), 4);

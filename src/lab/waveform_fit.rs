@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use super::force_sign::force_signs;
 use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{BarePlate, steady_motion};
-use super::{ExperimentResult, Figure, LabFault, LabRig, Series};
+use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
 use upm_cor_library::AxisShape;
@@ -111,7 +111,7 @@ fn axis_ratio(lab: &LabRig, axis: usize, shapes: &[AxisShape; 3]) -> Complex<f64
     motion[axis].harmonic_ratio().unwrap_or_default()
 }
 
-/// Adds natural frequency and damping ratio of every axis, and its frequency response, to `outcome`.
+/// Adds natural frequency, damping ratio and frequency response of every axis to `outcome`.
 fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     const SOURCE: &str = "the rig's file; multisine, FFT, Eq. 33";
     let Some(found) = plate.resonances()? else {
@@ -128,11 +128,6 @@ fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentR
             Figure::alone(format!("{name}: natural, sd"), "Hz", sd_hz, "residual of the fit"),
         ];
         outcome.figures.extend(figures);
-    }
-    outcome.series.push(Series::new("line_hz", found[0].lines.iter().map(|(radps, _)| radps / TAU)));
-    for (name, AxisResonance { fit, lines }) in AXES.iter().zip(&found) {
-        let relative = lines.iter().map(|(_, response)| response.norm() / fit.accel_per_force);
-        outcome.series.push(Series::new(&format!("{name}_response"), relative));
     }
     outcome.charts.push(resonance_chart(&found));
     Ok(())
@@ -185,7 +180,7 @@ mod tests {
                 seen += 1;
             }
             assert_eq!(seen, 3);
-            assert!(outcome.recorded.is_some() && outcome.series.len() == 13 + 5);
+            assert!(outcome.recorded.is_some());
         }
     }
 
@@ -213,19 +208,12 @@ mod tests {
             let (lab, mut outcome) = (lab_rig(name), ExperimentResult::default());
             add_resonances(&lab, &mut BarePlate::new(&lab), &mut outcome).unwrap();
             assert_sources_are_short(&outcome);
-            assert_eq!((outcome.figures.len(), outcome.series.len(), outcome.charts.len()), (9, 4, 1));
+            assert_eq!((outcome.figures.len(), outcome.charts.len()), (9, 1));
             for figure in outcome.figures.iter().filter(|figure| figure.reference.is_some()) {
                 let bar = if figure.unit == "Hz" { 0.03 * figure.measured } else { 0.03 };
                 assert!((figure.measured - figure.reference.unwrap()).abs() < bar, "{name}: {figure:?}");
             }
         }
-    }
-
-    #[test]
-    fn a_recorded_trace_reads_the_same() {
-        let outcome = pulse("upm-1");
-        let again = waveform_fit_of(outcome.recorded.as_ref().unwrap()).unwrap();
-        assert_eq!(again.figures[..], outcome.figures[..again.figures.len()]);
     }
 
     /// Largest errors of the harmonics against Eq. 5 after calibration, over all axes: relative error of the ratio, and

@@ -279,15 +279,4 @@ mod tests {
         assert!(share(&|scene| scene.parts.iter().any(|part| part.relief.is_some())) > 0.3);
         assert!(share(&|scene| scene.parts.iter().any(|part| !part.glints.is_empty())) > 0.3);
     }
-
-    #[test]
-    fn difficulties_are_found_by_name() {
-        for difficulty in Difficulty::ALL {
-            assert_eq!(difficulty.to_string().parse(), Ok(difficulty));
-        }
-        assert_eq!(
-            "dirty".parse::<Difficulty>(),
-            Err("expected one of clean, rough, hard, papers, found \"dirty\"".into())
-        );
-    }
 }

@@ -97,12 +97,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn area_and_centre_of_a_triangle() {
-        let (area, center) = area_and_centre(&[(1.0, 1.0), (4.0, 1.0), (1.0, 3.0)].map(|(x, y)| Vec2::new(x, y)));
-        assert!((area - 3.0).abs() < 1e-12 && (center - Vec2::new(2.0, 5.0 / 3.0)).norm() < 1e-12);
-    }
-
-    #[test]
     fn a_part_below_the_camera_shows_its_top() {
         let scene = Scene { parts: vec![penny(0.0, 0.0)], ..Scene::plain(0) };
         let truth = scene.truth()[0];

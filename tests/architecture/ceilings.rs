@@ -7,24 +7,24 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 19] = [
-    ("chart", 1100),
+    ("chart", 936),
     ("control", 4940),
     ("cor_library", 900),
     ("core", 1720),
     ("document", 680),
     ("fixtures", 420),
-    ("lab", 6870),
+    ("lab", 7435),
     ("perception", 5340),
     ("planner", 3420),
     ("qp", 90),
     ("recording", 1720),
     ("runner", 5720),
-    ("scene", 920),
+    ("scene", 916),
     ("server", 8660),
     ("shapes", 460),
     ("sim", 3430),
     ("task", 2000),
-    ("upm", 7010),
+    ("upm", 6470),
     ("viewer", 2230),
 ];
 

@@ -1,5 +1,6 @@
 use std::f64::consts::TAU;
 
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::Color as _;
 use plotters::style::text_anchor::HPos;
@@ -16,8 +17,8 @@ const THIN_PX: f64 = 1.3;
 const DOT_PX: f64 = 2.6;
 /// Half the size of a cross, px.
 const CROSS_PX: f64 = 4.0;
-/// Dash and the gap after it, in the backend's pixels.
-const FINE_DASH: [f64; 2] = [8.0 * FINE, 5.0 * FINE];
+/// Dash and the gap after it, px.
+const DASH_PX: [f64; 2] = [8.0, 5.0];
 /// Largest head of an arrow: px, and as a share of the arrow.
 const HEAD_PX: f64 = 9.0;
 const HEAD: f64 = 0.45;
@@ -146,39 +147,16 @@ fn thin_line(sheet: &Sheet<'_>, run: Vec<Px>, color: Color) -> DrawResult {
 }
 
 pub(super) fn dashes(sheet: &Sheet<'_>, run: &[Px], color: Color) -> DrawResult {
-    let (mut on, mut left) = (true, FINE_DASH[0]);
-    let mut dash: Vec<Px> = run.first().copied().into_iter().collect();
-    for pair in run.windows(2) {
-        let [(x, y), (to_x, to_y)] = [pair[0], pair[1]].map(|(x, y)| (f64::from(x), f64::from(y)));
-        let length = (to_x - x).hypot(to_y - y);
-        let mut done = 0.0;
-        while length - done > left {
-            done += left;
-            let at = (x + (to_x - x) * done / length, y + (to_y - y) * done / length);
-            let at = (at.0.round() as i32, at.1.round() as i32);
-            dash.push(at);
-            if on {
-                line(sheet, std::mem::take(&mut dash), color)?;
-            }
-            on = !on;
-            left = FINE_DASH[usize::from(!on)];
-        }
-        left -= length - done;
-        if on {
-            dash.push(pair[1]);
-        }
-    }
-    if dash.len() > 1 { line(sheet, dash, color) } else { Ok(()) }
+    let (run, [on, off]) = (run.to_vec(), DASH_PX.map(fine));
+    sheet.draw(&DashedPathElement::new(run, on, off, paint(color).stroke_width(fine(LINE_PX) as u32)))
 }
 
 pub(super) fn dot(sheet: &Sheet<'_>, at: Px, color: Color) -> DrawResult {
     sheet.draw(&Circle::new(at, fine(DOT_PX), paint(color).filled()))
 }
 
-pub(super) fn cross(sheet: &Sheet<'_>, (x, y): Px, color: Color) -> DrawResult {
-    let arm = fine(CROSS_PX);
-    thin_line(sheet, vec![(x - arm, y - arm), (x + arm, y + arm)], color)?;
-    thin_line(sheet, vec![(x - arm, y + arm), (x + arm, y - arm)], color)
+pub(super) fn cross(sheet: &Sheet<'_>, at: Px, color: Color) -> DrawResult {
+    sheet.draw(&Cross::new(at, fine(CROSS_PX), paint(color).stroke_width(fine(THIN_PX) as u32)))
 }
 
 /// A shaft, with a head where the arrow ends within the plot.

@@ -148,18 +148,6 @@ fn charts_with_little_in_them_are_charts() {
 }
 
 #[test]
-fn a_dashed_line_is_broken_and_keeps_its_way() {
-    let dashed = Layer::new("", Mark::Dashes, Color::Red, [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
-    let dashes = polylines(&svg(&chart(true, vec![dashed])), Color::Red);
-    assert!(dashes.len() > 50, "{}", dashes.len());
-    let length =
-        |run: &Vec<[f64; 2]>| -> f64 { run.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum() };
-    for dash in &dashes[..dashes.len() - 1] {
-        assert!((length(dash) - 80.0).abs() < 3.0, "{}", length(dash));
-    }
-}
-
-#[test]
 fn labels_are_placed_beside_their_points_off_the_line_within_the_plot() {
     let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [90.0, 3.0]];
     let texts = ["start", "a & b", "a long goal", "outside"].map(str::to_owned).to_vec();

@@ -57,18 +57,6 @@ pub fn viscosity_nspm(plate: &PlateCycle, friction: f64, mass_kg: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn plate(duty: f64) -> PlateCycle {
-        PlateCycle { accel_mps2: 150.0, period_s: 0.02, duty }
-    }
-
-    #[test]
-    fn quasi_static_rate_peaks_at_five_eighths() {
-        let peak = quasi_static_mps(&plate(SATURATION));
-        assert!((peak - 150.0 * 0.02 / 16.0).abs() < 1e-12);
-        assert!(quasi_static_mps(&plate(0.62)) < peak && quasi_static_mps(&plate(0.63)) < peak);
-        assert_eq!((quasi_static_mps(&plate(0.5)), quasi_static_mps(&plate(1.0))), (0.0, 0.0));
-    }
-
     /// Eq. 6 is Eq. 5 solved for the acceleration; both branches of the rate meet there.
     #[test]
     fn branches_meet_where_the_part_saturates() {
@@ -80,11 +68,5 @@ mod tests {
             let rate = |duty: f64| part.rate_mps(&PlateCycle { accel_mps2, period_s: 0.02, duty }).unwrap();
             assert!((rate(duty + 1e-9) / rate(duty - 1e-9) - 1.0).abs() < 1e-6);
         }
-    }
-
-    #[test]
-    fn optimal_duty_feeds_at_half_of_the_plates_largest_speed() {
-        let plate = plate(2.0 - 2f64.sqrt());
-        assert!((quasi_static_mps(&plate) / plate.peak_mps() - 0.5).abs() < 1e-12);
     }
 }

@@ -11,7 +11,7 @@ use crate::coulomb_pump;
 use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::{Progress, parallel};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -48,8 +48,10 @@ const VISCOSITY: f64 = DYN_N / CM;
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut outcome = ExperimentResult::default();
+    let mut layers = Vec::new();
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
-        rate_against_duty(accel_mps2, saturates, &mut outcome)?;
+        let rates = rate_against_duty(accel_mps2, saturates, &mut outcome)?;
+        layers.extend(duty_layers(accel_mps2, Color::nth(i), rates));
         progress(0.2 * (i + 1) as f64 / ACCELS_MPS2.len() as f64);
     }
     landmarks(&mut outcome);
@@ -57,23 +59,32 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
         rate_against_force(duty, &|share| progress(0.2 + 0.3 * share), &mut outcome);
     }
     drives(rig, &mut outcome);
-    outcome.charts.push(duty_chart(&outcome.series));
+    outcome.charts.push(Chart::plot(
+        "feeder-duty",
+        "Feed rate against duty (Fig. 18); dots are simulated",
+        ["duty", "feed rate (cm/s)"],
+        layers,
+    ));
     Ok(outcome)
 }
 
-/// Feed rates over all duties at one acceleration, simulated and by the closed form.
-fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+/// Feed rates over all duties at one acceleration, simulated and by the closed form; returns duties and simulated
+/// rates, cm/s.
+fn rate_against_duty(
+    accel_mps2: f64,
+    saturates: f64,
+    outcome: &mut ExperimentResult,
+) -> Result<Vec<[f64; 2]>, LabFault> {
     let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
-    let duties: Vec<f64> = (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)).collect();
     let largest_mps = accel_mps2 * plate.period_s / 16.0;
-    let (mut rates_mps, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
-    for &duty in &duties {
+    let (mut rates, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
+    for duty in (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)) {
         let plate = PlateCycle { accel_mps2, duty, ..plate };
         let rate_mps = sliding.settled(&plate)?.way_m / plate.period_s;
         let off = (rate_mps - sliding.rate_mps(&plate).unwrap_or(f64::NAN)).abs() / largest_mps;
         let worst = if duty <= sliding.saturation(accel_mps2) { &mut before } else { &mut beyond };
         *worst = worst.max(off);
-        rates_mps.push(rate_mps);
+        rates.push([duty, rate_mps / CM]);
     }
     let at = format!("at {:.0} cm/s²", accel_mps2 / CM);
     for (worst, when) in [(before, "before"), (beyond, "beyond")] {
@@ -83,12 +94,7 @@ fn rate_against_duty(accel_mps2: f64, saturates: f64, outcome: &mut ExperimentRe
     let name = format!("duty at which the part saturates, {at}");
     let found = sliding.saturation(accel_mps2);
     outcome.figures.push(Figure::against(name, "1", found, saturates, "Impulse paper, Eq. 5, to three digits"));
-    let label = format!("{:.0}", accel_mps2 / CM);
-    if outcome.series.is_empty() {
-        outcome.series.push(Series::new("duty", duties.iter().copied()));
-    }
-    outcome.series.push(Series::new(&format!("rate_cm_s_{label}"), rates_mps.iter().map(|rate| rate / CM)));
-    Ok(())
+    Ok(rates)
 }
 
 /// Individual figures of section III-B and III-C.1.
@@ -148,9 +154,6 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Experimen
              saturation from d = {saturation:.3} on"
         ));
     }
-    let label = format!("{duty}");
-    outcome.series.push(Series::new(&format!("force_dyn_{label}"), points.iter().map(|at| at[1])));
-    outcome.series.push(Series::new(&format!("forced_rate_cm_s_{label}"), points.iter().map(|at| at[0])));
     outcome.charts.push(force_chart(duty, &points, [intercept, slope]));
 }
 
@@ -177,29 +180,13 @@ fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
     outcome.sheet = Some(DataSheet::new(names, rows));
 }
 
-fn duty_chart(series: &[Series]) -> Chart {
+/// The closed form, and the simulated rates as dots.
+fn duty_layers(accel_mps2: f64, color: Color, simulated: Vec<[f64; 2]>) -> [Layer; 2] {
     let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
-    let duties = series.first().map_or(&[][..], |duty| &duty.values);
-    let mut layers = Vec::new();
-    for (i, &accel_mps2) in ACCELS_MPS2.iter().enumerate() {
-        let curve = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i));
-        let exact =
-            curve.filter_map(|duty| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]));
-        layers.push(Layer::new(
-            &format!("{:.0} cm/s²: closed form", accel_mps2 / CM),
-            Mark::Line,
-            Color::nth(i),
-            exact,
-        ));
-        let simulated = series.get(i + 1).map_or(&[][..], |rates| &rates.values);
-        layers.push(Layer::new("", Mark::Dots, Color::nth(i), duties.iter().zip(simulated).map(|(&x, &y)| [x, y])));
-    }
-    Chart::plot(
-        "feeder-duty",
-        "Feed rate against duty (Fig. 18); dots are simulated",
-        ["duty", "feed rate (cm/s)"],
-        layers,
-    )
+    let rate = |duty: f64| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]);
+    let exact = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i)).filter_map(rate);
+    let label = format!("{:.0} cm/s²: closed form", accel_mps2 / CM);
+    [Layer::new(&label, Mark::Line, color, exact), Layer::new("", Mark::Dots, color, simulated)]
 }
 
 fn force_chart(duty: f64, points: &[[f64; 2]], [intercept, slope]: [f64; 2]) -> Chart {

@@ -66,13 +66,4 @@ mod tests {
         assert_eq!(off(200.0), [3, 7]);
         assert!(!drive.pushes(7, 8, 0.1) && drive.pushes(6, 8, 0.1) && !drive.pushes(6, 8, 0.6));
     }
-
-    #[test]
-    fn delayed_row_follows_the_one_before_it() {
-        let drive = ResonatorDrive { row_delay: 0.25, ..ResonatorDrive::plain() };
-        let pushed =
-            |row: usize| (0..4).map(|quarter| drive.pushes(row, 8, 4.0 + 0.25 * quarter as f64)).collect::<Vec<_>>();
-        assert_eq!(pushed(0), [true, true, false, false]);
-        assert_eq!(pushed(1), [false, true, true, false]);
-    }
 }

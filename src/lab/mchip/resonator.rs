@@ -116,13 +116,4 @@ mod tests {
             (swing.angle_rad - once.angle_rad).abs() < 1e-15 && (swing.speed_radps - once.speed_radps).abs() < 1e-9
         );
     }
-
-    #[test]
-    fn undamped_rotor_keeps_its_energy() {
-        let rotor = Rotor { damping_nms: 0.0, ..Device::published().rotor() };
-        let start = Swing { angle_rad: 0.05, speed_radps: 100.0 };
-        let step = rotor.exact_step(1e-6);
-        let end = (0..10_000).fold(start, |swing, _| step.after(&swing, 0.0));
-        assert!((rotor.energy_j(&end) / rotor.energy_j(&start) - 1.0).abs() < 1e-9);
-    }
 }

@@ -10,7 +10,7 @@ use super::device::Device;
 use super::drive::ResonatorDrive;
 use super::run::Setup;
 use crate::numerics::line_through;
-use crate::{ExperimentResult, Figure, Series};
+use crate::{ExperimentResult, Figure};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
@@ -67,7 +67,7 @@ impl Sweeps {
         Self { masses, soft, places, heights, forces, heavy }
     }
 
-    /// Adds figures, curves and charts.
+    /// Adds figures and charts.
     pub fn report<'a>(&self, of: &impl Fn(&Range<usize>) -> &'a [Summary], outcome: &mut ExperimentResult) {
         let curve = |ranges: &[Range<usize>], value: fn(&Summary) -> f64| -> Vec<f64> {
             ranges.iter().map(|range| mean(of(range), value)).collect()
@@ -98,20 +98,11 @@ impl Sweeps {
             ("force", "force along the feed (dyn)", &FORCES_DYN[..], &self.forces),
             ("force-heavy", "force along the feed, 207 µg (dyn)", &TABLE.map(|[force, _]| force)[..], &self.heavy),
         ] {
-            let (rates, heights, speeds) = (rate(ranges), height(ranges), speed(ranges));
-            let key = name.replace('-', "_");
-            let mut chart = chart(name, x, values, &rates, &heights);
+            let mut chart = chart(name, x, values, &rate(ranges), &height(ranges));
             if name.starts_with("force") {
                 chart.layers.push(belt());
             }
             outcome.charts.push(chart);
-            outcome.series.extend([
-                Series::new(&key, values.iter().copied()),
-                Series::new(&format!("{key}_rate_mm_s"), rates),
-                Series::new(&format!("{key}_height_um"), heights),
-                Series::new(&format!("{key}_speed_radps"), speeds),
-                Series::new(&format!("{key}_angle_rad"), curve(ranges, |summary| summary.angle_rad)),
-            ]);
         }
     }
 

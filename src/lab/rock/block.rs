@@ -74,12 +74,4 @@ mod tests {
         let [_, normal] = long.contact_mps2(BlockTilt::default(), GRAVITY_MPS2);
         assert!((normal / GRAVITY_MPS2 - 0.25).abs() < 1e-6, "{normal}");
     }
-
-    #[test]
-    fn lift_is_the_difference_of_the_sines() {
-        for (from, to) in [(0.0, 0.3), (0.2, 0.1), (0.1, 0.1 + 1e-9)] {
-            let exact = (BLOCK.flat_rad() + to).sin() - (BLOCK.flat_rad() + from).sin();
-            assert!((BLOCK.lift(from, to) - exact).abs() < 1e-15);
-        }
-    }
 }

@@ -97,14 +97,4 @@ mod tests {
             prop_assert!((time_s / exact_s - 1.0).abs() < 1e-6, "{time_s} {exact_s}");
         }
     }
-
-    #[test]
-    fn tilt_out_of_reach_takes_no_time() {
-        let block = Block { length_m: 0.04, height_m: 0.04 };
-        let rises = BlockTilt { tilt_rad: 0.0, speed_radps: 1.0 };
-        assert_eq!(block.time_s(rises, 0.5, GRAVITY_MPS2), None);
-        assert_eq!(block.speed_radps(rises, 0.5, GRAVITY_MPS2), None);
-        let weightless = block.time_s(rises, 0.5, 0.0);
-        assert_eq!((weightless, block.time_s(rises, -0.5, 0.0)), (Some(0.5), None), "no weight, no change of speed");
-    }
 }

@@ -163,25 +163,4 @@ mod tests {
             assert!((drive.down_mps2 / GRAVITY_MPS2 - 0.6).abs() < 1e-9, "{drive:?}");
         }
     }
-
-    #[test]
-    fn kick_topples_a_block_that_its_drive_only_rocks() {
-        let block = Block { length_m: 0.02, height_m: 0.04 };
-        let cycle = RockingCycle { block, restitution: 0.5, peaks_rad: [0.2; 2], from_rad: 0.16, to_rad: 0.02 };
-        let drive = cycle.drive().unwrap();
-        let kick = cycle.kick(drive.down_mps2).unwrap();
-        assert!(kick.up_mps2 > drive.up_mps2);
-        let release = Release { block, restitution: 0.5, tilt_rad: 0.2 };
-        assert_eq!(release.motion(&kick.wave(), 1.01 * kick.period_s).end, End::Topples);
-        assert_eq!(release.motion(&drive.wave(), 1.01 * kick.period_s).end, End::Rocks);
-    }
-
-    #[test]
-    fn window_out_of_order_has_no_drive() {
-        let block = Block { length_m: 0.04, height_m: 0.04 };
-        let cycle = |from_rad, to_rad| RockingCycle { block, restitution: 0.5, peaks_rad: [0.1; 2], from_rad, to_rad };
-        for (from_rad, to_rad) in [(0.2, 0.0), (0.05, 0.06), (0.05, -0.2), (0.05, -0.04)] {
-            assert_eq!(cycle(from_rad, to_rad).drive(), None, "{from_rad} {to_rad}");
-        }
-    }
 }

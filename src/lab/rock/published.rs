@@ -9,7 +9,7 @@ use super::raising::raise;
 use super::selection::{Orientations, Selected};
 use super::{Rock, table_figures, track_chart, wave_chart};
 use crate::sweep::{Progress, parallel};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -106,9 +106,6 @@ fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let both = [("exact start", &exact), ("6 % high", &high)];
     outcome.charts.push(track_chart("rock-square", "Square wave (Figs. 5 and 6)", &both, Some(rock.peak_rad)));
     outcome.charts.push(wave_chart("rock-square-table", &wave));
-    outcome
-        .series
-        .extend(Series::columns(["square_6_percent_high_t_s", "square_6_percent_high_tilt_rad"], &high.track));
     Ok(())
 }
 
@@ -128,7 +125,6 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     outcome.figures.extend(table_figures(&ramped, " for it"));
     outcome.charts.push(track_chart("rock-ramped", "Ramped wave (Fig. 8)", &[("0.30 rad", &motion)], Some(last_rad)));
     outcome.charts.push(wave_chart("rock-ramped-table", &ramped));
-    outcome.series.extend(Series::columns(["ramped_t_s", "ramped_tilt_rad"], &motion.track));
     let steep = Rock::published();
     let steep_drive = steep.drive()?;
     let rows =
@@ -157,8 +153,6 @@ fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let found = WINDOWS_FROM.iter().map(|&from| on_drive(from)).collect::<Result<Vec<_>, _>>()?;
     let curve: Vec<[f64; 2]> =
         found.iter().map(|found| [found.window, found.peaks_rad[1] / found.peaks_rad[0]]).collect();
-    let names = ["window_over_difference_of_impacts", "lying_over_standing"];
-    outcome.series.extend(Series::columns(names, &curve));
     outcome.charts.push(Chart::plot(
         "rock-window",
         "Peak of the lying block over that of the standing one",

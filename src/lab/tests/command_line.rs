@@ -50,7 +50,7 @@ fn an_experiment_leaves_its_files_and_its_figures() {
     let json = run(&["waveform-fit", "--json", "--seed", "3", "--out", out.to_str().unwrap()]);
     let result: Value = serde_json::from_str(&json).unwrap();
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    assert_eq!(keys(&result), ["experiment", "figures", "notes", "on", "series", "table"]);
+    assert_eq!(keys(&result), ["charts", "experiment", "figures", "notes", "on", "table"]);
     assert_eq!(result["experiment"], "waveform-fit");
     for figure in result["figures"].as_array().unwrap() {
         assert_eq!(keys(figure), ["measured", "name", "reference", "relative_error", "source", "unit"]);
@@ -58,7 +58,7 @@ fn an_experiment_leaves_its_files_and_its_figures() {
         let compared = figure["reference"].as_f64().is_some_and(|reference| reference != 0.0);
         assert_eq!(figure["relative_error"].is_f64(), compared, "{figure}");
     }
-    assert!(result["series"].as_object().unwrap().values().all(|values| values[0].is_number()));
+    assert!(result["charts"].as_array().unwrap().iter().all(|chart| chart["layers"][0]["points"][0][0].is_number()));
     let files = || fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     assert!(files().any(|name| name.ends_with(".svg")), "{:?}", files().collect::<Vec<_>>());
     let trace = out.join("waveform-fit-trace.json");
@@ -272,7 +272,7 @@ fn sweep_has_a_row_a_point_and_one_file_has_all_plots() {
     let plots = fs::read_dir(&out).unwrap().count();
     assert!(plots > 2 && page.matches("<svg ").count() == plots + 1, "{plots} plots");
     let result = lab(&["feeder", "--sweep", "duty=0.5:1:6"]);
-    assert_eq!(result["series"]["duty"].as_array().unwrap().len(), 6);
+    assert_eq!(result["table"]["rows"].as_array().unwrap().len(), 6);
     let again = lab(&["feeder", "--sweep", "duty=0.5:1:6"]);
     assert_eq!(result, again, "whatever the number of cores");
 }

@@ -7,7 +7,7 @@ use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::{Progress, parallel};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig, Series};
+use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -60,7 +60,6 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let trials = measure(&peg, &|_| ())?;
     outcome.figures.extend(trials.figures);
     outcome.charts.extend(trials.charts);
-    outcome.series.extend(trials.series);
     progress(0.9);
     batch(&peg, &streams, &mut outcome)?;
     Ok(outcome)
@@ -85,8 +84,7 @@ fn orientations() -> ExperimentResult {
             Layer::new("closed form (Eq. 2.3)", Mark::Line, Color::Blue, curve.iter().copied()),
         ],
     );
-    let series = Series::columns(["delta", "ratio_of_orientations"], &curve);
-    ExperimentResult { figures, charts: vec![chart], series, ..ExperimentResult::default() }
+    ExperimentResult { figures, charts: vec![chart], ..ExperimentResult::default() }
 }
 
 /// A cylinder twice as thick as that of `peg` that topples at the same speed.

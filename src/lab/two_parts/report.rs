@@ -1,7 +1,7 @@
-//! Figures, series and charts of the experiment with two parts.
+//! Figures and charts of the experiment with two parts.
 
 use super::super::pulses::{SATURATION, mm};
-use super::super::{ExperimentResult, Figure, Series};
+use super::super::{ExperimentResult, Figure};
 use super::calibrated_pulses::STRONG_SPIN_RADPS;
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::task::{OBSERVATIONS, StepSeries, TwoPartProblem};
@@ -37,7 +37,6 @@ pub fn outcome(task: &TwoPartProblem, runs: &[StepSeries; 3], side_results: &Sid
     let maps = [("two-parts-ideal", ideal), ("two-parts-strong", strong), ("two-parts-plate", own)];
     ExperimentResult {
         figures,
-        series: runs.iter().zip(["ideal_field", "strong_plate", "rigs_plate"]).flat_map(series).collect(),
         charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
         ..ExperimentResult::default()
     }
@@ -96,13 +95,6 @@ fn of_plate(run: &StepSeries, shortest_m: f64, saturation: f64) -> Vec<Figure> {
 
 fn counted(observations: usize) -> String {
     format!("{observations} {}", if observations == 1 { "observation" } else { "observations" })
-}
-
-fn series((run, name): (&StepSeries, &str)) -> [Series; 2] {
-    [
-        Series::new(&format!("{name}_observations"), run.ways.iter().map(|(observations, _)| *observations as f64)),
-        Series::new(&format!("{name}_miss_m"), run.ways.iter().map(|(_, way)| way.miss_m)),
-    ]
 }
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.

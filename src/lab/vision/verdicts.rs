@@ -140,12 +140,4 @@ mod tests {
         assert!((error.center_px - 0.2).abs() < 1e-12 && (error.position_m - 2e-4).abs() < 1e-12);
         assert!((error.over_covariance - 0.5).abs() < 1e-12);
     }
-
-    #[test]
-    fn the_nearest_detection_is_the_parts() {
-        // Each within reach of both parts.
-        let verdict = compare(&[part(0.0, 0), part(8.0, 1)], &[detection(4.5, 1), detection(3.0, 0)]);
-        assert_eq!((verdict.missed, verdict.invented, verdict.misnamed), (0, 0, 0));
-        assert!((verdict.errors[0].center_px - 3.0).abs() < 1e-12);
-    }
 }
