@@ -29,7 +29,7 @@ const GAP_PX: f64 = 8.0;
 const USUAL: f64 = 0.55;
 /// Width of the numbers and the label left of the y axis, px.
 const LEFT_PX: f64 = 90.0;
-/// Width of the plot, px.
+/// The picture's width without margins, numbers and label, px.
 const PLOT_WIDTH_PX: f64 = WIDTH_PX - 2.0 * MARGIN_PX - LEFT_PX;
 /// Largest number of ticks along an axis.
 const MOST_TICKS: usize = 9;

@@ -27,8 +27,8 @@ pub enum Field<M> {
     Count(fn(&mut M) -> &mut u32),
 }
 
-/// Parameters of a machine, each by its key, its range, one unit of the key in SI (`count` for a whole number), its field
-/// and its description.
+/// Parameters of a machine, each by its key, its range, one unit of the key in SI (`count` for a whole number), its
+/// field and its description.
 macro_rules! settings {
     (@ count $($field:ident).+) => { Field::Count(|machine| &mut machine.$($field).+) };
     (@ $unit:tt $($field:ident).+) => { Field::Number(|machine| &mut machine.$($field).+, $unit) };

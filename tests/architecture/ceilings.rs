@@ -7,13 +7,13 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 19] = [
-    ("chart", 1100),
+    ("chart", 936),
     ("control", 4440),
     ("cor_library", 900),
     ("core", 1720),
     ("document", 673),
     ("fixtures", 420),
-    ("lab", 6870),
+    ("lab", 7435),
     ("perception", 5340),
     ("planner", 3420),
     ("qp", 90),

@@ -231,14 +231,8 @@ impl<'a> PulseJudge<'a> {
         if let Some((channel, _)) = self.read.noisy {
             return self.judgement_without(channel);
         }
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
-        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
-        let size = energy(&self.planned);
-        let mismatch = Mismatch {
-            relative: (difference / size).sqrt(),
-            relative_sd: (noise / size).sqrt(),
-            score: self.score(&self.planned),
-        };
+        let difference = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
+        let mismatch = self.mismatch(difference, energy(&self.planned), self.score(&self.planned));
         let verdict = match mismatch.score {
             score if score <= 1.0 && self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 MotionVerdict::Unreadable { strong: true }
@@ -255,12 +249,17 @@ impl<'a> PulseJudge<'a> {
         let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
             distance(a, b) - (a[channel] - b[channel]).norm_sqr()
         };
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
-        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
+        let difference = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
         let score = self.score_without(channel);
-        let mismatch = Mismatch { relative: (difference / size).sqrt(), relative_sd: (noise / size).sqrt(), score };
+        let mismatch = self.mismatch(difference, size, score);
         let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
         MotionJudgement { mismatch: Some(mismatch), verdict: if score <= 1.0 { erratic } else { MotionVerdict::Other } }
+    }
+
+    /// The mismatch from the energy of the difference and that of the plan.
+    fn mismatch(&self, difference: f64, size: f64, score: f64) -> Mismatch {
+        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
+        Mismatch { relative: (difference / size).sqrt(), relative_sd: (noise / size).sqrt(), score }
     }
 
     /// The best of the accepted explanations.

@@ -112,7 +112,6 @@ mod tests {
     use crate::estimation::{axis_phasors, velocity_mps};
     use proptest::prelude::*;
     use rand::RngExt;
-    use upm_core::geometry::Vec2;
     use upm_core::random::Streams;
     use upm_core::signal::TwistWave;
 
@@ -148,14 +147,6 @@ mod tests {
         assert!(wrong <= 10, "{wrong} of {tried} signs are wrong");
     }
 
-    #[test]
-    fn force_sign_of_the_papers_wave_is_forward() {
-        // v = cos wt - ½ cos 2wt has a = w (-sin wt + sin 2wt); its mean friction is 0.2386 of μ m g.
-        assert_eq!(force_sign(&[0.0, -1.0, 0.0, 1.0]), 1.0);
-        assert_eq!(force_sign(&[0.0, 1.0, 0.0, -1.0]), -1.0);
-        assert!((mean_sign(&[1.0, 0.0, -0.5, 0.0]) - 0.2386).abs() < 1e-3);
-    }
-
     fn delayed_pump(amplitude: Twist, start_rad: f64) -> [AxisPhasors; 3] {
         let turn = |z: Complex<f64>, k: f64| z * Complex::from_polar(1.0, -k * start_rad);
         axis_phasors(&TwistWave::pump(amplitude, 300.0))
@@ -173,41 +164,6 @@ mod tests {
             prop_assert!(quality.harmonic_phase_rad.abs() < 1e-9);
             let turn = (quality.start_rad - start_rad + PI).rem_euclid(TAU) - PI;
             prop_assert!(turn.abs() < 1e-9);
-        }
-
-        #[test]
-        fn no_nearby_wave_is_nearer(parts in proptest::collection::vec(-0.25..0.25f64, 12), cx in -0.1..0.1f64, cy in -0.1..0.1f64,
-            nudge in proptest::array::uniform4(-0.02..0.02f64)) {
-            let mut axes = delayed_pump(Twist::about(Vec2::new(cx, cy), 4.0), 1.0);
-            for (axis, p) in axes.iter_mut().zip(parts.chunks(4)) {
-                axis.first *= Complex::new(1.0 + p[0], p[1]);
-                axis.second *= Complex::new(1.0 + p[2], p[3]);
-            }
-            let distance = |amplitude: Twist, start_rad: f64| -> f64 {
-                let ideal = delayed_pump(amplitude, start_rad);
-                let arms = [1.0, 1.0, ARM_M];
-                (0..3).map(|i| arms[i] * arms[i] * ((axes[i].first - ideal[i].first).norm_sqr() + 4.0 * (axes[i].second - ideal[i].second).norm_sqr())).sum()
-            };
-            let (pump, quality) = nearest_pump(&axes, ARM_M);
-            let other = pump + Twist::new(nudge[0], nudge[1], nudge[2] / ARM_M);
-            let nearest = distance(pump, quality.start_rad);
-            prop_assert!(nearest <= distance(other, quality.start_rad + nudge[3]) + 1e-12);
-            let energy: f64 = distance(Twist::ZERO, 0.0);
-            prop_assert!((quality.purity - (1.0 - nearest / energy)).abs() < 1e-9);
-            prop_assert!(quality.harmonic_phase_rad.abs() < PI / 2.0);
-        }
-
-        #[test]
-        fn finite_in_finite_out(parts in proptest::collection::vec(prop_oneof![Just(0.0), -1e3..1e3f64], 12)) {
-            let axes = std::array::from_fn(|i| AxisPhasors {
-                first: Complex::new(parts[4 * i], parts[4 * i + 1]),
-                second: Complex::new(parts[4 * i + 2], parts[4 * i + 3]),
-            });
-            let (pump, quality) = nearest_pump(&axes, ARM_M);
-            let PumpWaveQuality { start_rad, purity, harmonic_ratio, harmonic_phase_rad } = quality;
-            for x in [pump.velocity_mps.x, pump.velocity_mps.y, pump.spin_radps, start_rad, purity, harmonic_ratio, harmonic_phase_rad] {
-                prop_assert!(x.is_finite());
-            }
         }
     }
 }

@@ -121,13 +121,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn places_are_kept() {
-        let frame = Frame::new(12, 8);
-        let coarse = BinnedImage::part_of(&frame, 2, [1, 0], [3, 3]);
-        assert_eq!(coarse.frame_from_cell(Vec2::new(1.0, 0.0)), Vec2::new(4.5, 0.5));
-        assert_eq!(BinnedImage::of(&frame, 1).frame_from_cell(Vec2::new(5.0, 2.0)), Vec2::new(5.0, 2.0));
-        assert_eq!(BinnedImage::of(&frame, 100_000).levels.len(), 0);
-    }
 }

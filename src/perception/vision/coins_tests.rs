@@ -1,6 +1,6 @@
 //! Detection of parts in rendered pictures with known positions.
 
-use super::{CoinFinder, Detection, ResponseMethod, Table, locate_table};
+use super::{CoinFinder, Detection, Table, locate_table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
@@ -66,27 +66,6 @@ fn places_in_rough_pictures() {
     let (px, mm) = position_rms(&[3, 4].map(|seed| Scene::general(seed).rough()));
     eprintln!("parts, rough: {px:.4} px, {mm:.5} mm rms an axis");
     assert!(px <= 0.10 && mm < 0.025, "{px} px {mm} mm");
-}
-
-#[test]
-fn chords_and_fft_give_equal_responses_and_parts() {
-    for scene in [Scene::general(5), Scene::general(6).rough()] {
-        let (discs, frame) = (scattered(), scene.frame_with(&scattered()));
-        let table = table_of(&scene, &discs);
-        let [chords, fft] = [ResponseMethod::Chords, ResponseMethod::Fft].map(|method| {
-            let mut finder = CoinFinder::with_response(&table, scene.size_px, &pennies(), true, method);
-            assert_eq!(finder.response_method(), method);
-            (finder.find(&frame), finder.response())
-        });
-        assert_eq!(chords.0.len(), discs.len());
-        for (by_chords, by_fft) in chords.0.iter().zip(&fft.0) {
-            assert!((by_chords.center_px - by_fft.center_px).norm() < 1e-3, "{by_chords:?} {by_fft:?}");
-        }
-        let worst = chords.1.values.iter().zip(&fft.1.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(chords.0.len() == fft.0.len() && worst < 5e-4, "{worst}");
-    }
-    let auto = CoinFinder::new(&table_of(&Scene::plain(1), &[]), Scene::plain(1).size_px, &pennies(), true);
-    assert_eq!(auto.response_method(), ResponseMethod::Chords, "what coins get");
 }
 
 #[test]

@@ -217,43 +217,6 @@ mod tests {
     use super::*;
     use upm_core::signal::Frame;
 
-    fn step(width: usize, height: usize, edge: usize) -> Frame {
-        let mut frame = Frame::new(width, height);
-        frame.pixels.chunks_exact_mut(width).for_each(|row| row[edge..].fill(200));
-        frame
-    }
-
-    #[test]
-    fn a_step_is_one_line_of_edges_in_the_right_place() {
-        for (bin, edge, cells) in [(1, 17, 26), (2, 33, 26), (4, 66, 26)] {
-            let mut plane = FloatImage::default();
-            let points = edges(&BinnedImage::of(&step(40 * bin, 30 * bin, edge), bin), Some(&mut plane));
-            assert_eq!(points.len(), cells);
-            for point in &points {
-                assert!((point.at_px.x - (edge as f64 - 0.5)).abs() < 0.2 * bin as f64, "{point:?} {edge}");
-                assert!(point.outward.x < -0.999 && point.outward.y.abs() < 1e-3);
-            }
-            assert_eq!(plane.values.iter().filter(|&&v| v > 0.0).count(), cells);
-        }
-    }
-
-    #[test]
-    fn a_slanted_edge_is_found_below_a_cell() {
-        let (sin, cos) = 0.35f64.sin_cos();
-        let mut frame = Frame::new(320, 240);
-        for (i, pixel) in frame.pixels.iter_mut().enumerate() {
-            let off = ((i % 320) as f64 - 160.0) * cos + ((i / 320) as f64 - 120.0) * sin;
-            *pixel = (110.0 - 100.0 * (off * 2.0).clamp(-1.0, 1.0)) as u8;
-        }
-        let points = edges(&BinnedImage::of(&frame, 4), None);
-        assert!(points.len() > 50);
-        for point in &points {
-            let off = (point.at_px - Vec2::new(160.0, 120.0)).dot(&Vec2::new(cos, sin));
-            assert!(off.abs() < 0.9, "{off} px off at {:?}", point.at_px);
-            assert!(point.outward.dot(&Vec2::new(cos, sin)) > 0.995, "{point:?}");
-        }
-    }
-
     #[test]
     fn flat_and_tiny_pictures_have_no_edges() {
         for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {

@@ -203,19 +203,5 @@ mod tests {
             ballot.remove_votes(peak, edges.iter());
             prop_assert!(votes > 40.0 && ballot.highest().is_none());
         }
-
-        #[test]
-        fn columns_are_those_of_the_arctangent(angle in 0.0..TAU) {
-            let column = f64::from(column_of(Vec2::new(angle.cos(), angle.sin())));
-            prop_assert!((column - angle / TAU * ANGLES as f64).abs() < 0.502);
-        }
-
-        #[test]
-        fn lines_meet_where_they_cross(x in -9.0..9.0f64, y in -9.0..9.0f64, a in 0.0..1.0f64, b in 1.5..2.5f64) {
-            let p = Vec2::new(x, y);
-            let [l, m] = [a, b].map(|a| HoughLine::through(p, p + Vec2::new(a.cos(), a.sin())));
-            prop_assert!((l.meets(&m).unwrap() - p).norm() < 1e-9);
-            prop_assert!(l.meets(&l).is_none());
-        }
     }
 }

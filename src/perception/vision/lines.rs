@@ -47,19 +47,14 @@ pub(super) fn through_edges(
 ) -> Option<HoughLine> {
     let (along, inward) = axes(from, to);
     let length = (to - from).norm();
-    let (mut n, mut st, mut stt, mut sy, mut sty) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut sums = LineSums::default();
     for edge in edges {
         let (t, y) = ((edge.at - from).dot(&along), (edge.at - from).dot(&inward));
         if y.abs() < reach_px && t > 0.0 && t < length && edge.outward.dot(&outward) > 0.966 {
-            (n, st, stt, sy, sty) = (n + 1.0, st + t, stt + t * t, sy + y, sty + t * y);
+            sums.add(1.0, t, y);
         }
     }
-    let det = n * stt - st * st;
-    if n < 4.0 || det.is_nan() || det <= 1e-9 * n * stt {
-        return None;
-    }
-    let slope = (n * sty - st * sy) / det;
-    let offset = (sy - slope * st) / n;
+    let (offset, slope) = sums.line().filter(|_| sums.n >= 4.0)?;
     Some(HoughLine::through(from + inward * offset, to + inward * (offset + slope * length)))
 }
 
@@ -99,7 +94,8 @@ impl SideMeasurement<'_> {
             if !(scale > 0.1 && self.sampler.contains(center, 1.0)) {
                 continue;
             }
-            let profile = self.profile::<N>(center - step * middle, center + step * middle).map(|level| sign * level);
+            let profile =
+                self.sampler.profile::<N>(center - step * middle, center + step * middle).map(|level| sign * level);
             let outside = (profile[0] + profile[1]) / 2.0;
             let inside = (profile[N - 1] + profile[N - 2]) / 2.0;
             if let Some(at) = rising_crossing(&profile, outside, inside) {
@@ -109,14 +105,33 @@ impl SideMeasurement<'_> {
         }
         found
     }
+}
 
-    fn profile<const N: usize>(&self, from: Vec2, to: Vec2) -> [f32; N] {
-        self.sampler.along::<N>(from, to).unwrap_or_else(|| {
-            std::array::from_fn(|k| {
-                let p = from + (to - from) * (k as f64 / (N as f64 - 1.0));
-                self.sampler.at(p.x, p.y)
-            })
-        })
+/// Weighted sums over points `(t, y)`, for the line `y = offset + slope · t` of least squares.
+#[derive(Default)]
+struct LineSums {
+    n: f64,
+    t: f64,
+    tt: f64,
+    y: f64,
+    ty: f64,
+}
+
+impl LineSums {
+    fn add(&mut self, weight: f64, t: f64, y: f64) {
+        self.n += weight;
+        self.t += weight * t;
+        self.tt += weight * t * t;
+        self.y += weight * y;
+        self.ty += weight * t * y;
+    }
+
+    /// Offset and slope; `None` where the points do not determine them.
+    fn line(&self) -> Option<(f64, f64)> {
+        let Self { n, t, tt, y, ty } = *self;
+        let det = n * tt - t * t;
+        let slope = (n * ty - t * y) / det;
+        (det > 1e-9 * n * tt).then(|| ((y - slope * t) / n, slope))
     }
 }
 
@@ -140,23 +155,14 @@ fn fit(crossings: &[EdgeSample], stations: usize, known: bool) -> Option<(f64, f
         scratch.clear();
         scratch.extend(crossings.iter().map(|c| (c.across - offset - slope * c.along).abs()));
         let sd = (1.4826 * quantile(&mut scratch, 0.5)).max(0.01);
-        let (mut n, mut st, mut stt, mut sy, mut sty) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut sums = LineSums::default();
         agreeing = 0;
         for c in crossings {
-            let w = biweight((c.across - offset - slope * c.along) / sd);
-            agreeing += usize::from(w > 0.0);
-            n += w;
-            st += w * c.along;
-            stt += w * c.along * c.along;
-            sy += w * c.across;
-            sty += w * c.along * c.across;
+            let weight = biweight((c.across - offset - slope * c.along) / sd);
+            agreeing += usize::from(weight > 0.0);
+            sums.add(weight, c.along, c.across);
         }
-        let det = n * stt - st * st;
-        if det <= 1e-9 * n * stt || det.is_nan() {
-            return None;
-        }
-        slope = (n * sty - st * sy) / det;
-        offset = (sy - slope * st) / n;
+        (offset, slope) = sums.line()?;
     }
     (agreeing as f64 >= least).then_some((offset, slope))
 }

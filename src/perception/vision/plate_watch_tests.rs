@@ -119,14 +119,6 @@ fn foreign_parts_of_the_first_frame_are_reported() {
 }
 
 #[test]
-fn foreign_parts_beyond_eight_are_left_out() {
-    let scene = Scene::plain(1);
-    let discs: Vec<SceneDisc> =
-        (0..12).map(|i| penny(0.04 * f64::from(i % 4) - 0.06, 0.04 * f64::from(i / 4) - 0.05)).collect();
-    assert_eq!(watch(&scene).check(&scene.frame_with(&discs), &[]).foreign.len(), 8);
-}
-
-#[test]
 fn plate_under_a_part_that_moved_away_is_watched() {
     let scene = Scene { noise_sd: 2.5, shading: 0.3, ..Scene::general(4) };
     let (before, after) = ([penny(-0.03, 0.02)], [penny(0.04, -0.03)]);

@@ -118,15 +118,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn the_way_follows_the_size_of_the_disks() {
-        let used = |radius, method| DiskResponder::new(215, 215, vec![DiskKernel::new(radius)], method).method();
-        assert_eq!(used(10.0, ResponseMethod::Auto), ResponseMethod::Chords);
-        assert_eq!(used(150.0, ResponseMethod::Auto), ResponseMethod::Fft);
-        assert_eq!(used(10.0, ResponseMethod::Fft), ResponseMethod::Fft);
-        assert_eq!(used(90.0, ResponseMethod::Chords), ResponseMethod::Chords);
-        assert_eq!(used(150.0, ResponseMethod::Chords), ResponseMethod::Fft, "its sum overflows");
-        DiskResponder::new(0, 0, vec![DiskKernel::new(3.0)], ResponseMethod::Auto).load(|_, _| {});
-    }
 }

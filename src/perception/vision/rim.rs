@@ -172,13 +172,7 @@ impl RimFinder {
     fn look_along<const N: usize>(&self, sampler: &Sampler, map: &LocalMap, ray: Vec2, ends: [f64; 2]) -> [f32; N] {
         let (linear, square) = map.along(ray);
         let [from, to] = ends.map(|s| map.origin + (linear + square * s) * s);
-        let levels = sampler.along::<N>(from, to).unwrap_or_else(|| {
-            std::array::from_fn(|k| {
-                let p = from + (to - from) * (k as f64 / (N as f64 - 1.0));
-                sampler.at(p.x, p.y)
-            })
-        });
-        levels.map(|level| level * self.sign)
+        sampler.profile::<N>(from, to).map(|level| level * self.sign)
     }
 
     /// Levels just inside and just outside the rim, each a constant and a slope. Rays whose ends do not fit are

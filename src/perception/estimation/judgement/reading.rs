@@ -50,16 +50,3 @@ fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
     let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
     (most > NOISY * NOISY * next).then(|| (channel, most / squares.iter().sum::<f64>()))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn channel_that_leaves_over_ten_times_as_much_as_any_other_is_noisy() {
-        assert_eq!(noisy(&[0.1, 0.1, 2.0, 0.1]), None, "too faint to matter");
-        assert_eq!(noisy(&[1.0, 1.1, 9.0, 0.9]), None);
-        let (channel, share) = noisy(&[1.0, 0.0, 40.0, 0.0]).unwrap();
-        assert!(channel == 2 && (share - 1600.0 / 1601.0).abs() < 1e-12);
-    }
-}

@@ -252,19 +252,6 @@ fn several_faults_are_not_blamed_on_a_single_one() {
 }
 
 #[test]
-fn mismatch_is_relative_to_the_plan() {
-    let drive = strong_field(7, 3.0);
-    let healthy = HEALTHY.judged(&drive, 7).mismatch.unwrap();
-    assert!(healthy.relative < 0.002 && healthy.relative_sd < 0.002, "{healthy:?}");
-    let reversed = TestPlate { coil_gain: [-1.0; MOTORS], ..HEALTHY }.judged(&drive, 7).mismatch.unwrap();
-    assert!((reversed.relative - 2.0).abs() < 0.01, "{reversed:?}");
-    let still = ExpectedMotion { drive: &Drive::default(), coils: &coils(8) };
-    let trace = HEALTHY.trace(&drive, &mut Streams::new(7).stream("noise"));
-    let fit = fit_wave(&trace, &drive.envelope, BASE_RADPS, 8, &SENSORS).map(PlateFit::Wave);
-    assert_eq!(judge(&still, fit.as_ref(), &SENSORS).verdict, MotionVerdict::Other, "no motion was planned");
-}
-
-#[test]
 fn unreadable_strong_pulse_is_distinguished_from_a_short_or_weak_one() {
     let verdict = |plate: &TestPlate, drive: &Drive| plate.judged(drive, 9).verdict;
     let (strong, weak) = (MotionVerdict::Unreadable { strong: true }, MotionVerdict::Unreadable { strong: false });

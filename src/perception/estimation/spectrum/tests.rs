@@ -131,26 +131,6 @@ proptest! {
             prop_assert!((fit.accel_response(w) - closed).norm() < 0.01 * closed.norm(), "line {k} of {force}");
         }
     }
-
-    #[test]
-    fn spectrum_is_that_of_the_sum_of_its_lines(
-        amplitudes in proptest::collection::vec((-5.0..5.0f64, -5.0..5.0f64), 6), samples in 10..200usize,
-    ) {
-        let value = |i: usize| -> f64 {
-            amplitudes.iter().enumerate().map(|(k, (c, s))| {
-                let (sin, cos) = (TAU * k as f64 * i as f64 / samples as f64).sin_cos();
-                c * cos + s * sin
-            }).sum()
-        };
-        let values: Vec<f64> = (0..samples).map(value).collect();
-        let spectrum = amplitude_spectrum(&values);
-        prop_assert_eq!(spectrum.len(), samples / 2 + 1);
-        for (k, (c, s)) in amplitudes.iter().enumerate() {
-            let has_sine = k > 0 && 2 * k < samples;
-            let wanted = Complex::new(*c, if has_sine { -s } else { 0.0 });
-            prop_assert!((spectrum[k] - wanted).norm() < 1e-9, "{k}");
-        }
-    }
 }
 
 #[test]

@@ -120,29 +120,6 @@ fn noise_and_drift_leave_the_wave_alone() {
 }
 
 #[test]
-fn unfitted_harmonic_is_left_in_the_residual() {
-    let mut wave = random_wave(&mut Streams::new(5).stream("wave"), 30.0, 4);
-    let lone = Twist::new(4.0 / (4.0 * wave.base_radps), 0.0, 0.0);
-    wave.harmonics[3] = TwistHarmonic { cos: lone, sin: Twist::ZERO };
-    let envelope = pulse(30.0, 4.0);
-    let trace = trace_of(&wave, &envelope, RIG, [1.0; CHANNELS], &mut |_, _| 0.0);
-    let fit = fit_wave(&trace, &envelope, wave.base_radps, 3, &SENSORS).unwrap();
-    // 4 m/s² on the two x channels of four, less the share that the polynomial absorbs
-    assert!((1.9..2.01).contains(&fit.residual_rms_mps2), "{}", fit.residual_rms_mps2);
-}
-
-#[test]
-fn a_pump_wave_is_read_as_by_the_fit_of_rotations() {
-    let wave = TwistWave::pump(Twist::about(Vec2::new(0.02, -0.03), 1.2), TAU * 40.0);
-    let envelope = pulse(40.0, 4.0);
-    let trace = trace_of(&wave, &envelope, RIG, [1.0; CHANNELS], &mut |_, t_s| 0.3 - t_s);
-    let many = fit_wave(&trace, &envelope, wave.base_radps, 2, &SENSORS).unwrap();
-    let two = super::super::fit_twist(&trace, &envelope, wave.base_radps, &SENSORS).unwrap();
-    assert!(off_part(&many.wave, &two.wave) < 1e-9, "{}", off_part(&many.wave, &two.wave));
-    assert!((many.residual_rms_mps2 - two.residual_rms_mps2).abs() < 1e-9);
-}
-
-#[test]
 fn traces_that_cannot_be_fitted_are_refused() {
     let wave = random_wave(&mut Streams::new(6).stream("wave"), 30.0, 8);
     let envelope = pulse(30.0, 2.0);

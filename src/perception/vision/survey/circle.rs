@@ -130,13 +130,7 @@ impl<'a> OutlineGauge<'a> {
             let (linear, square) = map.along(*ray);
             let place = |s: f64| map.origin + (linear + square * s) * s;
             let (from, to) = (place(1.0 - REACH), place(1.0 + REACH));
-            let levels: [f32; SAMPLES] = self.sampler.along::<SAMPLES>(from, to).unwrap_or_else(|| {
-                array::from_fn(|i| {
-                    let p = from + (to - from) * (i as f64 / (SAMPLES as f64 - 1.0));
-                    self.sampler.at(p.x, p.y)
-                })
-            });
-            slopes[k] = sharpness(&levels, half);
+            slopes[k] = sharpness(&self.sampler.profile::<SAMPLES>(from, to), half);
         }
         let mut tops: [f32; RAYS] = array::from_fn(|k| slopes[k].iter().fold(0.0, |a: f32, v| a.max(v[0])));
         let median = *tops.select_nth_unstable_by(RAYS / 2, f32::total_cmp).1;

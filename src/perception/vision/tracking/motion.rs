@@ -100,14 +100,4 @@ mod tests {
         motion.see(Vec2::new(500.0, 500.0), 1e-3);
         assert!((motion.place_px - Vec2::new(500.0, 500.0)).norm() < 0.01 && motion.velocity_px.norm() < 40.0);
     }
-
-    #[test]
-    fn uncertain_observation_moves_the_estimate_less() {
-        let mut good = MotionModel::at_rest(Vec2::zeros(), 40.0, [100, 100]);
-        good.step();
-        let mut bad = good.clone();
-        good.see(Vec2::new(4.0, 0.0), 1e-3);
-        bad.see(Vec2::new(4.0, 0.0), 4.0);
-        assert!(good.velocity_px.x > bad.velocity_px.x && bad.velocity_px.x > 0.0);
-    }
 }
