@@ -1,4 +1,5 @@
-//! What handlers are given: the state that all share, and typed parts of a request. One that does not have its type is refused by a problem document with every fault.
+//! Inputs of handlers: the state that all share, and typed parts of a request. One that does not have its type is
+//! refused by a problem document with every fault.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ use upm_document::{Diagnostic, DiagnosticClass, parse, schema_of};
 use super::backend::Backend;
 use crate::http::{Caller, Problem, ProblemKind, too_large};
 
-/// What all handlers share.
+/// State that all handlers share.
 pub(super) struct Api {
     pub backend: Arc<dyn Backend>,
     /// Ends event streams.
