@@ -93,8 +93,8 @@ impl<T: DeserializeOwned + JsonSchema, S: Send + Sync> FromRequestParts<S> for F
         let names = schema.get("properties").and_then(Value::as_object).into_iter().flat_map(|members| members.keys());
         let lines = names.flat_map(|name| parts.headers.get_all(name).iter().map(move |value| (name, value)));
         let texts = lines.map(|(name, value)| match value.to_str() {
-            Ok(text) => Ok((name.clone(), text.to_owned())),
-            Err(_) => Err(Problem::new(ProblemKind::Malformed, format!("{name} is visible ASCII"))),
+            Ok(text) if text.bytes().all(|b| b.is_ascii_graphic()) => Ok((name.clone(), text.to_owned())),
+            _ => Err(Problem::new(ProblemKind::Malformed, format!("{name} is one word of visible ASCII"))),
         });
         read_texts("header", &texts.collect::<Result<Vec<_>, _>>()?).map(Self)
     }
