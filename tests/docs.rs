@@ -7,7 +7,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 
-#[cfg(all(feature = "daemon", feature = "lab", target_os = "linux"))]
+#[cfg(all(feature = "daemon", target_os = "linux"))]
 #[path = "docs/commands.rs"]
 mod commands;
 #[path = "docs/pages.rs"]

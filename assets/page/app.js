@@ -68,7 +68,9 @@ async function watchPlates() {
   for (;;) {
     const asked = moment();
     try {
-      takePlates((await json('GET', '/v1/plates', { timeoutMs: 3000 })).plates, asked);
+      const { plates, stop_listen } = await json('GET', '/v1/plates', { timeoutMs: 3000 });
+      stops.listener = stop_listen;
+      takePlates(plates, asked);
       show(part('token'), false);
     } catch (error) {
       if (!(error instanceof Problem) && !(error instanceof NoAnswer)) throw error;

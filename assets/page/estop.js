@@ -1,4 +1,5 @@
-// Emergency stop: every plate is asked at once, again and again until it has said that it stands.
+// Emergency stop: every plate is asked at once, again and again until it has said that it stands. All together they are
+// stopped by the listener beside the API first, where there is one.
 
 import { NoAnswer, json, makeWay, ofPlate } from './api.js';
 import { moment, since, span } from './age.js';
@@ -6,6 +7,8 @@ import { stopKeysHeld } from './device.js';
 import { el, setChildren, setText } from './dom.js';
 
 const TIMEOUT_MS = 2000;
+/** After this time without an answer of the listener the API is asked, too. */
+const LISTENER_MS = 500;
 const PAUSES_MS = [100, 200, 400, 800];
 
 /** One plate that is being stopped. */
@@ -25,11 +28,13 @@ class Stopping {
     setText(this.line, `${this.name}: ${text}`);
   }
 
-  async retryUntilConfirmed() {
+  /** `listened` is a promise of what the listener answered for every plate, if it was asked. */
+  async retryUntilConfirmed(listened) {
+    const first = (await listened)?.find((stop) => stop.plate === this.name)?.answer;
     while (!this.ended) {
       this.tries += 1;
       try {
-        await this.accept(await ask('POST', ofPlate(this.name, '/estop')));
+        await this.accept((this.tries === 1 && first) || (await ask('POST', ofPlate(this.name, '/estop'))));
       } catch (error) {
         this.ended = error.status === 404;
         if (this.ended) return this.showStatus('loud', 'NOT STOPPED – the daemon knows no such plate');
@@ -61,6 +66,18 @@ class Stopping {
 }
 
 const ask = (method, path) => json(method, path, { urgent: true, timeoutMs: TIMEOUT_MS });
+
+/** Stops every plate through the listener beside the API; null where it does not answer. */
+async function askListener(listener) {
+  const port = listener.slice(listener.lastIndexOf(':'));
+  const host = listener.startsWith('0.0.0.0:') || listener.startsWith('[::]:') ? location.hostname + port : listener;
+  try {
+    return (await json('POST', `http://${host}/v1/estop`, { urgent: true, timeoutMs: LISTENER_MS })).stops;
+  } catch {
+    return null;
+  }
+}
+
 const nap = (ms) => new Promise((done) => setTimeout(done, ms));
 
 /** The stops that were asked for and what became of them. */
@@ -71,6 +88,8 @@ export class Stops {
     this.plateNames = plateNames;
     this.asked = new Map();
     this.searching = false;
+    /** Address and port of the listener that stops every plate; null where there is none. */
+    this.listener = null;
     this.unknown = el('p', { class: 'loud' });
     button.addEventListener('click', () => this.all());
     window.addEventListener('keydown', (event) => this.key(event), { capture: true });
@@ -91,7 +110,8 @@ export class Stops {
     makeWay();
     const names = this.plateNames();
     if (names.length === 0) this.search();
-    names.forEach((name) => this.begin(name));
+    const listened = this.listener ? askListener(this.listener) : null;
+    names.forEach((name) => this.begin(name, listened));
     this.render();
   }
 
@@ -101,12 +121,12 @@ export class Stops {
     this.render();
   }
 
-  begin(name) {
+  begin(name, listened = null) {
     const before = this.asked.get(name);
     if (before && !before.ended) return;
     const stopping = new Stopping(name);
     this.asked.set(name, stopping);
-    stopping.retryUntilConfirmed().then(() => this.render());
+    stopping.retryUntilConfirmed(listened).then(() => this.render());
   }
 
   /** No plate is known yet: they are asked for until they are. */

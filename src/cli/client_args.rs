@@ -140,6 +140,9 @@ pub struct EstopArgs {
     /// Data folder of the daemon on this machine [default: UPM_DATA]
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
+    /// Address of the daemon's `stop_listen`, asked before --url to stop all plates [default: UPM_STOP_URL]
+    #[arg(long, value_name = "URL", conflicts_with = "plates")]
+    pub stop_url: Option<String>,
     #[command(flatten)]
     pub daemon: DaemonArgs,
 }

@@ -100,6 +100,15 @@ fn stop_listener_stops_every_plate_while_silent_connections_take_all_of_the_api(
     assert_eq!(answer.status, 200);
     let stops = answer.json()["stops"].clone();
     assert!(stops.as_array().unwrap().iter().all(|stop| stop["answer"]["persisted"] == true), "{stops}");
+    let nowhere = served.folder.path().join("nowhere");
+    let args = ["estop", "--stop-url", &format!("http://{free}"), "--json", "--data", nowhere.to_str().unwrap()];
+    let (stops, _) = served.status(&args, 0);
+    assert!(stops.contains(LEFT) && stops.contains(RIGHT) && stops.contains("\"http\""), "{stops}");
     drop(silent);
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let args = ["estop", "--stop-url", &format!("http://{nobody}"), "--data", nowhere.to_str().unwrap()];
+    served.status(&args, 0);
+    let page = served.get("/v1/plates");
+    assert_eq!(page["stop_listen"], free);
     assert_eq!([LEFT, RIGHT].map(|name| served.plate(name)["state"].clone()), ["stopped", "stopped"]);
 }

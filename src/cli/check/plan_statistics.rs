@@ -97,15 +97,14 @@ pub(super) fn limits_met(dry_runs: &[DryRun]) -> Vec<(&str, u64)> {
 mod tests {
     use super::*;
     use upm_core::job::Outcome;
-    use upm_recording::{EndFacts, RunStats, Verdict};
+    use upm_recording::Verdict;
     use upm_runner::run::DryRunRecord;
 
     #[test]
     fn figures_are_over_all_dry_runs() {
         let closest = |gap_m| Some(ClosestApproach { gap_m, parts: [0, 1], at_s: 1.0 });
         let ended = |outcome, reason: &str, plate_time_s| {
-            let report = RunStats::default().report(EndFacts { outcome, reason: reason.into(), ..EndFacts::default() });
-            Report { plate_time_s, ..report }
+            Report { outcome, reason: reason.into(), plate_time_s, ..Report::default() }
         };
         let one = |plate_time_s, gap_m, limits: &[(&str, u64)]| {
             let mut record = DryRunRecord::default();

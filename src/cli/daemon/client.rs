@@ -113,6 +113,11 @@ impl Client {
         Ok(Self { base: base.to_owned(), bearer: None, timeouts: Timeouts::Usual })
     }
 
+    /// Client of the server at `url`, with the same token.
+    pub fn elsewhere(&self, url: &str) -> Result<Self, Failure> {
+        Ok(Self { bearer: self.bearer.clone(), ..Self::at(url)? })
+    }
+
     /// GET of the value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
         self.read(self.send(Method::GET, path, &[], "", self.timeouts)?)

@@ -10,7 +10,8 @@ use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
 use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
-use upm_server::daemon::LocalStop;
+use upm_server::daemon::{LocalStop, LocalStopAnswer};
+use upm_server::http::STOP_PATH;
 
 /// Attempts before a stop counts as failed.
 const ATTEMPTS: u32 = 3;
@@ -44,11 +45,11 @@ pub(super) enum Transport {
 }
 
 impl Stop {
-    /// Result of a stop through the socket.
-    fn local(stop: LocalStop, wall_s: f64) -> Self {
+    /// Result of a stop for which the daemon was asked once for all plates.
+    fn of_one_request(stop: LocalStop, via: Transport, wall_s: f64) -> Self {
         let LocalStop { plate, answer, error } = stop;
         let status = answer.as_ref().map_or(BAD_INPUT, status_of);
-        Self { plate, answer, error, via: Transport::Socket, attempts: 1, wall_s, status }
+        Self { plate, answer, error, via, attempts: 1, wall_s, status }
     }
 }
 
@@ -59,10 +60,11 @@ fn status_of(answer: &EStopped) -> u8 {
 
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
     let clock = MonotonicClock::new();
-    let stops = match local_stop::stop(args) {
-        Some(stops) => {
+    let local = local_stop::stop(args).map(|stops| (stops, Transport::Socket));
+    let stops = match local.or_else(|| Some((stop_at_listener(args)?, Transport::Http))) {
+        Some((stops, via)) => {
             let wall_s = clock.elapsed().as_secs_f64();
-            stops.into_iter().map(|stop| Stop::local(stop, wall_s)).collect()
+            stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).collect()
         }
         None => stop_over_http(args)?,
     };
@@ -73,6 +75,22 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
         report(stop, common)?;
     }
     Ok(stops.iter().map(|stop| stop.status).max().unwrap_or(0))
+}
+
+/// Stops every plate through the listener that does nothing else. `None` when plates are named, its address is not
+/// known or it does not answer; then the API is asked.
+fn stop_at_listener(args: &EstopArgs) -> Option<Vec<LocalStop>> {
+    let url = args.stop_url.clone().or_else(|| std::env::var("UPM_STOP_URL").ok());
+    let url = url.filter(|_| args.plates.is_empty())?;
+    let listener = Client::for_stop(&args.daemon).and_then(|client| client.elsewhere(&url));
+    let answer = listener.and_then(|client| Ok(client.post_urgently::<LocalStopAnswer>(STOP_PATH)?));
+    match answer {
+        Ok(answer) => Some(answer.stops),
+        Err(failure) => {
+            failure.report();
+            None
+        }
+    }
 }
 
 fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {

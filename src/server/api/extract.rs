@@ -1,4 +1,5 @@
-//! What handlers are given: the state that all share, and typed parts of a request. One that does not have its type is refused by a problem document with every fault.
+//! Inputs of handlers: the state that all share, and typed parts of a request. One that does not have its type is
+//! refused by a problem document with every fault.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ use upm_document::{Diagnostic, DiagnosticClass, parse, schema_of};
 use super::backend::Backend;
 use crate::http::{Caller, Problem, ProblemKind, too_large};
 
-/// What all handlers share.
+/// State that all handlers share.
 pub(super) struct Api {
     pub backend: Arc<dyn Backend>,
     /// Ends event streams.
@@ -92,8 +93,8 @@ impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestPart
         let names = schema.get("properties").and_then(Value::as_object).into_iter().flat_map(|members| members.keys());
         let lines = names.flat_map(|name| parts.headers.get_all(name).iter().map(move |value| (name, value)));
         let texts = lines.map(|(name, value)| match value.to_str() {
-            Ok(text) => Ok((name.clone(), text.to_owned())),
-            Err(_) => Err(Problem::new(ProblemKind::Malformed, format!("{name} is visible ASCII"))),
+            Ok(text) if text.bytes().all(|b| b.is_ascii_graphic()) => Ok((name.clone(), text.to_owned())),
+            _ => Err(Problem::new(ProblemKind::Malformed, format!("{name} is one word of visible ASCII"))),
         });
         read_texts("header", &texts.collect::<Result<Vec<_>, _>>()?).map(Self)
     }

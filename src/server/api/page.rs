@@ -22,8 +22,8 @@ pub(super) async fn index(state: ApiState, headers: HeaderMap) -> Result<Respons
     asset(state, FromPath("index.html".to_owned()), headers).await
 }
 
-/// A file of the page, or the shipped jobs under the name `examples.json`. `no-cache` has browsers ask each time whether
-/// it has changed.
+/// A file of the page, or the shipped jobs under the name `examples.json`. `no-cache` has browsers ask each time
+/// whether it has changed.
 pub(super) async fn asset(
     State(api): ApiState,
     FromPath(name): FromPath<String>,

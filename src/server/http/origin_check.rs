@@ -80,7 +80,7 @@ impl AllowedHosts {
             let (authority, default_port) = origin(value.to_str().ok()?)?;
             let port = authority.port.unwrap_or(default_port);
             let is_same = authority.host == host.host && port == host.port.unwrap_or(default_port);
-            (is_same || self.page_port == Some(port) && self.knows(&authority.host)).then_some(())
+            (is_same || (self.page_port == Some(port) && self.knows(&authority.host))).then_some(())
         };
         if headers.get_all(ORIGIN).iter().all(|value| is_ours(value).is_some()) {
             return Ok(());

@@ -20,9 +20,9 @@ use super::tokens::{Caller, Scope, Tokens};
 /// The only path of the listener for emergency stops.
 pub const STOP_PATH: &str = "/v1/estop";
 
-/// Serves `POST /v1/estop` on `listener` until the process ends, on threads that share nothing with the API's server and
-/// have the usual priority. `stop` stops the plates and returns the answer as JSON. A page that `hosts` admits may read
-/// it.
+/// Serves `POST /v1/estop` on `listener` until the process ends, on threads that share nothing with the API's server
+/// and have the usual priority. `stop` stops the plates and returns the answer as JSON. A page that `hosts` admits may
+/// read it.
 pub fn serve_stops(
     listener: TcpListener,
     hosts: AllowedHosts,
