@@ -225,37 +225,8 @@ fn waiting_reset_undoes_no_later_stop_and_is_dropped_with_its_caller() {
     assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");
 }
 
-/// Submits a job for plate upm-1 without waiting for the reply.
-fn sent(running: &RunningDaemon) -> Pending<JobCreated> {
-    let (text, pace, key) = (on("upm-1"), Some(Pace::Max), None);
-    running.backend.submit(Submission { text, pace, key, caller: caller() })
-}
-
 fn all_jobs(running: &RunningDaemon) -> Vec<Job> {
     kept(running.backend.jobs(JobsQuery { state: None, limit: 100, cursor: None })).unwrap().jobs
-}
-
-/// Keeps all plates from claiming jobs.
-fn quiet() -> RunningDaemon {
-    let running = RunningDaemon::new();
-    for plate in running.backend.state.plates.iter() {
-        kept(running.backend.estop(plate.name(), caller())).unwrap();
-    }
-    running.pause();
-    running
-}
-
-#[test]
-fn submission_whose_client_has_gone_is_not_stored() {
-    let running = quiet();
-    let held = running.backend.state.store.hold();
-    let (given_up, waited_for) = (sent(&running), sent(&running));
-    // until both are checked and wait for the store
-    thread::sleep(Duration::from_millis(300));
-    drop(given_up);
-    drop(held);
-    let stored = kept(waited_for).unwrap().job.id;
-    assert_eq!(all_jobs(&running).iter().map(|job| job.id.as_str()).collect::<Vec<_>>(), [stored.as_str()]);
 }
 
 #[test]
