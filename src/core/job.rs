@@ -49,7 +49,7 @@ coded_enum! {
         /// Rendered pictures.
         #[default]
         Pixels = "pixels",
-        /// Positions of plate and parts with the noise of a measurement in pictures, in a hundredth of the time.
+        /// Positions of plate and parts with the noise of a measurement in pictures; nothing is rendered.
         Positions = "positions",
     }
 }

@@ -22,6 +22,9 @@ const PATH_STEP_M: f64 = 0.3e-3;
 /// Messages of progress that wait to be shown.
 const WAITING: usize = 64;
 
+/// Number of a run, plate time in it and its task's progress, 0 to 1.
+type Progress = (usize, PlateTime, f64);
+
 /// A run of a job without pixels.
 #[derive(Clone, Debug)]
 pub struct DryRun {
@@ -50,8 +53,8 @@ pub struct DryRunRecord {
     radii_m: Vec<f64>,
     /// Time of the last observation before the task advanced, and of the last one.
     advanced: [PlateTime; 2],
-    /// Receives the number of the run, plate time and progress.
-    progress: Option<(usize, SyncSender<(usize, PlateTime, f64)>)>,
+    /// Number of the run and the receiver of its progress.
+    progress: Option<(usize, SyncSender<Progress>)>,
 }
 
 /// Least gap between two parts in a run.
