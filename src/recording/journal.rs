@@ -117,7 +117,6 @@ mod tests {
 
     use super::*;
     use upm_control::{Condition, ConditionChange};
-    use upm_core::geometry::Vec2;
     use upm_fixtures::{rig, synthetic_run};
 
     fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
