@@ -33,8 +33,8 @@ use std::sync::atomic::AtomicBool;
 
 use session::CalibrationSession;
 use steering::SteeringMotion;
-use upm_cor_library::{Entry, Library};
 use upm_core::rig::{Rig, RigModel};
+use upm_planning::cor_library::{Entry, Library};
 
 pub use axes::Axes;
 pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
@@ -91,7 +91,7 @@ pub fn measure_fields(
     params: &CalibrationParams,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Option<upm_cor_library::FieldResponse>, CalibrationFault> {
+) -> Result<Option<upm_planning::cor_library::FieldResponse>, CalibrationFault> {
     CalibrationSession::new(rig, model, stop, progress).work(|session| {
         axes::measure(session, params)?;
         fields::measure(session)

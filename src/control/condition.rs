@@ -1,5 +1,5 @@
 use upm_core::job::StopCause;
-use upm_planner::{Limit, PlanStatus, PlanningMethod};
+use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
 
 /// A state of a run that may last over many cycles and that an operator should know about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,14 +15,14 @@ use super::planning::{Planning, STALLED_S};
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::mm_from_m;
-use upm_planner::Plan;
-use upm_task::{LateLap, Setpoints, Task};
+use upm_planning::cor_library::Library;
+use upm_planning::planner::Plan;
+use upm_planning::task::{LateLap, Setpoints, Task};
 
 /// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
 /// shortened.

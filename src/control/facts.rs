@@ -5,8 +5,8 @@ use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
 use upm_perception::vision::{DebugImages, Detection, Table, Track};
-use upm_planner::{Plan, PlannedPulse};
-use upm_task::Setpoints;
+use upm_planning::planner::{Plan, PlannedPulse};
+use upm_planning::task::Setpoints;
 
 /// The first observation: table and parts located without prior knowledge.
 #[derive(Clone, Copy, Debug)]

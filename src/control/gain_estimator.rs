@@ -10,7 +10,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use upm_core::geometry::Vec2;
-use upm_planner::PlannedPulse;
+use upm_planning::planner::PlannedPulse;
 
 /// Nodes of the grid along each side.
 const NODES: usize = 4;

@@ -1,7 +1,7 @@
 use super::guards::Guards;
 use super::perception::ExpectedPart;
 use upm_core::rig::PartKind;
-use upm_planner::{PlannerParams, PlanningMethod};
+use upm_planning::planner::{PlannerParams, PlanningMethod};
 
 /// Parameters of a run in addition to the rig's model.
 #[derive(Clone, Debug)]

@@ -8,11 +8,11 @@ use super::params::ControlParams;
 use super::progress::ProgressWatch;
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd};
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
-use upm_task::{PathStretch, Setpoints};
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
+use upm_planning::task::{PathStretch, Setpoints};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
 pub(super) const STALLED_S: f64 = 10.0;

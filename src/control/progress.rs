@@ -4,8 +4,8 @@ use super::condition::no_plan_reason;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
-use upm_planner::{Limit, PlanStatus, PlanningMethod};
-use upm_task::Setpoints;
+use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
+use upm_planning::task::Setpoints;
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
 const FUTILE_CYCLES: u32 = 20;

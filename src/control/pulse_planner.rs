@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::run_end::RunEnd;
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_planner::{
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{
     Corridor, FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse,
     RotationPlanner,
 };

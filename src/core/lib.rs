@@ -4,6 +4,7 @@
 pub mod background;
 mod coded_enum;
 pub mod disc_friction;
+pub mod document;
 pub mod files;
 pub mod geometry;
 pub mod ground_truth;

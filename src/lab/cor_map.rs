@@ -3,11 +3,11 @@ use nalgebra::Vector2;
 use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
-use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::nearest_pump;
+use upm_planning::cor_library::Entry;
 
 /// Centres farther than this many half sides count as translations, as in `upm check`.
 const FARTHEST: f64 = 20.0;

@@ -47,9 +47,9 @@ use two_parts::two_parts;
 use vision::vision;
 use waveform_fit::waveform_fit;
 
-use upm_cor_library::{AxisShape, PlateResponse, drive_for};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope};
+use upm_planning::cor_library::{AxisShape, PlateResponse, drive_for};
 use upm_sim::{PartParams, SimParams};
 
 /// The rig on which an experiment runs.

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use super::LabFault;
-use upm_document::one_of;
+use upm_core::document::one_of;
 
 /// A parameter of machine `M`, in the unit that its key names.
 #[derive(Clone, Copy, Debug)]

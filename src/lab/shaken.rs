@@ -7,12 +7,12 @@ use nalgebra::Complex;
 
 use super::{LabFault, LabRig};
 use upm_control::calibration::{self, Axes, AxisResonance, CalibrationFault, CalibrationParams};
-use upm_cor_library::Entry;
 use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Envelope, Frame};
 use upm_perception::estimation::AxisPhasors;
+use upm_planning::cor_library::Entry;
 use upm_sim::{Plant, SimRig};
 
 /// Time after which the rods' oscillation has decayed, s.

@@ -8,10 +8,10 @@ use super::shaken::{BarePlate, steady_motion};
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
 use upm_control::calibration::{Axes, AxisResonance};
-use upm_cor_library::AxisShape;
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{AxisPhasors, TwistFit, nearest_pump};
+use upm_planning::cor_library::AxisShape;
 
 /// The amplitudes played: row f of the paper's Table 1, in units. Its centre of rotation is off both axes and no two
 /// accelerometers move alike.

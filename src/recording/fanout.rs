@@ -3,7 +3,7 @@ use upm_control::{
     Sink,
 };
 use upm_core::time::PlateTime;
-use upm_task::Setpoints;
+use upm_planning::task::Setpoints;
 
 /// Several sinks as one: each receives every fact, in order.
 #[derive(Default)]

@@ -10,8 +10,8 @@ use self::located::{ConfirmedLine, LocalisedLine};
 use upm_control::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, MilestoneFacts, PulseFacts, Sink,
 };
-use upm_cor_library::Library;
 use upm_core::time::PlateTime;
+use upm_planning::cor_library::Library;
 
 pub use lines::journal_schema;
 

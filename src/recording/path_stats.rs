@@ -4,7 +4,7 @@ use super::lengths::{Lengths, mm, rounded};
 use super::report::PathReport;
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
-use upm_task::{PathStretch, Setpoints};
+use upm_planning::task::{PathStretch, Setpoints};
 
 /// Distances from the paths, phases, distances gone and speeds of all parts between the first and the last points of
 /// their paths.

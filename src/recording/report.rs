@@ -4,9 +4,9 @@ use serde_json::Value;
 
 use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
+use upm_core::document::schema_of;
 use upm_core::geometry::Vec2;
 use upm_core::job::{CameraMode, Outcome, RecordingEnd, StopCause};
-use upm_document::schema_of;
 
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -7,7 +7,7 @@ use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
-use upm_task::Setpoints;
+use upm_planning::task::Setpoints;
 
 /// Largest time difference between an observation and the truth it is compared with, s: a part at 0.1 m/s moves 0.1 µm.
 const SAME_MOMENT_S: f64 = 1e-6;

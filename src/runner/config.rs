@@ -60,6 +60,6 @@ pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;
 pub use trace::{load_trace, trace_from_json, trace_to_json};
-pub use upm_document::{
+pub use upm_core::document::{
     Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, TextPosition, listed, nearest, one_of, reason, text_of,
 };

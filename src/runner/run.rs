@@ -40,9 +40,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::config::{JobLayout, JobSpec, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
-use upm_cor_library::Library;
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::{Clock, PlateTime};
+use upm_planning::cor_library::Library;
 use upm_recording::{
     BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
     report_recording_end, rounded,

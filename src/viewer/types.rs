@@ -1,12 +1,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::Bin;
 use upm_core::rig::RigModel;
-use upm_planner::PlanningMethod;
+use upm_planning::cor_library::Library;
+use upm_planning::planner::PlanningMethod;
 use upm_recording::RerunMode;
 
 /// Data about a run for its recording.

@@ -60,8 +60,8 @@ fn allowed_imports_and_mere_words_are_not() {
 #[test]
 fn control_reaches_sim_neither_through_others_nor_in_tests() {
     let files = [
-        ("src/control/lib.rs", "use upm_planner::Plan;"),
-        ("src/planner/plan.rs", "use upm_cor_library::Library;"),
+        ("src/control/lib.rs", "use upm_planning::planner::Plan;"),
+        ("src/planner/plan.rs", "use upm_planning::cor_library::Library;"),
         ("src/cor_library/file.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
     ];
     assert_eq!(

@@ -7,11 +7,11 @@ use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
 use super::session::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams, MiswiredChannel};
-use upm_cor_library::AxisShape;
 use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
+use upm_planning::cor_library::AxisShape;
 
 /// Number of passes that measure and correct the pre-compensation; the last one only confirms.
 const PASSES: usize = 3;

@@ -9,10 +9,10 @@ use super::super::run_end::into_result;
 use super::session::CalibrationSession;
 use super::steering::SteeringMotion;
 use super::{CalibrationFault, CalibrationParams};
-use upm_cor_library::{DisplacementModel, Entry, Library};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::time::StoppedClock;
 use upm_core::units::mm_from_m;
+use upm_planning::cor_library::{DisplacementModel, Entry, Library};
 
 /// Number of speed nodes of the model.
 const SPEEDS: usize = 14;

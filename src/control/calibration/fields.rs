@@ -2,10 +2,10 @@ use nalgebra::{Complex, Matrix3, Vector3};
 
 use super::CalibrationFault;
 use super::session::CalibrationSession;
-use upm_cor_library::{FieldResponse, motor_harmonics};
 use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_perception::estimation::{MAX_PERIODS, TwistFit};
+use upm_planning::cor_library::{FieldResponse, motor_harmonics};
 
 /// Share of the count limit at which a harmonic is played: less than that of the axis pulses, whose signals the
 /// accelerometers resolved, because the restoring force at the slower base frequency needs room too.

@@ -7,10 +7,10 @@ use nalgebra::{Complex, Vector3};
 
 use super::CalibrationFault;
 use super::session::CalibrationSession;
-use upm_cor_library::{PlateResponse, motor_harmonics};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
+use upm_planning::cor_library::{PlateResponse, motor_harmonics};
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
 const PERIOD_S: f64 = 0.3;

@@ -2,10 +2,10 @@ use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{CalibrationFault, CalibrationProgress};
-use upm_cor_library::{AxisShape, PlateResponse, drive_for};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Envelope, Frame, MISSING_SAMPLE};
 use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
+use upm_planning::cor_library::{AxisShape, PlateResponse, drive_for};
 
 /// The rig together with everything a measurement needs.
 pub(super) struct CalibrationSession<'a> {

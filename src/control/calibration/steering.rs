@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 use super::axes::Axes;
 use super::session::CalibrationSession;
 use super::{CalibrationFault, CalibrationParams};
-use upm_cor_library::Entry;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::MotorArrangement;
+use upm_planning::cor_library::Entry;
 
 /// A motion to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]

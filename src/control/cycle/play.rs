@@ -11,12 +11,12 @@ use crate::guards::{
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventLevel, PulseFacts, PulsePositions};
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
-use upm_planner::PlannedPulse;
+use upm_planning::cor_library::Library;
+use upm_planning::planner::PlannedPulse;
 
 impl ControlCycle<'_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `purpose` is the purpose of that
@@ -239,10 +239,10 @@ mod tests {
     use nalgebra::{Complex, Matrix3};
 
     use super::*;
-    use upm_cor_library::{FieldResponse, testing};
     use upm_core::geometry::Twist;
     use upm_core::signal::{TwistHarmonic, TwistWave};
-    use upm_planner::{FieldPulse, Rotation};
+    use upm_planning::cor_library::{FieldResponse, testing};
+    use upm_planning::planner::{FieldPulse, Rotation};
 
     const BASE_RADPS: f64 = std::f64::consts::TAU * 30.0;
 

@@ -11,7 +11,7 @@ use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use upm_core::signal::Follows;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
-use upm_planner::{FieldPulse, PlannedPulse};
+use upm_planning::planner::{FieldPulse, PlannedPulse};
 
 /// Largest number of probes in a row until one is tracked to its end.
 const MOST_PROBES: usize = 3;

@@ -1,12 +1,12 @@
 use super::delay::SwingVerdict;
 use super::steps::PulseOutcome;
 use crate::condition::Condition;
-use upm_cor_library::{CoilResponse, Library};
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_perception::estimation::{
     AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
 };
-use upm_planner::PlannedPulse;
+use upm_planning::cor_library::{CoilResponse, Library};
+use upm_planning::planner::PlannedPulse;
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];

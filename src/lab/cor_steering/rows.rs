@@ -4,11 +4,11 @@ use super::vectors::Vectors;
 use crate::shaken::BarePlate;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
-use upm_cor_library::AxisShape;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Envelope;
 use upm_core::units::INCH_M;
 use upm_perception::estimation::{AccelerometerPair, fit_twist};
+use upm_planning::cor_library::AxisShape;
 
 /// One row of the paper's Table 1.
 pub struct TableRow {

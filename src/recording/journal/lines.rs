@@ -10,12 +10,12 @@ use super::located::{ConfirmedLine, LocalisedLine};
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
-use upm_cor_library::Library;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::PlateFit;
-use upm_planner::{Limit, PlanStatus, PlannedPulse};
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{Limit, PlanStatus, PlannedPulse};
 
 #[derive(Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]

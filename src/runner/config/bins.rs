@@ -2,10 +2,10 @@ use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
 use super::job_file::BinEntry;
 use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
+use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostics, Path};
-use upm_task::BinParams;
+use upm_planning::task::BinParams;
 
 impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 
 use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M, PartGroup};
 use super::rig::RigSpec;
+use upm_core::document::{Diagnostics, Path, counted};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostics, Path, counted};
 
 /// Least gap between the rims of parts placed at random, m.
 pub const START_GAP_M: f64 = 3e-3;

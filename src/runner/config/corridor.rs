@@ -3,8 +3,8 @@
 use super::job_file::PlannerChoice;
 use super::rig::RigSpec;
 use std::f64::consts::TAU;
+use upm_core::document::{Diagnostics, Path};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
-use upm_document::{Diagnostics, Path};
 
 /// Error of a part's measured position, px, and scatter of its position after a pulse, m: as in `run/tolerance.rs`.
 const SENSING_PX: f64 = 0.01;

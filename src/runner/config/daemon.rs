@@ -5,8 +5,8 @@ use super::daemon_file::{DaemonFile, KeepSpec, PlateEntry, StandingEntry, Standi
 use super::job::JobSpec;
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
+use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 use upm_core::job::Pace;
-use upm_document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 
 /// Validated daemon file: plates, limits and folders of a daemon.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use upm_core::job::Pace;
 
 use super::rig_file::RigSource;
 use super::units;
-use upm_document::SchemaKey;
+use upm_core::document::SchemaKey;
 
 /// The daemon's configuration: plates, and limits of queue, disk and memory.
 #[derive(Deserialize, JsonSchema)]

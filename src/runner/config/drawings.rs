@@ -3,8 +3,8 @@
 use super::job_file::{JobFile, TaskSection};
 use super::read::{Origin, exactly_one};
 use super::shape_file::SvgShape;
-use upm_document::{Diagnostic, Diagnostics, Path, text_of};
-use upm_shapes::path_data_of;
+use upm_core::document::{Diagnostic, Diagnostics, Path, text_of};
+use upm_planning::shapes::path_data_of;
 
 /// Longest path data accepted in a job, bytes.
 const LONGEST_DATA: usize = 65_536;

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use upm_core::document::{Diagnostics, Path, one_of, quoted};
 use upm_core::time::PlateTime;
-use upm_document::{Diagnostics, Path, one_of, quoted};
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
 
 /// Names of components for error messages.
@@ -200,7 +200,7 @@ fn values(
         return Some(values);
     }
     if given.len() != wanted.len() {
-        let found = format!("{} for {}", upm_document::counted(given.len(), "value"), kind.name());
+        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.name());
         faults.push(at, found, text_of_ranges(wanted));
         return None;
     }

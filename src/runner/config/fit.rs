@@ -2,10 +2,10 @@
 
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, apart_allowed};
 use super::task::TaskContext;
+use upm_core::document::{Diagnostics, Path, counted};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostics, Path, counted};
-use upm_shapes::Pattern;
+use upm_planning::shapes::Pattern;
 
 /// Least ratio by which a pair must ask for a larger shape to be reported in place of an earlier pair.
 pub(super) const TIGHTER: f64 = 1.0 + 1e-9;

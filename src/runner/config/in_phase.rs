@@ -3,10 +3,10 @@
 use super::clearance::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use super::fit::TIGHTER;
 use super::part_path::PartPath;
+use upm_core::document::Diagnostics;
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::mm_from_m;
-use upm_document::Diagnostics;
-use upm_task::PathParams;
+use upm_planning::task::PathParams;
 
 /// Relative difference in length up to which laps count as equal.
 const SAME_LENGTH: f64 = 0.01;

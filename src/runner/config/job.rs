@@ -9,10 +9,10 @@ use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
+use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::CameraMode;
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_sim::faults::FaultSpec;
 
 /// Validated job file: rig, parts, task, planner and limits.

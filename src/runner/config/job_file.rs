@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use super::faults::FaultList;
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
-use upm_document::SchemaKey;
+use upm_core::document::SchemaKey;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,9 +1,9 @@
 use super::read::{NAMES, is_plain_name};
 use super::rig_file::RigFile;
+use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
-use upm_document::{Diagnostics, Path};
 use upm_sim::PartParams;
 
 /// US coins: name, diameter mm, mass g, height mm.

@@ -1,7 +1,7 @@
 use super::{JobSpec, KindSpec, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
-use upm_task::PathParams;
+use upm_planning::task::PathParams;
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -5,11 +5,11 @@ use super::job_file::PathEntry;
 use super::read::{exactly_one, point_m};
 use super::shape_file::{CircleShape, LissajousShape, SvgShape};
 use super::targets::drawing_of;
+use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_document::{Diagnostics, Path};
-use upm_shapes::{Lissajous, circle_path, closed_from};
-use upm_task::PathParams;
+use upm_planning::shapes::{Lissajous, circle_path, closed_from};
+use upm_planning::task::PathParams;
 
 /// Most corners of a path made from a drawing.
 const MOST_CORNERS: usize = 2000;

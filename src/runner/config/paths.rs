@@ -6,8 +6,8 @@ use super::job_file::PathEntry;
 use super::part_path::PartPath;
 use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
+use upm_core::document::Diagnostics;
 use upm_core::units::m_from_mm;
-use upm_document::Diagnostics;
 
 impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.

@@ -3,9 +3,9 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use super::clearance::{START_GAP_M, START_MARGIN_M};
 use super::job::JobSpec;
 use super::kinds::part_ids;
+use upm_core::document::{Diagnostic, Path, counted};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
-use upm_document::{Diagnostic, Path, counted};
 use upm_sim::PartParams;
 
 /// Attempts to place one part before starting over.

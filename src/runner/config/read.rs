@@ -1,8 +1,8 @@
 use std::path::{Path as FilePath, PathBuf};
 
+use upm_core::document::{Diagnostics, Path, quoted};
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_document::{Diagnostics, Path, quoted};
 
 /// Origin of a document: the name for its faults, and the base of its relative paths.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,10 +8,10 @@ use super::kinds::{KindSpec, kinds_of};
 use super::read::{Origin, point_m};
 use super::rig_checks;
 use super::rig_file::{FieldSection, RigFile, RigSource};
+use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::units::m_from_mm;
-use upm_document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
 
 /// Validated rig file. `model` holds the properties that control may know; the rest is for the simulation.

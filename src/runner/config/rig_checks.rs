@@ -1,8 +1,8 @@
 use super::read::{NAMES, is_plain_name};
 use super::rig_file::{GrayLevels, RigFile};
 use super::view;
+use upm_core::document::{Diagnostics, Path};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
-use upm_document::{Diagnostics, Path};
 use upm_sim::SimParams;
 
 /// Most pixels of a frame in which the table is searched.

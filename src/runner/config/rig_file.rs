@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use upm_core::document::SchemaKey;
 use upm_core::signal::MotorArrangement;
-use upm_document::SchemaKey;
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -5,8 +5,8 @@ use super::job_file::JobFile;
 use super::rig_file::RigFile;
 use super::simulate::ExperimentFile;
 use super::trace::TraceFile;
-use upm_cor_library::RawLibrary;
-use upm_document::schema_of;
+use upm_core::document::schema_of;
+use upm_planning::cor_library::RawLibrary;
 
 /// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {
@@ -30,7 +30,7 @@ pub fn schema(name: &str) -> Option<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_document::Document;
+    use upm_core::document::Document;
 
     #[test]
     fn each_kind_of_document_has_its_own_required_key() {

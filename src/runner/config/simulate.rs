@@ -8,11 +8,11 @@ use super::placement::PlacedPart;
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
+use upm_core::document::{Diagnostic, Diagnostics, Path, SchemaKey, parse_and_build, text_of};
 use upm_core::geometry::Twist;
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostic, Diagnostics, Path, SchemaKey, parse_and_build, text_of};
 use upm_sim::OpenPulse;
 
 /// An open-loop experiment: given pulses on given parts.

@@ -5,10 +5,10 @@ use super::fit::{FittedOutline, Growth};
 use super::read::{exactly_one, point_m};
 use super::shape_file::{CircleShape, GridShape, LineShape, SvgShape, TargetRule, TextShape};
 use super::task::TaskContext;
+use upm_core::document::{Diagnostics, Path, counted, quoted};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Diagnostics, Path, counted, quoted};
-use upm_shapes::{Drawing, Pattern, Size, known_letters};
+use upm_planning::shapes::{Drawing, Pattern, Size, known_letters};
 
 impl TaskContext<'_> {
     /// One place per part, m. Faults where parts would not have room.

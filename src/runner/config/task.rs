@@ -2,10 +2,10 @@ use super::corridor;
 use super::job_file::{Assignment, PlannerChoice, TaskSection};
 use super::kinds::{PartGroup, each_kind, part_ids};
 use super::rig::RigSpec;
+use upm_core::document::{Diagnostics, Path, counted};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_document::{Diagnostics, Path, counted};
-use upm_task::{BinParams, PathParams};
+use upm_planning::task::{BinParams, PathParams};
 
 /// A task in SI.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::read::point_m;
+use upm_core::document::{Diagnostic, Diagnostics, Path, SchemaKey, counted, parse_and_build, text_of};
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
-use upm_document::{Diagnostic, Diagnostics, Path, SchemaKey, counted, parse_and_build, text_of};
 
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;

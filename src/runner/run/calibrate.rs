@@ -3,10 +3,10 @@ use std::sync::atomic::AtomicBool;
 use crate::config::RigSpec;
 use upm_control::ExpectedPart;
 use upm_control::calibration::{self, CalibrationFault, CalibrationParams, CalibrationProgress};
-use upm_cor_library::Library;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
+use upm_planning::cor_library::Library;
 use upm_sim::SimRig;
 
 /// Positions of the calibration coins, in half sides of the plate: spread over radii and directions, and far enough
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(fields.twist_from_counts.len(), 8);
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let small = Library::load(&folder.join("tests/golden/small-library.json")).unwrap();
-        let plate = Some(upm_cor_library::PlateResponse {
+        let plate = Some(upm_planning::cor_library::PlateResponse {
             natural_radps: rig.sim.plate.resonance_hz.map(|hz| TAU * hz),
             damping_ratio: rig.sim.plate.damping_ratio,
         });

@@ -1,8 +1,8 @@
 //! Coverage of a COR library: how well it moves a part at each place of the plate, and the positions of its centres.
 
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
-use upm_planner::Reach;
+use upm_planning::cor_library::Library;
+use upm_planning::planner::Reach;
 
 #[cfg(test)]
 pub(super) mod fixture;

@@ -10,13 +10,13 @@ use super::planner_selection::PlannerSelection;
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlacedPart, TaskSpec};
 use upm_control::ControlParams;
-use upm_cor_library::Library;
 use upm_core::geometry::{Polyline, Vec2};
 use upm_core::job::CameraMode;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
-use upm_planner::{FieldPlanner, Independence, PlanningMethod, Reach};
-use upm_task::PathParams;
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod, Reach};
+use upm_planning::task::PathParams;
 
 use runs::at_the_same_time;
 

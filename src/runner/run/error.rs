@@ -1,5 +1,5 @@
+use upm_core::document::Diagnostic;
 use upm_core::rig::RigFault;
-use upm_document::Diagnostic;
 
 /// Reason why a job was not run, or its files were not written.
 #[derive(Debug, thiserror::Error)]

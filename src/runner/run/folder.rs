@@ -8,10 +8,10 @@ use super::error::RunError;
 use super::setup::RunSetup;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
-use upm_cor_library::Library;
 use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
+use upm_planning::cor_library::Library;
 use upm_recording::{BackgroundWriter, RecordingOptions, Report};
 
 /// Most folders of one name; another one is refused.

@@ -9,13 +9,13 @@ use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
-use upm_cor_library::Library;
+use upm_core::document::counted;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
-use upm_document::counted;
+use upm_planning::cor_library::Library;
+use upm_planning::task::Task;
 use upm_recording::{Fanout, Report, RunStats};
 use upm_sim::SimRig;
-use upm_task::Task;
 
 /// A run without files: a job with its simulated rig, its task and its library, built in memory.
 ///
@@ -49,7 +49,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
-    /// [`done`](upm_task::Setpoints::done). The report then has no verdict, which would be about the job's task.
+    /// [`done`](upm_planning::task::Setpoints::done). The report then has no verdict, which would be about the job's task.
     pub fn with_task(mut self, task: impl Task + 'static) -> Self {
         self.setup.task = Box::new(task);
         self.setup.params.endless = false;
@@ -141,8 +141,8 @@ mod tests {
     use upm_core::geometry::Vec2;
     use upm_core::job::{CameraMode, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
+    use upm_planning::task::Setpoints;
     use upm_recording::{MemorySink, RecordingOptions, RerunMode};
-    use upm_task::Setpoints;
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({

@@ -41,10 +41,10 @@ mod tests {
     use super::*;
     use crate::config::JobSpec;
     use upm_control::{CycleFacts, RunIo, Sink};
-    use upm_cor_library::Library;
     use upm_core::job::Outcome;
     use upm_core::rig::Rig;
     use upm_core::time::MonotonicClock;
+    use upm_planning::cor_library::Library;
     use upm_sim::faults::Faulty;
 
     fn hold_4(seed: u64) -> (JobSpec, Arc<Library>) {

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
-use upm_cor_library::{Library, RigFacts};
 use upm_core::random::Streams;
+use upm_planning::cor_library::{Library, RigFacts};
 
 /// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::library_faults;
 use crate::config::RigSpec;
-use upm_cor_library::Library;
+use upm_core::document::{Diagnostic, reason};
 use upm_core::files::write_whole;
-use upm_document::{Diagnostic, reason};
+use upm_planning::cor_library::Library;
 
 /// Output file of a library that is still to be measured.
 ///

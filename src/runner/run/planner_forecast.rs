@@ -6,8 +6,8 @@ use super::in_memory::InMemoryRun;
 use super::planner_selection::{PlannerSelection, SelectionReason};
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlannerChoice, TaskSpec};
-use upm_cor_library::Library;
 use upm_core::job::{CameraMode, Outcome};
+use upm_planning::cor_library::Library;
 
 /// Most parts for which rotations can be as fast as fields.
 const NEAR: usize = 4;

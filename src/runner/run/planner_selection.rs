@@ -1,7 +1,7 @@
 use std::fmt;
 
 use crate::config::{JobSpec, PlannerChoice};
-use upm_planner::PlanningMethod;
+use upm_planning::planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
 /// Number of parts from which on one motion for all of them is faster than rotations one after another.

@@ -4,20 +4,20 @@ use super::knocks;
 use super::planner_selection::PlannerSelection;
 use crate::config::{Assignment, Diagnostic, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
 use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
-use upm_cor_library::{Entry, Library};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::CameraMode;
 use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::time::PlateTime;
-use upm_planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
-use upm_sim::SimRig;
-use upm_sim::faults::FaultSpec;
-use upm_task::{
+use upm_planning::cor_library::{Entry, Library};
+use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
+use upm_planning::task::{
     Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, Motions, PartOutline, PlusSign, PlusSignParams, Sort,
     SortParams, Task, Trajectories, TrajectoriesParams,
 };
+use upm_sim::SimRig;
+use upm_sim::faults::FaultSpec;
 use upm_viewer::PartAppearance;
 
 /// Longest step of a part in one cycle, m.

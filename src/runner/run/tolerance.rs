@@ -5,9 +5,9 @@ use std::f64::consts::SQRT_2;
 use super::planner_selection::PlannerSelection;
 use super::setup::{MEASURED_SHARE, MIN_DISTANCE_M};
 use crate::config::{Diagnostic, JobSpec, TaskSpec};
-use upm_cor_library::{DisplacementModel, Library};
 use upm_core::units::mm_from_m;
-use upm_planner::PlanningMethod;
+use upm_planning::cor_library::{DisplacementModel, Library};
+use upm_planning::planner::PlanningMethod;
 
 /// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise
 /// and lens included.

@@ -21,7 +21,7 @@ use serde_json::Value;
 use tokio::sync::Semaphore;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
-use upm_document::{Diagnostic, DiagnosticClass, parse, schema_of};
+use upm_core::document::{Diagnostic, DiagnosticClass, parse, schema_of};
 
 use super::backend::Backend;
 use crate::http::{Caller, Problem, ProblemKind, too_large};

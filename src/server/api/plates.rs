@@ -7,7 +7,7 @@ use axum::{Extension, Json};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use tokio::time::timeout;
-use upm_document::Diagnostic;
+use upm_core::document::Diagnostic;
 
 use super::extract::{Answer, ApiState, FromPath, JsonBody, RequestCaller};
 use super::types::{EStopped, Health, Plate, Plates, ResetRequest};

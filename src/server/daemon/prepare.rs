@@ -6,7 +6,7 @@ use rustix::fs::{Access, Mode, access};
 use rustix::process::umask;
 
 use crate::http::{Scope, Tokens};
-use upm_cor_library::Library;
+use upm_planning::cor_library::Library;
 use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
 use upm_runner::run::{check_places, load_library};
 

@@ -10,7 +10,7 @@ use axum::response::Response;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
-use upm_document::MOST_BYTES;
+use upm_core::document::MOST_BYTES;
 use uuid::Uuid;
 
 use super::origin_check::{AllowedHosts, guard};

@@ -12,8 +12,8 @@ use futures_util::stream;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
+use upm_core::document::MOST_BYTES;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_document::MOST_BYTES;
 
 struct TestServer {
     address: SocketAddr,

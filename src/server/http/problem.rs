@@ -5,7 +5,7 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_document::{Diagnostic, counted};
+use upm_core::document::{Diagnostic, counted};
 
 /// Media type of problem documents.
 pub(crate) const PROBLEM_JSON: &str = "application/problem+json";
@@ -206,7 +206,7 @@ impl IntoResponse for Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_document::Path;
+    use upm_core::document::Path;
 
     #[test]
     fn a_problem_is_sent_as_its_document() {

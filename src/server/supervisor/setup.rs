@@ -3,8 +3,8 @@ use std::sync::Arc;
 
 use super::Pause;
 use crate::store::{Pace, Store};
-use upm_cor_library::Library;
 use upm_core::time::MonotonicClock;
+use upm_planning::cor_library::Library;
 use upm_runner::config::{JobSpec, RigSpec, WatchdogSpec};
 
 /// Settings of one plate.

@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use super::*;
 use crate::store::{JobId, JobRow, JobState, Pace, RecordingStatus, Store, SubmitOutcome};
-use upm_cor_library::Library;
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
 use upm_fixtures::wait::{eventually, eventually_true};
+use upm_planning::cor_library::Library;
 use upm_recording::RecordingState;
 use upm_runner::config::{RigSpec, WatchdogSpec};
 

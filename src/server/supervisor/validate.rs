@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 
 use super::{JobLayout, PlateSetup};
 use crate::store::{NewJob, Pace};
-use upm_cor_library::Library;
+use upm_planning::cor_library::Library;
 use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec};
 use upm_runner::run::check_places;
 

@@ -22,7 +22,7 @@ use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedCom
 use super::run_stream::{APPLICATION, PLATE_TIME};
 use super::table::reach_mm;
 use crate::types::RunContext;
-use upm_planner::PlanningMethod;
+use upm_planning::planner::PlanningMethod;
 
 /// Seconds before and after the cursor that the plots of fast signals show.
 const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];

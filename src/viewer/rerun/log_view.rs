@@ -5,9 +5,9 @@ use super::field::strongest_speed_mps;
 use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_control::EventLevel;
-use upm_cor_library::Library;
 use upm_core::units::mm_from_m;
-use upm_planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
 use upm_recording::MotionRecord;
 use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
 

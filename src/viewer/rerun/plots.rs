@@ -7,7 +7,7 @@ use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
 use upm_core::units::mm_from_m;
-use upm_planner::PlannedPulse;
+use upm_planning::planner::PlannedPulse;
 use upm_recording::CycleRecord;
 
 /// Plots with one line for each part.

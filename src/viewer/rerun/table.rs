@@ -10,11 +10,11 @@ use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_chart::bin_outline;
-use upm_cor_library::Library;
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::PlateFit;
-use upm_planner::{PlannedPulse, Rotation};
+use upm_planning::cor_library::Library;
+use upm_planning::planner::{PlannedPulse, Rotation};
 use upm_recording::{CycleRecord, MotionRecord, PulseRecord};
 
 /// Centres of rotation farther out are drawn at the rim of a window larger than the plate by this factor.

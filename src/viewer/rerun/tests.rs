@@ -15,7 +15,7 @@ use upm_fixtures::{
     rig,
     synthetic_run::{self, SyntheticRun},
 };
-use upm_planner::PlanningMethod;
+use upm_planning::planner::PlanningMethod;
 use upm_recording::{MemorySink, RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {

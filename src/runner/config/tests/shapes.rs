@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{job, lines, origin, shipped, value_of};
 use crate::config::{JobSpec, Origin, REST_GAP_M, TaskSpec};
 use upm_core::geometry::Vec2;
-use upm_task::PathParams;
+use upm_planning::task::PathParams;
 
 fn pennies(count: usize) -> Value {
     json!([{"kind": "penny", "count": count}])
@@ -112,7 +112,7 @@ proptest! {
         string in "[A-Z0-9]{1,3}", more in 0..12_usize, height_mm in 5.0..60.0f64,
     ) {
         let targets = |height_mm: f64| json!({"text": {"string": string, "height_mm": height_mm}});
-        let parts = upm_shapes::Drawing::of_text(&string, 1.0, Vec2::zeros()).unwrap().fewest() + more;
+        let parts = upm_planning::shapes::Drawing::of_text(&string, 1.0, Vec2::zeros()).unwrap().fewest() + more;
         let Err(faults) = arranged(&pennies(parts), &targets(height_mm)) else { return Ok(()) };
         if faults[0].contains("at least") {
             let least_mm = proposed(&faults[0], "height_mm");

@@ -1,7 +1,7 @@
 //! Synthetic library for tests, without a rig: few belt speeds, with distances chosen by hand.
 
-use upm_cor_library::{DisplacementModel, Library};
 use upm_core::geometry::Twist;
+use upm_planning::cor_library::{DisplacementModel, Library};
 
 pub const HALF_M: f64 = 0.1;
 
@@ -14,5 +14,5 @@ pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
         sd_m: distance_m.iter().map(|row| row.iter().map(|d| 0.1 * d).collect()).collect(),
         distance_m,
     };
-    Library { displacement, ..upm_cor_library::testing::library(pumps) }
+    Library { displacement, ..upm_planning::cor_library::testing::library(pumps) }
 }

@@ -10,12 +10,12 @@ use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
 use crate::run::planner_selection::PlannerSelection;
 use upm_control::{Condition, ConditionChange, ConditionFacts, FrameFacts, Sink};
-use upm_cor_library::Library;
 use upm_core::geometry::Vec2;
 use upm_core::job::Outcome;
 use upm_core::time::PlateTime;
+use upm_planning::cor_library::Library;
+use upm_planning::task::Setpoints;
 use upm_recording::{Report, Verdict};
-use upm_task::Setpoints;
 
 /// Distance between two points of a recorded path, m.
 const PATH_STEP_M: f64 = 0.3e-3;

@@ -9,7 +9,7 @@ use super::fake::{HOLD, JOB, PLATE};
 use super::{READING, TestApi, WORK, request};
 use crate::api::Refusal;
 use crate::http::{Reason, ReasonCode};
-use upm_document::Diagnostic;
+use upm_core::document::Diagnostic;
 
 /// An operation of the OpenAPI document.
 struct Operation {

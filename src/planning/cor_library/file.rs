@@ -1,0 +1,291 @@
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{Library, RawFieldResponse, RawLibrary};
+use upm_core::document::{Diagnostic, parse, text_of};
+
+impl Library {
+    /// The file format: JSON, millimetres, one line per entry and per row of the displacement.
+    ///
+    /// Numbers are rounded to the resolution of the measurement; a file that was read is written back byte for byte.
+    pub fn to_json(&self) -> String {
+        let raw = RawLibrary::from(self);
+        let mut out = String::from("{\n");
+        for (key, value) in [("rig", json(&raw.rig)), ("fingerprint", json(&raw.fingerprint))] {
+            let _ = writeln!(out, "  \"{key}\": {value},");
+        }
+        if !raw.motor_arrangement.is_default() {
+            let _ = writeln!(out, "  \"motor_arrangement\": {},", json(&raw.motor_arrangement));
+        }
+        let numbers = [
+            ("plate_side_mm", raw.plate_side_mm),
+            ("base_hz", raw.base_hz),
+            ("attack_s", raw.attack_s),
+            ("rest_s", raw.rest_s),
+        ];
+        for (key, value) in numbers {
+            let _ = writeln!(out, "  \"{key}\": {},", json(&value));
+        }
+        let _ = writeln!(out, "  \"accelerometer_gain\": {},", json(&raw.accelerometer_gain));
+        let _ = writeln!(out, "  \"shapes\": {},", json(&raw.shapes));
+        let _ = writeln!(out, "  \"entries\": [\n{}\n  ],", lines(&raw.entries));
+        let displacement = &raw.displacement;
+        let _ = writeln!(out, "  \"displacement\": {{");
+        let _ = writeln!(out, "  \"speed_mm_s\": {},", json(&displacement.speed_mm_s));
+        let _ = writeln!(out, "  \"sustain_s\": {},", json(&displacement.sustain_s));
+        let _ = writeln!(out, "  \"distance_mm\": [\n{}\n  ],", lines(&displacement.distance_mm));
+        let _ = write!(out, "  \"sd_mm\": [\n{}\n  ]\n  }}", lines(&displacement.sd_mm));
+        if let Some(fields) = &raw.fields {
+            let _ = write!(out, ",\n{}", fields_json(fields));
+        }
+        if let Some(plate) = &raw.plate {
+            let [natural_hz, damping_ratio] = [&plate.natural_hz, &plate.damping_ratio].map(json);
+            let _ = write!(out, ",\n  \"plate\": {{\"natural_hz\": {natural_hz}, \"damping_ratio\": {damping_ratio}}}");
+        }
+        out + "\n}\n"
+    }
+
+    /// Reads [`Self::to_json`].
+    ///
+    /// # Errors
+    /// The faults, which name `file`. Text that is not JSON and a document of another kind are a single fault. All
+    /// wrong keys, types and ranges are reported together; once those are right, all values that are inconsistent with
+    /// others.
+    pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Diagnostic>> {
+        let raw: RawLibrary = parse(text, file)?;
+        Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
+    }
+
+    /// Writes the library to `path`.
+    ///
+    /// # Errors
+    /// The system's error when the file cannot be written.
+    pub fn save(&self, path: &Path) -> std::io::Result<()> {
+        std::fs::write(path, self.to_json())
+    }
+
+    /// Reads and validates the library at `path`.
+    ///
+    /// # Errors
+    /// The fault of [`text_of`], otherwise all faults of [`Self::from_json`].
+    pub fn load(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+        let text = text_of(path)?;
+        Self::from_json(&text, &path.display().to_string())
+    }
+}
+
+/// JSON of plain data; serialising these types cannot fail.
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+/// JSON of the response, one line per harmonic.
+fn fields_json(fields: &RawFieldResponse) -> String {
+    let mut out = String::from("  \"fields\": {\n");
+    let numbers = [
+        ("base_hz", fields.base_hz),
+        ("attack_s", fields.attack_s),
+        ("rest_s", fields.rest_s),
+        ("limit_counts", fields.limit_counts),
+    ];
+    for (key, value) in numbers {
+        let _ = writeln!(out, "  \"{key}\": {},", json(&value));
+    }
+    let _ = write!(out, "  \"twist_from_counts\": [\n{}\n  ]\n  }}", lines(&fields.twist_from_counts));
+    out
+}
+
+fn lines(values: &[impl Serialize]) -> String {
+    values.iter().map(|value| format!("    {}", json(value))).collect::<Vec<_>>().join(",\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cor_library::{DisplacementModel, Entry, RigFacts, testing};
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+    use upm_core::geometry::Twist;
+    use upm_core::signal::MotorArrangement;
+
+    fn library(entries: Vec<Entry>) -> Library {
+        let displacement = DisplacementModel {
+            speed_mps: vec![0.1, 0.5],
+            sustain_s: vec![0.0, 0.1, 0.2],
+            distance_m: vec![vec![0.0001, 0.004, 0.009], vec![0.0001, 0.006, 0.018]],
+            sd_m: vec![vec![0.0; 3]; 2],
+        };
+        Library { accelerometer_gain: [1.0, 0.99, 1.01, 1.0], entries, displacement, ..testing::library([]) }
+    }
+
+    fn three() -> Vec<Entry> {
+        [Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.1, 0.0, 8.0)]
+            .map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump })
+            .to_vec()
+    }
+
+    fn entry() -> impl Strategy<Value = Entry> {
+        (proptest::array::uniform3(-1000..1000_i32), -2.0..2.0f64, -2.0..2.0f64, -20.0..20.0f64)
+            .prop_map(|([a, b, c], vx, vy, spin)| Entry { amplitudes: [a, b, c, 1001], pump: Twist::new(vx, vy, spin) })
+    }
+
+    proptest! {
+        #[test]
+        fn comes_back_from_its_file(
+            more in proptest::collection::vec(entry(), 0..20), base_hz in 10.0..200.0f64, beside: bool,
+        ) {
+            let motor_arrangement = MotorArrangement::ALL[usize::from(beside)];
+            let entries = three().into_iter().chain(more).collect();
+            let saved = Library { base_radps: TAU * base_hz, motor_arrangement, ..library(entries) };
+            let text = saved.to_json();
+            let read = Library::from_json(&text, "l.json").unwrap();
+            for (a, b) in saved.entries.iter().zip(&read.entries) {
+                prop_assert_eq!(a.amplitudes, b.amplitudes);
+                let off = a.pump - b.pump;
+                prop_assert!(off.velocity_mps.norm() < 1e-6 && off.spin_radps.abs() <= 0.51e-5);
+            }
+            prop_assert!((saved.base_radps - read.base_radps).abs() < 1e-5);
+            prop_assert_eq!(saved.motor_arrangement, read.motor_arrangement);
+            prop_assert_eq!(saved.entries.len(), read.entries.len());
+            prop_assert_eq!(read.to_json(), text, "reading and writing again changes no byte");
+        }
+    }
+
+    fn fault_lines(text: &str) -> Vec<String> {
+        let faults = Library::from_json(text, "l.json").unwrap_err();
+        faults.iter().map(|fault| fault.to_string().replacen("l.json: ", "", 1)).collect()
+    }
+
+    #[test]
+    fn each_fault_is_reported_on_its_own_line() {
+        let mut bad = library(three());
+        bad.displacement.speed_mps.swap(0, 1);
+        bad.displacement.sd_m.pop();
+        bad.entries[1].pump = Twist::ZERO;
+        let faults = Library::from_json(&bad.to_json(), "l.json").unwrap_err();
+        let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            lines,
+            [
+                "l.json: entries[1]: expected a velocity or a spin, found a plate that does not move",
+                "l.json: displacement.speed_mm_s[1]: expected rising numbers above 0, found 100 after 500",
+                "l.json: displacement.sd_mm: expected 2, one for each speed, found 1 row",
+            ]
+        );
+    }
+
+    #[test]
+    fn foreign_keys_and_types_are_reported_with_their_path() {
+        let text = library(three()).to_json();
+        let wrong = text.replacen("\"spin_rad_s\":8.0", "\"spin_rad_s\":\"fast\"", 1);
+        assert_eq!(
+            fault_lines(&wrong),
+            ["entries[2].spin_rad_s: expected a number from -10000 to 10000, found \"fast\""]
+        );
+        for (from, to, line) in [
+            ("\"rest_s\": 0.03,", "", "rest_s: expected a number from 0 to 100, found nothing"),
+            (
+                "\"rest_s\"",
+                "\"rig\": \"b\", \"rest_s\"",
+                "rig: expected each key once, found the key \"rig\" a second time",
+            ),
+            (
+                "[100,-100,0,0]",
+                "[100,-100,0]",
+                "entries[0].amplitudes: expected a list of 4 items (a whole number from -1000000 to 1000000 each), found a list of 3",
+            ),
+        ] {
+            let changed = text.replacen(from, to, 1);
+            assert_ne!(changed, text, "{from}");
+            assert_eq!(fault_lines(&changed), [line]);
+        }
+    }
+
+    #[test]
+    fn one_direction_is_not_enough() {
+        let line = (1..4).map(|k| Entry { pump: Twist::new(0.2 * f64::from(k), 0.0, 0.0), ..three()[0].clone() });
+        let faults = Library::from_json(&library(line.collect()).to_json(), "l.json").unwrap_err();
+        assert_eq!(faults[0].path, "entries");
+    }
+
+    #[test]
+    fn another_rig_is_refused() {
+        let library = library(three());
+        let rig = RigFacts {
+            name: "bench",
+            fingerprint: "12ab",
+            plate_side_m: 0.2,
+            base_radps: library.base_radps,
+            attack_s: 0.01,
+            rest_s: 0.03,
+            count_limit: 1000.0,
+            fields: None,
+        };
+        let paths = |rig: RigFacts<'_>| -> Vec<String> {
+            library.check_fits(&rig).into_iter().map(|fault| fault.path).collect()
+        };
+        assert_eq!(paths(rig), [""; 0]);
+        assert_eq!(paths(RigFacts { name: "other", ..rig }), ["rig"]);
+        assert_eq!(paths(RigFacts { fingerprint: "34cd", ..rig }), ["fingerprint"]);
+        assert_eq!(paths(RigFacts { plate_side_m: 0.3, ..rig }), ["plate_side_mm"]);
+        assert_eq!(paths(RigFacts { base_radps: 1.00001 * rig.base_radps, ..rig }), ["base_hz"]);
+        let fault = &library.check_fits(&RigFacts { base_radps: TAU * 50.0, ..rig })[0];
+        assert_eq!((fault.found.as_str(), fault.expected.as_str()), ("60", "50, as the rig has it"));
+        assert_eq!(paths(RigFacts { attack_s: 0.010_002, ..rig }), ["attack_s"]);
+        let both = RigFacts { fingerprint: "34cd", rest_s: 0.0, ..rig };
+        assert_eq!(paths(both), ["fingerprint", "rest_s"]);
+        let weak = RigFacts { count_limit: 10.0, ..rig };
+        assert_eq!(paths(weak), [0, 1, 2].map(|i| format!("entries[{i}].amplitudes")));
+    }
+
+    #[test]
+    fn a_rig_of_odd_numbers_fits_the_library_saved_for_it() {
+        let saved = Library { attack_s: 0.012_345_678_9, base_radps: TAU * 60.123_456_78, ..library(three()) };
+        let rig = RigFacts {
+            name: "bench",
+            fingerprint: "12ab",
+            plate_side_m: 0.2,
+            base_radps: saved.base_radps,
+            attack_s: saved.attack_s,
+            rest_s: saved.rest_s,
+            count_limit: 1000.0,
+            fields: None,
+        };
+        assert_eq!(Library::from_json(&saved.to_json(), "l.json").unwrap().check_fits(&rig), []);
+    }
+
+    #[test]
+    fn numbers_beyond_any_rig_are_refused() {
+        let refused = |change: &dyn Fn(&mut Library)| {
+            let mut bad = library(three());
+            change(&mut bad);
+            fault_lines(&bad.to_json())
+        };
+        type Change = fn(&mut Library);
+        let cases: [(Change, &str); 6] = [
+            (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: expected a number from -1000 to 1000, found 1e+300"),
+            (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101.0"),
+            (
+                |l| l.entries[1].amplitudes[2] = -1_000_001,
+                "entries[1].amplitudes[2]: expected a whole number from -1000000 to 1000000, found -1000001",
+            ),
+            (
+                |l| l.entries[0].amplitudes = [7; 4],
+                "entries[0].amplitudes: expected four that make a force or a torque, not all the same, found [7, 7, 7, 7]",
+            ),
+            (
+                |l| l.entries[2].pump = Twist::new(0.0, 101.0, 0.0),
+                "entries[2].velocity_mm_s[1]: expected a number from -100000 to 100000, found 101000.0",
+            ),
+            (
+                |l| l.displacement.distance_m[1][2] = 1.5,
+                "displacement.distance_mm[1][2]: expected a number from 0 to 1000, found 1500.0",
+            ),
+        ];
+        for (change, line) in cases {
+            assert_eq!(refused(&change), [line]);
+        }
+    }
+}

@@ -1,0 +1,217 @@
+use std::f64::consts::TAU;
+
+use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrary, matrix};
+use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
+use upm_core::document::{Diagnostic, Diagnostics};
+use upm_core::geometry::Vec2;
+use upm_core::rig::FieldDriveModel;
+use upm_core::units::mm_from_m;
+
+/// Fewest entries with which a part can be steered.
+const MIN_ENTRIES: usize = 3;
+
+/// Least spread of the flows at the centre: directions more than about 6 degrees apart count as two.
+const MIN_SPREAD: f64 = 0.01;
+
+/// Relative difference below which two numbers are equal.
+const SAME: f64 = 1e-6;
+
+/// Largest error of a number rounded to the file's six decimals, mm, Hz or s.
+const FILE_ROUNDING: f64 = 0.501e-6;
+
+impl TryFrom<RawLibrary> for Library {
+    type Error = Vec<Diagnostic>;
+
+    /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
+    fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
+        let mut faults = Diagnostics::of("");
+        check_head(&raw, &mut faults);
+        check_entries(&raw, &mut faults);
+        check_displacement(&raw.displacement, &mut faults);
+        raw.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
+        raw.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
+        let library = raw.into_library();
+        if faults.is_empty() && spread_at_center(&library) < MIN_SPREAD {
+            faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
+        }
+        faults.into_result(Some(library))
+    }
+}
+
+/// Properties of a rig that a library must agree with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigFacts<'a> {
+    /// The rig's name in its file.
+    pub name: &'a str,
+    /// Fingerprint of the rig's file.
+    pub fingerprint: &'a str,
+    /// Base frequency of its drive, rad/s.
+    pub base_radps: f64,
+    /// Length of the square plate's edges, m.
+    pub plate_side_m: f64,
+    /// Attack of every pulse, s.
+    pub attack_s: f64,
+    /// Rest after the longest pulse, s; shorter ones rest down to half as long.
+    pub rest_s: f64,
+    /// Largest sample that a motor may play, counts.
+    pub count_limit: f64,
+    /// Synthesised motions of the rig, if any.
+    pub fields: Option<FieldDriveModel>,
+}
+
+impl Library {
+    /// All reasons why the library cannot be used on `rig`: distances and centres hold for one rig and its drive only.
+    /// A library of a rig with another name is a single fault, since all others follow from it.
+    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
+        if self.rig != rig.name {
+            let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
+            return vec![Diagnostic::new("", "rig", format!("{:?}", self.rig), allowed)];
+        }
+        let mut faults = Vec::new();
+        if self.fingerprint != rig.fingerprint {
+            let allowed = format!("{:?} (the rig's file has changed: run `upm calibrate`)", rig.fingerprint);
+            faults.push(Diagnostic::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
+        }
+        faults.extend(differences([
+            ("plate_side_mm", mm_from_m(self.plate_side_m), mm_from_m(rig.plate_side_m)),
+            ("base_hz", self.base_radps / TAU, rig.base_radps / TAU),
+            ("attack_s", self.attack_s, rig.attack_s),
+            ("rest_s", self.rest_s, rig.rest_s),
+        ]));
+        faults.extend(field_faults(self.fields.as_ref(), rig));
+        faults.extend(self.unreachable_entries(rig.count_limit));
+        faults
+    }
+
+    /// Faults for entries that the rig's motors cannot play: their waveforms peak above `count_limit`.
+    pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Diagnostic> {
+        let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
+        let fault = |(entry, peak): (usize, f64)| {
+            let allowed = format!("amplitudes whose waveform peaks at {count_limit:.0} counts or less");
+            Diagnostic::new("", format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
+        };
+        let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
+        peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
+    }
+}
+
+/// A fault for every number of the library that differs from the rig's, with its path.
+fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Diagnostic> {
+    let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
+    let faults: Vec<_> = others
+        .map(|(path, found, its)| {
+            let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
+            Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
+        })
+        .collect();
+    faults.into_iter()
+}
+
+fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
+    let (response, fields) = match (response, &rig.fields) {
+        (None, None) => return Vec::new(),
+        (Some(response), Some(fields)) => (response, fields),
+        (None, Some(_)) => {
+            let allowed = "the response to the rig's fields (run `upm calibrate`)";
+            return vec![Diagnostic::missing("", "fields", allowed)];
+        }
+        (Some(_), None) => {
+            let allowed = "nothing (the rig has no fields: run `upm calibrate`)";
+            return vec![Diagnostic::new("", "fields", "a response", allowed)];
+        }
+    };
+    let measured = response.twist_from_counts.len() as f64;
+    differences([
+        ("fields.base_hz", response.base_radps / TAU, fields.base_radps / TAU),
+        ("fields.attack_s", response.attack_s, fields.attack_s),
+        ("fields.rest_s", response.rest_s, fields.rest_s),
+        ("fields.limit_counts", response.limit_counts, rig.count_limit),
+        ("fields.twist_from_counts", measured, fields.harmonics as f64),
+    ])
+    .collect()
+}
+
+/// Smaller eigenvalue of the sum of τ τ^T over all entries, with τ the unit flow at the plate's centre.
+fn spread_at_center(library: &Library) -> f64 {
+    let flows = library.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
+    let (xx, xy, yy) = flows.fold((0.0, 0.0, 0.0), |(xx, xy, yy), t| (xx + t.x * t.x, xy + t.x * t.y, yy + t.y * t.y));
+    0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
+}
+
+/// Number with its noun: `1 row`, `2 rows`.
+fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
+fn check_head(raw: &RawLibrary, faults: &mut Diagnostics) {
+    faults.require(!raw.rig.is_empty(), "rig", "\"\"", "the name of a rig");
+    for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
+        let moves = shape.as_flattened().iter().any(|&v| v != 0.0);
+        faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
+    }
+}
+
+fn check_entries(RawLibrary { entries, motor_arrangement: arrangement, .. }: &RawLibrary, faults: &mut Diagnostics) {
+    faults.require(
+        entries.len() >= MIN_ENTRIES,
+        "entries",
+        counted(entries.len(), "entry", "entries"),
+        format!("at least {MIN_ENTRIES}"),
+    );
+    for (i, RawEntry { amplitudes, velocity_mm_s: [vx, vy], spin_rad_s }) in entries.iter().enumerate() {
+        // by Eq. 7 four equal amplitudes around the plate only squeeze it: no net force, no torque
+        let around = arrangement.turned(*amplitudes);
+        let moves = around.iter().any(|&amplitude| amplitude != around[0]);
+        let allowed = "four that make a force or a torque, not all the same";
+        faults.require(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
+        let is_moved = [vx, vy, spin_rad_s].iter().any(|&&v| v != 0.0);
+        faults.require(is_moved, format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
+    }
+}
+
+fn check_displacement(raw: &RawDisplacement, faults: &mut Diagnostics) {
+    let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
+    check_rising("displacement.speed_mm_s", speeds, "rising numbers above 0", faults);
+    faults.require(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
+    check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
+    for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
+        check_table(name, table, speeds.len(), sustains.len(), faults);
+    }
+}
+
+fn check_fields(raw: &RawFieldResponse, faults: &mut Diagnostics) {
+    for (k, rows) in raw.twist_from_counts.iter().enumerate() {
+        let allowed = "forces on x, y and spin that move the plate independently";
+        let path = format!("fields.twist_from_counts[{k}]");
+        faults.require(matrix(rows).try_inverse().is_some(), path, "a singular matrix", allowed);
+    }
+}
+
+fn check_plate(raw: &RawPlateResponse, faults: &mut Diagnostics) {
+    for (key, axes, (low, high)) in
+        [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
+    {
+        for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
+            let allowed = format!("a number from {low} to {high}");
+            faults.require((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
+        }
+    }
+}
+
+fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Diagnostics) {
+    for (i, pair) in grid.windows(2).enumerate() {
+        let found = format!("{} after {}", pair[1], pair[0]);
+        faults.require(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
+    }
+}
+
+fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Diagnostics) {
+    let path = format!("displacement.{name}");
+    let allowed = format!("{rows}, one for each speed");
+    faults.require(table.len() == rows, &path, counted(table.len(), "row", "rows"), allowed);
+    for (i, row) in table.iter().enumerate() {
+        let allowed = format!("{columns}, one for each sustain");
+        let found = counted(row.len(), "number", "numbers");
+        faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
+    }
+}

@@ -1,0 +1,6 @@
+//! From where parts should go to the pulses that bring them there: [`cor_library`], [`task`], [`shapes`], [`planner`].
+
+pub mod cor_library;
+pub mod planner;
+pub mod shapes;
+pub mod task;

@@ -1,0 +1,131 @@
+//! Effort of a motion: the motor counts needed to play it.
+
+use nalgebra::{Complex, Matrix3, Vector3};
+use wide::f64x4;
+
+use super::harmonic_basis::{HarmonicBasis, SimdF64};
+use crate::cor_library::{Library, motor_harmonics};
+use upm_core::signal::{Envelope, Follows, MOTORS};
+
+/// Fraction of the motors' limit that a motion fills. The peak is sampled at least 32 times in the period of the
+/// highest harmonic; between two samples it rises by half a percent at most.
+const EFFORT: f64 = 0.99;
+
+/// Motor counts per m/s of every coefficient.
+#[derive(Clone, Debug)]
+pub(super) struct MotorEffort {
+    /// Axis amplitudes (counts) from velocity phasors (m/s; spin as the speed half a side out), for each harmonic.
+    counts_from_motion: Vec<Matrix3<Complex<f64>>>,
+    /// Forces on the envelope's slope and curvature for one of x, y and spin, for each harmonic.
+    flanks: Vec<[Vector3<Complex<f64>>; 2]>,
+    limit_counts: f64,
+    /// Envelope of a pulse; its flanks are the same for every sustain.
+    envelope: Envelope,
+    /// Price of a coefficient: the square of the counts it asks for, per (m/s)².
+    pub weights: Vec<f64>,
+}
+
+impl MotorEffort {
+    /// Effort under the responses in `library`; `None` without fields and when a harmonic moves the plate along fewer
+    /// than three axes.
+    pub fn new(basis: &HarmonicBasis, library: &Library, half_side_m: f64) -> Option<Self> {
+        let (fields, plate) = (library.fields.as_ref()?, library.plate.unwrap_or_default());
+        let scaled = |response: &Matrix3<Complex<f64>>| {
+            let mut response = *response;
+            response.row_mut(2).scale_mut(half_side_m);
+            response.try_inverse()
+        };
+        let counts_from_motion: Vec<_> =
+            fields.twist_from_counts.iter().take(basis.harmonics).map(scaled).collect::<Option<_>>()?;
+        let price = |j: usize| {
+            let column = counts_from_motion[basis.harmonic_of(j) - 1].column(j / basis.per_axis()).into_owned();
+            motor_harmonics(&column).iter().map(|h| h.cos * h.cos + h.sin * h.sin).sum::<f64>()
+        };
+        let weights = (0..basis.len()).map(price).collect();
+        let envelope = Envelope { attack_s: fields.attack_s, ..Envelope::default() };
+        let unit = Vector3::repeat(Complex::from(1.0));
+        let flanks = (1..=basis.harmonics).map(|k| plate.flanks(&unit, k as f64 * fields.base_radps)).collect();
+        Some(Self { counts_from_motion, flanks, limit_counts: fields.limit_counts, envelope, weights })
+    }
+
+    /// `sqrt(Σ weight c²)`.
+    #[inline]
+    pub fn norm(&self, coefficients: &[f64]) -> f64 {
+        coefficients.iter().zip(&self.weights).map(|(c, w)| w * c * c).sum::<f64>().sqrt()
+    }
+
+    /// Scales the motion to its share of the motors' limit.
+    #[inline]
+    pub fn fill(&self, basis: &HarmonicBasis, coefficients: &mut [f64]) {
+        let peak = self.peak_counts(basis, coefficients);
+        if peak > 0.0 {
+            let scale = EFFORT * self.limit_counts / peak;
+            coefficients.iter_mut().for_each(|c| *c *= scale);
+        }
+    }
+
+    /// Largest sample of any motor in a pulse, its flanks included, counts.
+    fn peak_counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> f64 {
+        let n = basis.per_axis();
+        let force = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
+            let phasor =
+                |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
+            counts * Vector3::new(phasor(0), phasor(1), phasor(2))
+        };
+        let forces: Vec<_> = (1..).zip(&self.counts_from_motion).map(force).collect();
+        let flanks = |i: usize| -> Vec<_> {
+            let flanks = forces.iter().zip(&self.flanks);
+            flanks.map(|(force, flanks)| motor_forces(&flanks[i].component_mul(force))).collect()
+        };
+        let forces: Vec<_> = forces.iter().map(motor_forces).collect();
+        match basis.follows {
+            Follows::Velocity => {
+                let momenta = (1..).zip(&forces).map(|(k, force)| force.map(|force| basis.integral(force, k)));
+                let samples = basis.sums(&side_by_side(&forces, momenta)).into_iter();
+                samples.fold(0.0, |peak, sample| self.higher_peak(peak, sample, SimdF64::ZERO))
+            }
+            Follows::Displacement => {
+                let curvatures = side_by_side(&flanks(1), std::iter::repeat([[0.0; 2]; MOTORS]));
+                let samples = basis.sums(&side_by_side(&forces, flanks(0))).into_iter().zip(basis.sums(&curvatures));
+                samples.fold(0.0, |peak, (sample, curvatures)| self.higher_peak(peak, sample, curvatures))
+            }
+        }
+    }
+
+    /// The larger of `peak` and the highest count that a sample can reach whose four forces, their shares of the
+    /// envelope's slope and their shares of its curvature are these, counts.
+    fn higher_peak(&self, peak: f64, forces_and_slopes: SimdF64, curvatures: SimdF64) -> f64 {
+        let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
+        let [j, k, l, m, ..] = curvatures.to_array();
+        let (forces, slopes, curvatures) = ([a, b, c, d], [e, f, g, h], [j, k, l, m]);
+        // upper bound over all flanks, which spares most samples the exact evaluation
+        let force = f64x4::from(forces).abs();
+        let slope = f64x4::from(slopes).abs() / self.envelope.attack_s;
+        let curvature = f64x4::from(curvatures).abs() * 4.0 / (self.envelope.attack_s * self.envelope.attack_s);
+        let bound = (force + slope).max(0.5 * force + 2.0 * slope) + curvature;
+        if bound.simd_le(f64x4::splat(peak)).all() {
+            return peak;
+        }
+        let exact = (0..MOTORS).map(|motor| self.envelope.largest(forces[motor], slopes[motor], curvatures[motor]));
+        exact.fold(peak, f64::max)
+    }
+}
+
+/// Coefficients of cos and sin of each motor.
+fn motor_forces(counts: &Vector3<Complex<f64>>) -> [[f64; 2]; MOTORS] {
+    motor_harmonics(counts).map(|harmonic| [harmonic.cos, harmonic.sin])
+}
+
+/// Two quantities of the motors for [`HarmonicBasis::sums`].
+fn side_by_side(
+    first: &[[[f64; 2]; MOTORS]],
+    second: impl IntoIterator<Item = [[f64; 2]; MOTORS]>,
+) -> Vec<[SimdF64; 2]> {
+    let lanes = |(first, second): (&[[f64; 2]; MOTORS], [[f64; 2]; MOTORS])| {
+        [0, 1].map(|i| {
+            let [[a, b, c, d], [e, f, g, h]] = [*first, second].map(|of_motors| of_motors.map(|parts| parts[i]));
+            SimdF64::from([a, b, c, d, e, f, g, h])
+        })
+    };
+    first.iter().zip(second).map(lanes).collect()
+}

@@ -1,0 +1,113 @@
+use super::path_follower::{Motions, PathFollower};
+use super::{PartOutline, Setpoints, Task};
+use upm_core::geometry::Vec2;
+use upm_core::time::PlateTime;
+
+/// Parameters of an arrangement: every part goes to a target.
+#[derive(Clone, Debug)]
+pub struct ArrangeParams {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The kind of motion that moves the parts.
+    pub motions: Motions,
+    /// Discs of the parts, in the order of the positions given to [`Task::next`].
+    pub discs: Vec<PartOutline>,
+    /// Target of each part, m. Parts beyond the list stay where they were first seen.
+    pub targets_m: Vec<Vec2>,
+    /// True when parts of one kind may exchange their targets.
+    pub exchange: bool,
+    /// Distance from its target within which a part has arrived, m.
+    pub arrive_m: f64,
+}
+
+/// Task that arranges parts by [`ArrangeParams`]. It is done when every part is at its target at the same time.
+#[derive(Clone, Debug)]
+pub struct Arrange {
+    params: ArrangeParams,
+    steering: Option<PathFollower>,
+}
+
+impl Arrange {
+    /// A new task with these parameters.
+    pub fn new(params: ArrangeParams) -> Self {
+        Self { params, steering: None }
+    }
+}
+
+/// Group numbers: parts of one kind share one when they may exchange, otherwise each part has its own.
+fn groups(discs: &[PartOutline], exchange: bool) -> Vec<usize> {
+    discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
+}
+
+impl Task for Arrange {
+    fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
+        let ArrangeParams { half_side_m, motions, discs, targets_m, exchange, arrive_m } = &self.params;
+        let of = parts_in_table_m.len();
+        let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
+        let begin =
+            || PathFollower::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
+        let steering = self.steering.insert(steering.unwrap_or_else(begin));
+        steering.observe(parts_in_table_m);
+        let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
+        let done = of > 0 && there == of;
+        let wanted = steering.wanted("to the places", there);
+        if !done {
+            return wanted;
+        }
+        Setpoints { phase: "every part is at its place".into(), progress: 1.0, done, ..wanted }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
+        let discs = kinds.iter().map(|&kind| PartOutline { kind, radius_m: crate::task::PENNY_M }).collect();
+        let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
+        Arrange::new(ArrangeParams {
+            half_side_m: 0.1524,
+            motions: Motions::Independent,
+            discs,
+            targets_m,
+            exchange,
+            arrive_m: 0.00045,
+        })
+    }
+
+    const PLACES: [(f64, f64); 3] = [(-0.05, 0.0), (0.0, 0.0), (0.05, 0.0)];
+
+    #[test]
+    fn parts_of_one_kind_take_the_nearer_places() {
+        let parts = [Vec2::new(0.05, 0.05), Vec2::new(-0.05, 0.05), Vec2::new(0.0, 0.05)];
+        let targets = |mut task: Arrange| task.next(PlateTime::ZERO, &parts).targets_m;
+        let xs = |task| targets(task).iter().map(|target_m| target_m.x).collect::<Vec<_>>();
+        assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, true)), [0.05, -0.05, 0.0]);
+        assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, false)), [-0.05, 0.0, 0.05]);
+        assert_eq!(xs(arrange(&[0, 1, 0], &PLACES, true)), [0.05, 0.0, -0.05]);
+    }
+
+    #[test]
+    fn it_is_done_when_all_are_there_at_once() {
+        let mut task = arrange(&[0, 1], &PLACES[..2], true);
+        let mut observe = |x: f64| task.next(PlateTime::ZERO, &[Vec2::new(-0.05, 0.0004), Vec2::new(x, 0.0)]);
+        let wanted = observe(0.04);
+        assert_eq!(
+            (wanted.phase.as_str(), wanted.done, wanted.progress),
+            ("to the places, straight: 1 of 2 there", false, 0.0)
+        );
+        let wanted = observe(0.02);
+        assert!(!wanted.done && wanted.progress > 0.49 && wanted.progress < 0.51, "{wanted:?}");
+        let wanted = observe(0.0004);
+        assert_eq!((wanted.phase.as_str(), wanted.done, wanted.progress), ("every part is at its place", true, 1.0));
+    }
+
+    #[test]
+    fn noise_exchanges_no_places() {
+        let mut task = arrange(&[0, 0], &[(0.0, 0.05), (0.0, -0.05)], true);
+        let parts = |tilt: f64| [Vec2::new(-0.05, tilt), Vec2::new(0.05, -tilt)];
+        let first = task.next(PlateTime::ZERO, &parts(1e-4)).targets_m;
+        assert_eq!(task.next(PlateTime::ZERO, &parts(-1e-4)).targets_m, first);
+        assert_ne!(task.next(PlateTime::ZERO, &parts(-2e-2)).targets_m, first);
+    }
+}

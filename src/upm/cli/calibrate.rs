@@ -1,0 +1,56 @@
+use serde_json::json;
+
+use super::args::{CalibrateArgs, Common};
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
+use super::progress::LateProgress;
+use upm_control::calibration::{CalibrationFault, CalibrationProgress};
+use upm_core::time::MonotonicClock;
+use upm_core::units::mm_from_m;
+use upm_planning::cor_library::Library;
+use upm_runner::config::RigSpec;
+use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_rig, calibration_params};
+
+pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
+    let rig = RigSpec::load(&args.rig).map_err(Failure::of_files)?;
+    // checked before the long measurement
+    let output = LibraryOutput::check(&args.out).map_err(not_written)?;
+    let stop = stop_on_interrupt();
+    let mut progress = LateProgress::at_once(common);
+    let params = calibration_params(&rig);
+    let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| show(&mut progress, step));
+    progress.finish();
+    let library = match library {
+        Ok(library) => library,
+        Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
+        Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
+    };
+    output.replace(&library, &rig).map_err(not_written)?;
+    let summary = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
+    print(common.json, &summary, || {
+        print_summary(&library)?;
+        outln!("  {:18} {}", "written to", args.out.display())
+    })
+}
+
+fn show(shown: &mut LateProgress<MonotonicClock>, progress: CalibrationProgress) {
+    let CalibrationProgress { stage, done, total, plate_time_s } = progress;
+    let share = done as f64 / total.max(1) as f64;
+    shown.show(share, || format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
+}
+
+fn not_written(fault: LibraryOutputFault) -> Failure {
+    match fault {
+        LibraryOutputFault::NotAFile { .. } => Failure::bad_input(fault),
+        LibraryOutputFault::Write { .. } => Failure::failed(fault),
+        LibraryOutputFault::Unusable(faults) => Failure { status: NOT_REACHED, ..Failure::faults(faults) },
+    }
+}
+
+fn print_summary(library: &Library) -> Result<(), Failure> {
+    outln!("{}: {} motions measured", library.rig, library.entries.len())?;
+    let model = &library.displacement;
+    let (Some(slow), Some(fast)) = (model.speed_mps.first(), model.speed_mps.last()) else { return Ok(()) };
+    outln!("  {:18} {:.0} to {:.0} mm/s under the coins", "plate speeds", mm_from_m(*slow), mm_from_m(*fast))?;
+    let range = [model.min_distance(*fast), model.max_distance(*fast)].map(mm_from_m);
+    outln!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1])
+}

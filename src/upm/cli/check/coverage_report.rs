@@ -1,0 +1,172 @@
+//! Coverage of a library, as text and as JSON.
+
+use serde_json::{Value, json};
+
+use upm_core::geometry::Vec2;
+use upm_core::units::mm_from_m;
+use upm_planning::cor_library::Library;
+use upm_runner::run::{Coverage, WorstDirection};
+
+/// Coverage of a library and the plate it was measured on.
+pub(super) struct CoverageReport {
+    /// Name of the rig the library was measured on.
+    pub rig_name: String,
+    pub coverage: Coverage,
+}
+
+impl CoverageReport {
+    /// Coverage of the plate that `library` was measured on.
+    pub fn by(library: &Library) -> Self {
+        Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
+    }
+
+    /// Text output; the picture has the places one by one.
+    pub fn lines(&self) -> Vec<String> {
+        figures(&self.coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect()
+    }
+
+    /// JSON output; lengths in millimetres.
+    pub fn json(&self) -> Value {
+        let coverage = &self.coverage;
+        let weakest = coverage.weakest().map(place_json);
+        let gap = coverage
+            .gap
+            .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
+        let row =
+            |places: &[WorstDirection]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
+        json!({
+            "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
+            "centres": {
+                "inside": coverage.inside,
+                "outside": coverage.outside,
+                "translations": coverage.translations,
+            },
+            "largest_gap": gap,
+            "weakest": weakest,
+            "best_step_mm": rounded(mm(coverage.best_step_m)),
+            "out_of_reach_share": rounded(coverage.unreached_share()),
+            "out_of_reach_below_share": WorstDirection::LEAST_SHARE,
+            "never_strongest": coverage.never_strongest,
+            "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
+    let Coverage { inside, outside, translations, .. } = coverage;
+    let mut figures = vec![
+        ("plate", format!("{:.1} mm", mm(2.0 * coverage.half_side_m))),
+        ("centres", format!("{inside} inside, {outside} outside, {translations} translations")),
+    ];
+    if let Some(gap) = coverage.gap {
+        let text = format!("{:.1} mm to the nearest centre, from {} mm", mm(gap.distance_m), shown(gap.position_m));
+        figures.push(("largest gap", text));
+    }
+    if let Some(place) = coverage.weakest() {
+        figures.push((
+            "weakest place",
+            format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place.weakest_direction)),
+        ));
+        figures.push(("one pulse there", steps(place)));
+    }
+    figures.push(("longest step", format!("{} in the weakest direction (--picture draws it)", scale(coverage))));
+    let unreached = 100.0 * coverage.unreached_share();
+    let least = mm(WorstDirection::LEAST_SHARE * coverage.best_step_m);
+    figures.push((
+        "out of reach",
+        format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
+    ));
+    let (idle, all) = (coverage.never_strongest.len(), inside + outside + translations);
+    figures.push(("never strongest", format!("{idle} of {all} motions, wherever and whichever way")));
+    figures
+}
+
+/// Effect of one pulse at a place, as JSON.
+pub(super) fn place_json(place: &WorstDirection) -> Value {
+    json!({
+        "position_mm": position(place.position_m),
+        "direction_deg": degrees(place.weakest_direction),
+        "share": rounded(place.share),
+        "longest_step_mm": rounded(mm(place.longest_step_m)),
+        "longest_step_sd_mm": rounded(mm(place.longest_sd_m)),
+        "shortest_step_mm": place.shortest_step_m.map(|step_m| rounded(mm(step_m))),
+    })
+}
+
+/// Effect of one pulse at a place in the weakest direction, as text.
+pub(super) fn steps(place: &WorstDirection) -> String {
+    let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
+    match place.shortest_step_m {
+        Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
+        None => format!("{longest:.2} ± {sd:.2} mm at most"),
+    }
+}
+
+/// Range of the longest steps in the weakest direction: `26.15 to 26.88 mm`.
+pub(super) fn scale(coverage: &Coverage) -> String {
+    match coverage.steps_m().map(|steps_m| steps_m.map(|step_m| format!("{:.2}", mm(step_m)))) {
+        Some([_, most]) if coverage.is_even() => format!("{most} mm everywhere"),
+        Some([least, most]) => format!("{least} to {most} mm"),
+        None => "none".into(),
+    }
+}
+
+pub(super) fn mm(length_m: f64) -> f64 {
+    mm_from_m(length_m)
+}
+
+/// `value` rounded to 1e-4, finer than the measurement.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}
+
+fn position(position_m: Vec2) -> [f64; 2] {
+    [position_m.x, position_m.y].map(|along_m| rounded(mm(along_m)))
+}
+
+pub(super) fn shown(position_m: Vec2) -> String {
+    let [x, y] = position(position_m);
+    format!("({x:.1}, {y:.1})")
+}
+
+/// Direction modulo its opposite, whole degrees, 0 to 179.
+pub(super) fn degrees(direction: Vec2) -> f64 {
+    direction.y.atan2(direction.x).to_degrees().round().rem_euclid(180.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coverage whose places have these longest steps, m, one row of them.
+    fn coverage(steps_m: &[f64]) -> Coverage {
+        let place = |&longest_step_m: &f64| WorstDirection {
+            position_m: Vec2::zeros(),
+            weakest_direction: Vec2::x(),
+            share: longest_step_m / 0.02,
+            longest_step_m,
+            longest_sd_m: 0.0,
+            shortest_step_m: None,
+        };
+        Coverage {
+            half_side_m: 0.1,
+            places: steps_m.iter().map(place).collect(),
+            columns: steps_m.len(),
+            centers_m: Vec::new(),
+            inside: 0,
+            outside: 0,
+            translations: 2,
+            gap: None,
+            never_strongest: Vec::new(),
+            best_step_m: 0.02,
+        }
+    }
+
+    #[test]
+    fn scale_of_an_even_plate_is_one_number() {
+        // the difference is rounding noise, and lies at the edge of two texts
+        let even = coverage(&[0.014_145, 0.014_145 + 1e-9, 0.014_145 - 1e-9]);
+        assert_eq!(scale(&even), "14.15 mm everywhere");
+        assert_eq!(scale(&coverage(&[0.012, 0.014, 0.0135, 0.0001])), "12.00 to 14.00 mm");
+    }
+}

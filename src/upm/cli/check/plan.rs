@@ -1,0 +1,166 @@
+//! Forecast of a job, as text and as JSON.
+
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use super::coverage_report::{degrees, mm, place_json, rounded};
+use super::plan_statistics::{PlanVerdict, completed, endings, limits_met, nearest, range, verdict};
+use super::plan_table::{self, spots};
+use crate::cli::progress::{LateProgress, ProgressMode};
+use crate::cli::summary::planner_line;
+use upm_core::time::MonotonicClock;
+use upm_planning::cor_library::Library;
+use upm_recording::Report;
+use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
+use upm_runner::run::{ClosestApproach, Forecast, dry_run};
+
+pub(super) struct PlanReport {
+    pub job: String,
+    pub rig: String,
+    /// Bins, paths and kinds in the job's file.
+    pub layout: JobLayout,
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// Relative standard deviation of the parts' friction, from the rig's file.
+    pub friction_spread: f64,
+    pub forecast: Forecast,
+}
+
+impl PlanReport {
+    /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
+    pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Diagnostic> {
+        let mut progress = LateProgress::new(progress, MonotonicClock::new());
+        let forecast = dry_run(job, library, &mut |at, done| {
+            progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
+        });
+        progress.finish();
+        Ok(Self {
+            job: job.name.clone(),
+            rig: job.rig.model.name.clone(),
+            layout: JobLayout::of(job),
+            half_side_m: 0.5 * job.rig.model.plate_side_m,
+            friction_spread: job.rig.document.friction.spread,
+            forecast: forecast?,
+        })
+    }
+
+    /// Verdict of the dry runs.
+    pub fn verdict(&self) -> PlanVerdict {
+        verdict(&self.forecast.dry_runs)
+    }
+
+    /// Text output.
+    pub fn lines(&self) -> Vec<String> {
+        let forecast = &self.forecast;
+        let mut lines: Vec<String> =
+            figures(forecast).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect();
+        if forecast.fields {
+            lines.push("each part alone, by single rotations of the library:".into());
+        }
+        lines.extend(plan_table::lines(&forecast.parts));
+        lines.push(format!(
+            "all of it predicted by runs on the simulated plate without pixels; friction drawn with {:.0} % spread",
+            100.0 * self.friction_spread
+        ));
+        lines
+    }
+
+    /// JSON output; lengths in millimetres.
+    pub fn json(&self) -> Value {
+        let forecast = &self.forecast;
+        let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
+        let plate_time = range(&forecast.dry_runs, |report| report.plate_time_s).map(|[least, median, most]| {
+            json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
+        });
+        let smallest_gap = nearest(&forecast.dry_runs).map(|ClosestApproach { gap_m, parts, at_s }| {
+            json!({ "gap_mm": rounded(mm(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
+        });
+        let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
+        let met = |(limit, cycles): &(&str, u64)| json!({ "limit": limit, "cycles": cycles });
+        let dry_runs = forecast.dry_runs.iter().map(|dry_run| {
+            let Report { seed, reason, plate_time_s, cycles, pulses, prediction_error_mm, .. } = &dry_run.report;
+            json!({
+                "seed": seed,
+                "completed": dry_run.is_completed(),
+                "reason": reason,
+                "plate_time_s": rounded(*plate_time_s),
+                "cycles": cycles,
+                "pulses": pulses,
+                "prediction_error_mm": prediction_error_mm.map(|error| error.learned),
+            })
+        });
+        let parts = forecast.parts.iter().map(|part| {
+            let mut object = json!({ "id": part.id });
+            for (name, spot) in spots(part) {
+                object[name] = place_json(&spot.place);
+                object[name]["singular_values"] = json!(spot.singular_values.map(rounded));
+            }
+            object
+        });
+        json!({
+            "planner": forecast.planner.report(),
+            "verdict": self.verdict().code(),
+            "can_be_done": self.verdict() == PlanVerdict::CanBeDone,
+            "endings": endings(&forecast.dry_runs).iter().map(ending).collect::<Vec<_>>(),
+            "predicted_plate_time_s": plate_time,
+            "speed_mm_s": forecast.speed_mps.map(|[asked, held]| json!({ "asked": rounded(mm(asked)), "can_be_held": rounded(mm(held)) })),
+            "smallest_gap": smallest_gap,
+            "limits_met": limits_met(&forecast.dry_runs).iter().map(met).collect::<Vec<_>>(),
+            "independence": {
+                "of": if forecast.fields { "fields" } else { "rotations" },
+                "singular_values": forecast.independence.singular_values.iter().map(|&s| rounded(s)).collect::<Vec<_>>(),
+                "share": rounded(forecast.independence.share()),
+                "weakest_part": forecast.independence.weakest.and_then(|(part, _)| id(part)),
+                "weakest_direction_deg": forecast.independence.weakest.map(|(_, direction)| degrees(direction)),
+            },
+            "friction_spread": self.friction_spread,
+            "parts": parts.collect::<Vec<_>>(),
+            "dry_runs": dry_runs.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
+    let (completed, all) = (completed(&forecast.dry_runs).count(), forecast.dry_runs.len());
+    let verdict = match verdict(&forecast.dry_runs) {
+        PlanVerdict::CanBeDone => "can be done",
+        PlanVerdict::Likely => "likely done",
+        PlanVerdict::Unlikely => "unlikely",
+        PlanVerdict::CannotBeDone => "cannot be done",
+    };
+    let mut figures = vec![(verdict, format!("{completed} of {all} dry runs reach the goal"))];
+    for (reason, times) in endings(&forecast.dry_runs) {
+        figures.push(("", format!("{times} of {all}: {reason}")));
+    }
+    figures.push(("planner", planner_line(&forecast.planner.report())));
+    let median = |figure: fn(&Report) -> f64| range(&forecast.dry_runs, figure).map_or(0.0, |[_, median, _]| median);
+    if let Some([least, middle, most]) = range(&forecast.dry_runs, |report| report.plate_time_s) {
+        let cycles = median(|report| report.cycles as f64);
+        let pulses = median(|report| report.pulses as f64);
+        let text =
+            format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
+        figures.push(("predicted", text));
+    }
+    if let Some([asked_mps, held_mps]) = forecast.speed_mps {
+        let late = if asked_mps > held_mps { ", laps will be late" } else { "" };
+        let text = format!("up to {:.1} mm/s can be held, {:.1} asked{late}", mm(held_mps), mm(asked_mps));
+        figures.push(("speed", text));
+    }
+    let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
+    if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = nearest(&forecast.dry_runs) {
+        let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm(gap_m)) };
+        figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
+    }
+    for (limit, cycles) in limits_met(&forecast.dry_runs) {
+        figures.push(("limit met", format!("{limit}, in {cycles} cycles")));
+    }
+    if let Some((part, direction)) = forecast.independence.weakest {
+        let share = forecast.independence.share();
+        let by = if forecast.fields { "fields" } else { "rotations" };
+        let (id, direction) = (id(part), degrees(direction));
+        let text = format!("by {by}, weakest: {id} towards {direction:.0} deg, {share:.3} of the best");
+        figures.push(("all together", text));
+    }
+    figures
+}
