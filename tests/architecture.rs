@@ -121,7 +121,7 @@ fn crates_are_no_heavier_than_their_ceilings() {
 #[test]
 fn control_does_not_depend_on_the_simulator() {
     let reached = Crates::read_with_tests().reached("control");
-    assert!(reached.contains("core") && reached.contains("planner"), "{reached:?}");
+    assert!(reached.contains("core") && reached.contains("planning"), "{reached:?}");
     assert!(!reached.contains("sim"), "control builds on sim: {reached:?}");
 }
 

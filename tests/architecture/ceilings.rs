@@ -6,26 +6,22 @@ use super::rules::Source;
 
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
-const CEILINGS: [(&str, usize); 19] = [
-    ("chart", 936),
-    ("control", 4440),
-    ("cor_library", 900),
-    ("core", 1720),
-    ("document", 673),
+const CEILINGS: [(&str, usize); 15] = [
+    ("chart", 940),
+    ("control", 4450),
+    ("core", 2430),
     ("fixtures", 420),
-    ("lab", 7435),
-    ("perception", 5340),
-    ("planner", 3420),
+    ("lab", 7440),
+    ("perception", 5420),
+    ("planning", 6790),
     ("qp", 90),
-    ("recording", 1644),
-    ("runner", 5618),
+    ("recording", 1650),
+    ("runner", 5620),
     ("scene", 920),
-    ("server", 6350),
-    ("shapes", 460),
-    ("sim", 3430),
-    ("task", 2000),
-    ("upm", 6160),
-    ("viewer", 2100),
+    ("server", 5790),
+    ("sim", 3510),
+    ("upm", 5850),
+    ("viewer", 2110),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

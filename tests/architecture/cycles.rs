@@ -17,10 +17,10 @@ struct Crate<'a> {
 /// Imports of each file: the other file, and one name imported from it.
 type Imports<'a> = BTreeMap<&'a str, BTreeMap<&'a str, String>>;
 
-/// Crate and module path of a file: `src/core/job/pace.rs` is `job::pace` of the crate in `src/core`; `src/cli/args.rs`
-/// is `cli::args` of the root.
+/// Crate and module path of a file: `src/core/job/pace.rs` is `job::pace` of the crate in `src/core`, and
+/// `src/upm/cli/args.rs` is `cli::args` of the root.
 fn module_of(file: &str) -> Option<(&str, Vec<String>)> {
-    let of = member_of(file).unwrap_or_default();
+    let of = member_of(file).unwrap_or("upm");
     let inside = file.strip_prefix("src/")?.strip_prefix(of)?.strip_suffix(".rs")?;
     let path = inside.split('/').filter(|part| !["", "lib", "main", "mod"].contains(part));
     Some((of, path.map(str::to_owned).collect()))

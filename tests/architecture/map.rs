@@ -59,6 +59,11 @@ pub fn member_of(file: &str) -> Option<&str> {
     MEMBERS.contains(&folder).then_some(folder)
 }
 
+/// Path of a file below the folder of rooms: that of the root package is `src/upm/`.
+pub fn below_src(file: &str) -> Option<&str> {
+    file.strip_prefix("src/upm/").or_else(|| file.strip_prefix("src/"))
+}
+
 impl Map {
     fn read(page: &'static str) -> Self {
         let mut map = Self::default();

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::cycles;
-use super::map::{MAP, Room, member_of};
+use super::map::{MAP, Room, below_src, member_of};
 use super::scan::{Mention, Scan, scan};
 
 /// Most lines of a source.
@@ -66,7 +66,7 @@ impl Import<'_> {
 /// Room of a source: `src/core/geometry/lens.rs` is in `geometry`, `src/sim/plate.rs` in `sim`; a crate's `lib.rs` that
 /// only lists rooms is in none.
 pub fn room_of(file: &str) -> Option<&str> {
-    let path = file.strip_prefix("src/")?;
+    let path = below_src(file)?;
     let path = match member_of(file) {
         Some(of) if MAP.is_one_room(of) => return Some(of),
         Some(of) => path.strip_prefix(of)?.strip_prefix('/')?,
@@ -79,7 +79,7 @@ pub fn room_of(file: &str) -> Option<&str> {
 
 /// Depth of a file's module in its crate.
 fn depth_of(file: &str) -> usize {
-    let folders = file.matches('/').count() - usize::from(member_of(file).is_some());
+    let folders = file.matches('/').count() - usize::from(member_of(file).is_some() || file.starts_with("src/upm/"));
     if file.ends_with("/lib.rs") { 0 } else { folders }
 }
 
@@ -144,7 +144,7 @@ fn names(mention: &Mention, name: &str) -> bool {
 
 /// True for a file at a place below `src/`: `core/files` is `src/core/files.rs` and all of `src/core/files/`.
 fn is_at(file: &str, place: &str) -> bool {
-    let rest = file.strip_prefix("src/").and_then(|path| path.strip_prefix(place));
+    let rest = below_src(file).and_then(|path| path.strip_prefix(place));
     rest.is_some_and(|rest| rest.starts_with(['.', '/']))
 }
 

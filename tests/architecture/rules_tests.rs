@@ -20,9 +20,9 @@ fn forbidden_imports_are_found_however_they_are_written() {
         "const C: char = '\"'; use upm_sim as s;",
         "#[cfg(not(test))] use upm_sim;",
     ] {
-        let found = faults_of(&[("src/task/plus_sign.rs", source)]);
+        let found = faults_of(&[("src/planning/task/plus_sign.rs", source)]);
         assert_eq!(found.len(), 1, "{source}: {found:?}");
-        assert!(found[0].starts_with("src/task/plus_sign.rs:1: `task` may not import `sim"), "{found:?}");
+        assert!(found[0].starts_with("src/planning/task/plus_sign.rs:1: `task` may not import `sim"), "{found:?}");
     }
     for (file, source, fault) in [
         ("perception/vision/a.rs", "\n\nuse super::super::estimation;", "3: `vision` may not import `estimation`"),
@@ -32,7 +32,7 @@ fn forbidden_imports_are_found_however_they_are_written() {
         ("utils.rs", "", "1: `utils` is not on the map"),
         ("runner/config.rs", "use upm_sim::{SimParams, SimRig};", "1: `config` may not import `sim::SimRig`"),
         ("control/pulse_planner.rs", "use clarabel::solver;", "1: `clarabel` is named in qp only"),
-        ("task/plus_sign.rs", &"\n".repeat(401), "401: files have at most 400 lines"),
+        ("planning/task/plus_sign.rs", &"\n".repeat(401), "401: files have at most 400 lines"),
     ] {
         assert_eq!(faults_of(&[(&format!("src/{file}"), source)]), [format!("src/{file}:{fault}")]);
     }
@@ -47,11 +47,11 @@ fn allowed_imports_and_mere_words_are_not() {
         "#[cfg(test)]\nmod tests { use super::*; use upm_core::signal::Frame; fn f() { serde_json::to_string(&1); } }",
         "struct S { rerun: bool, sim: u8 }",
     ] {
-        assert_eq!(faults_of(&[("src/task/plus_sign.rs", source)]), [""; 0], "{source}");
+        assert_eq!(faults_of(&[("src/planning/task/plus_sign.rs", source)]), [""; 0], "{source}");
     }
     let test_file = [
-        ("src/task/lib.rs", "#[cfg(test)]\nmod long_tests;"),
-        ("src/task/long_tests.rs", "use upm_core::signal::Frame;"),
+        ("src/planning/task.rs", "#[cfg(test)]\nmod long_tests;"),
+        ("src/planning/task/long_tests.rs", "use upm_core::signal::Frame;"),
     ];
     assert_eq!(faults_of(&test_file), [""; 0]);
     assert_eq!(faults_of(&test_file[1..]).len(), 1);
@@ -61,12 +61,12 @@ fn allowed_imports_and_mere_words_are_not() {
 fn control_reaches_sim_neither_through_others_nor_in_tests() {
     let files = [
         ("src/control/lib.rs", "use upm_planning::planner::Plan;"),
-        ("src/planner/plan.rs", "use upm_planning::cor_library::Library;"),
-        ("src/cor_library/file.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
+        ("src/planning/planner/plan.rs", "use upm_planning::cor_library::Library;"),
+        ("src/planning/cor_library/file.rs", "#[cfg(test)]\nmod tests {\n    use upm_sim::SimRig;\n}"),
     ];
     assert_eq!(
         faults_of(&files),
-        ["src/cor_library/file.rs:3: control reaches sim: control -> planner -> cor_library -> sim"]
+        ["src/planning/cor_library/file.rs:3: control reaches sim: control -> planner -> cor_library -> sim"]
     );
     assert_eq!(faults_of(&files[1..]), [""; 0]);
 }
@@ -74,17 +74,22 @@ fn control_reaches_sim_neither_through_others_nor_in_tests() {
 #[test]
 fn import_cycles_are_found_through_re_exports_and_only_outside_tests() {
     let found = |files: &[(&str, &str)]| rules::cycles_in(&sources(files));
-    let room = ("src/task/lib.rs", "mod a; mod b; pub use a::A; pub use b::B;");
-    let both =
-        [room, ("src/task/a.rs", "use super::B; pub struct A;"), ("src/task/b.rs", "use crate::A; pub struct B;")];
-    let cycle = "import cycle of 2 files:\n  src/task/a.rs -> src/task/b.rs: B\n  src/task/b.rs -> src/task/a.rs: A";
+    let room = ("src/planning/task.rs", "mod a; mod b; pub use a::A; pub use b::B;");
+    let both = [
+        room,
+        ("src/planning/task/a.rs", "use super::B; pub struct A;"),
+        ("src/planning/task/b.rs", "use crate::task::A; pub struct B;"),
+    ];
+    let cycle = "import cycle of 2 files:\n  src/planning/task/a.rs -> src/planning/task/b.rs: B\n  \
+                 src/planning/task/b.rs -> src/planning/task/a.rs: A";
     assert_eq!(found(&both), [cycle]);
-    let one_way = [room, both[1], ("src/task/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
+    let one_way =
+        [room, both[1], ("src/planning/task/b.rs", "#[cfg(test)] mod tests { use super::super::A; } pub struct B;")];
     assert_eq!(found(&one_way), [""; 0], "tests may");
     let renamed = [
-        ("src/task/lib.rs", "mod a; mod b;"),
-        ("src/task/a.rs", "use super::b as other; pub const A: u8 = other::B;"),
-        ("src/task/b.rs", "use super::a::*; pub const B: u8 = 1; const C: u8 = A;"),
+        ("src/planning/task.rs", "mod a; mod b;"),
+        ("src/planning/task/a.rs", "use super::b as other; pub const A: u8 = other::B;"),
+        ("src/planning/task/b.rs", "use super::a::*; pub const B: u8 = 1; const C: u8 = A;"),
     ];
     assert_eq!(found(&renamed).len(), 1);
 }
