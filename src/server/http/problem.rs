@@ -132,7 +132,7 @@ pub struct ProblemDocument {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     kind: ProblemKind,
-    document: ProblemDocument,
+    document: Box<ProblemDocument>,
     headers: Vec<(HeaderName, HeaderValue)>,
 }
 
@@ -148,7 +148,7 @@ impl Problem {
             faults: Vec::new(),
             reasons: Vec::new(),
         };
-        Self { kind, document, headers: Vec::new() }
+        Self { kind, document: Box::new(document), headers: Vec::new() }
     }
 
     /// The problem of a request with these faults.
@@ -183,7 +183,7 @@ impl Problem {
     /// The document for the request with the id `instance`.
     pub fn document(&self, instance: Option<&str>) -> ProblemDocument {
         let instance = instance.map(|id| format!("urn:upm:request:{id}"));
-        ProblemDocument { instance, ..self.document.clone() }
+        ProblemDocument { instance, ..ProblemDocument::clone(&self.document) }
     }
 
     /// The document as the body of an answer.
