@@ -113,9 +113,9 @@ impl Client {
         Ok(Self { base: base.to_owned(), bearer: None, timeouts: Timeouts::Usual })
     }
 
-    /// Client of the server at `url`, with the same token.
+    /// Client of the server at `url`, with the same token and timeouts.
     pub fn elsewhere(&self, url: &str) -> Result<Self, Failure> {
-        Ok(Self { bearer: self.bearer.clone(), ..Self::at(url)? })
+        Ok(Self { bearer: self.bearer.clone(), timeouts: self.timeouts, ..Self::at(url)? })
     }
 
     /// GET of the value at `path`.

@@ -83,7 +83,7 @@ fn stop_at_listener(args: &EstopArgs) -> Option<Vec<LocalStop>> {
     let url = args.stop_url.clone().or_else(|| std::env::var("UPM_STOP_URL").ok());
     let url = url.filter(|_| args.plates.is_empty())?;
     let listener = Client::for_stop(&args.daemon).and_then(|client| client.elsewhere(&url));
-    let answer = listener.and_then(|client| Ok(client.post_urgently::<LocalStopAnswer>(STOP_PATH)?));
+    let answer = listener.and_then(|client| Ok(client.post::<LocalStopAnswer>(STOP_PATH, "", &[])?));
     match answer {
         Ok(answer) => Some(answer.stops),
         Err(failure) => {
