@@ -91,7 +91,7 @@ fn page_names_files_and_items_that_exist() {
     let is_source = |path: &str| FILES.iter().any(|(file, _)| file.contains(&format!("/{path}")));
     let exists = |name: &str| match name.trim_end_matches('/') {
         path if path.contains('/') || path.contains('.') => root().join(path).exists() || is_source(path),
-        name => name.split("::").all(|word| words.contains(word)),
+        name => name.split([':', '-']).all(|word| word.is_empty() || words.contains(word)),
     };
     let is_plain = |name: &&str| {
         name.chars().all(|c| is_word(c) || "-./:".contains(c)) && !name.starts_with('_') && !name.starts_with("std::")

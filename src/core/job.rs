@@ -43,7 +43,7 @@ coded_enum! {
 }
 
 coded_enum! {
-    /// What the simulated camera delivers.
+    /// Form in which the simulated camera delivers.
     #[derive(Default, schemars::JsonSchema)]
     pub enum CameraMode {
         /// Rendered pictures.

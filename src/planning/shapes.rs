@@ -3,7 +3,7 @@
 //!
 //! ```
 //! use upm_core::geometry::Vec2;
-//! use crate::shapes::Drawing;
+//! use upm_planning::shapes::Drawing;
 //! let word = Drawing::of_text("HI", 0.08, Vec2::zeros()).unwrap();
 //! assert_eq!(word.fewest(), 8, "six ends and junctions of the H, two ends of the I");
 //! assert_eq!(word.places(16).unwrap().len(), 16);

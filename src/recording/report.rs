@@ -17,7 +17,7 @@ pub struct Report {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
-    /// What the camera delivered: pictures, or positions in their place.
+    /// Pictures from the camera, or positions in their place.
     #[serde(default)]
     pub camera: CameraMode,
     /// The planner that ran and why; `None` in reports of versions that did not record it.

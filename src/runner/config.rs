@@ -32,6 +32,7 @@ mod read;
 mod rig;
 mod rig_checks;
 mod rig_file;
+mod rig_source;
 mod schema;
 mod shape_file;
 mod simulate;
@@ -53,9 +54,8 @@ pub use layout::{JobLayout, LayoutPart, LayoutPath};
 pub use placement::{PlacedPart, place_parts};
 pub use read::{Origin, is_plain_name};
 pub use rig::RigSpec;
-pub use rig_file::{
-    CameraSection, FrictionSection, GrayLevels, Knocks, PlateSection, RigFile, RigSource, SimulationSection,
-};
+pub use rig_file::{CameraSection, FrictionSection, GrayLevels, Knocks, PlateSection, RigFile, SimulationSection};
+pub use rig_source::RigSource;
 pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;

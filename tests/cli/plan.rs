@@ -162,7 +162,8 @@ fn too_little_time_is_a_reason() {
     let folder = TempDir::new().unwrap();
     let file = job(folder.path(), |job| job["limits"]["plate_time_s"] = json!(5));
     let plan = &planned(&file, 1)["plan"];
-    assert_eq!(plan["endings"], json!([{"reason": "plate time limit of 5 s reached", "times": 5}]));
+    assert_eq!(plan["endings"][0]["times"], 5, "{plan}");
+    assert!(plan["endings"][0]["reason"].as_str().unwrap().starts_with("plate time limit of 5 s reached"), "{plan}");
 }
 
 #[test]

@@ -88,7 +88,7 @@ fn commands_of_slow_pages_run_as_typed() {
     assert_runs(pages::all().into_iter().filter(is_slow));
 }
 
-/// True for inline code that is a whole command of `upm`: with an argument and without a placeholder.
+/// True for inline code that is a whole command of `upm` or `upm-lab`: with an argument and without a placeholder.
 fn is_complete(code: &str) -> bool {
     let is_placeholder = |word: &str| {
         word.contains(['[', '…'])
@@ -96,7 +96,7 @@ fn is_complete(code: &str) -> bool {
             || word.as_bytes().windows(2).any(|pair| pair.iter().all(u8::is_ascii_uppercase))
     };
     let mut words = code.split(' ');
-    words.next() == Some("upm")
+    words.next().is_some_and(|program| ["upm", "upm-lab"].contains(&program))
         && words.clone().nth(1).is_some_and(|word| !word.starts_with('-'))
         && !words.any(is_placeholder)
 }

@@ -19,7 +19,11 @@ upm() {
 }
 
 cargo() {
-  while [ "$1" != -- ]; do shift; done
+  local program=upm
+  while [ "$1" != -- ]; do
+    if [ "$1" = upm-lab ]; then program=upm-lab; fi
+    shift
+  done
   shift
-  command upm "$@"
+  command "$program" "$@"
 }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
-use super::rig_file::RigSource;
+use super::rig_source::RigSource;
 use super::units;
 use upm_core::document::SchemaKey;
 

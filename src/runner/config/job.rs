@@ -7,7 +7,7 @@ use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerCh
 use super::kinds::{KindSpec, PartGroup, each_kind};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
-use super::rig_file::RigSource;
+use super::rig_source::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::CameraMode;
@@ -40,7 +40,7 @@ pub struct JobSpec {
     pub plate_time_limit_s: f64,
     /// Simulated faults.
     pub faults: Vec<FaultSpec>,
-    /// What the simulated camera delivers; not in the file, but chosen for a run.
+    /// Pictures or positions from the simulated camera; not in the file, but chosen for a run.
     pub camera: CameraMode,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<String>,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::faults::FaultList;
-use super::rig_file::RigSource;
+use super::rig_source::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
 use upm_core::document::SchemaKey;
 

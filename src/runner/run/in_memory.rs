@@ -49,7 +49,8 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
-    /// [`done`](upm_planning::task::Setpoints::done). The report then has no verdict, which would be about the job's task.
+    /// [`done`](upm_planning::task::Setpoints::done). The report then has no verdict, which would be about the
+    /// job's task.
     pub fn with_task(mut self, task: impl Task + 'static) -> Self {
         self.setup.task = Box::new(task);
         self.setup.params.endless = false;

@@ -1,5 +1,5 @@
-//! The event stream of a job: the lines of its journal, as they are flushed to the disk, and the job itself whenever its
-//! state changes. An `id` is the byte offset after a line, so a stream that broke goes on there.
+//! The event stream of a job: the lines of its journal, as they are flushed to the disk, and the job itself whenever
+//! its state changes. An `id` is the byte offset after a line, so a stream that broke goes on there.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -200,8 +200,8 @@ impl Journal {
         Some(journal)
     }
 
-    /// The whole lines that were added, as many as fit into a chunk; none when the file cannot be read. `None` for a line
-    /// without end.
+    /// The whole lines that were added, as many as fit into a chunk; none when the file cannot be read. `None` for a
+    /// line without end.
     async fn lines(&mut self) -> Option<Vec<Event>> {
         loop {
             let read = (&mut self.file).take(CHUNK_BYTES).read_to_end(&mut self.rest).await.unwrap_or(0);

@@ -1,5 +1,5 @@
-//! The daemon's metrics for Prometheus, as OpenMetrics text, made anew at each scrape. Their names, types and units are a
-//! stable interface: dashboards and alerts depend on them.
+//! The daemon's metrics for Prometheus, as OpenMetrics text, made anew at each scrape. Their names, types and units are
+//! a stable interface: dashboards and alerts depend on them.
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,5 @@
-//! Notifications to the service manager that started the daemon: ready, stopping, alive. Without a service manager nothing
-//! is sent.
+//! Notifications to the service manager that started the daemon: ready, stopping, alive. Without a service manager
+//! nothing is sent.
 
 use std::io;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};

@@ -257,7 +257,7 @@ pub enum StoreFault {
     Other {
         /// The database.
         file: String,
-        /// What it is.
+        /// Its kind or version.
         found: String,
         /// The version of this program.
         expected: i32,

@@ -1,7 +1,7 @@
 //! The latch of an emergency stop: a stopped plate stays stopped, even over restarts and power cuts.
 //!
-//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store. A file
-//! that is unreadable or invalid counts as stopped, and so does the missing file of a plate that the store knows.
+//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store. A
+//! file that is unreadable or invalid counts as stopped, and so does the missing file of a plate that the store knows.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};

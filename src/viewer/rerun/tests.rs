@@ -61,7 +61,7 @@ fn record_run(
     sink.finish()
 }
 
-/// What a recording or its blueprint holds.
+/// Chunks of a recording or of its blueprint.
 pub(super) struct LoggedChunks {
     /// Name of the recording.
     pub id: String,
@@ -87,7 +87,10 @@ pub(super) fn stores(path: &Path) -> (LoggedChunks, LoggedChunks) {
             LogMsg::SetStoreInfo(store) => {
                 let id = &store.info.store_id;
                 let stores = if id.is_recording() { &mut recordings } else { &mut blueprints };
-                stores.push(LoggedChunks { id: id.recording_id().to_string(), chunks: Vec::new() });
+                let id = id.recording_id().to_string();
+                if stores.iter().all(|store| store.id != id) {
+                    stores.push(LoggedChunks { id, chunks: Vec::new() });
+                }
             }
             LogMsg::ArrowMsg(id, message) => {
                 let stores = if id.is_recording() { &mut recordings } else { &mut blueprints };

@@ -126,7 +126,7 @@ pub(super) struct BatchSummary {
     pub name: String,
     pub rig: String,
     pub version: &'static str,
-    /// What the simulated camera delivered.
+    /// Pictures or positions from the simulated camera.
     pub camera: CameraMode,
     /// Number of seeds requested.
     pub seeds: usize,

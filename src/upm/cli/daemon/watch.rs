@@ -31,7 +31,8 @@ pub(super) fn watch(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     follow(&client, &job_id(&client, &args.id)?, None, common)
 }
 
-/// Shows the events of a job from byte `after` of its journal on until it ends; `None` for what comes from now on. The exit status is the job's.
+/// Shows the events of a job from byte `after` of its journal on until it ends; `None` for what comes from now on. The
+/// exit status is the job's.
 pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Common) -> Result<u8, Failure> {
     let path = job_path(id)?;
     let stop = stop_on_interrupt();

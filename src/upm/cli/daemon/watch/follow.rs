@@ -99,8 +99,8 @@ impl StreamFollower {
         self.last = event.id.or(self.last);
         match job_of(&event) {
             Some(job) => self.has_ended |= job.state.is_final(),
-            // a job proves a connection, not that there are new lines: a daemon that ends every stream after it must not
-            // be asked again at once
+            // a job proves a connection, not new lines: a daemon that ends every stream after it must not be asked
+            // again at once
             None => self.rests = Some(0),
         }
         event
