@@ -96,9 +96,12 @@ fn is_complete(code: &str) -> bool {
             || word.as_bytes().windows(2).any(|pair| pair.iter().all(u8::is_ascii_uppercase))
     };
     let mut words = code.split(' ');
-    words.next().is_some_and(|program| ["upm", "upm-lab"].contains(&program))
-        && words.clone().nth(1).is_some_and(|word| !word.starts_with('-'))
-        && !words.any(is_placeholder)
+    let first = match words.next() {
+        Some("upm") => words.clone().nth(1),
+        Some("upm-lab") => words.clone().next(),
+        _ => None,
+    };
+    first.is_some_and(|word| !word.starts_with('-')) && !words.any(is_placeholder)
 }
 
 #[test]
