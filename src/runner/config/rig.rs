@@ -30,7 +30,7 @@ pub struct RigSpec {
     pub library: Option<PathBuf>,
     /// Key that names the library, for faults: `rig upm-1.json: library`.
     pub library_key: String,
-    /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on; see [`fingerprint`].
+    /// First 16 hex digits of SHA-256 over the parts of the rig that a COR library depends on.
     pub fingerprint: String,
 }
 
