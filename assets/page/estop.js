@@ -1,5 +1,5 @@
 // Emergency stop: every plate is asked at once, again and again until it has said that it stands. All together they are
-// stopped by the listener beside the API first, where there is one.
+// stopped by the listener beside the API, too, where there is one: whichever answers first.
 
 import { NoAnswer, json, makeWay, ofPlate } from './api.js';
 import { moment, since, span } from './age.js';
@@ -7,8 +7,6 @@ import { stopKeysHeld } from './device.js';
 import { el, setChildren, setText } from './dom.js';
 
 const TIMEOUT_MS = 2000;
-/** After this time without an answer of the listener the API is asked, too. */
-const LISTENER_MS = 500;
 const PAUSES_MS = [100, 200, 400, 800];
 
 /** One plate that is being stopped. */
@@ -30,11 +28,10 @@ class Stopping {
 
   /** `listened` is a promise of what the listener answered for every plate, if it was asked. */
   async retryUntilConfirmed(listened) {
-    const first = (await listened)?.find((stop) => stop.plate === this.name)?.answer;
     while (!this.ended) {
       this.tries += 1;
       try {
-        await this.accept((this.tries === 1 && first) || (await ask('POST', ofPlate(this.name, '/estop'))));
+        await this.accept(await this.answer(this.tries === 1 ? listened : null));
       } catch (error) {
         this.ended = error.status === 404;
         if (this.ended) return this.showStatus('loud', 'NOT STOPPED – the daemon knows no such plate');
@@ -44,6 +41,13 @@ class Stopping {
       }
       if (!this.ended) await nap(PAUSES_MS[Math.min(this.tries, PAUSES_MS.length) - 1]);
     }
+  }
+
+  /** The first answer of API and listener; without any, what the API's failure was. */
+  answer(listened) {
+    const asked = ask('POST', ofPlate(this.name, '/estop'));
+    const ofListener = listened?.then((stops) => stops?.find((stop) => stop.plate === this.name)?.answer ?? asked);
+    return Promise.any([asked, ofListener ?? asked]).catch((failed) => Promise.reject(failed.errors[0]));
   }
 
   async accept(answer) {
@@ -67,12 +71,16 @@ class Stopping {
 
 const ask = (method, path) => json(method, path, { urgent: true, timeoutMs: TIMEOUT_MS });
 
+const isLoopback = (host) => /^(127\.|\[::1\]|localhost)/.test(host);
+
 /** Stops every plate through the listener beside the API; null where it does not answer. */
 async function askListener(listener) {
   const port = listener.slice(listener.lastIndexOf(':'));
   const host = listener.startsWith('0.0.0.0:') || listener.startsWith('[::]:') ? location.hostname + port : listener;
+  // what listens there on the operator's machine is somebody else's
+  if (isLoopback(host) && !isLoopback(location.hostname)) return null;
   try {
-    return (await json('POST', `http://${host}/v1/estop`, { urgent: true, timeoutMs: LISTENER_MS })).stops;
+    return (await json('POST', `http://${host}/v1/estop`, { urgent: true, timeoutMs: TIMEOUT_MS })).stops;
   } catch {
     return null;
   }

@@ -247,12 +247,18 @@ fn is_host(host: &str) -> bool {
 
 /// Checks that each port is used only once.
 fn check_ports(file: &DaemonFile, faults: &mut Diagnostics) {
-    let listen = file.listen.parse().ok().map(|address: SocketAddr| address.port());
+    let port_of = |address: &str| address.parse().ok().map(|address: SocketAddr| address.port());
+    let (listen, stop) = (port_of(&file.listen), file.stop_listen.as_deref().and_then(port_of));
+    // 0 is a free port of the system's choice
+    if let Some(found) = stop.filter(|port| *port != 0 && stop == listen) {
+        faults.push(Path::root().key("stop_listen"), found, "a port that nothing else here has");
+    }
     for (i, plate) in file.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
         let before = file.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
         let at = Path::root().key("plates").index(i).key("live_port");
         let found = plate.live_port.unwrap_or_default();
-        faults.require(!before && plate.live_port != listen, &at, found, "a port that nothing else here has");
+        let is_own = [listen, stop].contains(&plate.live_port);
+        faults.require(!before && !is_own, &at, found, "a port that nothing else here has");
     }
 }
 

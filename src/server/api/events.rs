@@ -230,9 +230,16 @@ impl Journal {
 
 /// Offset after the last whole line of a journal of that length.
 async fn last_line_end(file: &mut File, length: u64) -> Option<u64> {
-    let begin = length.saturating_sub(LONGEST_LINE as u64);
-    file.seek(SeekFrom::Start(begin)).await.ok()?;
-    let mut text = Vec::new();
-    file.take(length - begin).read_to_end(&mut text).await.ok()?;
-    Some(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| begin + at as u64 + 1))
+    let (mut end, mut piece) = (length, Vec::new());
+    while end > length.saturating_sub(LONGEST_LINE as u64) {
+        let begin = end.saturating_sub(CHUNK_BYTES);
+        file.seek(SeekFrom::Start(begin)).await.ok()?;
+        piece.clear();
+        (&mut *file).take(end - begin).read_to_end(&mut piece).await.ok()?;
+        if let Some(at) = piece.iter().rposition(|byte| *byte == b'\n') {
+            return Some(begin + at as u64 + 1);
+        }
+        end = begin;
+    }
+    Some(0)
 }

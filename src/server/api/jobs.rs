@@ -36,7 +36,7 @@ pub(super) struct SubmitQuery {
 #[derive(Deserialize, JsonSchema)]
 #[schemars(inline)]
 pub(super) struct SubmitHeaders {
-    /// The same key and body again within a day give the same job again.
+    /// The same key and body again within a day, and as long as the job is stored, give the same job again.
     #[serde(rename = "Idempotency-Key")]
     #[schemars(length(min = 1, max = 255))]
     key: Option<String>,

@@ -18,6 +18,7 @@ use crate::api::{AppParts, app};
 use crate::http::{AllowedHosts, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
 use crate::store::{OpenOutcome, Store, StoreFault, StoreLimits};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
+use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
@@ -229,7 +230,11 @@ fn end(
     tracing::debug!("requests have ended");
     // while the folder is locked: after that the socket may be the next daemon's
     drop(estop_socket);
-    let in_order = state.store.close(STORE_WITHIN) && plates_left.is_empty();
+    let plates = Arc::clone(&state.plates);
+    let persisted = BackgroundThread::start("persist", false, move || plates.persist_again())
+        .is_ok_and(|thread| thread.wait_within(STORE_WITHIN).unwrap_or(false));
+    // an end that is not recorded makes the next start one after a crash: every plate is paused
+    let in_order = persisted && state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     ExitReport { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
 }

@@ -105,10 +105,11 @@ impl DaemonState {
         }
     }
 
-    /// Counts queued jobs and the free space, with `all` every job, and sees whether a store that failed can be written
-    /// again. Waits for the disk.
+    /// Counts queued jobs and the free space, with `all` every job, sees whether a store that failed can be written
+    /// again, and writes stops and pauses that could not be written. Waits for the disk.
     pub fn count(&self, all: bool) {
         self.store.retry();
+        self.plates.persist_again();
         self.count_queued();
         let jobs = all.then(|| self.store.counts());
         let free_bytes = free_bytes(self.store.runs()).ok();

@@ -3,9 +3,10 @@ use std::io;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
+use jiff::SignedDuration;
 use rusqlite::params;
 
-use super::columns::{rows, sql_limit};
+use super::columns::{Micros, rows, sql_limit};
 use super::{JobId, Store, StoreFault};
 
 /// Ended runs of standing jobs except the newest of each plate.
@@ -15,11 +16,13 @@ const SURPLUS_STANDING: &str = "
             WHERE standing = 1 AND state NOT IN ('queued', 'running'))
     WHERE age > ?1 ORDER BY id";
 
-/// Ended jobs above the limit that have no run folder any more, the oldest.
+/// Ended jobs above the limit that have no run folder any more, the oldest. A key is kept for a day: until then its
+/// request may be repeated.
 const SURPLUS_JOBS: &str = "
     DELETE FROM jobs WHERE id IN (
         SELECT id FROM jobs WHERE folder IS NULL AND state NOT IN ('queued', 'running')
-            ORDER BY id LIMIT max(0, (SELECT count(*) FROM jobs) - ?1))";
+            AND (key IS NULL OR submitted_at < ?2) ORDER BY id LIMIT max(0, (SELECT count(*) FROM jobs) - ?1))";
+const KEY_KEPT: SignedDuration = SignedDuration::from_hours(24);
 
 impl Store {
     /// Deletes surplus runs of standing jobs, then the run folders of the jobs that ended first while all are too large
@@ -59,7 +62,8 @@ impl Store {
         let count: i64 =
             self.read(|connection| connection.query_row("SELECT count(*) FROM jobs", [], |row| row.get(0)))?;
         if count > sql_limit(self.limits.jobs) {
-            self.write(|write| Ok(write.tx.execute(SURPLUS_JOBS, [sql_limit(self.limits.jobs)])?))?;
+            let most = sql_limit(self.limits.jobs);
+            self.write(|write| Ok(write.tx.execute(SURPLUS_JOBS, params![most, Micros(write.now - KEY_KEPT)])?))?;
         }
         Ok(())
     }

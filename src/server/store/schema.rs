@@ -7,7 +7,7 @@ use rusqlite::Connection;
 use super::StoreFault;
 
 /// SQLite application id, `upm1`: identifies the file as a job store.
-const APPLICATION_ID: i32 = 0x7570_6d31;
+pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Schema version; a store of another one is refused.
 pub(super) const VERSION: i32 = 2;
@@ -69,14 +69,14 @@ CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the
 /// Opens the store at `path`, creating it if there is none. A file that is no store of this version is refused and left
 /// untouched.
 pub(super) fn open_database(path: &Path) -> Result<Connection, StoreFault> {
-    let is_new = match header_of(path)? {
-        None => true,
-        Some((APPLICATION_ID, VERSION)) => false,
+    match header_of(path)? {
+        None | Some((APPLICATION_ID, VERSION)) => {}
         Some((APPLICATION_ID, found)) => return Err(other(path, format!("version {found}"))),
         Some(_) => return Err(other(path, "another database".to_owned())),
-    };
+    }
     let connection = Connection::open(path)?;
-    if is_new {
+    // this rolls back what a crash left of the transaction below
+    if connection.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))? {
         // in one transaction, and before the log exists: the header of a store is always in its file
         connection.execute_batch(&format!(
             "BEGIN; {TABLES} PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION}; COMMIT;"

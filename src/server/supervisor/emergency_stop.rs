@@ -124,6 +124,11 @@ impl EmergencyStop {
         written.map_err(|error| tracing::error!("an emergency stop cannot be written: {error}")).unwrap_or(false)
     }
 
+    /// True when the latch on the disk has the present state.
+    pub fn is_persisted(&self) -> bool {
+        self.latch.is_written()
+    }
+
     /// The stop that holds, as the token for its reset.
     pub fn held(&self) -> Result<StopToken, ResetFault> {
         match self.latch.held() {

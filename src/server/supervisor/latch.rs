@@ -1,7 +1,8 @@
 //! The latch of an emergency stop: a stopped plate stays stopped, even over restarts and power cuts.
 //!
-//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store. A
-//! file that is unreadable or invalid counts as stopped, and so does the missing file of a plate that the store knows.
+//! Each plate has a small file that is rewritten in place, so it needs neither free disk space nor the job store. An
+//! invalid file counts as stopped, and so does the missing file of a plate that the store knows. With one that cannot
+//! be opened the daemon does not start.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
@@ -20,6 +21,8 @@ const RELEASED: &[u8; 16] = b"upm: released   ";
 pub struct Latch {
     /// Number of stops, times two; odd while stopped.
     word: AtomicU64,
+    /// The word whose state is on the disk.
+    written: AtomicU64,
     file: Mutex<File>,
 }
 
@@ -32,15 +35,16 @@ impl Latch {
     /// stopped, since its stop may have been lost with it; that of a new plate is created as released.
     pub fn open(folder: &Path, plate: &str, known: bool) -> io::Result<Self> {
         let path = folder.join(plate);
+        let named = |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display()));
         let mut options = OpenOptions::new();
         options.read(true).write(true);
         let found = match options.open(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => None,
-            opened => Some(opened?),
+            opened => Some(opened.map_err(named)?),
         };
         if let Some(file) = found {
-            let stopped = !is_released(&file);
-            return Ok(Self { word: AtomicU64::new(stopped.into()), file: Mutex::new(file) });
+            let word = u64::from(!is_released(&file));
+            return Ok(Self { word: AtomicU64::new(word), written: AtomicU64::new(word), file: Mutex::new(file) });
         }
         if known {
             let path = path.display();
@@ -49,8 +53,8 @@ impl Latch {
                 "{path}: expected the latch file of a known plate, found none: the plate is stopped"
             );
         }
-        let file = Mutex::new(options.create_new(true).open(&path)?);
-        let latch = Self { word: AtomicU64::new(known.into()), file };
+        let file = Mutex::new(options.create_new(true).open(&path).map_err(named)?);
+        let latch = Self { word: AtomicU64::new(known.into()), written: AtomicU64::new(u64::MAX), file };
         latch.write()?;
         // without this a power cut could remove the file's entry, and it would count as missing
         sync_folder(folder)?;
@@ -84,11 +88,19 @@ impl Latch {
     /// thread's, so the last of several writers writes the last state.
     pub fn write(&self) -> io::Result<bool> {
         let mut file = self.file.lock();
-        let stopped = self.is_stopped();
+        let word = self.word.load(Ordering::SeqCst);
+        let text = if word & 1 == 1 { STOPPED } else { RELEASED };
         file.seek(SeekFrom::Start(0))?;
-        file.write_all(if stopped { STOPPED } else { RELEASED })?;
+        file.write_all(text)?;
+        file.set_len(text.len() as u64)?;
         file.sync_data()?;
-        Ok(stopped)
+        self.written.store(word, Ordering::SeqCst);
+        Ok(word & 1 == 1)
+    }
+
+    /// True when the state, and the last stop, are on the disk.
+    pub fn is_written(&self) -> bool {
+        self.word.load(Ordering::SeqCst) == self.written.load(Ordering::SeqCst)
     }
 }
 
@@ -123,8 +135,13 @@ mod tests {
         fs::remove_file(folder.path().join("one")).unwrap();
         assert!(open(folder.path(), true).is_stopped());
         assert!(open(folder.path(), false).is_stopped(), "over a restart, too");
-        fs::write(folder.path().join("one"), b"upm: released").unwrap();
-        assert!(open(folder.path(), false).is_stopped(), "an invalid file");
+        for invalid in [&b"upm: released"[..], b"upm: released    and more"] {
+            fs::write(folder.path().join("one"), invalid).unwrap();
+            let latch = open(folder.path(), false);
+            assert!(latch.is_stopped(), "an invalid file");
+            assert!(latch.release(latch.held().unwrap()) && !latch.is_written());
+            assert!(!latch.write().unwrap() && latch.is_written() && !open(folder.path(), false).is_stopped());
+        }
     }
 
     #[test]

@@ -1,4 +1,5 @@
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -15,6 +16,9 @@ use upm_runner::config::Diagnostic;
 /// Longest waits of an emergency stop for the motors to be silent, for the latch file and for the audit log.
 const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
 const PERSISTED_WITHIN: Duration = Duration::from_millis(400);
+
+/// Most threads of a plate that write emergency stops: the disk writes one at a time, and each holds for all before it.
+const RECORDERS: usize = 4;
 
 /// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";
@@ -59,11 +63,18 @@ impl PlateHandle {
     pub fn record_estop(&self, who: ResetRequester) -> bool {
         let (shared, entry) = (Arc::clone(&self.shared), self.audit_entry(ESTOP, who));
         let (sender, written) = sync_channel(2);
+        if self.shared.recorders.fetch_add(1, Ordering::SeqCst) >= RECORDERS {
+            self.shared.recorders.fetch_sub(1, Ordering::SeqCst);
+            tracing::error!("not in the audit log, since the disk does not answer: {entry:?}");
+            return false;
+        }
         let record = move || {
             sender.try_send(shared.emergency_stop.persist()).ok();
             shared.note(&entry);
+            shared.recorders.fetch_sub(1, Ordering::SeqCst);
         };
         if let Err(error) = thread::Builder::new().name("latch".into()).spawn(record) {
+            self.shared.recorders.fetch_sub(1, Ordering::SeqCst);
             tracing::error!("an emergency stop cannot be written to the disk: {error}");
         }
         let is_persisted = written.recv_timeout(PERSISTED_WITHIN).unwrap_or(false);
@@ -72,6 +83,16 @@ impl PlateHandle {
             written.recv_timeout(PERSISTED_WITHIN).ok();
         }
         is_persisted
+    }
+
+    /// Writes what could not be written before: the latch, and the last pause or its end. False when something still is
+    /// not on the disk. Waits for the disk.
+    pub fn persist_again(&self) -> bool {
+        let stop = &self.shared.emergency_stop;
+        if !stop.is_persisted() {
+            stop.persist();
+        }
+        self.shared.note_again() && stop.is_persisted()
     }
 
     /// The emergency stop that holds, as seen by an operator who requests a reset now.

@@ -1,5 +1,5 @@
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -36,6 +36,10 @@ pub(super) struct PlateInner {
     pub paused: Mutex<Option<Pause>>,
     /// Held while a pause or its end is written to the audit log, which keeps their order.
     pub pausing: Mutex<()>,
+    /// The last pause, or its end, that could not be written to the audit log.
+    pub unnoted: Mutex<Option<AuditEntry>>,
+    /// Threads that write an emergency stop to the disk.
+    pub recorders: AtomicUsize,
     /// How often its worker has found no work.
     #[cfg(test)]
     pub idled: std::sync::atomic::AtomicU64,
@@ -57,7 +61,7 @@ impl PlateInner {
         let _order = self.pausing.lock();
         let entry = AuditEntry::of_plate(&self.name, AuditEntry::PAUSE, &why.why);
         if self.paused.lock().replace(why).is_none() {
-            self.note(&entry);
+            self.note_pausing(entry);
         }
     }
 
@@ -65,7 +69,23 @@ impl PlateInner {
     pub fn resume(&self, entry: AuditEntry) {
         let _order = self.pausing.lock();
         *self.paused.lock() = None;
-        self.note(&entry);
+        self.note_pausing(entry);
+    }
+
+    fn note_pausing(&self, entry: AuditEntry) {
+        *self.unnoted.lock() = Some(entry);
+        if !self.note_again() {
+            tracing::error!(plate = self.name, "a pause or its end is not on the disk yet");
+        }
+    }
+
+    /// Writes the last pause, or its end, to the audit log if it is not there; false when it still is not.
+    pub fn note_again(&self) -> bool {
+        let mut unnoted = self.unnoted.lock();
+        if unnoted.as_ref().is_some_and(|entry| self.store.audit(entry).is_ok()) {
+            *unnoted = None;
+        }
+        unnoted.is_none()
     }
 
     /// Adds an entry to the audit log. A fault is logged: what the entry says holds in this daemon all the same.

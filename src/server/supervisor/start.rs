@@ -1,6 +1,6 @@
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -63,6 +63,12 @@ impl PlateSupervisor {
     /// All plates, in the order of `setups`.
     pub fn iter(&self) -> impl Iterator<Item = &PlateHandle> {
         self.plates.iter()
+    }
+
+    /// Writes the stops and pauses that could not be written; false when one still is not on the disk.
+    pub fn persist_again(&self) -> bool {
+        // of every plate, also after one that fails
+        self.plates.iter().filter(|plate| !plate.persist_again()).count() == 0
     }
 
     /// `Ok` while the watchdog checks and every plate's threads run; otherwise a sentence that says which do not.
@@ -158,6 +164,8 @@ fn shared(setup: PlateSetup, around: &SharedServices) -> io::Result<PlateInner> 
         standing,
         paused: Mutex::new(setup.paused),
         pausing: Mutex::default(),
+        unnoted: Mutex::default(),
+        recorders: AtomicUsize::new(0),
         #[cfg(test)]
         idled: AtomicU64::new(0),
     })

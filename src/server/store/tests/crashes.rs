@@ -1,6 +1,7 @@
 use std::fs;
 
 use super::*;
+use crate::store::schema::{APPLICATION_ID, VERSION};
 
 #[test]
 fn nothing_that_was_answered_is_lost_and_nothing_runs_twice() {
@@ -39,6 +40,23 @@ fn store_killed_after_any_write_opens_with_that_write() {
 fn store_cut_off_while_it_is_made_is_made_again() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("upm.db"), "").unwrap();
+    queue(&open(folder.path(), limits()).store, "one", "a");
+}
+
+/// Killed between the last page of the database and the end of its rollback journal.
+#[test]
+fn store_killed_at_the_end_of_its_making_is_made_again() {
+    let (made, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let copy = |name: &str| fs::copy(made.path().join(name), folder.path().join(name)).unwrap();
+    let connection = rusqlite::Connection::open(made.path().join("upm.db")).unwrap();
+    let header = format!("PRAGMA application_id = {APPLICATION_ID}; PRAGMA user_version = {VERSION};");
+    // so large that pages are written before the end, and the journal before them
+    let begun =
+        "PRAGMA cache_size = 1; BEGIN; CREATE TABLE of_then (x); INSERT INTO of_then VALUES (zeroblob(100000));";
+    connection.execute_batch(&(begun.to_owned() + &header)).unwrap();
+    copy("upm.db-journal");
+    connection.execute_batch("COMMIT").unwrap();
+    copy("upm.db");
     queue(&open(folder.path(), limits()).store, "one", "a");
 }
 

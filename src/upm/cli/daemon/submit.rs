@@ -20,7 +20,12 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     };
     let client = Client::new(&args.daemon)?;
     let queued = queue(&client, &body, args.pace, &key);
-    let queued = queued.map_err(|refusal| refusal.into_failure(&args.job.display().to_string()))?;
+    let queued = queued.map_err(|refusal| {
+        let may_be_queued = is_open(&refusal);
+        let mut failure = refusal.into_failure(&args.job.display().to_string());
+        failure.lines.extend(may_be_queued.then(|| format!("it may be queued: repeat the command with --key {key}")));
+        failure
+    })?;
     match (common.json, args.watch) {
         (true, true) => outln!("{}", serde_json::to_string(&queued).unwrap_or_default())?,
         (true, false) => print_json(&queued)?,
@@ -29,17 +34,23 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     if args.watch { watch::follow(&client, &queued.id, Some(0), common) } else { Ok(0) }
 }
 
-/// Queues the job exactly once: if the answer is lost, the request is repeated under the same idempotency key.
+/// Queues the job exactly once: if the answer is lost or does not come in time, the request is repeated under the same
+/// idempotency key.
 pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, ClientRefusal> {
     let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.code()));
     let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
-    send().or_else(|refusal| match refusal {
-        ClientRefusal::Lost(line) => {
-            tracing::info!("{line}; asking again");
-            send()
+    send().or_else(|refusal| {
+        if !is_open(&refusal) {
+            return Err(refusal);
         }
-        refusal => Err(refusal),
+        tracing::info!("{}; asking again", refusal.line());
+        send()
     })
+}
+
+/// True when the job may be queued all the same.
+fn is_open(refusal: &ClientRefusal) -> bool {
+    matches!(refusal, ClientRefusal::Lost(_) | ClientRefusal::Problem { status: 500.., .. })
 }
 
 /// Checked job of the file with all drawings written out, so that it names no other file. The rig is written out, so
