@@ -77,7 +77,7 @@ const isLoopback = (host) => /^(127\.|\[::1\]|localhost)/.test(host);
 async function askListener(listener) {
   const port = listener.slice(listener.lastIndexOf(':'));
   const host = listener.startsWith('0.0.0.0:') || listener.startsWith('[::]:') ? location.hostname + port : listener;
-  // what listens there on the operator's machine is somebody else's
+  // what listens there on the operator's machine is another program
   if (isLoopback(host) && !isLoopback(location.hostname)) return null;
   try {
     return (await json('POST', `http://${host}/v1/estop`, { urgent: true, timeoutMs: TIMEOUT_MS })).stops;

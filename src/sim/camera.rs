@@ -114,7 +114,7 @@ impl Camera {
         let tiles = grid.tiles.len();
         let mut stale = DirtyTiles::new(tiles);
         (0..tiles).for_each(|index| stale.mark(index));
-        let mut camera = Self {
+        Self {
             light: Illumination::new(&params),
             plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
             parts: discs.into_iter().map(DiscOutline::new).collect(),
@@ -129,9 +129,7 @@ impl Camera {
             stale,
             painted: vec![[[f32::NAN; 2]; LANES]; tiles],
             coverage: [PixelCoverage::none(), PixelCoverage::none()],
-        };
-        camera.redraw_dirty();
-        camera
+        }
     }
 
     /// Parameters with which the camera was built.

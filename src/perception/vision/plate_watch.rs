@@ -143,8 +143,9 @@ impl PlateWatch {
     pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateOccupancy<'_> {
         self.foreign.clear();
         if let Some(positions) = &frame.positions {
-            let hidden_share = if positions.corners_px.is_some() { 0.0 } else { 1.0 };
-            return PlateOccupancy { foreign: &[], hidden_share, dark: false };
+            let dark = positions.corners_px.is_none() && positions.discs.is_empty();
+            let hidden_share = if dark || positions.corners_px.is_some() { 0.0 } else { 1.0 };
+            return PlateOccupancy { foreign: &[], hidden_share, dark };
         }
         match self.hidden_share(frame, tracks) {
             Some(hidden_share) => PlateOccupancy { foreign: &self.foreign, hidden_share, dark: false },

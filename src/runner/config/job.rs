@@ -42,6 +42,8 @@ pub struct JobSpec {
     pub faults: Vec<FaultSpec>,
     /// Pictures or positions from the simulated camera; not in the file, but chosen for a run.
     pub camera: CameraMode,
+    /// Seed of the start places, where it is not the job's.
+    placement_seed: Option<u64>,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<String>,
     /// Policy for a computer that is too slow for the plate.
@@ -107,6 +109,7 @@ impl JobSpec {
             plate_time_limit_s: document.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
             camera: CameraMode::default(),
+            placement_seed: None,
             without_guard: None,
             deadlines: document.deadlines,
             rig,
@@ -146,6 +149,17 @@ impl JobSpec {
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.document.seed = seed;
         self
+    }
+
+    /// The same job with another seed for all but the start places.
+    pub(crate) fn at_the_same_places(mut self, seed: u64) -> Self {
+        self.placement_seed = Some(self.placement_seed());
+        self.with_seed(seed)
+    }
+
+    /// Seed of the start places.
+    pub(crate) fn placement_seed(&self) -> u64 {
+        self.placement_seed.unwrap_or(self.seed())
     }
 
     /// The same job with another camera.

@@ -30,12 +30,12 @@ pub struct PlacedPart {
     pub params: PartParams,
 }
 
-/// Places the job's parts on the plate, in the order of the job: given positions as they are, the others at random by
-/// `streams`, with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws friction for each part.
+/// Places the job's parts on the plate, in the order of the job: given positions as they are, the others at random,
+/// with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws each part's friction from `streams`.
 /// `Err` if no places are found.
 pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Diagnostic> {
     let mut parts = unplaced(job, streams);
-    let mut rng = streams.stream("placement");
+    let mut rng = Streams::new(job.placement_seed()).stream("placement");
     let half_m = 0.5 * job.rig.model.plate_side_m;
     for _ in 0..ROUNDS {
         if let Some(places_m) = scatter(&parts, half_m, &mut rng) {

@@ -24,7 +24,7 @@ pub use runs::{ClosestApproach, DryRun, DryRunRecord};
 
 /// Speed beyond any that a part can hold, m/s.
 const FASTEST_MPS: f64 = 1.0;
-/// Dry runs of a job: one with its own seed, the others with the next ones.
+/// Dry runs of a job, from the same start places: one with its own seed, the others with the next ones.
 const DRY_RUNS: u64 = 5;
 
 /// Forecast of a job.
@@ -74,19 +74,19 @@ impl StartForecast {
     }
 }
 
-/// Makes dry runs of `job` with `library` on all cores; `watch` receives the plate time in one of them and the share of
-/// all that is done, 0 to 1. `Err` if the parts find no places.
+/// Makes dry runs of `job` with `library` and the planner of `selection` on all cores; `watch` receives the plate time
+/// in one of them and the share of all that is done, 0 to 1. `Err` if the parts find no places.
 pub fn dry_run(
     job: &JobSpec,
     library: &Arc<Library>,
+    selection: PlannerSelection,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Result<Forecast, Diagnostic> {
-    let selection = PlannerSelection::with_forecast(job, library);
     // nothing is played on the rig of this setup
     let RunSetup { params, placed, .. } = RunSetup::planned_by(job, library, selection.clone())?;
     let job = job.clone().with_camera(CameraMode::Positions);
     let seeds = (0..DRY_RUNS).map(|number| job.seed().wrapping_add(number));
-    let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().with_seed(seed)).collect();
+    let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().at_the_same_places(seed)).collect();
     let fast = as_fast_as_possible(&job);
     jobs.extend(fast.iter().map(|(job, ..)| job.clone()));
     let mut dry_runs = at_the_same_time(&jobs, library, &selection, watch)?;

@@ -202,6 +202,10 @@ mod tests {
         };
         assert_eq!(covered(2.0).0, Outcome::Completed, "a hand that goes away");
         assert_eq!(covered(60.0), (Outcome::Failed, Some(StopCause::ViewHidden)));
+        let dark = run(
+            job(json!([{"component": "camera", "kind": "dark", "from_s": 0.5}])).with_camera(CameraMode::Positions)
+        );
+        assert_eq!(dark.stop.map(|stop| stop.code), Some(StopCause::CameraDark));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlannerChoice, TaskSpec};
 use upm_core::job::{CameraMode, Outcome};
 use upm_planning::cor_library::Library;
+use upm_recording::Verdict;
 
 /// Most parts for which rotations can be as fast as fields.
 const NEAR: usize = 4;
@@ -32,23 +33,31 @@ impl PlannerSelection {
             return selection;
         }
         let time_s = |planner| predicted_time_s(&job.clone().with_planner(planner), library);
-        let by_fields_s = time_s(PlannerChoice::SynthesizedField).unwrap_or(f64::INFINITY);
-        match time_s(PlannerChoice::CorSequence) {
-            Some(time_s) if time_s < by_fields_s => {
-                let reason = SelectionReason::Forecast { plate_time_s: [time_s, by_fields_s] };
-                let named = Self::of(&job.clone().with_planner(PlannerChoice::CorSequence));
-                Self { reason, ..named }
+        let chosen = |planner, time_s, other_s| {
+            let reason = SelectionReason::Forecast { time_s, other_s };
+            Self { reason, ..Self::of(&job.clone().with_planner(planner)) }
+        };
+        match (time_s(PlannerChoice::SynthesizedField), time_s(PlannerChoice::CorSequence)) {
+            (None, None) => selection,
+            (None, Some(time_s)) => chosen(PlannerChoice::CorSequence, time_s, None),
+            (Some(time_s), None) => chosen(PlannerChoice::SynthesizedField, time_s, None),
+            (Some(fields_s), Some(rotations_s)) if rotations_s < fields_s => {
+                chosen(PlannerChoice::CorSequence, rotations_s, Some(fields_s))
             }
-            _ => selection,
+            (Some(fields_s), Some(rotations_s)) => chosen(PlannerChoice::SynthesizedField, fields_s, Some(rotations_s)),
         }
     }
 }
 
-/// Plate time of a run of `job` without pixels and faults, s; `None` where it does not reach the goal.
+/// Plate time of a run of `job` without pixels, faults and what a run learns only later, s: parts have the friction of
+/// the rig, and nothing knocks. `None` where it does not reach the goal.
 fn predicted_time_s(job: &JobSpec, library: &Arc<Library>) -> Option<f64> {
     let mut job = job.clone().with_camera(CameraMode::Positions);
     job.faults.clear();
+    job.rig.document.friction.spread = 0.0;
+    job.rig.document.simulation.knocks = None;
     let run = InMemoryRun::planned_by(&job, Arc::clone(library), PlannerSelection::of(&job)).ok()?;
     let report = run.run();
-    (report.outcome == Outcome::Completed).then_some(report.plate_time_s)
+    let is_there = report.outcome == Outcome::Completed && report.verdict != Some(Verdict::FalseSuccess);
+    is_there.then_some(report.plate_time_s)
 }

@@ -30,8 +30,10 @@ pub enum SelectionReason {
     },
     /// A run without pixels by each planner: this one is faster.
     Forecast {
-        /// Plate time by this planner and by the other, s.
-        plate_time_s: [f64; 2],
+        /// Its plate time, s.
+        time_s: f64,
+        /// Plate time by the other planner, s; `None` where that one does not reach the goal.
+        other_s: Option<f64>,
     },
     /// A single part gains nothing from a field.
     OnePart,
@@ -93,8 +95,11 @@ impl fmt::Display for SelectionReason {
         match self {
             Self::NamedByJob => f.write_str("the job names it"),
             Self::SeveralParts { parts } => write!(f, "the rig has fields and the job moves {parts} parts"),
-            Self::Forecast { plate_time_s: [own_s, other_s] } => {
-                write!(f, "by forecast it takes {own_s:.1} s of plate time, the other {other_s:.1} s")
+            Self::Forecast { time_s, other_s: Some(other_s) } => {
+                write!(f, "by forecast it takes {time_s:.1} s of plate time, the other {other_s:.1} s")
+            }
+            Self::Forecast { time_s, other_s: None } => {
+                write!(f, "by forecast it takes {time_s:.1} s of plate time, and the other does not reach the goal")
             }
             Self::OnePart => f.write_str("the job moves one part"),
             Self::NoFields => f.write_str("the rig has no fields"),

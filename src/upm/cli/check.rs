@@ -188,7 +188,8 @@ fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let (rig, parts, planner) =
         (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::with_forecast(&job, &library));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
-    let planned = asked.plan.then(|| PlanReport::of(&job, &library, asked.progress)).transpose().map_err(lines_of)?;
+    let planned =
+        asked.plan.then(|| PlanReport::of(&job, &library, planner, asked.progress)).transpose().map_err(lines_of)?;
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
     Ok(ValidFile { says, report: planned.map(FileReport::Plan), warnings })
 }

@@ -13,7 +13,7 @@ use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
 use upm_recording::Report;
 use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
-use upm_runner::run::{ClosestApproach, Forecast, dry_run};
+use upm_runner::run::{ClosestApproach, Forecast, PlannerSelection, dry_run};
 
 pub(super) struct PlanReport {
     pub job: String,
@@ -29,9 +29,14 @@ pub(super) struct PlanReport {
 
 impl PlanReport {
     /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
-    pub fn of(job: &JobSpec, library: &Arc<Library>, progress: ProgressMode) -> Result<Self, Diagnostic> {
+    pub fn of(
+        job: &JobSpec,
+        library: &Arc<Library>,
+        planner: PlannerSelection,
+        progress: ProgressMode,
+    ) -> Result<Self, Diagnostic> {
         let mut progress = LateProgress::new(progress, MonotonicClock::new());
-        let forecast = dry_run(job, library, &mut |at, done| {
+        let forecast = dry_run(job, library, planner, &mut |at, done| {
             progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
         });
         progress.finish();

@@ -134,7 +134,7 @@ mod tests {
     use crate::cli::progress::ProgressMode;
     use std::path::Path;
     use upm_runner::config::JobSpec;
-    use upm_runner::run::job_library;
+    use upm_runner::run::{PlannerSelection, job_library};
 
     fn chart(job: &str) -> Chart {
         plan_chart(&planned(job))
@@ -144,7 +144,7 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job);
         let job = JobSpec::load(&path).unwrap();
         let library = job_library(&job).unwrap();
-        PlanReport::of(&job, &library, ProgressMode::Hidden).unwrap()
+        PlanReport::of(&job, &library, PlannerSelection::with_forecast(&job, &library), ProgressMode::Hidden).unwrap()
     }
 
     fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {

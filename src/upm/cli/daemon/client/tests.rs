@@ -128,9 +128,12 @@ fn a_lost_answer_is_asked_for_once_more_under_the_same_key() {
         assert!(matches!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k"), Err(ClientRefusal::Lost(_))));
         assert_eq!(server.asked().len(), 2, "once more and no oftener");
     }
-    let server = FakeServer::saying(vec![problem(503, "busy", "", &json!([]))]);
-    assert!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k").is_err());
-    assert_eq!(server.asked().len(), 1, "a no is an answer");
+    let cases = [(409, 1, "a no is an answer"), (429, 1, "so is not now"), (503, 2, "it may be queued all the same")];
+    for (status, requests, why) in cases {
+        let server = FakeServer::saying(vec![problem(status, "no", "", &json!([]))]);
+        assert!(queue(&Client::at(&server.url).unwrap(), "{}", None, "k").is_err());
+        assert_eq!(server.asked().len(), requests, "{why}");
+    }
 }
 
 #[test]
