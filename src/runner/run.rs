@@ -99,10 +99,11 @@ pub struct RunResult {
     pub warnings: Vec<String>,
 }
 
-/// Runs `job` to its end and writes a new run folder. `pacing` counts missed deadlines of a run in real time; `watcher`
+/// Runs `job` with `library`, which fits its rig, to its end and writes a new run folder. `pacing` counts missed deadlines of a run in real time; `watcher`
 /// receives all events and does not influence the run. `Err` if the job cannot be run or a file cannot be written.
 pub fn run(
     job: &JobSpec,
+    library: Arc<Library>,
     options: &RunOptions,
     clock: &dyn Clock,
     stop: &AtomicBool,
@@ -110,7 +111,6 @@ pub fn run(
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
-    let library = job_library(job).map_err(RunError::Library)?;
     // a job that cannot be run leaves no folder
     let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;

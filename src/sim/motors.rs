@@ -149,8 +149,7 @@ impl Motors {
             return;
         }
         let limit = self.params.count_limit;
-        let played: [f64; MOTORS] =
-            std::array::from_fn(|motor| drive.counts_at(motor, t_s).round().max(-limit).min(limit));
+        let played = drive.counts_at(t_s).map(|counts| counts.round().max(-limit).min(limit));
         self.hold(|motor| played[motor]);
     }
 

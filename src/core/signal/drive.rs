@@ -77,42 +77,41 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The sample of `motor` (index into [`Motor::ALL`](super::Motor::ALL)) at `t_s` after the start, counts, before
-    /// rounding.
+    /// The sample of each motor at `t_s` after the start, counts, before rounding.
     #[inline]
-    pub fn counts_at(&self, motor: usize, t_s: f64) -> f64 {
+    pub fn counts_at(&self, t_s: f64) -> [f64; MOTORS] {
         let envelope = &self.envelope;
         let height = envelope.at(t_s);
         if height == 0.0 {
-            return 0.0;
+            return [0.0; MOTORS];
         }
         let sin_cos = (self.base_radps * t_s).sin_cos();
         if height == 1.0 {
-            return sum_at(&self.motors[motor], sin_cos);
+            return sums_at(self.motors.each_ref(), sin_cos);
         }
-        let [f, g, c] = self.parts_at(motor, sin_cos);
-        height * f + envelope.slope(t_s) * g + envelope.curvature(t_s) * c
+        let [f, g, c] = self.parts_at(sin_cos);
+        let (slope, curvature) = (envelope.slope(t_s), envelope.curvature(t_s));
+        std::array::from_fn(|motor| height * f[motor] + slope * g[motor] + curvature * c[motor])
     }
 
-    /// The factors of the envelope's height, slope and curvature, for `motor` at the phase with this sine and
+    /// The factors of the envelope's height, slope and curvature, of each motor at the phase with this sine and
     /// cosine: counts, counts·s and counts·s².
-    fn parts_at(&self, motor: usize, sin_cos: (f64, f64)) -> [f64; 3] {
-        let harmonics = &self.motors[motor];
+    fn parts_at(&self, sin_cos: (f64, f64)) -> [[f64; MOTORS]; 3] {
+        let f = sums_at(self.motors.each_ref(), sin_cos);
         match &self.shaping {
-            Shaping::Velocity => [sum_at(harmonics, sin_cos), self.momentum_at(harmonics, sin_cos), 0.0],
+            Shaping::Velocity => [f, self.momenta_at(sin_cos), [0.0; MOTORS]],
             Shaping::Displacement(flanks) => {
-                let [slope, curvature] = &flanks[motor];
-                [harmonics, slope, curvature].map(|of| sum_at(of, sin_cos))
+                let of = |part: usize| sums_at(flanks.each_ref().map(|flank| &flank[part]), sin_cos);
+                [f, of(0), of(1)]
             }
         }
     }
 
-    /// `∫ f` at the phase with this sine and cosine, counts·s.
-    fn momentum_at(&self, harmonics: &[Harmonic], sin_cos: (f64, f64)) -> f64 {
-        let momentum = (1..).zip(harmonics).zip(multiples(sin_cos));
-        let momentum =
-            momentum.map(|((k, harmonic), (sin, cos))| (harmonic.cos * sin - harmonic.sin * cos) / f64::from(k));
-        momentum.sum::<f64>() / self.base_radps
+    /// `∫ f` of each motor at the phase with this sine and cosine, counts·s.
+    fn momenta_at(&self, sin_cos: (f64, f64)) -> [f64; MOTORS] {
+        let integral =
+            |k: usize, harmonic: Harmonic, (sin, cos): (f64, f64)| (harmonic.cos * sin - harmonic.sin * cos) / k as f64;
+        summed(self.motors.each_ref(), sin_cos, integral).map(|sum| sum / self.base_radps)
     }
 
     /// Largest sample of any motor for every sustain, counts, over 720 phases of its end. The true peak is higher by at
@@ -120,15 +119,18 @@ impl Drive {
     pub fn peak_counts(&self) -> f64 {
         const STEPS: usize = 720;
         let period_s = std::f64::consts::TAU / self.base_radps;
-        let largest = |i: usize| {
-            let sin_cos = (self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos();
-            let of_motor = |motor: usize| {
-                let [f, g, c] = self.parts_at(motor, sin_cos);
-                self.envelope.largest(f, g, c)
-            };
-            (0..MOTORS).map(of_motor).fold(0.0, f64::max)
-        };
-        (1..=STEPS).map(largest).fold(0.0, f64::max)
+        let mut peak = 0.0f64;
+        for i in 1..=STEPS {
+            let [f, g, c] = self.parts_at((self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos());
+            for motor in 0..MOTORS {
+                let (f, g, c) = (f[motor], g[motor], c[motor]);
+                // the exact maximum costs more than its bound, which few phases pass
+                if self.envelope.bound(f, g, c) > peak {
+                    peak = peak.max(self.envelope.largest(f, g, c));
+                }
+            }
+        }
+        peak
     }
 
     /// The same pulse `factor` times as strong; a negative factor reverses every force and the flow of parts.
@@ -158,10 +160,27 @@ fn multiples((sin, cos): (f64, f64)) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// `Σ c cos kwt + s sin kwt` at the phase with this sine and cosine.
+/// `Σ c cos kwt + s sin kwt` of each wave at the phase with this sine and cosine.
 #[inline]
-fn sum_at(harmonics: &[Harmonic], sin_cos: (f64, f64)) -> f64 {
-    harmonics.iter().zip(multiples(sin_cos)).map(|(harmonic, (sin, cos))| harmonic.cos * cos + harmonic.sin * sin).sum()
+fn sums_at(waves: [&Vec<Harmonic>; MOTORS], sin_cos: (f64, f64)) -> [f64; MOTORS] {
+    summed(waves, sin_cos, |_, harmonic, (sin, cos)| harmonic.cos * cos + harmonic.sin * sin)
+}
+
+/// Sum over harmonics k of `term(k, harmonic, (sin kwt, cos kwt))` of each wave: sines and cosines are made once for all.
+#[inline]
+fn summed(
+    waves: [&Vec<Harmonic>; MOTORS],
+    sin_cos: (f64, f64),
+    term: impl Fn(usize, Harmonic, (f64, f64)) -> f64,
+) -> [f64; MOTORS] {
+    let mut sums = [0.0; MOTORS];
+    let harmonics = waves.iter().map(|wave| wave.len()).max().unwrap_or(0);
+    for (k, sin_cos) in (1..=harmonics).zip(multiples(sin_cos)) {
+        for (sum, wave) in sums.iter_mut().zip(waves) {
+            *sum += wave.get(k - 1).map_or(0.0, |&harmonic| term(k, harmonic, sin_cos));
+        }
+    }
+    sums
 }
 
 #[cfg(test)]
@@ -181,9 +200,9 @@ mod tests {
         };
         for t in [0.02f64, 0.05, 0.0777] {
             let expected = 100.0 * ((377.0 * t).cos() - (2.0 * 377.0 * t).sin());
-            assert!((drive.counts_at(0, t) - expected).abs() < 1e-9);
+            assert!((drive.counts_at(t)[0] - expected).abs() < 1e-9);
         }
-        assert_eq!(drive.counts_at(0, 0.125), 0.0);
+        assert_eq!(drive.counts_at(0.125)[0], 0.0);
         let abrupt = Drive { envelope: Envelope { attack_s: 0.0, ..drive.envelope }, ..drive };
         assert!((abrupt.peak_counts() - 176.0).abs() < 0.1, "max of cos a - sin 2a is 1.7602");
     }
@@ -212,7 +231,7 @@ mod tests {
             const STEPS: i32 = 20_000;
             let t_s = stop * drive.envelope.driven_s();
             let h = t_s / f64::from(STEPS);
-            let momentum: f64 = (0..STEPS).map(|i| h * drive.counts_at(1, h * (f64::from(i) + 0.5))).sum();
+            let momentum: f64 = (0..STEPS).map(|i| h * drive.counts_at(h * (f64::from(i) + 0.5))[1]).sum();
             let wanted: f64 = (1..).zip(&drive.motors[1]).map(|(k, harmonic)| {
                 let rate = f64::from(k) * drive.base_radps;
                 (harmonic.cos * (rate * t_s).sin() - harmonic.sin * (rate * t_s).cos()) / rate

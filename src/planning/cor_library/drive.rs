@@ -158,7 +158,7 @@ mod tests {
 
     /// Forces along x, y and torque over lever arm at `t`, from the four motors by Eq. 7.
     fn wrench(drive: &Drive, t_s: f64) -> [f64; 3] {
-        let [x1, x2, y1, y2] = [0, 1, 2, 3].map(|motor| drive.counts_at(motor, t_s));
+        let [x1, x2, y1, y2] = drive.counts_at(t_s);
         [x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)]
     }
 
@@ -202,7 +202,7 @@ mod tests {
                 };
                 prop_assert!((got - axis * (wave(0) + wave(1))).abs() < 1e-6);
             }
-            let squeeze: f64 = (0..4).map(|motor| drive.counts_at(motor, t_s)).sum();
+            let squeeze: f64 = drive.counts_at(t_s).iter().sum();
             prop_assert!(squeeze.abs() < 1e-6);
         }
     }

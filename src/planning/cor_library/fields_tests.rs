@@ -75,7 +75,7 @@ proptest! {
         let (found, wanted) = (answer(&drive, &responses, t_s), wave.at(t_s));
         let wanted = wanted.vector();
         prop_assert!((found - wanted).norm() < 1e-9, "{found} {wanted}");
-        let squeeze: f64 = (0..4).map(|motor| drive.counts_at(motor, t_s)).sum();
+        let squeeze: f64 = drive.counts_at(t_s).iter().sum();
         prop_assert!(squeeze.abs() < 1e-6, "no motor works against the others");
         let envelope = drive.envelope;
         prop_assert_eq!([envelope.attack_s, envelope.sustain_s, envelope.rest_s], [0.033_333, 0.2, 0.04]);

@@ -24,7 +24,17 @@ fn report_of(task: &Value, plate_time_s: f64) -> Report {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
     let mut watcher = Fanout::new();
     let job = job(task, plate_time_s);
-    run(&job, &options(&out), &MonotonicClock::new(), &stop, &PacingStats::default(), &mut watcher).unwrap().report
+    run(
+        &job,
+        job_library(&job).unwrap(),
+        &options(&out),
+        &MonotonicClock::new(),
+        &stop,
+        &PacingStats::default(),
+        &mut watcher,
+    )
+    .unwrap()
+    .report
 }
 
 /// Requests a run to give way in the first frame of a pulse after `after_s`.

@@ -33,8 +33,16 @@ fn run_of(faults: &Value) -> (TempDir, RunResult) {
 
 fn played(job: &JobSpec) -> (TempDir, RunResult) {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
-    let done =
-        run(job, &options(&out), &MonotonicClock::new(), &stop, &PacingStats::default(), &mut Fanout::new()).unwrap();
+    let done = run(
+        job,
+        job_library(job).unwrap(),
+        &options(&out),
+        &MonotonicClock::new(),
+        &stop,
+        &PacingStats::default(),
+        &mut Fanout::new(),
+    )
+    .unwrap();
     (out, done)
 }
 

@@ -171,7 +171,9 @@ mod tests {
         };
         let mut sink = MemorySink::default();
         let stop = AtomicBool::new(false);
-        run(job, &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink).unwrap().report
+        run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
+            .unwrap()
+            .report
     }
 
     #[test]

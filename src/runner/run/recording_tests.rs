@@ -42,7 +42,16 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
         recording_options,
     };
     let mut watcher = FailsAt(frame, recording.clone());
-    let done = run(&job, &options, &clock, &AtomicBool::new(false), &PacingStats::default(), &mut watcher).unwrap();
+    let done = run(
+        &job,
+        job_library(&job).unwrap(),
+        &options,
+        &clock,
+        &AtomicBool::new(false),
+        &PacingStats::default(),
+        &mut watcher,
+    )
+    .unwrap();
     (done, recording.state())
 }
 

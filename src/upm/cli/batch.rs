@@ -35,16 +35,15 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
         return Err(Failure::bad_input(format!("--pace: expected max (with --seeds), found {found}")));
     }
     let job = load_job(file, args)?;
-    // a library that does not fit is reported once, not for every seed
-    job_library(&job).map_err(Failure::faults)?;
+    let library = job_library(&job).map_err(Failure::faults)?;
     let (clock, started_utc) = (MonotonicClock::new(), utc_now());
     let in_usual = || Path::new(USUAL_OUT).join(format!("{}-seeds-{started_utc}", job.name));
     let out = args.out.clone().unwrap_or_else(in_usual);
     let interrupted = stop_on_interrupt();
     let seeds = seeds.as_slice();
     let turns = Turns::new(seeds.len(), LateProgress::at_once(common));
-    let batch =
-        SeedBatch { job: &job, seeds, out: out.clone(), started_utc, rerun, clock, interrupted: &interrupted, turns };
+    let (job, out_of_runs, interrupted) = (&job, out.clone(), &interrupted);
+    let batch = SeedBatch { job, library, seeds, out: out_of_runs, started_utc, rerun, clock, interrupted, turns };
     let runs = batch.run();
     let (names, wall_time_s) = ([job.name.as_str(), &job.rig.model.name], clock.elapsed().as_secs_f64());
     let summary = BatchSummary::new(names, job.camera, seeds.len(), wall_time_s, runs);

@@ -10,7 +10,7 @@ use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingOptions, Report, RerunMode, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{PacingStats, RunError, RunOptions, run as run_job};
+use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, run as run_job};
 
 /// Default folder for run folders.
 pub(super) const USUAL_OUT: &str = "runs";
@@ -19,6 +19,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let Some(file) = &args.job else { return job_list::list(common) };
     let rerun = args.rerun.clone().unwrap_or(if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off });
     let job = load_job(file, args)?;
+    let library = job_library(&job).map_err(Failure::faults)?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -32,7 +33,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let stop = stop_on_interrupt();
     let pacing = PacingStats::default();
     let mut progress = RunProgress::new(common, &pacing);
-    let result = run_job(&job, &options, &clock, &stop, &pacing, &mut progress);
+    let result = run_job(&job, library, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
     for warning in &result.warnings {

@@ -73,7 +73,7 @@ fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
     let driven_s = drive.envelope.driven_s();
     let steps = (driven_s * sample_hz).ceil() as usize;
     let times_s: Vec<f64> = (0..=steps).map(|i| (i as f64 / sample_hz).min(driven_s)).collect();
-    let counts = times_s.iter().flat_map(|&t| (0..MOTORS).map(move |motor| drive.counts_at(motor, t).round()));
+    let counts = times_s.iter().flat_map(|&t_s| drive.counts_at(t_s).map(f64::round));
     let counts = counts.collect();
     (times_s, counts)
 }

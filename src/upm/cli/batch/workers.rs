@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use super::summary::SeedRun;
@@ -9,6 +9,7 @@ use crate::cli::progress::{FULL, LateProgress};
 use crate::cli::run::{run_failure, status_of};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
+use upm_planning::cor_library::Library;
 use upm_recording::{RecordingOptions, RerunMode};
 use upm_runner::config::JobSpec;
 use upm_runner::run::{PacingStats, RunOptions, run as run_job};
@@ -16,6 +17,8 @@ use upm_runner::run::{PacingStats, RunOptions, run as run_job};
 /// Runs of one job with several seeds.
 pub(super) struct SeedBatch<'a> {
     pub job: &'a JobSpec,
+    /// Its library, which fits its rig.
+    pub library: Arc<Library>,
     pub seeds: &'a [u64],
     pub out: PathBuf,
     /// Wall time in the names of the run folders.
@@ -101,7 +104,15 @@ impl SeedBatch<'_> {
         let stop = AtomicBool::new(false);
         let mut watcher = BatchWatcher { batch: self, index, seed, stop: &stop };
         let job = self.job.clone().with_seed(seed);
-        match run_job(&job, &options, &self.clock, &stop, &PacingStats::default(), &mut watcher) {
+        match run_job(
+            &job,
+            Arc::clone(&self.library),
+            &options,
+            &self.clock,
+            &stop,
+            &PacingStats::default(),
+            &mut watcher,
+        ) {
             Ok(result) => {
                 result.warnings.iter().for_each(|warning| self.turns.note(seed, EventLevel::Error, warning));
                 SeedRun::of(&result.report, &result.folder, status_of(&result.report))
