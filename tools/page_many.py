@@ -32,17 +32,13 @@ def check_open_job(checks, page, daemon):
     name = card(page, "upm-2").locator(".job-name", has_text="early")
     name.wait_for()
     name.click()
-    row = page.locator(f'.rows li.open[data-job="{job}"]')
-    checks.soon("it opens from its card though 25 newer jobs wait", lambda: row.locator(".log li").count() > 0)
-    for number in range(2):
-        with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):
-            give(daemon, f"later-{number}")
-        top = page.locator(".rows .job-name", has_text=f"later-{number}")
-        checks.soon("the list goes on", lambda: top.count() == 1)
-        page.wait_for_timeout(300)
-        checks.that("and the job stays open in it", row.count() == 1 and row.locator(".watched").count() == 1)
-    checks.that("beside a whole page of others", page.locator(".rows > li").count() == 21)
-    checks.that("on top, where it was put", page.locator(".rows > li").first.get_attribute("data-job") == job)
+    opened = page.locator(".watched", has_text="early")
+    checks.soon("it opens from its card though 25 newer jobs wait", lambda: opened.locator(".log li").count() > 0)
+    with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):
+        give(daemon, "later")
+    checks.soon("the list goes on", lambda: page.locator(".rows .job-name", has_text="later").count() == 1)
+    page.wait_for_timeout(300)
+    checks.that("and the job stays open above it", opened.count() == 1 and page.locator(".rows > li").count() == 20)
 
 
 def check_hidden_tab(checks, page, daemon):
@@ -81,8 +77,8 @@ def check_long_queue(checks, page, daemon):
     daemon.ask("/v1/plates/upm-2/reset", {"operator": "Ada", "reason": "for a long queue"})
     first = [job for job in daemon.jobs() if job["state"] == "queued" and job["plate"] == "upm-2"][-1]
     before = daemon.plate("upm-2")["queued"]
-    for number in range(220 - before):
+    for number in range(190 - before):
         give(daemon, f"many-more-{number}")
     waits = card(page, "upm-2").locator(".queue li")
     checks.soon("of a long queue the job that runs next is number 1", lambda: waits.first.get_attribute(
-        "data-job") == first["id"] and waits.last.inner_text() == "and 215 behind them", 15)
+        "data-job") == first["id"] and waits.last.inner_text() == "and 185 behind them", 15)
