@@ -11,8 +11,8 @@ usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|
 options of all that run: [--upm target/debug/upm] [--jobs CORES]
 
 campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
-           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, onsets by kind
-           and phase, outcomes and guards by kind, needless stops and the rate of violations with its 95 % bound.
+           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, outcomes and
+           guards by kind, needless stops and the rate of violations with its 95 % bound.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
 daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
            plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
@@ -31,12 +31,10 @@ import pathlib
 import sys
 import unittest
 
+from common import ROOT, table
 from faults import campaign, daemon_tier, oracle, schedules
 from faults.runs import Runner
 from faults.shrink import shrunk
-from faults.tables import table
-
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
 def run_campaign(args):

@@ -1,9 +1,9 @@
 """Checks of how jobs come to the operator page and go from it, for `page_test.py`: files, the pen, queue, deletion."""
 import json
-import urllib.error
 
+from common import ROOT
 from page_checks import card
-from page_daemon import BAD_JOB, ROOT, SLOW_JOB
+from page_daemon import BAD_JOB
 
 
 def draw(page, *places):
@@ -80,10 +80,10 @@ def check_pen(checks, page, daemon):
 
 
 def check_deletion(checks, page, daemon):
-    jobs = [daemon.ask("/v1/jobs", {**SLOW_JOB, "name": f"turn-{number}"})["id"] for number in range(4)]
+    jobs = [daemon.queue(f"turn-{number}") for number in range(4)]
     row = lambda job: page.locator(f'.rows li[data-job="{job}"]')
     for job in jobs[:3]:
-        daemon.ask(f"/v1/jobs/{job}/cancel", {})
+        daemon.cancel(job)
     remove = row(jobs[2]).get_by_role("button", name="Delete turn-2")
     remove.wait_for()
     remove.click()
@@ -91,12 +91,7 @@ def check_deletion(checks, page, daemon):
     checks.that("one press of delete only asks", row(jobs[2]).count() == 1)
     remove.click()
     checks.soon("the second deletes the job", lambda: row(jobs[2]).count() == 0, 5)
-    try:
-        daemon.ask(f"/v1/jobs/{jobs[2]}")
-        gone = False
-    except urllib.error.HTTPError as error:
-        gone = error.code == 404
-    checks.that("for good", gone)
+    checks.that("for good", daemon.ask("GET", f"/v1/jobs/{jobs[2]}").status == 404)
     row(jobs[1]).locator(".job-name").click()
     page.evaluate("""(id) => fetch(`/v1/jobs/${id}`, { method: 'DELETE' })""", jobs[1])
     checks.soon("an open job that another client deletes leaves the list, too", lambda: row(jobs[1]).count() == 0, 8)
@@ -106,7 +101,7 @@ def check_deletion(checks, page, daemon):
     writing = row(jobs[3]).locator(".writing")
     if daemon.records():
         checks.soon("while it runs its recording says so", lambda: writing.inner_text().startswith("recording, "), 10)
-    daemon.ask(f"/v1/jobs/{jobs[3]}/cancel", {})
+    daemon.cancel(jobs[3])
     checks.soon("and no longer", lambda: not writing.is_visible(), 15)
 
 
@@ -138,7 +133,7 @@ def check_device(checks, browser, daemon):
     times = lambda: page.locator(".row time").all_inner_texts()
     checks.soon("times tell their zone", lambda: times() and all("GMT+5:30" in time for time in times()), 5)
     page.keyboard.press("Meta+Alt+s")
-    checks.soon("and they stop", lambda: {plate["state"] for plate in daemon.ask("/v1/plates")["plates"]} == {"stopped"}, 3)
+    checks.soon("and they stop", daemon.stopped, 3)
     tabs.close()
     tabs = browser.new_context(has_touch=True, is_mobile=True, viewport={"width": 390, "height": 844})
     page = tabs.new_page()

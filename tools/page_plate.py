@@ -1,8 +1,7 @@
 """Checks of what a card of the operator page shows of its job, for `page_test.py`."""
-import json
-
+from common import config
 from page_checks import card, state
-from page_daemon import ROOT, SLOW_JOB
+from page_daemon import SLOW_JOB
 from page_scripts import OVERFLOW_JS
 
 SIZES = [(1366, 900), (768, 1024), (390, 844)]
@@ -10,7 +9,7 @@ SIZES = [(1366, 900), (768, 1024), (390, 844)]
 
 def job(name, plate, **members):
     """A shipped job as it is sent to a plate."""
-    spec = json.loads((ROOT / f"configs/{name}.json").read_text())
+    spec = config(name)
     spec.pop("rig", None)
     spec.pop("library", None)
     return {**spec, "plate": plate, **members}
@@ -19,18 +18,18 @@ def job(name, plate, **members):
 def end_all(checks, daemon, plate):
     """Leaves the plate without a job."""
     for waiting in [job for job in daemon.jobs() if job["plate"] == plate and job["state"] in ("queued", "running")]:
-        daemon.ask(f"/v1/jobs/{waiting['id']}/cancel", {})
+        daemon.cancel(waiting["id"])
     checks.soon(f"{plate} comes to rest", lambda: daemon.plate(plate)["job"] is None, 15)
 
 
 def check_sights(checks, page, daemon):
     for seed in range(40):
-        daemon.ask("/v1/jobs", job("sort-12", "upm-2", seed=seed + 1))
-    daemon.ask("/v1/jobs", job("plus-sign-endless", "upm-1"))
+        daemon.submit(job("sort-12", "upm-2", seed=seed + 1))
+    daemon.submit(job("plus-sign-endless", "upm-1"))
     page.goto(daemon.url)
     one, endless = card(page, "upm-2"), card(page, "upm-1")
     checks.soon("the job on a plate is laid out", lambda: one.locator(".bins .bin").count() > 1, 10)
-    layout = daemon.ask(f"/v1/jobs/{daemon.plate('upm-2')['job']}/layout")
+    layout = daemon.get(f"/v1/jobs/{daemon.plate('upm-2')['job']}/layout")
     checks.that("a bin is drawn for every bin of the job", one.locator(".bins .bin").count() == len(layout["bins"]))
     kinds = sorted({part["kind"] for part in layout["parts"]})
     told = one.locator(".legend li").all_inner_texts()
@@ -88,17 +87,17 @@ def check_causes(checks, page, daemon):
     shown = one.locator(".conditions li")
     told = []
     page.on("response", lambda answer: told.append(answer) if answer.url.endswith("/v1/plates") else None)
-    daemon.ask("/v1/jobs", passing)
+    daemon.submit(passing)
     checks.soon("a condition of the run is shown with what to do", lambda: shown.count() == 1, 15)
     text = shown.first.inner_text() if shown.count() else ""
     checks.that("cause and remedy are told", "no plate" in text and "check the light" in text, text)
     checks.soon("and it goes with its cause", lambda: shown.count() == 0, 10)
     end_all(checks, daemon, "upm-2")
-    daemon.ask("/v1/jobs", lasting)
+    daemon.submit(lasting)
     checks.soon("a guard's stop pauses the plate", lambda: state(page, "upm-2") == "paused", 30)
     pause = daemon.plate("upm-2")
     said = one.inner_text()
     checks.that("its cause is told", pause["why"] in said, pause["why"])
     checks.that("what to do stands once", said.count(pause["pause"]["remedy"]) == 1, pause["pause"]["remedy"])
-    daemon.ask("/v1/plates/upm-2/resume", {})
+    daemon.act("upm-2", "resume")
     checks.soon("the plate goes on when it is resumed", lambda: state(page, "upm-2") == "idle", 5)

@@ -6,7 +6,6 @@ usage: page_test.py [--upm target/debug/upm] [--venv target/page-test] [--chromi
 Prints a line for every assertion; exit status 1 when one does not hold. Playwright is installed from PyPI into the folder
 `--venv` when it is not there; Chromium is the one on the PATH, or Playwright's own.
 """
-import argparse
 import contextlib
 import json
 import os
@@ -18,9 +17,9 @@ import sys
 import tempfile
 import time
 
-from virtual_env import enter_venv
+from common import ROOT, enter_venv, parser_of
 from page_checks import Checks, card, fill_job, queue, state
-from page_daemon import BAD_JOB, ROOT, SLOW_JOB, Daemon
+from page_daemon import BAD_JOB, SLOW_JOB, PageDaemon
 from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
 from page_order import check_deletion, check_device, check_file, check_live, check_pen
 from page_plate import check_causes, check_sights
@@ -155,7 +154,7 @@ def check_faults(checks, page, daemon):
 
 def check_queue(checks, page, daemon):
     if before := daemon.plate("upm-2")["job"]:
-        daemon.ask(f"/v1/jobs/{before}/cancel", {})
+        daemon.cancel(before)
     fill_job(page, SLOW_JOB)
     for _ in range(3):
         queue(page)
@@ -176,15 +175,15 @@ def check_queue(checks, page, daemon):
     first = daemon.plate("upm-2")["job"]
     button = card(page, "upm-2").locator(".actions").get_by_role("button")
     button.last.click()
-    daemon.ask(f"/v1/jobs/{first}/cancel", {})
+    daemon.cancel(first)
     checks.soon("a press meant for one job is forgotten with it", lambda: daemon.plate("upm-2")["job"] not in (None, first)
                 and button.last.is_visible() and button.last.inner_text() == "Cancel job", 10)
     running = daemon.plate("upm-2")["job"]
     button.last.click()
     page.wait_for_timeout(600)
-    checks.that("so that the next job is only asked for", daemon.ask(f"/v1/jobs/{running}")["state"] == "running")
+    checks.that("so that the next job is only asked for", daemon.job(running)["state"] == "running")
     button.last.click()
-    ended = lambda: daemon.ask(f"/v1/jobs/{running}")["state"] == "cancelled"
+    ended = lambda: daemon.job(running)["state"] == "cancelled"
     checks.soon("a running job can be cancelled", ended, 10)
     checks.soon("and the next one starts", lambda: daemon.plate("upm-2")["job"] not in (None, running), 10)
     checks.soon("history tells how it ended", lambda: page.locator(f'.rows li[data-job="{running}"] .state').inner_text() == "cancelled")
@@ -224,8 +223,7 @@ def check_stop(checks, page, daemon):
         { code: 'KeyS', key: 'ś', modifierAltGraph: true, bubbles: true, cancelable: true }))""")
     checks.soon("and where Ctrl+Alt is AltGr and makes a letter", lambda: len(asked) == len(daemon.plates), 2)
     page.evaluate("document.querySelector('#job-text').dispatchEvent(new Event('keydown', { bubbles: true }))")
-    stopped = [plate["state"] for plate in daemon.ask("/v1/plates")["plates"]]
-    checks.that("every plate is stopped", set(stopped) == {"stopped"}, stopped)
+    checks.that("every plate is stopped", daemon.stopped())
     checks.soon("and shown so", lambda: all(state(page, name) == "stopped" for name in daemon.plates))
 
 
@@ -259,7 +257,7 @@ def check_reset(checks, page, daemon):
 
 
 def check_restart(checks, page, daemon):
-    daemon.end(signal.SIGKILL)
+    daemon.kill()
     checks.soon("a killed daemon is missed", lambda: page.locator("#contact.lost").count(), 3)
     daemon.start()
     checks.soon("the page finds it again by itself", lambda: not page.locator("#contact.lost").count(), 8)
@@ -273,9 +271,9 @@ def check_restart(checks, page, daemon):
 
 
 def check_history(checks, page, daemon):
-    daemon.ask("/v1/plates/upm-2-evening/reset", {"operator": "Ada", "reason": "for the history"})
+    daemon.reset("upm-2-evening", "for the history")
     for number in range(22):
-        daemon.ask("/v1/jobs", {**SLOW_JOB, "name": f"many-{number}", "plate": "upm-2-evening"})
+        daemon.queue(f"many-{number}", "upm-2-evening")
     page.locator("#older:enabled").wait_for(timeout=15000)
     checks.soon("the newest job is on top", lambda: page.locator(".row .job-name").first.inner_text() == "many-21")
     first = page.locator(".rows > li").first.get_attribute("data-job")
@@ -316,9 +314,7 @@ def check_looks(checks, page):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
-    parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/page-test")
+    parser = parser_of(__doc__, venv=ROOT / "target/page-test")
     parser.add_argument("--chromium", default=shutil.which("chromium") or shutil.which("google-chrome"))
     args = parser.parse_args()
     enter_venv(args.venv, PACKAGES)
@@ -337,7 +333,7 @@ def main():
         tabs.on("console", lambda said: errors.append(said.text) if "Content Security Policy" in said.text else None)
         tabs.on("request", lambda asked: outside.append(asked.url) if not asked.url.startswith((daemon.url, "blob:")) else None)
 
-        daemon = Daemon(args.upm, folder())
+        daemon = PageDaemon(args.upm, folder())
         stack.callback(daemon.end)
         for check in [check_first_sight, check_running, check_faults, check_queue, check_stale, check_stop, check_reset,
                       check_restart, check_history]:
@@ -346,7 +342,7 @@ def main():
         page.emulate_media(color_scheme="light", reduced_motion="no-preference")
         page.goto("about:blank")
         daemon.end()
-        daemon = Daemon(args.upm, folder())
+        daemon = PageDaemon(args.upm, folder())
         stack.callback(daemon.end)
         for check in [check_sights, check_causes]:
             check(checks, page, daemon)
@@ -358,7 +354,7 @@ def main():
         for check in [check_open_job, check_hidden_tab, check_tabs, check_long_queue]:
             check(checks, page, daemon)
         page.goto("about:blank")
-        daemon = Daemon(args.upm, folder(), token="a-token-of-thirty-two-characters!")
+        daemon = PageDaemon(args.upm, folder(), token="a-token-of-thirty-two-characters!")
         stack.callback(daemon.end)
         check_token(checks, page, daemon)
         checks.that("the script met no error and broke no rule of the page's policy", errors == [], errors[:3] or "")

@@ -15,8 +15,7 @@ def check_token(checks, page, daemon):
     page.fill("#token-text", daemon.token)
     page.keyboard.press("Enter")
     checks.soon("with the right one plates are shown", lambda: page.locator("article.card").count() == len(daemon.plates))
-    checks.soon("the stop pressed before gets through", lambda: all(
-        plate["state"] == "stopped" for plate in daemon.ask("/v1/plates")["plates"]))
+    checks.soon("the stop pressed before gets through", daemon.stopped)
     kept = page.evaluate("[Object.values(sessionStorage).join(), Object.values(localStorage).join(), document.cookie]")
     checks.that("the token is kept in this tab alone", kept == [daemon.token, "", ""])
     page.reload()

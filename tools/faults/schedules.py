@@ -6,8 +6,9 @@ import shutil
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
+from common import table
+
 from . import detection, jobs, oracle
-from .tables import table
 from .vocabulary import Fault, harmless
 
 JOBS = ("arr4", "swap", "endless", "sort8", "arr1")

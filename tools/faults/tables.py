@@ -1,4 +1,4 @@
-"""Bounds of a rate and plain tables."""
+"""Bounds of a rate."""
 import math
 
 
@@ -24,11 +24,3 @@ def at_most(found, count, rate):
         for k in range(found + 1)
     )
     return sum(map(math.exp, logs))
-
-
-def table(head, rows):
-    """Columns as wide as their widest cell; the first is flush left, numbers flush right."""
-    cells = [[str(cell) for cell in row] for row in [head, *rows]]
-    widths = [max(map(len, column)) for column in zip(*cells)]
-    for row in cells:
-        yield "  ".join(cell.ljust(width) if i == 0 else cell.rjust(width) for i, (cell, width) in enumerate(zip(row, widths))).rstrip()
