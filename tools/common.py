@@ -9,7 +9,6 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import dataclass, field
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -89,17 +88,33 @@ def speed_of(report):
     return plate_s / wall_s if plate_s and wall_s else None
 
 
-def until(look, within_s, every_s=0.02):
-    """The first value of `look` that counts; the last one where none does in time."""
-    end = time.monotonic() + within_s
-    while not (found := look()) and time.monotonic() < end:
-        time.sleep(every_s)
-    return found
-
-
 def percentile(found, share):
     """By nearest rank; NaN of nothing."""
     return sorted(found)[max(0, math.ceil(share * len(found)) - 1)] if found else math.nan
+
+
+def upper_bound(found, count, level=0.95):
+    """The rate that `found` in `count` runs leaves possible: 3/n when none, else Clopper and Pearson's one-sided bound."""
+    if not count:
+        return 1.0
+    if not found:
+        return min(1.0, 3.0 / count)
+    low, high = found / count, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if at_most(found, count, middle) > 1.0 - level else (low, middle)
+    return high
+
+
+def at_most(found, count, rate):
+    """Probability of at most `found` in `count` at this rate."""
+    if rate >= 1.0:
+        return 1.0 if found >= count else 0.0
+    logs = (
+        math.lgamma(count + 1) - math.lgamma(k + 1) - math.lgamma(count - k + 1) + k * math.log(rate) + (count - k) * math.log1p(-rate)
+        for k in range(found + 1)
+    )
+    return sum(map(math.exp, logs))
 
 
 def table(head, rows):
@@ -127,5 +142,7 @@ class Bars:
 
     def close(self):
         """Prints the table and ends the tool, with status 1 where a bar is missed."""
-        print("\n".join(table(("what", "bar", "measured", "held"), self.rows)))
+        rows = [("what", "bar", "measured", "held"), *(tuple(map(str, row)) for row in self.rows)]
+        wide, high = (max(len(row[i]) for row in rows) for i in (0, 1))
+        print("\n".join(f"{what:{wide}}  {bar:>{high}}  {held:4}  {measured}" for what, bar, measured, held in rows))
         sys.exit(0 if self.are_held() else 1)

@@ -1,6 +1,5 @@
 """`upm serve` for `page_test.py`, and jobs for it."""
 import re
-import subprocess
 
 from common import ROOT, config
 from upm_daemon import Daemon
@@ -29,11 +28,6 @@ class PageDaemon(Daemon):
         self.start()
         # a killed daemon is started again at the address that the page has
         self.listen = f"{self.address[0]}:{self.address[1]}"
-
-    def records(self):
-        """False for a build that makes no recordings."""
-        version = subprocess.run([self.upm, "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout
-        return "rerun" not in version
 
     def streams(self):
         """Event streams that are open."""

@@ -1,9 +1,9 @@
-"""Checks of how jobs come to the operator page and go from it, for `page_test.py`: files, the pen, queue, deletion."""
+"""Checks of how jobs come to the operator page and go from it, for `page_test.py`: files, the pen, deletion, tokens."""
 import json
 
 from common import ROOT
-from page_checks import card
-from page_daemon import BAD_JOB
+from page_checks import card, fill_job
+from page_daemon import BAD_JOB, SLOW_JOB
 
 
 def draw(page, *places):
@@ -99,25 +99,17 @@ def check_deletion(checks, page, daemon):
     checks.soon("a job that runs cannot be deleted", lambda: daemon.plate("upm-2")["job"] == jobs[3], 15)
     checks.that("there is no such button", not row(jobs[3]).get_by_role("button", name="Delete turn-3").is_visible())
     writing = row(jobs[3]).locator(".writing")
-    if daemon.records():
-        checks.soon("while it runs its recording says so", lambda: writing.inner_text().startswith("recording, "), 10)
+    checks.soon("while it runs its recording says so", lambda: writing.inner_text().startswith("recording, "), 10)
     daemon.cancel(jobs[3])
     checks.soon("and no longer", lambda: not writing.is_visible(), 15)
 
 
-def with_live(route):
-    """The plates as if they had live streams, and recordings that are written."""
-    answer = route.fetch()
-    told = answer.json()
-    for plate in told["plates"]:
-        plate["live"] = "rerun+http://127.0.0.1:9876/proxy"
-    route.fulfill(response=answer, json=told)
-
-
 def check_live(checks, page):
-    page.route("**/v1/plates", with_live)
-    live = card(page, "upm-2").locator(".live")
-    checks.soon("the address for Rerun is a link", lambda: live.locator("a").get_attribute("href") == "rerun+http://127.0.0.1:9876/proxy")
+    address = "rerun+http://127.0.0.1:9876/proxy"
+    told = lambda answer: {"plates": [{**plate, "live": address} for plate in answer["plates"]], "stop_listen": None}
+    page.route("**/v1/plates", lambda route: route.fulfill(json=told(route.fetch().json())))
+    link = card(page, "upm-2").locator(".live a")
+    checks.soon("the address for Rerun is a link", lambda: link.get_attribute("href") == address)
     page.unroute_all(behavior="wait")
 
 
@@ -141,3 +133,28 @@ def check_device(checks, browser, daemon):
     card(page, "upm-2").wait_for()
     checks.that("no keys are shown where there are none", not page.locator("#estop-keys").is_visible())
     tabs.close()
+
+
+def check_token(checks, page, daemon):
+    page.goto(daemon.url)
+    page.locator("#token").wait_for()
+    checks.that("a daemon with a token has it asked for", page.locator("article.card").count() == 0)
+    page.keyboard.press("Control+Alt+s")
+    checks.soon("a stop without the token is said not to be one", lambda: "NO PLATE STOPPED" in page.locator("#stop-report").inner_text())
+    page.fill("#token-text", "not-the-token")
+    page.keyboard.press("Enter")
+    checks.soon("a wrong one is told", lambda: "does not take" in page.locator("#token-why").inner_text())
+    page.fill("#token-text", daemon.token)
+    page.keyboard.press("Enter")
+    checks.soon("with the right one plates are shown", lambda: page.locator("article.card").count() == len(daemon.plates))
+    checks.soon("the stop pressed before gets through", daemon.stopped)
+    kept = page.evaluate("[Object.values(sessionStorage).join(), Object.values(localStorage).join(), document.cookie]")
+    checks.that("the token is kept in this tab alone", kept == [daemon.token, "", ""])
+    page.reload()
+    card(page, "upm-2").wait_for()
+    checks.that("and not asked for again in it", not page.locator("#token").is_visible())
+    fill_job(page, SLOW_JOB)
+    page.click("#order-send")
+    says = page.locator("#order-says.bad, #order-says.good")
+    says.wait_for()
+    checks.that("requests carry it", "token" not in says.inner_text(), says.inner_text())

@@ -11,7 +11,7 @@ import subprocess
 import time
 from dataclasses import dataclass
 
-from common import config, until
+from common import config
 
 FINAL = ("completed", "failed", "cancelled", "interrupted")
 
@@ -179,9 +179,12 @@ class Daemon:
 
     def wait_for(self, what, look, within_s):
         """The first value of `look` that counts."""
-        if found := until(look, within_s):
-            return found
-        raise DaemonFault(f"not within {within_s:g} s: {what}")
+        end = time.monotonic() + within_s
+        while not (found := look()):
+            if time.monotonic() > end:
+                raise DaemonFault(f"not within {within_s:g} s: {what}")
+            time.sleep(0.02)
+        return found
 
     def ended(self, job_id, within_s):
         """The job once it has ended."""

@@ -185,7 +185,7 @@ def main():
     args = options_of(__doc__, stops=10_000, watchers=64, rate=200.0)
     with serving(args, {name: name for name in PLATES} | {"held": "upm-2"}, keep={"runs_gb": 1.0}) as daemon:
         hold_plate(daemon, "held")
-        traffic, begin = Traffic(daemon.address, "held", args, 1e6), time.monotonic()
+        traffic, begin = Traffic(daemon.address, "held", args), time.monotonic()
         stops = asyncio.run(Campaign(daemon, args.stops, args.seed).run())
         took_s, counts = time.monotonic() - begin, traffic.finish()
     print("\n".join(counts.lines()), end="\n\n")

@@ -23,7 +23,7 @@ def main():
         hold_plate(daemon, "held")
         job = daemon.submit(plus_sign("upm-1", plate_time_s=plate_s))
         daemon.wait_for("the job on its plate", lambda: daemon.plate("upm-1")["at_s"] > 0.0, 20.0)
-        traffic, stolen_before_s = Traffic(daemon.address, "held", args, plate_s + 60.0), stolen_s()
+        traffic, stolen_before_s = Traffic(daemon.address, "held", args), stolen_s()
         say(f"{plate_s:g} s of plate time beside {args.watchers} watchers and {args.rate:g} requests/s")
         job = daemon.ended(job["id"], 3.0 * plate_s + 60.0)
         taken_s, counts = stolen_s() - stolen_before_s, traffic.finish()

@@ -149,8 +149,8 @@ class Half:
 
     name = ""
 
-    def __init__(self, address, seed, seconds):
-        self.address, self.seconds, self.rng = address, seconds, random.Random(seed)
+    def __init__(self, address, seed):
+        self.address, self.rng = address, random.Random(seed)
         self.counts, self.stopping = Counts(), multiprocessing.Event()
         self.here, self.there = multiprocessing.Pipe(duplex=False)
         self.child = multiprocessing.Process(target=self.in_child, daemon=True)
@@ -165,7 +165,6 @@ class Half:
 
     def in_child(self):
         os.nice(NICENESS[self.name])
-        self.until = time.monotonic() + self.seconds
         asyncio.run(self.run())
         self.there.send(self.counts)
 
@@ -184,7 +183,7 @@ class Half:
         return []
 
     def is_over(self):
-        return time.monotonic() >= self.until or self.stopping.is_set()
+        return self.stopping.is_set() or not multiprocessing.parent_process().is_alive()
 
 
 class Asking(Half):
@@ -304,9 +303,8 @@ class Watching(Half):
 class Traffic:
     """`args.watchers` clients on the jobs of all plates, `args.rate` requests a second; jobs are submitted to the plate `held`, which is paused."""
 
-    def __init__(self, address, held, args, seconds):
-        others = (address, args.seed, seconds)
-        self.halves = [Asking(held, args.rate, *others), Watching(args.watchers, *others)]
+    def __init__(self, address, held, args):
+        self.halves = [Asking(held, args.rate, address, args.seed), Watching(args.watchers, address, args.seed)]
 
     def finish(self):
         """Ends both; all they counted."""

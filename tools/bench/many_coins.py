@@ -30,7 +30,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
-from common import ROOT, config, output_of, parser_of, percentile, speed_of  # noqa: E402
+from common import ROOT, config, output_of, parser_of, percentile, speed_of, table  # noqa: E402
 
 APART_MM, MARGIN_MM, WIDEST_MM = 25.4, 5.0, 24.26
 PLAN_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
@@ -257,20 +257,23 @@ def misses(name, reports):
 
 def print_jobs(campaign, at_once):
     print(f"\njobs, {at_once} at once; largest errors, median of predicted errors and of speeds")
-    print("job           done  touch   lost   err mm  median s (bar)  worst s  library  learned path rms    phase    times")
+    head = ("job", "done", "touch", "lost", "err mm", "median s", "bar", "worst s", "library", "learned", "path rms", "phase", "times")
+    rows = []
     for name, reports in campaign.items():
-        done, bar = completed(reports), JOBS[name].median_s
+        done = completed(reports)
         figures = [
-            shown(over(sum, values(reports, "collisions")), 0, 6),
-            shown(over(sum, values(reports, "lost_parts")), 0, 6),
-            shown(over(max, values(done, "max_error_mm")), 3),
-            f"{shown(median_s(reports))} {'' if bar is None else f'({bar:g})':>5}",
-            shown(over(max, values(done, "plate_time_s"))),
-            *(shown(over(statistics.median, values(reports, "prediction_error_mm", of)), 3, 8) for of in ("library", "learned")),
-            *(shown(over(max, values(reports, key)), 3, 8) for key in ("cross_track_rms_mm", "phase_error_max")),
-            shown(over(statistics.median, [s for s in map(speed_of, reports) if s]), 1, 8),
+            (over(sum, values(reports, "collisions")), 0),
+            (over(sum, values(reports, "lost_parts")), 0),
+            (over(max, values(done, "max_error_mm")), 3),
+            (median_s(reports), 1),
+            (JOBS[name].median_s, 0),
+            (over(max, values(done, "plate_time_s")), 1),
+            *((over(statistics.median, values(reports, "prediction_error_mm", of)), 3) for of in ("library", "learned")),
+            *((over(max, values(reports, key)), 3) for key in ("cross_track_rms_mm", "phase_error_max")),
+            (over(statistics.median, [s for s in map(speed_of, reports) if s]), 1),
         ]
-        print(f"{name:11} {len(done):3d}/{len(reports):<3d} {' '.join(figures)}")
+        rows.append([name, f"{len(done)}/{len(reports)}", *(shown(figure, digits, 0) for figure, digits in figures)])
+    print("\n".join(table(head, rows)))
 
 
 def alone(bench, names, planner, seeds):

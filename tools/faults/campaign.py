@@ -1,4 +1,5 @@
 """The campaign: schedules and jobs by seed on all cores, each run judged; what it prints."""
+import argparse
 import collections
 import pathlib
 import random
@@ -9,11 +10,10 @@ import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 
-from common import table
+from common import table, upper_bound
 
 from . import detection, jobs, oracle, vocabulary
 from .shrink import shrunk
-from .tables import upper_bound
 
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
 
@@ -94,35 +94,23 @@ def next_job(runner, case, folder):
 
 
 @dataclass
-class Options:
-    """Options of a campaign."""
-
-    seeds: int
-    first: int = 0
-    at_once: int = 1
-    hours: float | None = None
-    half: str = "both"
-    keep: pathlib.Path | None = None
-    shrinks: bool = True
-    # a build with all guards: the campaign ends with the first rule broken that is not broken there too
-    sound: object = None
-
-
-@dataclass
 class Campaign:
-    """Runs cases and keeps their verdicts."""
+    """Runs cases and keeps their verdicts; `options` are those of the command line.
+
+    With `options.sound`, a build with all guards, it ends with the first rule broken that is not broken there too.
+    """
 
     runner: object
-    options: Options
+    options: argparse.Namespace
     verdicts: list = field(default_factory=list)
 
     def run(self):
         """All cases, told as they come; the folders of violations are kept when there is a place for them."""
         begin = told = time.monotonic()
-        with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.at_once) as pool:
+        with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.jobs) as pool:
             pending, seeds = set(), iter(self.seeds(begin))
             while True:
-                while len(pending) < 2 * self.options.at_once and not self.is_over():
+                while len(pending) < 2 * self.options.jobs and not self.is_over():
                     seed = next(seeds, None)
                     if seed is None:
                         break
@@ -213,7 +201,7 @@ def print_violations(bad, runner, options):
         print(f"    --faults '{vocabulary.as_text(case.faults)}'")
         for violation in seen(verdict):
             print(f"    {violation}")
-        if options.shrinks:
+        if not options.no_shrink:
             for line in shrunk(runner, case.made, case.faults, seen(verdict)[0].rule, case.is_liveness, options.keep):
                 print(f"    {line}", flush=True)
 

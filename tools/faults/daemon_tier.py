@@ -13,7 +13,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from common import table
+from common import table, upper_bound
 from upm_daemon import DaemonFault
 
 from . import jobs, oracle, pausing, schedules
@@ -21,7 +21,6 @@ from .oracle import Violation
 from .pausing import End, Left, Stop
 from .runs import allowed_s
 from .served import Served
-from .tables import upper_bound
 from .vocabulary import Fault
 
 # a plate that may move looks for work at least once a second: a job that is still queued after this is held back
@@ -210,14 +209,9 @@ def row_end(left):
 
 def cases_of(jobs_per, seeds, only):
     """Every schedule in so many jobs and seeds."""
-    names = chosen(schedules.SCHEDULES, only)
+    names = schedules.chosen(schedules.SCHEDULES, only)
     wanted = itertools.product(names, schedules.JOBS[:jobs_per], range(1, seeds + 1))
     return [Case.of(name, schedules.SCHEDULES[name], template, seed) for name, template, seed in wanted]
-
-
-def chosen(names, only):
-    """The names that hold one of the words `only`, or all of them."""
-    return [name for name in names if not only or any(word in name for word in only)]
 
 
 def plates_for(cases, at_once):
@@ -234,7 +228,7 @@ def plates_for(cases, at_once):
 def run_all(runner, jobs_per, seeds, at_once, only=None, estops=True):
     """Runs all cases and prints a row each; true when no rule is broken."""
     cases = cases_of(jobs_per, seeds, only)
-    stops = [Case.of(text, text, ESTOP_JOB, 1) for text in chosen(ESTOPS, only)] if estops else []
+    stops = [Case.of(text, text, ESTOP_JOB, 1) for text in schedules.chosen(ESTOPS, only)] if estops else []
     if not cases + stops:
         raise SystemExit(f"expected words of the names of schedules, found none with {', '.join(only)}")
     plates, free = plates_for(cases + stops, at_once)

@@ -30,11 +30,6 @@ class Made:
         """When the job ends if all goes well, where that is known."""
         return self.job["task"].get("duration_s")
 
-    @property
-    def kinds(self):
-        """The kind of each part, in the order of the job."""
-        return [row["kind"] for row in self.job["parts"] for _ in range(row.get("count", 1))]
-
 
 def places(rng, rig, count, apart_mm, widest="penny", most_mm=math.inf):
     """Places at random, so far from each other, rims inside the edge."""

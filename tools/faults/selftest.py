@@ -5,7 +5,9 @@ import random
 import tempfile
 import unittest
 
-from . import campaign, detection, jobs, oracle, schedules, shrink, tables, vocabulary
+from common import upper_bound
+
+from . import campaign, detection, jobs, oracle, schedules, shrink, vocabulary
 from .runs import Process
 from .vocabulary import Fault
 
@@ -292,6 +294,6 @@ class Drawing(unittest.TestCase):
         self.assertLessEqual({fault.name for fault in named}, every)
 
     def test_bound_of_a_rate(self):
-        self.assertEqual(tables.upper_bound(0, 300), 0.01)
+        self.assertEqual(upper_bound(0, 300), 0.01)
         # Clopper and Pearson, one-sided 95 %: 5 of 50
-        self.assertAlmostEqual(tables.upper_bound(5, 50), 0.19884, places=3)
+        self.assertAlmostEqual(upper_bound(5, 50), 0.19884, places=3)
