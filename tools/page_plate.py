@@ -65,7 +65,7 @@ def check_size(checks, page, width, height):
         where = f"{width} px, {scheme}"
         if width != SIZES[0][0]:
             one.locator(".camera").scroll_into_view_if_needed()
-        checks.soon(f"{where}: the camera's view is shown", lambda: one.locator(".camera img:not(.stale)").is_visible(), 5)
+        checks.soon(f"{where}: the camera's view is shown", lambda: one.locator(".camera img:not(.stale)").is_visible(), 30)
         seen = {what: one.locator(what).first.is_visible() for what in [".bins .bin", ".legend li", ".part", ".target"]}
         checks.that(f"{where}: bins, kinds, parts and targets, too", all(seen.values()), seen)
         over = page.evaluate(OVERFLOW_JS)

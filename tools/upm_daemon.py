@@ -11,8 +11,6 @@ import subprocess
 import time
 from dataclasses import dataclass
 
-from common import config
-
 FINAL = ("completed", "failed", "cancelled", "interrupted")
 
 
@@ -46,7 +44,7 @@ class Daemon:
         self.upm, self.folder, self.token = str(pathlib.Path(upm).resolve()), pathlib.Path(folder), token
         self.data, self.log = self.folder / "data", self.folder / "daemon.log"
         self.plates = list(plates)
-        spec = {"plates": [{"name": name, "rig": rig} for name, rig in plates.items()], "watchdog": config("daemon")["watchdog"]}
+        spec = {"plates": [{"name": name, "rig": rig} for name, rig in plates.items()]}
         if token:
             path = self.folder / "token"
             path.write_text(token + "\n")

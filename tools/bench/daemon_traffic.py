@@ -301,7 +301,10 @@ class Watching(Half):
 
 
 class Traffic:
-    """`args.watchers` clients on the jobs of all plates, `args.rate` requests a second; jobs are submitted to the plate `held`, which is paused."""
+    """`args.watchers` clients on the jobs of all plates, and `args.rate` requests a second.
+
+    Jobs are submitted to the plate `held`, which is paused.
+    """
 
     def __init__(self, address, held, args):
         self.halves = [Asking(held, args.rate, address, args.seed), Watching(args.watchers, address, args.seed)]
