@@ -22,19 +22,15 @@ found within 2 px.
 
 Exit status 1 when upm is less than `--bar` times as fast as either pipeline in any scene, or misses or invents a part.
 """
-import argparse
 import json
 import os
-import pathlib
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 
-from virtual_env import enter_venv
+from common import ROOT, Bars, enter_venv, output_of, papers_scene, parser_of, table
 
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 PACKAGES = ["opencv-python-headless>=4.10", "numpy"]
 NEAR_PX = 2.0
 ROUNDS, REPEATS = 9, 5
@@ -44,14 +40,8 @@ class Scene:
     """A picture and what is truly in it."""
 
     def __init__(self, upm, seed, folder):
-        self.seed, self.path = seed, folder / f"papers-{seed}.pgm"
-        truth = folder / f"papers-{seed}.json"
-        lab = pathlib.Path(upm).with_name("upm-lab")
-        command = [lab, "scene", "papers", "--seed", str(seed), "--out", self.path, "--truth", truth]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            sys.exit(done.stderr.strip())
-        truth = json.loads(truth.read_text())
+        self.seed = seed
+        self.path, truth = papers_scene(upm, seed, folder)
         self.corners = np.array(truth["table"]["corners_px"])
         self.centers = np.array([part["center_px"] for part in truth["parts"]])
         self.gray = cv2.imread(str(self.path), cv2.IMREAD_GRAYSCALE)
@@ -113,10 +103,8 @@ def fastest(scenes, candidates):
 def run_upm(upm, scene, repeats):
     """What `upm locate` finds, and its times in ms, the first of them left out."""
     told = ["--kinds", "penny", "--plate-side-mm", "203.2"]
-    done = subprocess.run([upm, "locate", "--json", *told, *[scene.path] * (repeats + 1)], capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr.strip())
-    looks = [json.loads(line) for line in done.stdout.splitlines()]
+    lines, _ = output_of([upm, "locate", "--json", *told, *[scene.path] * (repeats + 1)])
+    looks = [json.loads(line) for line in lines.splitlines()]
     times = [1e-3 * (look["time_us"]["table"] + look["time_us"]["parts"]) for look in looks]
     found = looks[-1]["table"]["corners_px"], [part["center_px"] for part in looks[-1]["parts"]]
     return found, times[1:]
@@ -141,35 +129,26 @@ def compare(upm, scene, pipelines):
 
 
 def print_scene(result):
-    print(f"\nscene papers {result['seed']}")
-    heads = ["median ms", "times upm", "least ms", "times upm"]
-    heads += ["centre rms", "worst px", "corner rms", "missed", "invented"]
-    print(f"  {'':10}" + "".join(f"{head:>12}" for head in heads))
-    for name, row in result["rows"].items():
-        print(
-            f"  {name:10}{row['median_ms']:12.3f}{row['ratio']:12.2f}{row['least_ms']:12.3f}{row['least_ratio']:12.2f}"
-            f"{row['center_rms_px']:12.4f}{row['center_worst_px']:12.4f}{row['corner_rms_px']:12.4f}"
-            f"{row['missed']:12}{row['invented']:12}"
-        )
+    heads = ["median ms", "times upm", "least ms", "times upm", "centre rms", "worst px", "corner rms", "missed", "invented"]
+    keys = ["median_ms", "ratio", "least_ms", "least_ratio", "center_rms_px", "center_worst_px", "corner_rms_px", "missed", "invented"]
+    rows = [[name, *(f"{row[key]:.4g}" for key in keys)] for name, row in result["rows"].items()]
+    print("\n".join(["", *table([f"scene papers {result['seed']}", *heads], rows)]))
 
 
-def bars(results, bar):
-    """Each bar: what, the worst measured, allowed, met."""
+def judge(results, bar):
+    """The worst scene."""
+    bars = Bars()
     for name in ("kernel", "circles"):
         worst = min(result["rows"][name]["ratio"] for result in results)
-        yield f"OpenCV {name} / upm", f"{worst:.2f}", f"{bar:g} or more", worst >= bar
+        bars.hold(f"OpenCV {name} / upm, worst scene", f"{bar:g} or more", f"{worst:.2f}", worst >= bar)
     for what in ("missed", "invented"):
         worst = max(result["rows"]["upm"][what] for result in results)
-        yield f"parts {what} by upm", str(worst), "0", worst == 0
+        bars.hold(f"parts {what} by upm", 0, worst, worst == 0)
+    return bars
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
-    parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/compare-opencv")
-    parser.add_argument("--scenes", type=int, nargs="+", default=[1, 2, 3])
-    parser.add_argument("--bar", type=float, default=10)
-    args = parser.parse_args()
+    args = parser_of(__doc__, venv=ROOT / "target/compare-opencv", scenes=[1, 2, 3], bar=10.0).parse_args()
     enter_venv(args.venv, PACKAGES, ["cv2", "numpy"])
 
     global cv2, np, opencv
@@ -182,21 +161,19 @@ def main():
     cv2.ocl.setUseOpenCL(False)
 
     with tempfile.TemporaryDirectory() as folder:
-        scenes = [Scene(args.upm, seed, pathlib.Path(folder)) for seed in args.scenes]
+        scenes = [Scene(args.upm, seed, folder) for seed in args.scenes]
         kernel_name, kernel, kernels = fastest(scenes, opencv.kernel_candidates())
         circle_name, circles, circle_ways = fastest(scenes, opencv.circle_candidates())
         pipelines = {"kernel": kernel, "circles": circles}
         results = [compare(args.upm, scene, pipelines) for scene in scenes]
-    version = subprocess.run([args.upm, "--version"], capture_output=True, text=True).stdout.strip()
+    version = output_of([args.upm, "--version"])[0].strip()
     print(f"{version}, OpenCV {cv2.__version__}, numpy {np.__version__}, one core, one thread")
     print(f"the fastest that find all: of {len(kernels)} kernel pipelines {kernel_name}")
     print(f"  of {len(circle_ways)} settings of HoughCircles {circle_name}")
     for result in results:
         print_scene(result)
-    print("\njudged, the worst scene")
-    for what, worst, allowed, met in bars(results, args.bar):
-        print(f"  {what:24}{worst:>10}  allowed: {allowed:13} {'ok' if met else 'MISSED'}")
-    sys.exit(0 if all(met for *_, met in bars(results, args.bar)) else 1)
+    print()
+    judge(results, args.bar).close()
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|
 options of all that run: [--upm target/debug/upm] [--jobs CORES]
 
 campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
-           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, onsets by kind
-           and phase, outcomes and guards by kind, needless stops and the rate of violations with its 95 % bound.
+           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, outcomes and
+           guards by kind, needless stops and the rate of violations with its 95 % bound.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
 daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
            plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
@@ -31,20 +31,16 @@ import pathlib
 import sys
 import unittest
 
+from common import ROOT, table
 from faults import campaign, daemon_tier, oracle, schedules
 from faults.runs import Runner
 from faults.shrink import shrunk
-from faults.tables import table
-
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
 def run_campaign(args):
-    options = campaign.Options(args.seeds, args.first, args.jobs, args.hours, args.half, args.keep, not args.no_shrink)
-    runner = Runner(args.upm)
-    found = campaign.Campaign(runner, options)
+    found = campaign.Campaign(Runner(args.upm), args)
     wall_s = found.run()
-    return campaign.report(found.verdicts, wall_s, runner, options)
+    return campaign.report(found.verdicts, wall_s, found.runner, args)
 
 
 def run_schedules(args):
@@ -57,7 +53,8 @@ def run_daemon(args):
 
 def run_shrink(args):
     runner, case = Runner(args.upm), campaign.case_of(args.seed, args.half)
-    alone = campaign.Campaign(runner, campaign.Options(1, args.seed, half=args.half, keep=args.keep))
+    args.first, args.seeds = args.seed, 1
+    alone = campaign.Campaign(runner, args)
     alone.run()
     found = campaign.seen(alone.verdicts[0])
     print("\n".join(map(str, found)) or "breaks no rule")
@@ -78,10 +75,9 @@ def run_judge(args):
 
 
 def run_mutants(args):
-    rows = []
+    rows, args.sound = [], Runner(args.upm)
     for guard in args.guards.split(","):
-        options = campaign.Options(args.seeds, args.first, args.jobs, half=args.half, keep=args.keep, sound=Runner(args.upm))
-        found = campaign.Campaign(Runner(args.upm, without_guard=guard), options)
+        found = campaign.Campaign(Runner(args.upm, without_guard=guard), args)
         found.run()
         refused = {verdict.told for verdict in found.verdicts if verdict.outcome == "refused"}
         if refused:
@@ -108,6 +104,7 @@ def arguments():
     running.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     running.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
     drawing = argparse.ArgumentParser(add_help=False)
+    drawing.set_defaults(hours=None, no_shrink=False, sound=None)
     drawing.add_argument("--half", choices=("safety", "liveness", "both"), default="both", help="faults that stay, that end, either")
     drawing.add_argument("--first", type=int, default=0, help="the first seed")
     drawing.add_argument("--keep", type=pathlib.Path, help="where folders of failing runs and shrunk jobs are kept")

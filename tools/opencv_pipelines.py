@@ -151,9 +151,8 @@ def circle_pipeline(method, dp, edge, votes):
         first, box = box_of(corners, blurred)
         radius = radius_of(corners)
         least, most = int(0.92 * radius), int(np.ceil(1.08 * radius))
-        found = cv2.HoughCircles(
-            box, method, dp, 1.6 * radius, param1=edge, param2=votes, minRadius=least, maxRadius=most
-        )
+        limits = {"minRadius": least, "maxRadius": most}
+        found = cv2.HoughCircles(box, method, dp, 1.6 * radius, param1=edge, param2=votes, **limits)
         return corners, (np.empty((0, 2)) if found is None else found.reshape(-1, found.shape[-1])[:, :2] + first)
 
     return pipeline
@@ -179,10 +178,6 @@ def kernel_candidates():
 def circle_candidates():
     """Every HoughCircles pipeline by name, for all thresholds of votes."""
     for dp, edge in itertools.product([1, 1.5, 2, 3], [100, 200, 300]):
-        votes = [8, 12, 16, 20, 25, 30, 40]
-        yield f"GRADIENT, dp {dp}, edge {edge}", [
-            circle_pipeline(cv2.HOUGH_GRADIENT, dp, edge, v) for v in votes
-        ]
-        yield f"GRADIENT_ALT, dp {dp}, edge {edge}", [
-            circle_pipeline(cv2.HOUGH_GRADIENT_ALT, dp, edge, v) for v in [0.6, 0.8, 0.9]
-        ]
+        for name, votes in (("GRADIENT", [8, 12, 16, 20, 25, 30, 40]), ("GRADIENT_ALT", [0.6, 0.8, 0.9])):
+            method = getattr(cv2, f"HOUGH_{name}")
+            yield f"{name}, dp {dp}, edge {edge}", [circle_pipeline(method, dp, edge, v) for v in votes]

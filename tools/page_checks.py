@@ -33,7 +33,7 @@ def fill_job(page, text):
     page.locator("#job-text").fill(text if isinstance(text, str) else json.dumps(text, indent=1))
 
 
-def queue(page, name=None):
+def queue(page):
     """Queues what stands in the form and waits until it is said to be."""
     page.wait_for_timeout(1600)
     page.click("#order-send")

@@ -1,15 +1,9 @@
 """`upm serve` for `page_test.py`, and jobs for it."""
-import contextlib
-import json
-import os
-import pathlib
 import re
-import signal
-import subprocess
-import sys
-import urllib.request
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from common import ROOT, config
+from upm_daemon import Daemon
+
 SLOW_JOB = {"name": "slow", "plate": "upm-2", "parts": [{"kind": "penny", "count": 3}],
             "task": {"type": "hold", "duration_s": 300}, "limits": {"plate_time_s": 400}}
 BAD_JOB = """{
@@ -25,70 +19,27 @@ BAD_JOB = """{
 """
 
 
-class Daemon:
-    """`upm serve` with a data folder of its own."""
+class PageDaemon(Daemon):
+    """The shipped plates, without their standing jobs: the page is looked at with jobs that are sent."""
 
     def __init__(self, upm, folder, token=None):
-        self.upm, self.folder, self.token = upm, pathlib.Path(folder), token
-        spec = json.loads((ROOT / "configs/daemon.json").read_text())
-        for plate in spec["plates"]:
-            plate.pop("standing_job", None)  # the page is looked at with jobs that are sent
-            plate["rig"] = str(ROOT / "configs" / plate["rig"])
-        spec["queue"] = 300
-        spec["allow_faults"] = True
-        if token:
-            (self.folder / "token").write_text(token + "\n")
-            (self.folder / "token").chmod(0o600)
-            spec["token_file"] = str(self.folder / "token")
-        self.plates = [plate["name"] for plate in spec["plates"]]
-        self.config = self.folder / "daemon.json"
-        self.config.write_text(json.dumps(spec))
-        self.listen = "127.0.0.1:0"
+        plates = {plate["name"]: str(ROOT / "configs" / plate["rig"]) for plate in config("daemon")["plates"]}
+        super().__init__(upm, folder, plates, token, default_plate="upm-2", queue=300, allow_faults=True)
         self.start()
-
-    def start(self):
-        with open(self.folder / "log.txt", "a") as log:
-            args = ["serve", "--config", self.config, "--listen", self.listen, "--data", self.folder / "data"]
-            self.process = subprocess.Popen([self.upm, *args], stdout=subprocess.PIPE, stderr=log, text=True)
-        line = self.process.stdout.readline().strip()
-        if not line:
-            sys.exit(f"{self.upm} serve did not start:\n{(self.folder / 'log.txt').read_text()}")
-        self.url = line if line.startswith("http") else f"http://{line}"
-        self.listen = self.url.removeprefix("http://").rstrip("/")
-
-    def ask(self, path, body=None):
-        return json.loads(self.read(path, body))
-
-    def read(self, path, body=None):
-        headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {self.token}"} if self.token else {})
-        data = json.dumps(body).encode() if body is not None else None
-        with urllib.request.urlopen(urllib.request.Request(self.url.rstrip("/") + path, data, headers), timeout=10) as answer:
-            return answer.read().decode()
-
-    def records(self):
-        """False for a build that makes no recordings."""
-        version = subprocess.run([self.upm, "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout
-        return "rerun" not in version
+        # a killed daemon is started again at the address that the page has
+        self.listen = f"{self.address[0]}:{self.address[1]}"
 
     def streams(self):
         """Event streams that are open."""
-        return int(float(re.search(r"^upm_event_streams (\S+)$", self.read("/metrics"), re.MULTILINE)[1]))
+        return int(float(re.search(rb"^upm_event_streams (\S+)$", self.ask("GET", "/metrics").body, re.MULTILINE)[1]))
 
-    def jobs(self):
-        return self.ask("/v1/jobs?limit=200")["jobs"]
+    def queue(self, name="slow", plate="upm-2"):
+        """The id of a slow job."""
+        return self.submit({**SLOW_JOB, "name": name, "plate": plate})["id"]
 
-    def plate(self, name):
-        return next(plate for plate in self.ask("/v1/plates")["plates"] if plate["name"] == name)
+    def waiting(self, plate):
+        return [job for job in self.jobs("&state=queued") if job["plate"] == plate]
 
-    def tell(self, number):
-        os.kill(self.process.pid, number)
-
-    def end(self, number=signal.SIGTERM):
-        with contextlib.suppress(ProcessLookupError):
-            self.tell(signal.SIGCONT)
-            self.tell(number)
-        try:
-            self.process.wait(10)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+    def stopped(self):
+        """True while every plate is stopped."""
+        return {plate["state"] for plate in self.get("/v1/plates")["plates"]} == {"stopped"}

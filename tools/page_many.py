@@ -1,6 +1,5 @@
 """Checks of the operator page with many jobs and with many tabs, for `page_test.py`."""
 from page_checks import card, state
-from page_daemon import SLOW_JOB
 
 # Most connections that Chromium has to one host, over all its tabs.
 CONNECTIONS = 6
@@ -10,39 +9,31 @@ SIGHT_JS = """(hidden) => {
 }"""
 
 
-def give(daemon, name, plate="upm-2"):
-    return daemon.ask("/v1/jobs", {**SLOW_JOB, "name": name, "plate": plate})["id"]
-
-
 def told(tab):
     """What the open job's list of events says, line by line."""
     return tab.locator(".log li").all_inner_texts()
 
 
 def check_open_job(checks, page, daemon):
-    daemon.ask("/v1/plates/upm-2/reset", {"operator": "Ada", "reason": "for many jobs"})
-    for waiting in [job for job in daemon.jobs() if job["state"] == "queued" and job["plate"] == "upm-2"]:
-        daemon.ask(f"/v1/jobs/{waiting['id']}/cancel", {})
-    job = give(daemon, "early")
-    daemon.ask("/v1/plates/upm-2/resume", {})
+    daemon.reset("upm-2", "for many jobs")
+    for waiting in daemon.waiting("upm-2"):
+        daemon.cancel(waiting["id"])
+    job = daemon.queue("early")
+    daemon.act("upm-2", "resume")
     checks.soon("a job runs", lambda: daemon.plate("upm-2")["job"] == job, 10)
     for number in range(25):
-        give(daemon, f"late-{number}")
+        daemon.queue(f"late-{number}")
     page.reload()
     name = card(page, "upm-2").locator(".job-name", has_text="early")
     name.wait_for()
     name.click()
-    row = page.locator(f'.rows li.open[data-job="{job}"]')
-    checks.soon("it opens from its card though 25 newer jobs wait", lambda: row.locator(".log li").count() > 0)
-    for number in range(2):
-        with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):
-            give(daemon, f"later-{number}")
-        top = page.locator(".rows .job-name", has_text=f"later-{number}")
-        checks.soon("the list goes on", lambda: top.count() == 1)
-        page.wait_for_timeout(300)
-        checks.that("and the job stays open in it", row.count() == 1 and row.locator(".watched").count() == 1)
-    checks.that("beside a whole page of others", page.locator(".rows > li").count() == 21)
-    checks.that("on top, where it was put", page.locator(".rows > li").first.get_attribute("data-job") == job)
+    opened = page.locator(".watched", has_text="early")
+    checks.soon("it opens from its card though 25 newer jobs wait", lambda: opened.locator(".log li").count() > 0)
+    with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):
+        daemon.queue("later")
+    checks.soon("the list goes on", lambda: page.locator(".rows .job-name", has_text="later").count() == 1)
+    page.wait_for_timeout(300)
+    checks.that("and the job stays open above it", opened.count() == 1 and page.locator(".rows > li").count() == 20)
 
 
 def check_hidden_tab(checks, page, daemon):
@@ -66,9 +57,8 @@ def check_tabs(checks, page, daemon):
     report = page.locator("#stop-report")
     checks.soon("with a stream on every connection a stop is confirmed", lambda: report.locator(
         "p.done").count() == len(daemon.plates), 3)
-    stopped = [plate["state"] for plate in daemon.ask("/v1/plates")["plates"]]
-    checks.that("by every plate", set(stopped) == {"stopped"}, stopped)
-    ended = daemon.ask(f"/v1/jobs/{job}")["state"]
+    checks.that("by every plate", daemon.stopped())
+    ended = daemon.job(job)["state"]
     for number, tab in enumerate([page, *tabs]):
         checks.soon(f"tab {number + 1} is told how the job ended, once",
                     lambda: sum(ended in line.split("\n")[-1] for line in told(tab)) == 1 and len(told(tab)) == len(set(told(tab))), 8)
@@ -78,11 +68,11 @@ def check_tabs(checks, page, daemon):
 
 
 def check_long_queue(checks, page, daemon):
-    daemon.ask("/v1/plates/upm-2/reset", {"operator": "Ada", "reason": "for a long queue"})
-    first = [job for job in daemon.jobs() if job["state"] == "queued" and job["plate"] == "upm-2"][-1]
+    daemon.reset("upm-2", "for a long queue")
+    first = daemon.waiting("upm-2")[-1]
     before = daemon.plate("upm-2")["queued"]
-    for number in range(220 - before):
-        give(daemon, f"many-more-{number}")
+    for number in range(190 - before):
+        daemon.queue(f"many-more-{number}")
     waits = card(page, "upm-2").locator(".queue li")
     checks.soon("of a long queue the job that runs next is number 1", lambda: waits.first.get_attribute(
-        "data-job") == first["id"] and waits.last.inner_text() == "and 215 behind them", 15)
+        "data-job") == first["id"] and waits.last.inner_text() == "and 185 behind them", 15)

@@ -1,23 +1,18 @@
-"""Checks of how jobs come to the operator page and go from it, for `page_test.py`: files, the pen, queue, deletion."""
+"""Checks of how jobs come to the operator page and go from it, for `page_test.py`: files, the pen, deletion, tokens."""
 import json
-import urllib.error
 
-from page_checks import card
-from page_daemon import BAD_JOB, ROOT, SLOW_JOB
+from common import ROOT
+from page_checks import card, fill_job
+from page_daemon import BAD_JOB, SLOW_JOB
 
 
 def draw(page, *places):
-    """Presses at places of the plate to draw on, in mm; a pair of places is a drag from one to the other."""
+    """Presses at places of the plate to draw on, in mm."""
     sheet = page.locator(".sheet-to-draw")
     sheet.scroll_into_view_if_needed()
-    box, edge = sheet.bounding_box(), [float(v) for v in sheet.get_attribute("viewBox").split()]
-    at = lambda x, y: (box["x"] + (x - edge[0]) / edge[2] * box["width"], box["y"] + (-y - edge[1]) / edge[3] * box["height"])
-    for place in places:
-        corners = place if isinstance(place[0], tuple) else [place]
-        page.mouse.move(*at(*corners[0]))
-        page.mouse.down()
-        page.mouse.move(*at(*corners[-1]), steps=3)
-        page.mouse.up()
+    box, (left, top, width, height) = sheet.bounding_box(), map(float, sheet.get_attribute("viewBox").split())
+    for x, y in places:
+        page.mouse.click(box["x"] + (x - left) / width * box["width"], box["y"] + (-y - top) / height * box["height"])
 
 
 def text_of(page):
@@ -34,11 +29,11 @@ def check_file(checks, page, daemon, folder):
     checks.that("its rig is left out, and that is told", "rig" not in text_of(page) and "rigs/" in says.inner_text(), says.inner_text())
     (folder / "bad.json").write_text(BAD_JOB)
     page.set_input_files("#job-file", folder / "bad.json")
-    checks.soon("faults of a file are beside their lines", lambda: page.locator(".note").count() == 2, 5)
+    checks.soon("faults of a file are listed", lambda: page.locator(".note").count() == 2, 5)
     (folder / "cut.json").write_text('{\n  "name": "cut",\n  "seed": }\n')
     page.set_input_files("#job-file", folder / "cut.json")
     line = lambda: page.locator(".note").evaluate_all("notes => notes.map((note) => note.dataset.line)")
-    checks.soon("a mistake in the JSON stands beside its line", lambda: line() == ["3"], 5)
+    checks.soon("a mistake in the JSON is listed with its line", lambda: line() == ["3"], 5)
     (folder / "odd.json").write_bytes(b"\xff\xfe\x00{")
     page.set_input_files("#job-file", folder / "odd.json")
     checks.soon("a file that is no JSON is told", lambda: "1 fault" in says.inner_text(), 5)
@@ -63,32 +58,16 @@ def check_pen(checks, page, daemon):
     apart = max(abs(a - b) for p, q in zip(job["task"]["targets_mm"], [(-60, 40), (60, 40), (0, -50)]) for a, b in zip(p, q))
     checks.that("where they were drawn", apart <= 1, f"{apart} mm")
     before = len(daemon.jobs())
-    draw(page, (4, -52))
+    draw(page, (16, -56))
     checks.soon("a target on another is marked where it is", lambda: bad.count() == 1, 5)
     fault = page.locator(".pen-faults li").all_inner_texts()
     checks.that("with what is allowed", len(fault) == 1 and fault[0].startswith("Target 4: ") and "expected" in fault[0], fault)
-    checks.that("and beside its line", page.locator(".note").count() >= 1)
+    checks.that("and listed with its line", page.locator(".note").count() >= 1)
     checks.that("nothing is queued by drawing", len(daemon.jobs()) == before)
-    page.get_by_label("Eraser").check()
-    draw(page, (12, -56))
-    checks.soon("the eraser takes it away", lambda: marks.count() == 3 and bad.count() == 0, 5)
-    page.get_by_role("radio", name="Bins").check()
-    page.get_by_label("Kind of the parts").select_option("penny")
-    draw(page, [(-130, -50), (-40, 50)])
-    page.get_by_label("Kind of the parts").select_option("dime")
-    page.get_by_label("Parts for the next bin").fill("3")
-    draw(page, [(130, 50), (40, -50)])
-    checks.soon("bins that are drawn are a job, which is checked", lambda: "No fault: drawn" in says.inner_text(), 5)
-    bins = text_of(page)["task"].get("bins", [])
-    checks.that("one bin for each, whichever corner came first", [bin["kinds"] for bin in bins] == [["penny"], ["dime"]] and
-                all(bin["region_mm"]["min"] < bin["region_mm"]["max"] for bin in bins), bins)
-    draw(page, [(-100, -20), (-60, 90)])
-    checks.soon("a bin over another is marked", lambda: bad.count() >= 1, 5)
+    draw(page, (18, -58))
+    checks.soon("a press on it takes it away", lambda: marks.count() == 3 and bad.count() == 0, 5)
     page.get_by_role("button", name="Clear").click()
     checks.that("all goes with one press", marks.count() == 0)
-    page.get_by_role("radio", name="Targets").check()
-    checks.that("but the other drawing", marks.count() == 3)
-    page.get_by_role("button", name="Clear").click()
     page.locator(".sheet-to-draw").focus()
     for key in ["ArrowLeft", "ArrowLeft", "Enter"] + 9 * ["ArrowRight"] + ["Enter"]:
         page.keyboard.press(key)
@@ -101,13 +80,10 @@ def check_pen(checks, page, daemon):
 
 
 def check_deletion(checks, page, daemon):
-    jobs = [daemon.ask("/v1/jobs", {**SLOW_JOB, "name": f"turn-{number}"})["id"] for number in range(4)]
+    jobs = [daemon.queue(f"turn-{number}") for number in range(4)]
     row = lambda job: page.locator(f'.rows li[data-job="{job}"]')
-    places = lambda: [row(job).locator(".state").inner_text() for job in jobs[1:]]
-    checks.soon("the list tells who is next", lambda: places()[-3:] in [["queued, next", "queued, no. 2", "queued, no. 3"],
-                ["queued, no. 2", "queued, no. 3", "queued, no. 4"]], 12)
     for job in jobs[:3]:
-        daemon.ask(f"/v1/jobs/{job}/cancel", {})
+        daemon.cancel(job)
     remove = row(jobs[2]).get_by_role("button", name="Delete turn-2")
     remove.wait_for()
     remove.click()
@@ -115,12 +91,7 @@ def check_deletion(checks, page, daemon):
     checks.that("one press of delete only asks", row(jobs[2]).count() == 1)
     remove.click()
     checks.soon("the second deletes the job", lambda: row(jobs[2]).count() == 0, 5)
-    try:
-        daemon.ask(f"/v1/jobs/{jobs[2]}")
-        gone = False
-    except urllib.error.HTTPError as error:
-        gone = error.code == 404
-    checks.that("for good", gone)
+    checks.that("for good", daemon.ask("GET", f"/v1/jobs/{jobs[2]}").status == 404)
     row(jobs[1]).locator(".job-name").click()
     page.evaluate("""(id) => fetch(`/v1/jobs/${id}`, { method: 'DELETE' })""", jobs[1])
     checks.soon("an open job that another client deletes leaves the list, too", lambda: row(jobs[1]).count() == 0, 8)
@@ -128,28 +99,17 @@ def check_deletion(checks, page, daemon):
     checks.soon("a job that runs cannot be deleted", lambda: daemon.plate("upm-2")["job"] == jobs[3], 15)
     checks.that("there is no such button", not row(jobs[3]).get_by_role("button", name="Delete turn-3").is_visible())
     writing = row(jobs[3]).locator(".writing")
-    if daemon.records():
-        checks.soon("while it runs its recording says so", lambda: writing.inner_text().startswith("recording, "), 10)
-    daemon.ask(f"/v1/jobs/{jobs[3]}/cancel", {})
+    checks.soon("while it runs its recording says so", lambda: writing.inner_text().startswith("recording, "), 10)
+    daemon.cancel(jobs[3])
     checks.soon("and no longer", lambda: not writing.is_visible(), 15)
 
 
-def with_live(route):
-    """The plates as if they had live streams, and recordings that are written."""
-    answer = route.fetch()
-    told = answer.json()
-    for plate in told["plates"]:
-        plate["live"] = "rerun+http://127.0.0.1:9876/proxy"
-    route.fulfill(response=answer, json=told)
-
-
 def check_live(checks, page):
-    page.route("**/v1/plates", with_live)
-    live = card(page, "upm-2").locator(".live")
-    checks.soon("the address for Rerun is a link", lambda: live.locator("a").get_attribute("href") == "rerun+http://127.0.0.1:9876/proxy")
-    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    live.get_by_role("button").click()
-    checks.soon("which a button copies", lambda: page.evaluate("navigator.clipboard.readText()") == "rerun+http://127.0.0.1:9876/proxy")
+    address = "rerun+http://127.0.0.1:9876/proxy"
+    told = lambda answer: {"plates": [{**plate, "live": address} for plate in answer["plates"]], "stop_listen": None}
+    page.route("**/v1/plates", lambda route: route.fulfill(json=told(route.fetch().json())))
+    link = card(page, "upm-2").locator(".live a")
+    checks.soon("the address for Rerun is a link", lambda: link.get_attribute("href") == address)
     page.unroute_all(behavior="wait")
 
 
@@ -165,11 +125,36 @@ def check_device(checks, browser, daemon):
     times = lambda: page.locator(".row time").all_inner_texts()
     checks.soon("times tell their zone", lambda: times() and all("GMT+5:30" in time for time in times()), 5)
     page.keyboard.press("Meta+Alt+s")
-    checks.soon("and they stop", lambda: {plate["state"] for plate in daemon.ask("/v1/plates")["plates"]} == {"stopped"}, 3)
+    checks.soon("and they stop", daemon.stopped, 3)
     tabs.close()
     tabs = browser.new_context(has_touch=True, is_mobile=True, viewport={"width": 390, "height": 844})
     page = tabs.new_page()
     page.goto(daemon.url)
     card(page, "upm-2").wait_for()
-    checks.that("no keys are shown where there are none", page.locator("#estop-keys").inner_text() == "")
+    checks.that("no keys are shown where there are none", not page.locator("#estop-keys").is_visible())
     tabs.close()
+
+
+def check_token(checks, page, daemon):
+    page.goto(daemon.url)
+    page.locator("#token").wait_for()
+    checks.that("a daemon with a token has it asked for", page.locator("article.card").count() == 0)
+    page.keyboard.press("Control+Alt+s")
+    checks.soon("a stop without the token is said not to be one", lambda: "NO PLATE STOPPED" in page.locator("#stop-report").inner_text())
+    page.fill("#token-text", "not-the-token")
+    page.keyboard.press("Enter")
+    checks.soon("a wrong one is told", lambda: "does not take" in page.locator("#token-why").inner_text())
+    page.fill("#token-text", daemon.token)
+    page.keyboard.press("Enter")
+    checks.soon("with the right one plates are shown", lambda: page.locator("article.card").count() == len(daemon.plates))
+    checks.soon("the stop pressed before gets through", daemon.stopped)
+    kept = page.evaluate("[Object.values(sessionStorage).join(), Object.values(localStorage).join(), document.cookie]")
+    checks.that("the token is kept in this tab alone", kept == [daemon.token, "", ""])
+    page.reload()
+    card(page, "upm-2").wait_for()
+    checks.that("and not asked for again in it", not page.locator("#token").is_visible())
+    fill_job(page, SLOW_JOB)
+    page.click("#order-send")
+    says = page.locator("#order-says.bad, #order-says.good")
+    says.wait_for()
+    checks.that("requests carry it", "token" not in says.inner_text(), says.inner_text())

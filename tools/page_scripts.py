@@ -22,13 +22,11 @@ PLACES_JS = """(plate) => [...document.querySelectorAll(`article[aria-label="Pla
   return [x, -y];
 })"""
 
-# How far the first fault of a line stands above or below its number, px; much where either is out of sight.
-BESIDE_JS = """(line) => {
-  const note = document.querySelector(`.note[data-line="${line}"]`).getBoundingClientRect();
-  const number = document.querySelectorAll('.gutter .line')[line - 1].getBoundingClientRect();
-  const editor = document.querySelector('#editor').getBoundingClientRect();
-  const seen = (box) => box.top >= editor.top && box.top + 20 <= editor.bottom;
-  return seen(note) && seen(number) ? Math.abs(note.top - number.top) : 1e6;
+# The marked numbers of lines that can be seen in the editor.
+MARKED_JS = """() => {
+  const sheet = document.querySelector('.sheet').getBoundingClientRect();
+  const seen = (box) => box.top >= sheet.top && box.bottom <= sheet.bottom;
+  return [...document.querySelectorAll('.gutter .bad')].filter((n) => seen(n.getBoundingClientRect())).map((n) => n.textContent);
 }"""
 
 # Texts whose contrast with what is behind them is below WCAG's 4.5. What is greyed as a whole is meant to recede.
@@ -74,7 +72,7 @@ OVERFLOW_JS = """() => {
   const wide = document.documentElement.scrollWidth - innerWidth;
   if (wide > 0) over.push(`page: ${wide} px`);
   for (const element of document.querySelectorAll('body *')) {
-    if (!element.checkVisibility() || element.closest('svg, textarea, .page, .unseen-text')) continue;
+    if (!element.checkVisibility() || element.closest('svg, textarea, .unseen-text')) continue;
     const style = getComputedStyle(element);
     const name = `${element.tagName.toLowerCase()}.${element.className}: ${element.textContent.slice(0, 25)}`;
     const more = element.scrollWidth - element.clientWidth;

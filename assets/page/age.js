@@ -23,18 +23,9 @@ export function span(seconds) {
   return `${Math.floor(seconds / 86400)}\u00a0days`;
 }
 
-/** The name of this browser's zone at that time: `CET`, `GMT+5:30`. */
-function zone(time) {
-  const parts = new Intl.DateTimeFormat('en', { timeZoneName: 'short' }).formatToParts(time);
-  return parts.find(({ type }) => type === 'timeZoneName')?.value ?? '';
-}
-
 /** A time of day in this browser's zone, which is named; with the date when that is not today. */
 export function clock(text) {
   const time = new Date(text);
-  if (Number.isNaN(time.getTime())) return '–';
-  const two = (n) => String(n).padStart(2, '0');
-  const hours = `${two(time.getHours())}:${two(time.getMinutes())}:${two(time.getSeconds())} ${zone(time)}`.trim();
-  if (time.toDateString() === new Date().toDateString()) return hours;
-  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${hours}`;
+  const hours = time.toLocaleTimeString('en', { hourCycle: 'h23', timeZoneName: 'short' });
+  return time.toDateString() === new Date().toDateString() ? hours : `${time.toLocaleDateString('sv')} ${hours}`;
 }

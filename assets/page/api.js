@@ -2,8 +2,14 @@
 
 const KEPT = 'upm-token';
 const TIMEOUT_MS = 5000;
-let token = recall();
+let token = '';
 let asked = () => {};
+
+try {
+  token = sessionStorage.getItem(KEPT) ?? '';
+} catch {
+  // a browser that keeps nothing: the token holds until the page is loaded again
+}
 
 /** Requests that an emergency stop may cut off, until their bodies end: a browser has few connections to one host. */
 const others = new Set();
@@ -24,26 +30,16 @@ export class Problem extends Error {
 /** Nothing came back: whether the daemon did it is not known. */
 export class NoAnswer extends Error {}
 
-function recall() {
-  try {
-    return sessionStorage.getItem(KEPT) ?? '';
-  } catch {
-    return '';
-  }
-}
-
 export function useToken(text) {
   token = text;
   try {
     sessionStorage.setItem(KEPT, text);
   } catch {
-    // a browser that keeps nothing: the token holds until the page is loaded again
+    // as above
   }
 }
 
-export function hasToken() {
-  return token !== '';
-}
+export const hasToken = () => token !== '';
 
 /** `ask(wasWrong)` is called when the daemon wants a token. */
 export function whenAsked(ask) {
@@ -66,15 +62,14 @@ tabs.addEventListener('message', cutOthers);
  * Sends a request and gives what `take` makes of the response. Throws `Problem`, `NoAnswer` or what `take` throws.
  * `timeoutMs` is the time until the answer begins, ms; `signal` ends the request, its body, too.
  */
-export async function send(method, path, { headers = {}, timeoutMs = TIMEOUT_MS, signal, ...rest }, take) {
+export async function send(method, path, { timeoutMs = TIMEOUT_MS, signal, ...rest }, take) {
   const control = new AbortController();
   const stop = () => control.abort();
-  signal?.addEventListener('abort', stop);
-  if (signal?.aborted) stop();
   if (!rest.urgent) others.add(control);
   let timer = setTimeout(stop, timeoutMs);
   try {
-    const response = await answer(method, path, { ...rest, headers: { ...headers }, signal: control.signal });
+    const ends = signal ? AbortSignal.any([signal, control.signal]) : control.signal;
+    const response = await answer(method, path, { ...rest, signal: ends });
     clearTimeout(timer);
     // bodies are short where no signal was given; they, too, must not take for ever
     if (!signal) timer = setTimeout(stop, rest.urgent ? 2000 : TIMEOUT_MS);
@@ -84,11 +79,11 @@ export async function send(method, path, { headers = {}, timeoutMs = TIMEOUT_MS,
     // a body that `take` left unread would hold its connection
     stop();
     others.delete(control);
-    signal?.removeEventListener('abort', stop);
   }
 }
 
-async function answer(method, path, { body, headers, signal, urgent = false }) {
+async function answer(method, path, { body, headers: given, signal, urgent = false }) {
+  const headers = { ...given };
   if (token) headers.Authorization = `Bearer ${token}`;
   if (body !== undefined) headers['Content-Type'] = 'application/json';
   const sentWith = token;
@@ -119,10 +114,7 @@ export function json(method, path, options = {}) {
 }
 
 /** A random key, unique for all practical purposes. */
-export function newKey() {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
-}
+export const newKey = () => crypto.getRandomValues(new Uint32Array(4)).join('-');
 
 export const ofJob = (id, what = '') => `/v1/jobs/${encodeURIComponent(id)}${what}`;
 export const ofPlate = (name, what) => `/v1/plates/${encodeURIComponent(name)}${what}`;

@@ -2,8 +2,7 @@
 
 import { NoAnswer, Problem, json, useToken, whenAsked } from './api.js';
 import { STALE_S, moment, since, span } from './age.js';
-import { STOP_KEYS, STOP_SHORTCUT, isTouched } from './device.js';
-import { el, setChildren, setText, show } from './dom.js';
+import { el, nap, setChildren, setText, show } from './dom.js';
 import { Stops } from './estop.js';
 import { Jobs } from './jobs.js';
 import { Pen } from './pen.js';
@@ -13,12 +12,10 @@ import { Order } from './submit.js';
 const PLATES_MS = 200;
 const READY_MS = 3000;
 const JOBS_MS = 10000;
-/** Jobs asked for at once, and how often for those that wait: those that run next come last. */
-const AT_ONCE = 200;
-const MOST_PAGES = 10;
+/** So many waiting jobs are asked for; of more the order is not shown, as those that run next come last. */
+const MOST_WAITING = 200;
 
 const part = (id) => document.getElementById(id);
-const nap = (ms) => new Promise((done) => setTimeout(done, ms));
 
 const cards = new Map();
 let heard = null;
@@ -80,33 +77,15 @@ async function watchPlates() {
   }
 }
 
-/** Jobs in a state, the newest first; `all` when there are no others. */
-async function listed(state) {
-  const found = [];
-  let next = null;
-  for (let page = 0; page < MOST_PAGES; page += 1) {
-    const from = next ? `&cursor=${next}` : '';
-    const answer = await json('GET', `/v1/jobs?state=${state}&limit=${AT_ONCE}${from}`);
-    found.push(...answer.jobs);
-    next = answer.next;
-    if (next === null) break;
-  }
-  return { found, all: next === null };
-}
-
 async function refreshJobs() {
   const asked = performance.now();
   askedForJobs = asked;
   jobs.refresh();
   try {
-    const [queued, running] = await Promise.all([listed('queued'), listed('running')]);
+    const queued = await json('GET', `/v1/jobs?state=queued&limit=${MOST_WAITING}`);
     if (asked !== askedForJobs) return;
-    const inTurn = queued.found.reverse().sort((a, b) => a.turn - b.turn);
-    jobs.wait(inTurn, queued.all);
-    for (const card of cards.values()) {
-      card.wait(inTurn, queued.all);
-      running.found.forEach((job) => card.runs(job));
-    }
+    const inTurn = queued.jobs.reverse().sort((a, b) => a.turn - b.turn);
+    cards.forEach((card) => card.wait(inTurn, queued.next === null));
   } catch {
     // the plates' own answers tell whether the daemon is there
   }
@@ -161,11 +140,6 @@ part('token').addEventListener('submit', (event) => {
   setText(part('token-why'), '');
 });
 
-if (!isTouched()) {
-  const keys = STOP_KEYS.flatMap((key) => [el('kbd', {}, key), ' ']);
-  part('estop-keys').replaceChildren(...keys, 'stops from anywhere');
-  part('estop').setAttribute('aria-keyshortcuts', STOP_SHORTCUT);
-}
 setInterval(tick, 100);
 watchPlates();
 watchReadiness();

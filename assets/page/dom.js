@@ -1,28 +1,24 @@
 // Small helpers. Text goes into the page as text, never as markup.
 
 /** A new element: `el('p', {class: 'why'}, 'text', child)`. */
-export function el(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  set(made, attributes);
-  made.append(...children);
-  return made;
-}
+export const el = (name, attributes, ...children) => filled(document.createElement(name), attributes, children);
 
 /** A new element of a drawing. */
-export function svg(name, attributes = {}, ...children) {
-  const made = document.createElementNS('http://www.w3.org/2000/svg', name);
-  set(made, attributes);
+export const svg = (name, attributes, ...children) =>
+  filled(document.createElementNS('http://www.w3.org/2000/svg', name), attributes, children);
+
+function filled(made, attributes = {}, children = []) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === 'function') made.addEventListener(name, value);
+    else if (typeof value === 'boolean') made.toggleAttribute(name, value);
+    else made.setAttribute(name, value);
+  }
   made.append(...children);
   return made;
 }
 
-function set(element, attributes) {
-  for (const [name, value] of Object.entries(attributes)) {
-    if (typeof value === 'function') element.addEventListener(name, value);
-    else if (typeof value === 'boolean') element.toggleAttribute(name, value);
-    else element.setAttribute(name, value);
-  }
-}
+/** A button; what is read aloud, where that is not its text, is its `aria-label`. */
+export const button = (text, click, attributes) => el('button', { type: 'button', click, ...attributes }, text);
 
 /** Writes text where it is another one: a screen reader hears what changes, a selection stays. */
 export function setText(element, text) {
@@ -46,34 +42,36 @@ export function announce(text) {
   document.getElementById('spoken').textContent = text;
 }
 
+export const nap = (ms) => new Promise((done) => setTimeout(done, ms));
+
 /** Waits until the tab can be seen. */
 export async function inSight() {
   if (document.hidden) await new Promise((seen) => document.addEventListener('visibilitychange', seen, { once: true }));
 }
 
 /** A button that does its work at the second press, so that a slip of the hand does nothing. */
-export function twice(text, sure, act) {
+export function twice(text, sure, act, label) {
   let asked = 0;
   let back = 0;
-  const button = el('button', { type: 'button' }, text);
   const rest = () => {
     asked = 0;
-    setText(button, text);
-    button.classList.remove('sure');
+    setText(made, text);
+    made.classList.remove('sure');
   };
-  button.addEventListener('click', () => {
+  const press = () => {
     clearTimeout(back);
     const now = performance.now();
     if (asked && now - asked > 400) {
       rest();
-      act(button);
+      act();
       return;
     }
     if (!asked) announce(sure);
     asked ||= now;
-    setText(button, sure);
-    button.classList.add('sure');
+    setText(made, sure);
+    made.classList.add('sure');
     back = setTimeout(rest, 4000);
-  });
-  return button;
+  };
+  const made = button(text, press, label ? { 'aria-label': label } : {});
+  return made;
 }

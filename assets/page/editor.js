@@ -1,16 +1,13 @@
-// The job's text with numbered lines, and faults beside the lines they are about.
+// The job's text with numbered lines; faults are listed with the lines they are about, whose numbers are marked.
 
-import { el, setChildren } from './dom.js';
+import { button, el } from './dom.js';
 import { lineOf, places } from './places.js';
-
-const GAP_PX = 6;
 
 export class Editor {
   constructor(root, changed) {
     this.root = root;
     this.area = root.querySelector('textarea');
     this.gutter = root.querySelector('.gutter');
-    this.marks = root.querySelector('.marks');
     this.notes = root.querySelector('.notes');
     this.faults = [];
     this.area.addEventListener('input', () => {
@@ -18,7 +15,6 @@ export class Editor {
       changed();
     });
     this.area.addEventListener('scroll', () => this.scroll());
-    new ResizeObserver(() => this.scroll()).observe(this.root);
     this.render();
   }
 
@@ -28,87 +24,48 @@ export class Editor {
 
   set text(text) {
     this.area.value = text;
-    this.render();
+    this.blame([]);
   }
 
-  /** Shows faults, each beside its line, and the first of them in sight. */
+  /** Shows faults in the order of their lines, and the first of these lines in sight. */
   blame(faults) {
-    const found = places(this.text);
-    const placed = faults.map((fault) => [lineOf(this.text, fault, found), fault]);
-    this.faults = placed.sort(([a], [b]) => a - b).map(([, fault]) => fault);
-    this.render();
-    const first = Math.min(...this.lines());
-    if (Number.isFinite(first)) this.area.scrollTop = Math.max(0, (first - 4) * this.lineHeight());
+    this.faults = faults;
+    const [first] = this.render();
+    if (first === undefined) return;
+    this.area.scrollTop = (first - 4) * Number.parseFloat(getComputedStyle(this.area).lineHeight);
     this.scroll();
   }
 
-  lines() {
-    if (!this.faults.length) return [];
-    const found = places(this.text);
-    return this.faults.map((fault) => lineOf(this.text, fault, found));
-  }
-
-  lineHeight() {
-    return Number.parseFloat(getComputedStyle(this.area).lineHeight);
-  }
-
-  /** Numbers the lines and puts every fault to the line where its path is now. */
+  /** Numbers the lines and lists every fault with the line where its path is now; gives these lines. */
   render() {
-    const count = this.text.split('\n').length;
-    const lines = this.lines();
-    const bad = new Set(lines);
-    const numbers = Array.from({ length: count }, (_, i) => i + 1);
-    const number = (n) => el('span', { class: bad.has(n) ? 'line bad' : 'line' }, String(n));
-    const asIs = `${count} ${[...bad]}`;
-    if (this.laid !== asIs) this.gutter.replaceChildren(...numbers.map(number));
-    this.laid = asIs;
-    this.marks.replaceChildren(...[...bad].map(() => el('div', { class: 'mark' })));
-    this.marked = [...bad];
-    setChildren(this.notes, this.faults.map((fault, i) => this.note(fault, lines[i])));
-    this.notes.hidden = this.faults.length === 0;
-    this.root.classList.toggle('faulty', this.faults.length > 0);
-    this.area.setAttribute('aria-invalid', String(this.faults.length > 0));
+    const { text } = this;
+    const found = places(text);
+    const lined = this.faults.map((fault) => ({ ...fault, line: lineOf(text, fault, found) }));
+    lined.sort((a, b) => a.line - b.line);
+    const lines = lined.map(({ line }) => line);
+    const number = (_, i) => el('span', { class: lines.includes(i + 1) ? 'line bad' : 'line' }, String(i + 1));
+    this.gutter.replaceChildren(...text.split('\n').map(number));
+    this.notes.replaceChildren(...lined.map((fault) => this.note(fault)));
+    this.root.classList.toggle('faulty', lines.length > 0);
+    this.area.setAttribute('aria-invalid', String(lines.length > 0));
     this.scroll();
+    return lines;
   }
 
-  note(fault, line) {
-    fault.note ??= el(
-      'li',
-      { class: 'note' },
-      el('button', { type: 'button', class: 'link line-of', click: () => this.goTo(fault) }),
-      ' ',
-      el('code', {}, fault.path),
-      el('span', { class: 'expected' }, `expected: ${fault.allowed}`),
-      el('span', { class: 'found' }, `found: ${fault.found}`),
-    );
-    fault.note.firstChild.textContent = `line ${line}`;
-    fault.note.dataset.line = String(line);
-    return fault.note;
+  note({ line, path, allowed, found }) {
+    const says = [el('code', {}, path), el('span', {}, `expected: ${allowed}`), el('span', { class: 'found' }, `found: ${found}`)];
+    const leads = button(`line ${line}`, () => this.goTo(line), { class: 'link' });
+    return el('li', { class: 'note', 'data-line': line }, leads, ' ', ...says);
   }
 
-  goTo(fault) {
-    const line = lineOf(this.text, fault);
-    const start = this.text.split('\n').slice(0, line - 1).join('\n').length + (line > 1 ? 1 : 0);
+  goTo(line) {
+    const lines = this.text.split('\n');
+    const start = lines.slice(0, line - 1).reduce((sum, { length }) => sum + length + 1, 0);
     this.area.focus();
-    this.area.setSelectionRange(start, start + (this.text.slice(start).split('\n')[0] ?? '').length);
+    this.area.setSelectionRange(start, start + lines[line - 1].length);
   }
 
-  /** Numbers, marks and notes follow the text. */
   scroll() {
-    const height = this.lineHeight();
-    const top = this.area.scrollTop;
-    const padding = Number.parseFloat(getComputedStyle(this.area).paddingTop);
-    const at = (line) => padding + (line - 1) * height - top;
-    this.gutter.scrollTop = top;
-    [...this.marks.children].forEach((mark, i) => {
-      mark.style.transform = `translateY(${at(this.marked[i])}px)`;
-    });
-    let free = Number.NEGATIVE_INFINITY;
-    const notes = this.faults.map((fault) => fault.note).sort((a, b) => a.dataset.line - b.dataset.line);
-    for (const note of notes) {
-      const y = Math.max(at(Number(note.dataset.line)), free);
-      note.style.setProperty('--y', `${y}px`);
-      free = y + note.offsetHeight + GAP_PX;
-    }
+    this.gutter.scrollTop = this.area.scrollTop;
   }
 }

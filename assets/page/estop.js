@@ -3,9 +3,10 @@
 
 import { NoAnswer, json, makeWay, ofPlate } from './api.js';
 import { moment, since, span } from './age.js';
-import { stopKeysHeld } from './device.js';
-import { el, setChildren, setText } from './dom.js';
+import { el, nap, setChildren, setText } from './dom.js';
 
+/** A Mac's keys are ⌘ and ⌥; Ctrl and Alt do there, too. */
+const IS_MAC = /mac|iphone|ipad/i.test(navigator.userAgentData?.platform ?? navigator.platform ?? '');
 const TIMEOUT_MS = 2000;
 const PAUSES_MS = [100, 200, 400, 800];
 
@@ -39,7 +40,7 @@ class Stopping {
         this.showStatus('loud', `NOT CONFIRMED after ${span(since(this.began))} – ${why}; trying again (${this.tries})`);
         if (error instanceof NoAnswer) makeWay();
       }
-      if (!this.ended) await nap(PAUSES_MS[Math.min(this.tries, PAUSES_MS.length) - 1]);
+      if (!this.ended) await pauseAfter(this.tries);
     }
   }
 
@@ -72,6 +73,7 @@ class Stopping {
 const ask = (method, path) => json(method, path, { urgent: true, timeoutMs: TIMEOUT_MS });
 
 const isLoopback = (host) => /^(127\.|\[::1\]|localhost)/.test(host);
+const pauseAfter = (tries) => nap(PAUSES_MS[Math.min(tries, PAUSES_MS.length) - 1]);
 
 /** Stops every plate through the listener beside the API; null where it does not answer. */
 async function askListener(listener) {
@@ -86,8 +88,6 @@ async function askListener(listener) {
   }
 }
 
-const nap = (ms) => new Promise((done) => setTimeout(done, ms));
-
 /** The stops that were asked for and what became of them. */
 export class Stops {
   constructor(button, report, plateNames) {
@@ -100,15 +100,23 @@ export class Stops {
     this.listener = null;
     this.unknown = el('p', { class: 'loud' });
     button.addEventListener('click', () => this.all());
+    if (IS_MAC) this.nameKeysOfMac();
     window.addEventListener('keydown', (event) => this.key(event), { capture: true });
   }
 
-  /** The keys of `device.js`, whatever has the focus and whatever the layout has on that key. */
+  nameKeysOfMac() {
+    const [control, alt] = document.querySelectorAll('#estop-keys kbd');
+    [control.textContent, alt.textContent] = ['⌘', '⌥'];
+    this.button.setAttribute('aria-keyshortcuts', 'Meta+Alt+S');
+  }
+
+  /** The keys of a stop, whatever has the focus and whatever the layout has on the key S. */
   key(event) {
+    const areHeld = event.altKey && (event.ctrlKey || (IS_MAC && event.metaKey));
     const isS = event.code === 'KeyS' || event.key?.toLowerCase() === 's';
     // Windows takes Ctrl+Alt for AltGr: where that makes a letter of the key, neither Ctrl nor Alt is reported
     const isAltGr = event.code === 'KeyS' && event.getModifierState?.('AltGraph');
-    if (!(stopKeysHeld(event) && isS) && !isAltGr) return;
+    if (!(areHeld && isS) && !isAltGr) return;
     event.preventDefault();
     event.stopImmediatePropagation();
     if (!event.repeat) this.all();
@@ -153,7 +161,7 @@ export class Stops {
         return;
       } catch (error) {
         why = error.message;
-        await nap(PAUSES_MS[Math.min(tries, PAUSES_MS.length) - 1]);
+        await pauseAfter(tries);
       }
     }
   }

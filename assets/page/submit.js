@@ -1,11 +1,11 @@
 // A new job: a shipped example or a text of one's own, sent as it stands.
 
 import { NoAnswer, Problem, json, newKey } from './api.js';
-import { el } from './dom.js';
+import { button, el, nap } from './dom.js';
 import { Editor } from './editor.js';
 import { withMember } from './places.js';
 
-/** The same text sent again within this time is a slip: a double click, a key held down. */
+/** Sent again within this time after a success is a slip: a double click, a key held down. */
 const AGAIN_MS = 1500;
 
 /** Largest file that is read as a job; the daemon takes no larger ones. */
@@ -25,25 +25,19 @@ function filesIn(text) {
 export class Order {
   /** `queued(job)` is called with a job that was accepted. */
   constructor(form, queued) {
-    this.form = form;
     this.queued = queued;
-    this.example = form.querySelector('#example');
-    this.plate = form.querySelector('#order-plate');
-    this.pace = form.querySelector('#pace');
-    this.button = form.querySelector('#order-send');
-    this.file = form.querySelector('#job-file');
-    this.says = form.querySelector('#order-says');
-    this.editor = new Editor(form.querySelector('#editor'), () => this.edited());
+    const part = (id) => form.querySelector(`#${id}`);
+    [this.example, this.plate, this.pace, this.button, this.file, this.says] =
+      ['example', 'order-plate', 'pace', 'order-send', 'job-file', 'order-says'].map(part);
+    this.editor = new Editor(part('editor'), () => this.edited());
     this.examples = [];
     this.names = [];
     this.key = { of: null, word: '' };
-    this.last = { of: null, at: 0 };
-    this.busy = false;
     this.example.addEventListener('change', () => this.take());
     this.plate.addEventListener('change', () => this.direct(this.plate.value));
     this.pace.addEventListener('change', () => this.forget());
     this.file.addEventListener('change', () => this.takeFile());
-    form.querySelector('#order-check').addEventListener('click', () => this.check());
+    part('order-check').addEventListener('click', () => this.check());
     form.addEventListener('submit', (event) => {
       event.preventDefault();
       this.send();
@@ -70,8 +64,7 @@ export class Order {
     this.names = names;
     const options = names.map((name) => el('option', { value: name }, name));
     this.plate.replaceChildren(el('option', { value: '' }, 'as the daemon chooses'), ...options);
-    const example = this.examples.find((example) => example.name === this.example.value);
-    if (example) this.take();
+    if (this.example.value) this.take();
     else this.follow();
   }
 
@@ -80,7 +73,6 @@ export class Order {
     const example = this.examples.find((example) => example.name === this.example.value);
     if (!example) return;
     const fits = this.names.find((name) => example.rig === name) ?? '';
-    this.editor.faults = [];
     this.editor.text = withMember(example.text, 'plate', fits);
     this.forget();
     this.follow();
@@ -108,7 +100,6 @@ export class Order {
 
   /** A text from elsewhere than the keyboard. */
   write(text) {
-    this.editor.faults = [];
     this.editor.text = text;
     this.edited();
   }
@@ -158,7 +149,7 @@ export class Order {
 
   /** Removes the notes on an earlier text. */
   forget() {
-    if (!this.busy) this.showStatus('', '');
+    this.showStatus('', '');
   }
 
   showStatus(kind, ...parts) {
@@ -169,26 +160,23 @@ export class Order {
   async send() {
     const [text, pace] = [this.editor.text, this.pace.value];
     const what = `${pace} ${text}`;
-    const again = this.last.of === what && performance.now() - this.last.at < AGAIN_MS;
-    if (this.busy || again) return;
-    this.busy = true;
-    this.button.setAttribute('aria-disabled', 'true');
+    if (this.button.ariaDisabled) return;
+    this.button.ariaDisabled = 'true';
     if (this.key.of !== what) this.key = { of: what, word: newKey() };
     this.showStatus('', 'Sending');
     const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, timeoutMs: 15000 };
     try {
       const job = await json('POST', `/v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
-      this.last = { of: what, at: performance.now() };
       this.key.of = null;
       this.editor.blame([]);
-      const open = el('button', { type: 'button', class: 'link', click: () => this.queued(job, true) }, 'show it');
+      const open = button('show it', () => this.queued(job, true), { class: 'link' });
       this.showStatus('good', `Queued: ${job.name} on ${job.plate}. `, open);
       this.queued(job, false);
+      await nap(AGAIN_MS);
     } catch (error) {
       this.refused(error);
     }
-    this.busy = false;
-    this.button.removeAttribute('aria-disabled');
+    this.button.ariaDisabled = null;
   }
 
   refused(error, what = 'Not queued') {
@@ -203,7 +191,7 @@ export class Order {
     this.editor.blame(error.faults);
     const count = error.faults.length;
     const later = error.retryAfter ? ` Try again in ${error.retryAfter} s.` : '';
-    if (count) this.showStatus('bad', `${what}: ${count === 1 ? '1 fault, beside its line' : `${count} faults, each beside its line`}.`);
-    else this.showStatus('bad', `${what}: ${error.message}.${later}`);
+    const why = count ? `${count} ${count === 1 ? 'fault' : 'faults'}, listed by line.` : `${error.message}.${later}`;
+    this.showStatus('bad', `${what}: ${why}`);
   }
 }

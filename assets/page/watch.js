@@ -1,24 +1,27 @@
 // One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
 
 import { Camera } from './camera.js';
-import { el, setText } from './dom.js';
+import { button, el, setText } from './dom.js';
 import { watch } from './events.js';
 
 const LINES = 200;
 
 export class Watched {
-  /** `changed()` is called when the job's state did. */
-  constructor(job, changed) {
+  /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched. */
+  constructor(job, changed, close) {
     this.job = job;
     this.control = new AbortController();
+    this.state = el('span', { class: 'state' });
     this.says = el('p', { class: 'why', role: 'status' });
     this.facts = el('dl', { class: 'report' });
     this.cycle = el('p', { class: 'cycle' });
     this.log = el('ol', { class: 'log', 'aria-label': 'What happened' });
-    this.camera = new Camera(`Camera frame of ${job.name}`, `${job.name}.png`);
-    this.pictureButton = el('button', { type: 'button', 'aria-pressed': 'false', click: () => this.toggle() }, 'Camera frame');
+    this.camera = new Camera(`Camera frame of ${job.name}`);
+    this.pictureButton = button('Camera frame', () => this.toggle(), { 'aria-pressed': 'false' });
+    const closing = button('Close', close, { 'aria-label': `Close ${job.name}` });
+    const head = el('div', { class: 'section-head' }, el('h2', {}, `${job.name} on ${job.plate}`), this.state, closing);
     const parts = [this.facts, this.cycle, this.says, this.log, this.pictureButton, this.camera.root];
-    this.root = el('div', { class: 'watched' }, ...parts);
+    this.root = el('article', { class: 'panel watched', tabindex: -1, 'aria-label': `Job ${job.name}` }, head, ...parts);
     this.take(job);
     const on = (kind, body) => this.accept(kind, body, changed);
     watch(job, this.control.signal, on, (text) => setText(this.says, text));
@@ -27,6 +30,8 @@ export class Watched {
   /** Takes the present state of the job. */
   take(job) {
     this.job = job;
+    this.state.dataset.state = job.state;
+    setText(this.state, job.state);
     const report = job.report ?? {};
     const number = (key, unit, digits = 2) =>
       typeof report[key] === 'number' ? `${report[key].toFixed(digits)}${unit}` : undefined;
@@ -90,13 +95,10 @@ export class Watched {
     else this.camera.off('');
   }
 
-  tick() {
-    this.camera.tick();
-  }
-
   end() {
     this.control.abort();
-    this.camera.end();
+    this.camera.off('');
+    this.root.remove();
   }
 }
 

@@ -13,12 +13,13 @@ stop. Exit status 1 when a bar is missed.
 import asyncio
 import json
 import random
-import sys
 import time
 from dataclasses import dataclass, field
 
-from daemon_lib import Bars, Daemon, DaemonFault, parser_of, percentile, plus_sign, say, work_folder, write_config
-from daemon_traffic import Link, Traffic
+from daemon_lib import hold_plate, options_of, plus_sign, say, serving
+from daemon_traffic import Link, Traffic, judge_traffic
+from common import Bars, percentile
+from upm_daemon import DaemonFault
 
 PLATES = ("upm-1", "upm-2", "upm-2-evening")
 BAR_MS = 20.0
@@ -176,31 +177,21 @@ def judge(stops, counts, wanted):
     bars.tell("the same on the wall, ms: p50, p99, max", three(stops.wall_ms))
     bars.tell("client, request to answer, ms: p50, p99, max", three(stops.client_ms))
     bars.tell("stops over 20 ms on the wall", sum(ms > BAR_MS for ms in stops.wall_ms))
-    bars.hold("answers to the traffic that should not be", "none", counts.unwanted() or "none", not counts.unwanted())
-    bars.hold("the traffic's connections and streams", "no fault", dict(counts.faults) or "no fault", not counts.faults)
+    judge_traffic(bars, counts)
     return bars
 
 
 def main():
-    parser = parser_of(__doc__)
-    parser.add_argument("--stops", type=int, default=10_000)
-    parser.add_argument("--watchers", type=int, default=64)
-    parser.add_argument("--rate", type=float, default=200.0, help="requests a second")
-    args = parser.parse_args()
-    with work_folder(args.keep) as folder:
-        plates = {name: name for name in PLATES} | {"held": "upm-2"}
-        config = write_config(folder, plates, keep={"runs_gb": 1.0})
-        with Daemon(args.upm, folder, config).start() as daemon:
-            daemon.hold_plate("held")
-            traffic = Traffic(daemon.address, "held", args.watchers, args.rate, args.seed, 1e6)
-            begin = time.monotonic()
-            stops = asyncio.run(Campaign(daemon, args.stops, args.seed).run())
-            took_s, counts = time.monotonic() - begin, traffic.finish()
-    print("\n".join(counts.lines()))
-    print()
+    args = options_of(__doc__, stops=10_000, watchers=64, rate=200.0)
+    with serving(args, {name: name for name in PLATES} | {"held": "upm-2"}, keep={"runs_gb": 1.0}) as daemon:
+        hold_plate(daemon, "held")
+        traffic, begin = Traffic(daemon.address, "held", args), time.monotonic()
+        stops = asyncio.run(Campaign(daemon, args.stops, args.seed).run())
+        took_s, counts = time.monotonic() - begin, traffic.finish()
+    print("\n".join(counts.lines()), end="\n\n")
     bars = judge(stops, counts, args.stops)
     bars.tell("a stop, with all that belongs to it, s", f"{took_s / max(1, stops.made()):.2f}")
-    sys.exit(bars.close())
+    bars.close()
 
 
 if __name__ == "__main__":

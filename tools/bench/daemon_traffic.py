@@ -14,7 +14,9 @@ import random
 import time
 from dataclasses import dataclass, field
 
-from daemon_lib import Answer, DaemonFault, hold, percentile
+from daemon_lib import hold
+from common import percentile
+from upm_daemon import Answer, DaemonFault
 
 # requests are asked for at the niceness of those who answer
 NICENESS = {"watching": 10, "asking": 5}
@@ -30,8 +32,6 @@ LONGEST_S = 30.0
 WATCHES_S = (5.0, 40.0)
 # between looks at which jobs are running, s
 LOOK_EVERY_S = 0.1
-# between ticks of the loop's own clock, which tells how late it is itself
-TICK_S = 0.02
 
 
 @dataclass
@@ -125,9 +125,6 @@ class Counts:
     statuses: collections.Counter = field(default_factory=collections.Counter)
     events: collections.Counter = field(default_factory=collections.Counter)
     faults: collections.Counter = field(default_factory=collections.Counter)
-    # by the name of the process: how late its loop was, ms, and CPU time, s
-    late_ms: dict = field(default_factory=dict)
-    cpu_s: dict = field(default_factory=dict)
 
     def unwanted(self):
         """Answers that should not have been, as `submit 503`."""
@@ -138,15 +135,13 @@ class Counts:
 
     def lines(self):
         """A table of the requests by kind."""
-        three = lambda found, sep: sep.join(f"{percentile(found, share):8.2f}" for share in (0.5, 0.99, 1.0))
         yield f"{'request':8} {'count':>7} {'p50 ms':>8} {'p99 ms':>8} {'max ms':>8}  statuses"
         for kind in MIX:
             found = self.wall_ms[kind]
             statuses = ", ".join(f"{status}: {n}" for (of, status), n in sorted(self.statuses.items()) if of == kind)
-            yield f"{kind:8} {len(found):7d} {three(found, ' ')}  {statuses}"
+            times = " ".join(f"{percentile(found, share):8.2f}" for share in (0.5, 0.99, 1.0))
+            yield f"{kind:8} {len(found):7d} {times}  {statuses}"
         yield f"events   {dict(self.events)}"
-        for name, late_ms in self.late_ms.items():
-            yield f"{name}: its own loop was late by {three(late_ms, ',').strip()} ms (p50, p99, max), CPU time {self.cpu_s[name]:.1f} s"
 
 
 class Half:
@@ -154,8 +149,8 @@ class Half:
 
     name = ""
 
-    def __init__(self, address, seed, seconds):
-        self.address, self.seconds, self.rng = address, seconds, random.Random(seed)
+    def __init__(self, address, seed):
+        self.address, self.rng = address, random.Random(seed)
         self.counts, self.stopping = Counts(), multiprocessing.Event()
         self.here, self.there = multiprocessing.Pipe(duplex=False)
         self.child = multiprocessing.Process(target=self.in_child, daemon=True)
@@ -170,15 +165,11 @@ class Half:
 
     def in_child(self):
         os.nice(NICENESS[self.name])
-        self.until = time.monotonic() + self.seconds
         asyncio.run(self.run())
-        self.counts.late_ms[self.name] = self.late_ms
-        self.counts.cpu_s[self.name] = time.process_time()
         self.there.send(self.counts)
 
     async def run(self):
-        self.late_ms = []
-        tasks = [asyncio.create_task(loop) for loop in [*self.loops(), self.tick()]]
+        tasks = [asyncio.create_task(loop) for loop in self.loops()]
         try:
             await self.work()
         finally:
@@ -192,13 +183,7 @@ class Half:
         return []
 
     def is_over(self):
-        return time.monotonic() >= self.until or self.stopping.is_set()
-
-    async def tick(self):
-        while True:
-            due = time.monotonic() + TICK_S
-            await asyncio.sleep(TICK_S)
-            self.late_ms.append(1e3 * (time.monotonic() - due))
+        return self.stopping.is_set() or not multiprocessing.parent_process().is_alive()
 
 
 class Asking(Half):
@@ -316,17 +301,22 @@ class Watching(Half):
 
 
 class Traffic:
-    """`watchers` clients on the jobs of all plates, and requests; jobs are submitted to the plate `held`, which is paused."""
+    """`args.watchers` clients on the jobs of all plates, and `args.rate` requests a second.
 
-    def __init__(self, address, held, watchers, rate_hz, seed, seconds):
-        others = (address, seed, seconds)
-        self.halves = [Asking(held, rate_hz, *others), Watching(watchers, *others)]
+    Jobs are submitted to the plate `held`, which is paused.
+    """
+
+    def __init__(self, address, held, args):
+        self.halves = [Asking(held, args.rate, address, args.seed), Watching(args.watchers, address, args.seed)]
 
     def finish(self):
         """Ends both; all they counted."""
         asking, watching = (half.finish() for half in self.halves)
         asking.faults += watching.faults
         asking.events += watching.events
-        asking.late_ms |= watching.late_ms
-        asking.cpu_s |= watching.cpu_s
         return asking
+
+
+def judge_traffic(bars, counts):
+    bars.hold("answers to the traffic that should not be", "none", counts.unwanted() or "none", not counts.unwanted())
+    bars.hold("the traffic's connections and streams", "no fault", dict(counts.faults) or "no fault", not counts.faults)

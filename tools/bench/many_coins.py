@@ -17,7 +17,6 @@ seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line
 
 Exit status 1 when a bar is missed.
 """
-import argparse
 import json
 import math
 import os
@@ -25,13 +24,14 @@ import pathlib
 import random
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
+from common import ROOT, config, output_of, parser_of, percentile, speed_of, table  # noqa: E402
+
 APART_MM, MARGIN_MM, WIDEST_MM = 25.4, 5.0, 24.26
 PLAN_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
 RECORDED, RECORDED_SPEED = "arrange-8", 15.0
@@ -65,7 +65,7 @@ def arrange(parts):
 
 def shipped(name):
     def make(_):
-        job = json.loads((ROOT / f"configs/{name}.json").read_text())
+        job = config(name)
         return job["parts"], job["task"]
 
     return make
@@ -103,7 +103,7 @@ def octagon(radius_mm):
 
 def scattered(rng, count, apart_mm):
     """Places at random, `apart_mm` apart, where even a quarter's rim is MARGIN_MM inside the edge of upm-2."""
-    side_mm = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())["plate"]["side_mm"]
+    side_mm = config("rigs/upm-2")["plate"]["side_mm"]
     reach_mm = 0.5 * (side_mm - WIDEST_MM) - MARGIN_MM
     places = []
     while len(places) < count:
@@ -156,7 +156,7 @@ class Bench:
     spread: float
 
     def job_file(self, name, planner, seed, most_s):
-        rig = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())
+        rig = config("rigs/upm-2")
         rig["friction"]["spread"] = self.spread
         rig["library"] = str(ROOT / "assets/libraries/upm-2.json")
         # a seed of text gives the same numbers on every machine and version
@@ -171,19 +171,16 @@ class Bench:
         """The report of a run, with the planning time of every cycle added; for a job that is refused one with nothing
         but the reason."""
         job = self.job_file(name, planner, seed, most_s)
-        command = [self.upm, "run", job, "--seed", str(seed), "--out", self.folder]
+        command = [self.upm, "run", job, "--seed", seed, "--out", self.folder, "--rerun", rerun, "--json", "-vv"]
         pin = (lambda: os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})) if one_core else None
-        options = ["--rerun", rerun, "--json", "-vv"]
-        done = subprocess.run(command + options, capture_output=True, text=True, preexec_fn=pin)
-        if done.returncode == 2:
-            return {"outcome": "refused", "reason": done.stderr.strip()}
-        if done.returncode not in (0, 1):
-            sys.exit(f"{name}, seed {seed}: exit {done.returncode}: {done.stderr}")
-        plans = re.findall(r"\bcontinues=(\w+) plan_us=([\d.]+)", done.stderr)
+        report, told = output_of(command, (0, 1, 2), preexec_fn=pin)
+        if not report:
+            return {"outcome": "refused", "reason": told.strip()}
+        plans = re.findall(r"\bcontinues=(\w+) plan_us=([\d.]+)", told)
         times = {"plan_ms": [1e-3 * float(us) for _, us in plans]}
         times["new_ms"] = [1e-3 * float(us) for continues, us in plans if continues == "false"]
         times["correction_ms"] = [1e-3 * float(us) for continues, us in plans if continues == "true"]
-        return json.loads(done.stdout) | times
+        return json.loads(report) | times
 
     def campaign(self, names, planner, seeds, at_once, most_s=math.inf):
         """Reports by name, each told as it comes; no run takes more than `most_s` of plate time."""
@@ -217,14 +214,8 @@ def shown(found, digits=1, width=9):
     return f"{'-' if found is None else format(found, f'.{digits}f'):>{width}}"
 
 
-def speed(report):
-    plate_s, wall_s = value(report, "plate_time_s"), value(report, "wall_time_s")
-    return plate_s / wall_s if plate_s and wall_s else None
-
-
 def p99(found):
-    """By nearest rank."""
-    return sorted(found)[math.ceil(0.99 * len(found)) - 1]
+    return percentile(found, 0.99)
 
 
 HEAD = "job         seed outcome      plate s  touch   lost   err mm path rms   phase  times  reason"
@@ -233,7 +224,7 @@ HEAD = "job         seed outcome      plate s  touch   lost   err mm path rms   
 def line(name, seed, report):
     counts = "".join(shown(value(report, key), 0, 7) for key in ("collisions", "lost_parts"))
     errors = "".join(shown(value(report, key), 3) for key in ("max_error_mm", "cross_track_rms_mm", "phase_error_max"))
-    plate_s, times = shown(value(report, "plate_time_s")), shown(speed(report), 1, 7)
+    plate_s, times = shown(value(report, "plate_time_s")), shown(speed_of(report), 1, 7)
     return f"{name:11} {seed:4d} {report['outcome']:10s} {plate_s}{counts}{errors}{times}  {report['reason']}"
 
 
@@ -266,20 +257,23 @@ def misses(name, reports):
 
 def print_jobs(campaign, at_once):
     print(f"\njobs, {at_once} at once; largest errors, median of predicted errors and of speeds")
-    print("job           done  touch   lost   err mm  median s (bar)  worst s  library  learned path rms    phase    times")
+    head = ("job", "done", "touch", "lost", "err mm", "median s", "bar", "worst s", "library", "learned", "path rms", "phase", "times")
+    rows = []
     for name, reports in campaign.items():
-        done, bar = completed(reports), JOBS[name].median_s
+        done = completed(reports)
         figures = [
-            shown(over(sum, values(reports, "collisions")), 0, 6),
-            shown(over(sum, values(reports, "lost_parts")), 0, 6),
-            shown(over(max, values(done, "max_error_mm")), 3),
-            f"{shown(median_s(reports))} {'' if bar is None else f'({bar:g})':>5}",
-            shown(over(max, values(done, "plate_time_s"))),
-            *(shown(over(statistics.median, values(reports, "prediction_error_mm", of)), 3, 8) for of in ("library", "learned")),
-            *(shown(over(max, values(reports, key)), 3, 8) for key in ("cross_track_rms_mm", "phase_error_max")),
-            shown(over(statistics.median, [s for s in map(speed, reports) if s]), 1, 8),
+            (over(sum, values(reports, "collisions")), 0),
+            (over(sum, values(reports, "lost_parts")), 0),
+            (over(max, values(done, "max_error_mm")), 3),
+            (median_s(reports), 1),
+            (JOBS[name].median_s, 0),
+            (over(max, values(done, "plate_time_s")), 1),
+            *((over(statistics.median, values(reports, "prediction_error_mm", of)), 3) for of in ("library", "learned")),
+            *((over(max, values(reports, key)), 3) for key in ("cross_track_rms_mm", "phase_error_max")),
+            (over(statistics.median, [s for s in map(speed_of, reports) if s]), 1),
         ]
-        print(f"{name:11} {len(done):3d}/{len(reports):<3d} {' '.join(figures)}")
+        rows.append([name, f"{len(done)}/{len(reports)}", *(shown(figure, digits, 0) for figure, digits in figures)])
+    print("\n".join(table(head, rows)))
 
 
 def alone(bench, names, planner, seeds):
@@ -300,14 +294,14 @@ def alone(bench, names, planner, seeds):
         # a recording is written beside the loop: rotations are held to their bar as people run them, on all cores
         one_core = planner != ROTATIONS
         reports = [bench.run(recorded, planner, seed, rerun="save", one_core=one_core) for seed in range(1, seeds + 1)]
-        found = [times for times in map(speed, reports) if times]
+        found = [times for times in map(speed_of, reports) if times]
         print(f"{recorded:11} with recording {speeds(reports)}, bar {bar:g}", flush=True)
         if not found or statistics.median(found) < bar:
             yield f"{recorded}: with recording {speeds(reports)}, bar {bar:g}"
 
 
 def speeds(reports):
-    found = [times for times in map(speed, reports) if times]
+    found = [times for times in map(speed_of, reports) if times]
     median, slowest = shown(over(statistics.median, found), 1, 0), shown(over(min, found), 1, 0)
     return f"{median} times plate time, median, slowest {slowest}"
 
@@ -323,16 +317,9 @@ def print_comparison(campaigns, names, most_s):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=2, help="runs at once")
+    parser = parser_of(__doc__, seeds=20, jobs=2, spread=0.1, alone=5, compare=10, compare_limit=120.0)
     parser.add_argument("--only", nargs="+", choices=JOBS, default=[name for name in JOBS if name not in DENSE], metavar="NAME")
     parser.add_argument("--planner", choices=PLANNERS, default="synthesized_field")
-    parser.add_argument("--spread", type=float, default=0.1, help="relative standard deviation of friction from part to part")
-    parser.add_argument("--alone", type=int, default=5, help="runs of the timed jobs, 0 for none")
-    parser.add_argument("--compare", type=int, default=10, help="runs with each of the other planners, 0 for none")
-    parser.add_argument("--compare-limit", type=float, default=120.0, help="longest plate time of those runs, s")
-    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     args = parser.parse_args()
 
     names = [name for name in JOBS if name in args.only]

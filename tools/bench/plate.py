@@ -9,16 +9,14 @@ what each further part costs. Best of the repeats.
 (b) Five pennies under twenty pulses on both kinds of plate: how far halving the step moves them, as a share of the way
 they made. Exit status 1 when a bar is missed: 2e7 part-steps a second, 0.5 % of the way.
 """
-import argparse
 import json
 import math
 import pathlib
-import resource
-import subprocess
 import sys
-import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
+from common import Bars, config, parser_of, simulate  # noqa: E402
+
 SPEED_BAR, SHIFT_BAR = 2e7, 0.005
 PARTS, PULSES = 16, 120
 HALVING_RADPS = 4.0
@@ -27,24 +25,10 @@ DRIVES_RADPS = {"full": 4.2, "weak": 0.3, "faint": 0.05}
 
 
 def rig(step_s=None):
-    rig = json.loads((ROOT / "configs/rigs/upm-2.json").read_text())
+    rig = config("rigs/upm-2")
     rig.pop("library")
     rig["simulation"]["step_s"] = step_s or rig["simulation"]["step_s"]
     return rig
-
-
-def run(upm, experiment):
-    """What `upm simulate` puts out, and the CPU time of the process, s."""
-    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
-        json.dump(experiment, file)
-        file.flush()
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run([upm, "simulate", file.name, "--json"], capture_output=True, text=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode:
-        sys.exit(done.stderr.strip())
-    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return json.loads(done.stdout), cpu_s
 
 
 def grid(parts):
@@ -67,7 +51,7 @@ def measure_speed(upm, drive, repeats):
     step_s, pulse = many["rig"]["simulation"]["step_s"], many["rig"]["drive"]
     plate_s = PULSES * (0.1 + 2 * pulse["attack_s"] + pulse["rest_s"])
     # in turn, so that a slow spell of the machine meets both
-    runs = [(run(upm, many), run(upm, one)) for _ in range(repeats)]
+    runs = [(simulate(upm, many), simulate(upm, one)) for _ in range(repeats)]
     ends_mm = [abs(part[axis][-1]) for part in runs[0][0][0]["parts"] for axis in ("x_mm", "y_mm")]
     if max(ends_mm) > 0.5 * many["rig"]["plate"]["side_mm"]:
         sys.exit("a part fell off the plate: the time says nothing")
@@ -105,7 +89,7 @@ def measure_halving(upm, plate):
     step_s = rig()["simulation"]["step_s"]
     coarse, fine = (halving_experiment(plate, step) for step in (step_s, 0.5 * step_s))
     rows = []
-    for a, b in zip(run(upm, coarse)[0]["parts"], run(upm, fine)[0]["parts"]):
+    for a, b in zip(simulate(upm, coarse)[0]["parts"], simulate(upm, fine)[0]["parts"]):
         places, end = ends_of_pulses(fine, b), ends_of_pulses(coarse, a)[-1]
         way = sum(abs(to - fro) for fro, to in zip(places, places[1:]))
         rows.append({"way_mm": way, "shift_mm": abs(end - places[-1]), "share": abs(end - places[-1]) / way})
@@ -113,27 +97,23 @@ def measure_halving(upm, plate):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
-    parser.add_argument("--repeats", type=int, default=5)
+    parser = parser_of(__doc__, repeats=5)
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
-
     speeds = [measure_speed(args.upm, drive, args.repeats) for drive in DRIVES_RADPS]
     halvings = [measure_halving(args.upm, plate) for plate in ("kinematic", "dynamic")]
-    met = all(s["part_steps_per_s"] >= SPEED_BAR for s in speeds)
-    met &= all(h["worst_share"] <= SHIFT_BAR for h in halvings)
+    bars = Bars()
+    for s in speeds:
+        bars.tell(f"{s['drive']} drive, CPU s", f"{s['cpu_s']:.3f}")
+        told = f"{s['part_steps_per_s']:.3g}, of further parts alone {s['further_part_steps_per_s']:.3g}"
+        bars.hold("  part-steps/s, whole process", f"{SPEED_BAR:.0e}", told, s["part_steps_per_s"] >= SPEED_BAR)
+    for h in halvings:
+        shift = f"{100 * h['worst_share']:.4f} %"
+        bars.hold(f"halving the step, {h['plate']}, of the way", f"{SHIFT_BAR:.1%}", shift, h["worst_share"] <= SHIFT_BAR)
     if args.json:
-        print(json.dumps({"speed": speeds, "halving": halvings, "met": met}, indent=1))
-    else:
-        print(f"{PARTS} pennies on upm-2, dynamic plate, {PULSES} pulses; bar {SPEED_BAR:.0e} part-steps/s, whole process")
-        for s in speeds:
-            rates = f"{s['part_steps_per_s']:9.3g} part-steps/s, of further parts alone {s['further_part_steps_per_s']:9.3g}"
-            print(f"  {s['drive']:6} {s['cpu_s']:7.3f} s CPU, {rates}  {'ok' if s['part_steps_per_s'] >= SPEED_BAR else 'MISSED'}")
-        print(f"halving the step, 5 pennies, 20 pulses; bar {100 * SHIFT_BAR} % of the way")
-        for h in halvings:
-            print(f"  {h['plate']:10} {100 * h['worst_share']:.4f} % at worst  {'ok' if h['worst_share'] <= SHIFT_BAR else 'MISSED'}")
-    sys.exit(0 if met else 1)
+        print(json.dumps({"speed": speeds, "halving": halvings, "met": bars.are_held()}, indent=1))
+        sys.exit(0 if bars.are_held() else 1)
+    bars.close()
 
 
 if __name__ == "__main__":

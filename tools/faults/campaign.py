@@ -1,4 +1,5 @@
 """The campaign: schedules and jobs by seed on all cores, each run judged; what it prints."""
+import argparse
 import collections
 import pathlib
 import random
@@ -9,11 +10,11 @@ import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 
+from common import table, upper_bound
+
 from . import detection, jobs, oracle, vocabulary
 from .shrink import shrunk
-from .tables import table, upper_bound
 
-PHASES = ("first look", "plan", "attack", "sustain", "decay", "rest", "learn", "no pulse")
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
 
 
@@ -36,8 +37,8 @@ class Verdict:
     stop: str | None
     guards: list
     violations: list
-    # (name of the fault, phase of its onset) of each fault that began within the run
-    begun: list
+    # names of the faults that began within the run
+    begun: set
     wall_s: float
     told: str = ""
     # bars that were missed: what switched-off guards are caught by, too
@@ -52,32 +53,6 @@ def case_of(seed, half="both"):
     return Case(seed, made, vocabulary.drawn(rng, made.parts, is_liveness, made.end_s), is_liveness)
 
 
-def phase_of(run, at_s):
-    """The phase of the run at `at_s`."""
-    if not run.localised or at_s <= run.localised[0]["at_s"]:
-        return "first look"
-    ends_s = [cycle["ended_at_s"] for cycle in run.cycles if cycle["sent"]]
-    if any(end_s - run.frame_s < at_s <= end_s for end_s in ends_s):
-        return "learn"
-    for pulse in run.pulses:
-        marks = (pulse.attack_s, pulse.sustain_s, pulse.attack_s, pulse.rest_s)
-        for name, begin_s, length_s in zip(PHASES[2:6], sums(pulse.start_s, marks), marks):
-            if begin_s <= at_s < begin_s + length_s:
-                return name
-    return "plan" if any(seen_to_start(pulse, at_s) for pulse in run.pulses) else "no pulse"
-
-
-def seen_to_start(pulse, at_s):
-    return pulse.seen_at_s < at_s < pulse.start_s
-
-
-def sums(start_s, lengths_s):
-    """Where each length begins, one after the other."""
-    for length_s in lengths_s:
-        yield start_s
-        start_s += length_s
-
-
 def judged(runner, case, folder):
     """Runs a case and judges it, its next job and its repetition included."""
     run_folder, process = runner.run(case.made.job, case.faults, folder)
@@ -86,17 +61,17 @@ def judged(runner, case, folder):
         found = oracle.process_faults(process)
         if not case.faults or process.status != 2:
             found.append(oracle.Violation("O8" if not case.faults else "O6", f"no run, exit status {process.status}: {said}"))
-        return Verdict(case, "refused", None, [], found, [], process.wall_s, said)
+        return Verdict(case, "refused", None, [], found, set(), process.wall_s, said)
     run, found = oracle.judge_folder(run_folder, process, case.is_liveness and bool(case.faults))
     if run is None:
-        return Verdict(case, "unreadable", None, [], found, [], process.wall_s, process.stderr.strip()[:300])
+        return Verdict(case, "unreadable", None, [], found, set(), process.wall_s, process.stderr.strip()[:300])
     # `upm verify` runs with all guards
     if case.seed % VERIFY_EVERY == 0 and not runner.without_guard:
         said = runner.verify(run_folder, case.made.job, folder)
         found += [oracle.Violation("O10", f"does not repeat: {said[:200]}")] if said else []
     if case.is_liveness and case.faults and case.seed % NEXT_JOB_EVERY == 0:
         found += next_job(runner, case, folder)
-    begun = [(fault.name, phase_of(run, fault.from_s)) for fault in run.fired()]
+    begun = {fault.name for fault in run.fired()}
     guards = sorted({guard["code"] for guard in run.guards})
     verdict = Verdict(case, run.outcome, run.stop_code, guards, found, begun, process.wall_s, run.report["reason"])
     verdict.missed = list(missed_bars(run))
@@ -119,35 +94,23 @@ def next_job(runner, case, folder):
 
 
 @dataclass
-class Options:
-    """Options of a campaign."""
-
-    seeds: int
-    first: int = 0
-    at_once: int = 1
-    hours: float | None = None
-    half: str = "both"
-    keep: pathlib.Path | None = None
-    shrinks: bool = True
-    # a build with all guards: the campaign ends with the first rule broken that is not broken there too
-    sound: object = None
-
-
-@dataclass
 class Campaign:
-    """Runs cases and keeps their verdicts."""
+    """Runs cases and keeps their verdicts; `options` are those of the command line.
+
+    With `options.sound`, a build with all guards, it ends with the first rule broken that is not broken there too.
+    """
 
     runner: object
-    options: Options
+    options: argparse.Namespace
     verdicts: list = field(default_factory=list)
 
     def run(self):
         """All cases, told as they come; the folders of violations are kept when there is a place for them."""
         begin = told = time.monotonic()
-        with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.at_once) as pool:
+        with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.jobs) as pool:
             pending, seeds = set(), iter(self.seeds(begin))
             while True:
-                while len(pending) < 2 * self.options.at_once and not self.is_over():
+                while len(pending) < 2 * self.options.jobs and not self.is_over():
                     seed = next(seeds, None)
                     if seed is None:
                         break
@@ -217,7 +180,6 @@ def report(verdicts, wall_s, runner, options):
     if hidden:
         print(f"\n{len(hidden)} false successes that no picture shows (equal parts exchanged between frames), counted apart: ", end="")
         print(", ".join(f"seed {verdict.case.seed}" for verdict in hidden))
-    print_matrix(verdicts)
     print_by_kind(verdicts)
     print_needless(verdicts)
     print_unexplained(verdicts)
@@ -239,28 +201,15 @@ def print_violations(bad, runner, options):
         print(f"    --faults '{vocabulary.as_text(case.faults)}'")
         for violation in seen(verdict):
             print(f"    {violation}")
-        if options.shrinks:
+        if not options.no_shrink:
             for line in shrunk(runner, case.made, case.faults, seen(verdict)[0].rule, case.is_liveness, options.keep):
                 print(f"    {line}", flush=True)
-
-
-def print_matrix(verdicts):
-    counts = collections.Counter(begun for verdict in verdicts for begun in verdict.begun)
-    names = sorted({name for name, _ in counts})
-    if not names:
-        return
-    print("\nonsets by phase of the run (plan: between look and pulse; learn: the last frame of a cycle)")
-    rows = [[name, *(counts[name, phase] or "." for phase in PHASES)] for name in names]
-    rows.append(["all", *(sum(counts[name, phase] for name in names) for phase in PHASES)])
-    print("\n".join(table(["fault", *PHASES], rows)))
-    empty = sum(not counts[name, phase] for name in names for phase in PHASES[:-1])
-    print(f"{empty} of {len(names) * (len(PHASES) - 1)} cells with a pulse, a plan or a first look are empty")
 
 
 def print_by_kind(verdicts):
     outcomes, codes = collections.defaultdict(collections.Counter), collections.defaultdict(collections.Counter)
     for verdict in verdicts:
-        for name in {name for name, _ in verdict.begun} or {"no fault began"}:
+        for name in verdict.begun or {"no fault began"}:
             outcomes[name][verdict.outcome] += 1
             codes[name].update(verdict.guards)
     print("\noutcomes and guards by kind of fault (a run counts for each of its faults)")

@@ -13,12 +13,14 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
+from common import table, upper_bound
+from upm_daemon import DaemonFault
+
 from . import jobs, oracle, pausing, schedules
 from .oracle import Violation
 from .pausing import End, Left, Stop
 from .runs import allowed_s
-from .served import Hangs, Served
-from .tables import table, upper_bound
+from .served import Served
 from .vocabulary import Fault
 
 # a plate that may move looks for work at least once a second: a job that is still queued after this is held back
@@ -93,12 +95,12 @@ class Tier:
         plate = self.free[case.rig].get()
         try:
             verdict = does(case, plate)
-        except Hangs as fault:
+        except DaemonFault as fault:
             verdict = Verdict(case, case.head, [Violation("O6", str(fault))])
         finally:
             try:
                 self.daemon.restore(plate)
-            except Hangs as fault:
+            except DaemonFault as fault:
                 verdict.violations.append(Violation("O6", f"the plate cannot be restored: {fault}"))
             self.free[case.rig].put(plate)
         verdict.row += ["-"] * (len(ROW) - 1 - len(verdict.row))
@@ -108,11 +110,11 @@ class Tier:
     def faulty(self, case, plate):
         """A job with faults, and a job without any behind it."""
         alone = self.alone(case)
-        status, job = self.daemon.submit(case.made.job, plate, case.faults)
-        if status != 201:
-            return self.refused(case, status, job)
+        answer = self.daemon.send(case.made.job, plate, case.faults)
+        if answer.status != 201:
+            return self.refused(case, answer)
         behind = self.next_on(plate)
-        job = self.daemon.ended(job["id"], allowed_s(case.made.job))
+        job = self.daemon.ended(answer.json()["id"], allowed_s(case.made.job))
         end = End.of_report(job["state"], job["report"])
         left = self.left(plate, behind)
         found = pausing.violations(alone, end, left)
@@ -120,8 +122,9 @@ class Tier:
         row = [*case.head, timed(alone), timed(end), "paused" if is_paused else "goes on", *row_end(left)]
         return Verdict(case, row, found, is_paused, pausing.must_pause(end))
 
-    def refused(self, case, status, problem):
-        return Verdict(case, [*case.head, "-", "refused"], [Violation("O6", f"refused, status {status}: {told(problem)}")])
+    def refused(self, case, answer):
+        refusal = Violation("O6", f"refused, status {answer.status}: {answer.words()}")
+        return Verdict(case, [*case.head, "-", "refused"], [refusal])
 
     def alone(self, case):
         """The end of the same job by `upm run`."""
@@ -137,10 +140,7 @@ class Tier:
 
     def next_on(self, plate):
         """The id of a job without faults, queued on a plate."""
-        status, job = self.daemon.submit(NEXT_JOB, plate)
-        if status != 201:
-            raise Hangs(f"the next job is refused, status {status}: {told(job)}")
-        return job["id"]
+        return self.daemon.submit(NEXT_JOB | {"plate": plate}, "max")["id"]
 
     def left(self, plate, behind):
         """Looks at plate and queue after an end, then resumes the plate where it is paused."""
@@ -150,26 +150,26 @@ class Tier:
             return Left(seen, job["state"], End.of_report(job["state"], job["report"]))
         time.sleep(HELD_S)
         waiting = self.daemon.job(behind)["state"]
-        resumed, _ = self.daemon.tell(plate, "resume")
+        resumed = self.daemon.resume(plate)
         job = self.daemon.ended(behind, NEXT_S)
         return Left(seen, waiting, End.of_report(job["state"], job["report"]), resumed)
 
     def stopped(self, case, plate):
         """A run that an emergency stop ends, a reset and a resume; in real time, for the stop to come within the run."""
-        status, job = self.daemon.submit(case.made.job, plate, case.faults, "real-time")
-        if status != 201:
-            return self.refused(case, status, job)
-        behind, id, most_s = self.next_on(plate), job["id"], allowed_s(case.made.job)
+        answer = self.daemon.send(case.made.job, plate, case.faults, "real-time")
+        if answer.status != 201:
+            return self.refused(case, answer)
+        behind, id, most_s = self.next_on(plate), answer.json()["id"], allowed_s(case.made.job)
         if not self.is_stop_due(plate, id, behind, ESTOPS[case.name], most_s):
             job = self.daemon.ended(id, most_s)
             end = End.of_report(job["state"], job["report"])
             early = Violation("O10", f"{end} before the emergency stop was due")
             return Verdict(case, [*case.head, "-", timed(end)], [early])
-        _, answer = self.daemon.tell(plate, "estop")
+        answer = self.daemon.act(plate, "estop")
         job = self.daemon.ended(id, most_s)
         held = self.daemon.plate(plate)
-        refused = self.daemon.tell(plate, "resume")[0], self.daemon.submit(NEXT_JOB, plate)[0]
-        self.daemon.tell(plate, "reset", {"operator": "campaign", "reason": "the run was stopped on purpose"})
+        refused = self.daemon.resume(plate), self.daemon.send(NEXT_JOB, plate).status
+        self.daemon.reset(plate, "the run was stopped on purpose")
         end, left = End.of_report(job["state"], job["report"]), self.left(plate, behind)
         stop = Stop(answer, refused, held, case.made.job["rig"]["simulation"]["step_s"], self.pulses_s(id))
         found = pausing.estop_violations(end, stop, left)
@@ -181,27 +181,19 @@ class Tier:
     def is_stop_due(self, plate, id, behind, at_s, most_s):
         """Waits for a plate time of a job; false when the job has ended before."""
 
-        def is_there(seen):
-            return seen["job"] == id and seen["at_s"] >= at_s
+        def look():
+            seen = self.daemon.plate(plate)
+            is_there = seen["job"] == id and seen["at_s"] >= at_s
+            return ("due" if is_there else "over") if is_there or seen["state"] == "paused" or seen["job"] == behind else None
 
-        def is_over(seen):
-            return seen["state"] == "paused" or seen["job"] == behind
-
-        look, is_so = lambda: self.daemon.plate(plate), lambda seen: is_there(seen) or is_over(seen)
-        return is_there(self.daemon.until(look, is_so, most_s, "the emergency stop was not due"))
+        return self.daemon.wait_for("the plate time of the emergency stop", look, most_s) == "due"
 
     def pulses_s(self, id):
         """Starts of the pulses of a job, s."""
         try:
-            return tuple(pulse.start_s for pulse in oracle.Run.read(self.daemon.run_folder(id)).pulses)
-        except (OSError, ValueError, KeyError, TypeError) as fault:
-            raise Hangs(f"no complete run folder: {type(fault).__name__} {fault}") from fault
-
-
-def told(problem):
-    """A problem document in words."""
-    faults = "; ".join(f"{fault['path']}: {fault['found']}" for fault in problem.get("faults", ()))
-    return f"{problem.get('detail', '')} {faults}".strip()[:200]
+            return tuple(pulse.start_s for pulse in oracle.Run.read(self.daemon.run_folders(id)[0]).pulses)
+        except (OSError, ValueError, LookupError, TypeError) as fault:
+            raise DaemonFault(f"no complete run folder: {type(fault).__name__} {fault}") from fault
 
 
 def timed(end):
@@ -217,14 +209,9 @@ def row_end(left):
 
 def cases_of(jobs_per, seeds, only):
     """Every schedule in so many jobs and seeds."""
-    names = chosen(schedules.SCHEDULES, only)
+    names = schedules.chosen(schedules.SCHEDULES, only)
     wanted = itertools.product(names, schedules.JOBS[:jobs_per], range(1, seeds + 1))
     return [Case.of(name, schedules.SCHEDULES[name], template, seed) for name, template, seed in wanted]
-
-
-def chosen(names, only):
-    """The names that hold one of the words `only`, or all of them."""
-    return [name for name in names if not only or any(word in name for word in only)]
 
 
 def plates_for(cases, at_once):
@@ -241,7 +228,7 @@ def plates_for(cases, at_once):
 def run_all(runner, jobs_per, seeds, at_once, only=None, estops=True):
     """Runs all cases and prints a row each; true when no rule is broken."""
     cases = cases_of(jobs_per, seeds, only)
-    stops = [Case.of(text, text, ESTOP_JOB, 1) for text in chosen(ESTOPS, only)] if estops else []
+    stops = [Case.of(text, text, ESTOP_JOB, 1) for text in schedules.chosen(ESTOPS, only)] if estops else []
     if not cases + stops:
         raise SystemExit(f"expected words of the names of schedules, found none with {', '.join(only)}")
     plates, free = plates_for(cases + stops, at_once)
@@ -264,11 +251,11 @@ def faults_of(daemon):
     """O6: the daemon answers to the end, and nothing in it panics."""
     found, log = [], daemon.said()
     try:
-        status, answer = daemon.ask("GET", "/healthz")
-        if status != 200:
-            found.append(Violation("O6", f"the daemon is not well: {told(answer)}"))
-    except Hangs as fault:
-        found.append(Violation("O6", f"{fault}; exit status {daemon.process.poll()}"))
+        answer = daemon.ask("GET", "/healthz")
+        if answer.status != 200:
+            found.append(Violation("O6", f"the daemon is not well: {answer.words()}"))
+    except DaemonFault as fault:
+        found.append(Violation("O6", str(fault)))
     if "panicked at" in log:
         found.append(Violation("O6", f"panic: {log[log.index('panicked at'):][:160]}"))
     return found

@@ -1,11 +1,11 @@
 """The eight job templates of the campaign, drawn by seed on both rigs and for both planners."""
 import json
 import math
-import pathlib
 from dataclasses import dataclass
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-RIGS = {name: json.loads((ROOT / f"configs/rigs/{name}.json").read_text()) for name in ("upm-1", "upm-2")}
+from common import ROOT, config
+
+RIGS = {name: config(f"rigs/{name}") for name in ("upm-1", "upm-2")}
 RADIUS_MM = {"penny": 9.525, "nickel": 10.605, "dime": 8.955, "quarter": 12.13}
 TOLERANCE_MM = 0.5
 # farther than this from the edge, rims of parts
@@ -29,11 +29,6 @@ class Made:
     def end_s(self):
         """When the job ends if all goes well, where that is known."""
         return self.job["task"].get("duration_s")
-
-    @property
-    def kinds(self):
-        """The kind of each part, in the order of the job."""
-        return [row["kind"] for row in self.job["parts"] for _ in range(row.get("count", 1))]
 
 
 def places(rng, rig, count, apart_mm, widest="penny", most_mm=math.inf):
@@ -77,7 +72,7 @@ def edge(rng, rig):
 
 
 def sort8(_, __):
-    job = json.loads((ROOT / "configs/sort-8.json").read_text())
+    job = config("sort-8")
     return job["parts"], job["task"]
 
 

@@ -59,10 +59,6 @@ class Runner:
         if without_guard:
             self.options += ["--without-guard", without_guard]
 
-    def command(self, job_file, seed, out, faults_text=None):
-        faults = ["--faults", faults_text] if faults_text else []
-        return [self.upm, "run", str(job_file), *faults, "--seed", str(seed), "--out", str(out), *self.options]
-
     def run(self, job, faults, folder, in_job=True):
         """Runs `job` with `faults`, told in the job file or on the command line: its folder, or `None`, and its process."""
         folder = pathlib.Path(folder)
@@ -70,9 +66,9 @@ class Runner:
         if faults and in_job:
             job = job | {"faults": [fault.row() for fault in faults]}
         (folder / "job.json").write_text(json.dumps(job, indent=1) + "\n")
-        text = None if in_job or not faults else ",".join(str(fault) for fault in faults)
+        told = [] if in_job or not faults else ["--faults", ",".join(map(str, faults))]
         out = folder / "out"
-        command = self.command(folder / "job.json", job["seed"], out, text)
+        command = [self.upm, "run", folder / "job.json", *told, "--seed", str(job["seed"]), "--out", out, *self.options]
         process = watched(command, allowed_s(job), folder / "stderr.txt")
         return run_folder(out), process
 

@@ -6,8 +6,9 @@ import shutil
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
+from common import table
+
 from . import detection, jobs, oracle
-from .tables import table
 from .vocabulary import Fault, harmless
 
 JOBS = ("arr4", "swap", "endless", "sort8", "arr1")
@@ -79,6 +80,11 @@ def made_for(template, seed):
     return jobs.make(random.Random(seed), template, "upm-1" if template == "endless" and seed % 2 else "upm-2", seed=seed)
 
 
+def chosen(names, only):
+    """The names that hold one of the words `only`, or all of them."""
+    return [name for name in names if not only or any(word in name for word in only)]
+
+
 def rows_of(runner, name, template, seeds, scratch):
     """A row a run, and what was missed in it."""
     faults = [Fault.parse(text) for text in SCHEDULES[name].split(",")]
@@ -125,11 +131,10 @@ def worst_error(run):
 
 def run_all(runner, jobs_per, seeds, at_once, only=None):
     """Runs all schedules and prints a row a run; true when no run is a false success and no bar is missed."""
-    names = [name for name in SCHEDULES if not only or any(word in name for word in only)]
     head = ["schedule", "job", "seed", "outcome", "true mm", "noticed (against its bar)", "guards", "violations"]
     rows, bad = [], []
     with tempfile.TemporaryDirectory(prefix="upm-schedules-") as scratch, ThreadPoolExecutor(at_once) as pool:
-        wanted = [(name, template) for name in names for template in JOBS[:jobs_per]]
+        wanted = [(name, template) for name in chosen(SCHEDULES, only) for template in JOBS[:jobs_per]]
         pending = [pool.submit(lambda w: list(rows_of(runner, *w, range(1, seeds + 1), scratch)), w) for w in wanted]
         for done, future in enumerate(pending, 1):
             for row, missed in future.result():

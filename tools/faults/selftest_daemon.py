@@ -1,5 +1,7 @@
 """Tests of the rules of the daemon tier: answers made by hand, for each rule one that breaks it and one that does not."""
+import json
 import re
+import tempfile
 import unittest
 
 from . import daemon_tier, jobs, pausing, schedules, served
@@ -94,8 +96,8 @@ class Cases(unittest.TestCase):
             self.assertEqual(plates[f"{case.rig}-1"], case.made.job["rig"])
         self.assertLessEqual(len(daemon_tier.plates_for(cases, 64)[0]), daemon_tier.MOST_PLATES)
 
-    def test_configuration_keeps_the_shipped_watchdog_and_allows_faults(self):
-        spec = served.configuration({"a": {"name": "upm-1"}})
+    def test_configuration_has_the_plates_and_allows_faults(self):
+        with tempfile.TemporaryDirectory() as folder:
+            spec = json.loads(served.Served("upm", folder, {"a": {"name": "upm-1"}}).config.read_text())
         self.assertTrue(spec["allow_faults"])
-        self.assertEqual(spec["watchdog"]["no_part_s"], 0.5)
         self.assertEqual(spec["plates"], [{"name": "a", "rig": {"name": "upm-1"}}])
