@@ -72,8 +72,8 @@ mod tests {
 
     #[test]
     fn nonpositive_values_are_gaps() {
-        let line = Layer::new("", Mark::Line, Color::Blue, [[1.0, 10.0], [10.0, 0.0], [100.0, -3.0], [-1.0, 100.0]]);
-        let mut chart = Chart::plot("a", "A", ["x", "y"], vec![line]);
+        let points = [[1.0, 10.0], [10.0, 0.0], [100.0, -3.0], [-1.0, 100.0]];
+        let mut chart = Chart::plot("a", "A", ["x", "y"]).line("", Color::Blue, points);
         assert!(matches!(chart.in_decades(), Cow::Borrowed(_)));
         chart.y = Axis { range: Some([0.0, 5.0]), ..Axis::log("y") };
         let shown = chart.in_decades();

@@ -29,13 +29,34 @@ pub struct Chart {
 
 impl Chart {
     /// A plot of one quantity over another, each with its unit; the axes fit the layers.
-    pub fn plot(name: impl Into<String>, title: impl Into<String>, [x, y]: [&str; 2], layers: Vec<Layer>) -> Self {
-        Self::over(name, title, [Axis::new(x), Axis::new(y)], layers)
+    pub fn plot(name: impl Into<String>, title: impl Into<String>, [x, y]: [&str; 2]) -> Self {
+        Self::over(name, title, [Axis::new(x), Axis::new(y)])
     }
 
     /// A plot over these axes.
-    pub fn over(name: impl Into<String>, title: impl Into<String>, [x, y]: [Axis; 2], layers: Vec<Layer>) -> Self {
-        Self { name: name.into(), title: title.into(), x, y, map: false, layers }
+    pub fn over(name: impl Into<String>, title: impl Into<String>, [x, y]: [Axis; 2]) -> Self {
+        Self { name: name.into(), title: title.into(), x, y, map: false, layers: Vec::new() }
+    }
+
+    /// The chart with further layers over its own.
+    pub fn with(mut self, layers: impl IntoIterator<Item = Layer>) -> Self {
+        self.layers.extend(layers);
+        self
+    }
+
+    /// The chart with a further line.
+    pub fn line(self, label: &str, color: Color, points: impl IntoIterator<Item = [f64; 2]>) -> Self {
+        self.with([Layer::new(label, Mark::Line, color, points)])
+    }
+
+    /// The chart with a further dashed line.
+    pub fn dashes(self, label: &str, color: Color, points: impl IntoIterator<Item = [f64; 2]>) -> Self {
+        self.with([Layer::new(label, Mark::Dashes, color, points)])
+    }
+
+    /// The chart with further dots.
+    pub fn dots(self, label: &str, color: Color, points: impl IntoIterator<Item = [f64; 2]>) -> Self {
+        self.with([Layer::new(label, Mark::Dots, color, points)])
     }
 
     /// A map of a plate from above, in millimetres: `reach` from its middle to each side, or the range of the layers.
@@ -46,7 +67,7 @@ impl Chart {
         layers: Vec<Layer>,
     ) -> Self {
         let axis = |label: &str| Axis { range: reach.map(|reach| [-reach, reach]), ..Axis::new(label) };
-        Self { name: name.into(), title: title.into(), x: axis("x (mm)"), y: axis("y (mm)"), map: true, layers }
+        Self { map: true, ..Self::over(name, title, [axis("x (mm)"), axis("y (mm)")]).with(layers) }
     }
 }
 

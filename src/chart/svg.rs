@@ -1,19 +1,15 @@
-mod clip;
 mod legend;
 mod marks;
 mod range;
-mod sheet;
+mod text;
 
 #[cfg(test)]
 mod tests;
 
-use plotters::prelude::*;
-use plotters::style::text_anchor::HPos;
-
-use super::{Chart, decades};
+use super::{Axis, Chart, decades};
 use legend::Legend;
 use marks::PlotFrame;
-use sheet::{DrawResult, LABEL_PX, Sheet, TICK_PX, TITLE_PX, fine, font, plain_text, text_lines};
+use text::{LABEL_PX, TICK_PX, TITLE_PX, text, text_lines};
 
 /// Width of every picture, px.
 const WIDTH_PX: f64 = 900.0;
@@ -32,23 +28,24 @@ const LEFT_PX: f64 = 90.0;
 /// The picture's width without margins, numbers and label, px.
 const PLOT_WIDTH_PX: f64 = WIDTH_PX - 2.0 * MARGIN_PX - LEFT_PX;
 /// Largest number of ticks along an axis.
-const MOST_TICKS: usize = 9;
+const MOST_TICKS: f64 = 9.0;
+/// Length of a tick, and distance of its number from the axis, px.
+const TICK_LENGTH_PX: f64 = 5.0;
+const NUMBER_PX: f64 = 10.0;
 
 /// The chart as an SVG document, 900 px wide and as tall as it needs.
 ///
-/// Points that are not finite are left out; lines end at the rim of the plot. The legend is below it.
+/// Points that are not finite are left out; the plot ends at its axes. The legend is below it.
 pub fn svg(chart: &Chart) -> String {
     let chart = chart.in_decades();
-    let chart = chart.as_ref();
-    let layout = ChartLayout::of(chart);
-    let (width, height) = (fine(WIDTH_PX) as u32, fine(layout.height_px()) as u32);
-    let mut document = String::new();
-    let sheet = SVGBackend::with_string(&mut document, (width, height)).into_drawing_area();
-    // writing into a string cannot fail
-    layout.draw(chart, &sheet).and_then(|()| sheet.present()).ok();
-    drop(sheet);
-    let shown = format!("width=\"{WIDTH_PX}\" height=\"{}\"", layout.height_px());
-    document.replacen(&format!("width=\"{width}\" height=\"{height}\""), &shown, 1)
+    let layout = ChartLayout::of(&chart);
+    let height_px = layout.height_px();
+    format!(
+        "<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" viewBox=\"0 0 {WIDTH_PX} {height_px}\" \
+         font-family=\"sans-serif\" xmlns=\"http://www.w3.org/2000/svg\">\n\
+         <rect width=\"{WIDTH_PX}\" height=\"{height_px}\" fill=\"#FFFFFF\"/>\n{}</svg>\n",
+        layout.draw(&chart)
+    )
 }
 
 /// All charts below each other in one SVG document.
@@ -65,10 +62,7 @@ pub fn svg_page(charts: &[Chart]) -> String {
 /// Layout of the picture.
 struct ChartLayout {
     title: Vec<String>,
-    /// Ranges of the axes, in decades on a logarithmic one.
-    x: [f64; 2],
-    y: [f64; 2],
-    plot_height_px: f64,
+    frame: PlotFrame,
     legend: Legend,
 }
 
@@ -80,65 +74,73 @@ impl ChartLayout {
             range::make_fit(&mut x, &mut y);
         }
         let aspect = if chart.map { (y[1] - y[0]) / (x[1] - x[0]) } else { USUAL };
-        Self {
-            title: text_lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX),
-            x,
-            y,
-            plot_height_px: PLOT_WIDTH_PX * aspect,
-            legend: Legend::of(&chart.layers, WIDTH_PX - 2.0 * MARGIN_PX),
-        }
-    }
-
-    fn plot_top_px(&self) -> f64 {
-        MARGIN_PX + LINE * TITLE_PX * self.title.len() as f64
+        let title = text_lines(&chart.title, TITLE_PX, WIDTH_PX - 2.0 * MARGIN_PX);
+        let corner_px = [MARGIN_PX + LEFT_PX, MARGIN_PX + LINE * TITLE_PX * title.len() as f64];
+        let frame = PlotFrame { x, y, corner_px, size_px: [PLOT_WIDTH_PX, PLOT_WIDTH_PX * aspect] };
+        Self { title, frame, legend: Legend::of(&chart.layers, WIDTH_PX - 2.0 * MARGIN_PX) }
     }
 
     fn legend_top_px(&self) -> f64 {
-        self.plot_top_px() + self.plot_height_px + BELOW_PX + GAP_PX
+        self.frame.corner_px[1] + self.frame.size_px[1] + BELOW_PX + GAP_PX
     }
 
     fn height_px(&self) -> f64 {
         (self.legend_top_px() + self.legend.height_px() + MARGIN_PX).ceil()
     }
 
-    fn draw(&self, chart: &Chart, sheet: &Sheet<'_>) -> DrawResult {
-        sheet.fill(&WHITE)?;
-        for (i, line) in self.title.iter().enumerate() {
-            let at = (fine(0.5 * WIDTH_PX), fine(MARGIN_PX + LINE * TITLE_PX * (i as f64 + 0.35)));
-            sheet.draw(&Text::new(line.clone(), at, font(TITLE_PX, HPos::Center)))?;
-        }
-        let frame = self.draw_axes(chart, sheet)?;
-        for layer in &chart.layers {
-            marks::draw(layer, &frame, sheet)?;
-        }
-        self.legend.draw(sheet, MARGIN_PX, self.legend_top_px())
+    fn draw(&self, chart: &Chart) -> String {
+        let title = |(i, line): (usize, &String)| {
+            text([0.5 * WIDTH_PX, MARGIN_PX + LINE * TITLE_PX * (i as f64 + 0.35)], TITLE_PX, "middle", "", line)
+        };
+        let titles: String = self.title.iter().enumerate().map(title).collect();
+        let marks: String = chart.layers.iter().map(|layer| marks::draw(layer, &self.frame)).collect();
+        let ([left, top], [width, height]) = (self.frame.corner_px, self.frame.size_px);
+        let place = format!("{left:.1} {top:.1} {width:.1} {height:.1}");
+        // a nested picture is cut off at its rim
+        let plot = format!(
+            "<svg x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" viewBox=\"{place}\">\n\
+             {marks}</svg>\n"
+        );
+        titles + &self.axes([&chart.x, &chart.y]) + &plot + &self.legend.draw([MARGIN_PX, self.legend_top_px()])
     }
 
-    /// Draws axes, grid and labels; returns the frame for the marks.
-    fn draw_axes(&self, chart: &Chart, sheet: &Sheet<'_>) -> Result<PlotFrame, DrawingAreaErrorKind<std::io::Error>> {
-        let mut plot = ChartBuilder::on(sheet)
-            .margin_top(fine(self.plot_top_px()))
-            .margin_bottom(fine(self.height_px() - self.legend_top_px() + GAP_PX))
-            .margin_left(fine(MARGIN_PX))
-            .margin_right(fine(MARGIN_PX))
-            .x_label_area_size(fine(BELOW_PX))
-            .y_label_area_size(fine(LEFT_PX))
-            .build_cartesian_2d(self.x[0]..self.x[1], self.y[0]..self.y[1])?;
-        plot.configure_mesh()
-            .label_style(font(TICK_PX, HPos::Center))
-            .axis_desc_style(font(LABEL_PX, HPos::Center))
-            .x_desc(plain_text(&chart.x.label))
-            .y_desc(plain_text(&chart.y.label))
-            .bold_line_style(RGBColor(225, 225, 225).stroke_width(fine(1.0) as u32))
-            .axis_style(RGBColor(90, 90, 90).stroke_width(fine(1.0) as u32))
-            .max_light_lines(0)
-            .x_labels(MOST_TICKS)
-            .y_labels(MOST_TICKS)
-            .x_label_formatter(&|value| decades::tick_text(chart.x.scale, *value))
-            .y_label_formatter(&|value| decades::tick_text(chart.y.scale, *value))
-            .set_all_tick_mark_size(fine(5.0))
-            .draw()?;
-        let (across, down) = plot.plotting_area().get_pixel_range();
-        Ok(PlotFrame { x: self.x, y: self.y, across: [across.start, across.end], down: [down.start, down.end] })
+    /// Axes, grid and their numbers and labels.
+    fn axes(&self, [x, y]: [&Axis; 2]) -> String {
+        let frame = &self.frame;
+        let ([left, top], [width, height]) = (frame.corner_px, frame.size_px);
+        let (right, bottom) = (left + width, top + height);
+        let mut grid = String::new();
+        let mut axes = format!("M{left:.1} {top:.1}V{bottom:.1}H{right:.1}");
+        let mut texts = String::new();
+        for value in ticks(frame.x) {
+            let [at, _] = frame.px([value, frame.y[0]]);
+            grid += &format!("M{at:.1} {bottom:.1}V{top:.1}");
+            axes += &format!("M{at:.1} {bottom:.1}v{TICK_LENGTH_PX}");
+            let number = decades::tick_text(x.scale, value);
+            texts += &text([at, bottom + NUMBER_PX + 0.5 * TICK_PX], TICK_PX, "middle", "", &number);
+        }
+        for value in ticks(frame.y) {
+            let [_, at] = frame.px([frame.x[0], value]);
+            grid += &format!("M{left:.1} {at:.1}H{right:.1}");
+            axes += &format!("M{left:.1} {at:.1}h-{TICK_LENGTH_PX}");
+            texts += &text([left - NUMBER_PX, at], TICK_PX, "end", "", &decades::tick_text(y.scale, value));
+        }
+        let [across, down] = [left + 0.5 * width, top + 0.5 * height];
+        let beside = MARGIN_PX + 0.5 * LABEL_PX;
+        let turned = format!(" transform=\"rotate(-90 {beside:.1} {down:.1})\"");
+        texts += &text([across, bottom + BELOW_PX - 0.5 * LABEL_PX], LABEL_PX, "middle", "", &x.label);
+        texts += &text([beside, down], LABEL_PX, "middle", &turned, &y.label);
+        let path = |d: &str, color: &str| format!("<path d=\"{d}\" fill=\"none\" stroke=\"{color}\"/>\n");
+        path(&grid, "#E1E1E1") + &path(&axes, "#5A5A5A") + &texts
     }
+}
+
+/// Numbers at the ticks of an axis: multiples of the least step of 1, 2 or 5 times a power of ten that are not too many.
+fn ticks([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
+    let decade = 10f64.powf(((high - low) / MOST_TICKS).log10().floor());
+    let ends = |step: f64| [(low / step).ceil(), (high / step).floor()];
+    let fits = |step: &f64| ends(*step)[1] - ends(*step)[0] < MOST_TICKS;
+    let step = [1.0, 2.0, 5.0].map(|times| times * decade).into_iter().find(fits).unwrap_or(10.0 * decade);
+    let [first, last] = ends(step);
+    (0..=(last - first) as i32).map(move |i| (first + f64::from(i)) * step)
 }

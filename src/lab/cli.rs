@@ -17,7 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use super::experiment::{EXPERIMENTS, Experiment, Kind, Request, VISION, WAVEFORM_FIT, experiment};
-use super::outcome::ExperimentResult;
+use super::outcome::{ExperimentResult, Figure};
 use super::recorded::waveform_fit_of;
 use super::settings::SettingInfo;
 use super::table::{columns, table};
@@ -25,7 +25,7 @@ use super::vision::vision_of;
 use super::{LabFault, LabRig};
 use args::{Cli, Command, ExperimentArgs};
 use failure::Failure;
-use upm_chart::Layer;
+use upm_chart::{Chart, Layer};
 use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
 
 /// Name that selects all experiments.
@@ -127,27 +127,22 @@ impl ExperimentOutput {
 
     fn as_json(&self) -> Value {
         let Self { name, on, outcome, .. } = self;
-        let figures = outcome.figures.iter().map(|figure| {
-            json!({
-                "name": figure.name,
-                "unit": figure.unit,
-                "measured": figure.measured,
-                "reference": figure.reference,
-                "source": figure.source,
-                "relative_error": figure.relative_error(),
-            })
-        });
+        let figure = |figure: &Figure| {
+            let Figure { name, unit, measured, reference, source } = figure;
+            let error = figure.relative_error();
+            json!({ "name": name, "unit": unit, "measured": measured, "reference": reference, "source": source, "relative_error": error })
+        };
         let layer = |layer: &Layer| json!({ "label": layer.label, "points": layer.points });
-        let charts = outcome.charts.iter().map(|chart| {
-            let layers: Vec<Value> = chart.layers.iter().map(layer).collect();
-            json!({ "name": chart.name, "title": chart.title, "x": chart.x.label, "y": chart.y.label, "layers": layers })
-        });
+        let chart = |Chart { name, title, x, y, layers, .. }: &Chart| {
+            let layers: Vec<Value> = layers.iter().map(layer).collect();
+            json!({ "name": name, "title": title, "x": x.label, "y": y.label, "layers": layers })
+        };
         let table = outcome.sheet.as_ref().map(|sheet| json!({ "columns": sheet.columns, "rows": sheet.rows }));
         json!({
             "experiment": name,
             "on": on,
-            "figures": figures.collect::<Vec<_>>(),
-            "charts": charts.collect::<Vec<_>>(),
+            "figures": outcome.figures.iter().map(figure).collect::<Vec<_>>(),
+            "charts": outcome.charts.iter().map(chart).collect::<Vec<_>>(),
             "table": table,
             "notes": outcome.notes,
         })
@@ -268,11 +263,9 @@ fn read_trace(name: &str, path: &Path) -> Result<ExperimentResult, Failure> {
 /// Writes plots and the trace into the folder; returns the paths in this order.
 fn write_files(name: &str, outcome: &ExperimentResult, args: &ExperimentArgs) -> Result<Vec<PathBuf>, Failure> {
     fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
-    let mut files: Vec<(PathBuf, String)> = outcome
-        .charts
-        .iter()
-        .map(|chart| (args.out.join(format!("{}.svg", chart.name)), upm_chart::svg(chart)))
-        .collect();
+    let charts = outcome.charts.iter();
+    let mut files: Vec<(PathBuf, String)> =
+        charts.map(|chart| (args.out.join(format!("{}.svg", chart.name)), upm_chart::svg(chart))).collect();
     // a trace that was read from a file is not written again
     if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
         files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));

@@ -3,6 +3,8 @@ mod rows;
 mod vectors;
 
 use self::rows::{ROWS, ReadRow, Reads, compares_with_paper, eq_15, read_rows};
+use super::pulses::mm;
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
@@ -15,7 +17,7 @@ use upm_core::units::{INCH_M, mm_from_m};
 /// # Errors
 ///
 /// A rig whose motors leave no amplitude for the table, or whose traces cannot be read.
-pub fn cor_steering(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn cor_steering(lab: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let Reads { unit, compensated, plain } = read_rows(lab)?;
     let centers = |reads: &[ReadRow]| reads.iter().map(|read| read.center_m).collect::<Vec<Vec2>>();
     let (found_m, plain_m) = (centers(&compensated), centers(&plain));
@@ -60,19 +62,19 @@ fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]
 }
 
 fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Chart {
-    let mm = |points: &[Vec2]| -> Vec<[f64; 2]> { points.iter().map(|p| [mm_from_m(p.x), mm_from_m(p.y)]).collect() };
+    let all_mm = |points: &[Vec2]| points.iter().map(|&point| mm(point)).collect::<Vec<_>>();
     let paper: Vec<Vec2> = ROWS.iter().map(|row| Vec2::new(row.read_in[1], row.read_in[0]) * INCH_M).collect();
     let labels = Mark::Labels { texts: ROWS.iter().map(|row| row.name.to_owned()).collect() };
     let mut layers = vec![
         Layer::plate(mm_from_m(0.5 * lab.model.plate_side_m)),
-        Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, mm(expected_m)),
-        Layer::new("Eq. 15", Mark::Circles { radius: 3.0 }, Color::Gray, mm(expected_m)),
-        Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, mm(plain_m)),
-        Layer::new("read here", Mark::Dots, Color::Blue, mm(found_m)),
-        Layer::new("", labels, Color::Gray, mm(expected_m)),
+        Layer::new("the way of Eq. 15", Mark::Dashes, Color::Gray, all_mm(expected_m)),
+        Layer::new("Eq. 15", Mark::Circles { radius: 3.0 }, Color::Gray, all_mm(expected_m)),
+        Layer::new("read here, no pre-compensation", Mark::Crosses, Color::Purple, all_mm(plain_m)),
+        Layer::new("read here", Mark::Dots, Color::Blue, all_mm(found_m)),
+        Layer::new("", labels, Color::Gray, all_mm(expected_m)),
     ];
     if compares_with_paper(lab) {
-        layers.push(Layer::new("read in the paper", Mark::Crosses, Color::Orange, mm(&paper)));
+        layers.push(Layer::new("read in the paper", Mark::Crosses, Color::Orange, all_mm(&paper)));
     }
     Chart::plate_map("cor-steering", "Table 1, rows a to f: where the centre of rotation went", None, layers)
 }
@@ -86,7 +88,7 @@ mod tests {
     #[expect(clippy::approx_constant, reason = "the largest step of the paper's table, not π")]
     fn table_1_comes_out_through_the_whole_chain() {
         for (name, seed) in [("upm-1", 1), ("upm-1", 2), ("upm-1", 3), ("upm-2", 1)] {
-            let outcome = cor_steering(&LabRig { seed, ..lab_rig(name) }).unwrap();
+            let outcome = cor_steering(&LabRig { seed, ..lab_rig(name) }, &|_| ()).unwrap();
             assert_sources_are_short(&outcome);
             let (mut rows, mut steps) = (0, 0);
             for figure in &outcome.figures {
@@ -115,21 +117,21 @@ mod tests {
             (layers, sources)
         };
         let mut lab = lab_rig("upm-1");
-        let outcome = cor_steering(&lab).unwrap();
+        let outcome = cor_steering(&lab, &|_| ()).unwrap();
         assert_eq!(paper(&outcome), (1, 12));
         let row_b = outcome.figures.iter().find(|figure| figure.name == "row b (-2, 0, 1, 1): COR along y").unwrap();
         assert_eq!(row_b.source, "Eq. 15; the paper read -2.92");
         for inertia in [&mut lab.model.plate_inertia_kgm2, &mut lab.sim.plate.inertia_kgm2] {
             *inertia *= 1.03;
         }
-        assert_eq!(paper(&cor_steering(&lab).unwrap()), (0, 0));
+        assert_eq!(paper(&cor_steering(&lab, &|_| ()).unwrap()), (0, 0));
     }
 
     #[test]
     fn clipped_accelerometers_are_reported() {
         let mut lab = lab_rig("upm-1");
         lab.sim.accelerometers.range_mps2 = 2.0;
-        let fault = cor_steering(&lab).unwrap_err().to_string();
+        let fault = cor_steering(&lab, &|_| ()).unwrap_err().to_string();
         assert!(fault.contains("clipped"), "{fault}");
     }
 }

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use ellip::{ellipe, ellipk};
 
 use super::{ExperimentResult, Figure};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color};
 use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
@@ -29,11 +29,8 @@ struct FrictionRow {
 /// Adds the results of the comparison.
 pub(super) fn report(outcome: &mut ExperimentResult) {
     let rows: Vec<FrictionRow> = slip_ratios()
-        .map(|ratio| FrictionRow {
-            ratio,
-            table: DiscFriction::shared().force_and_torque(ratio, 1.0),
-            exact: closed_form(ratio),
-        })
+        .map(|ratio| (ratio, DiscFriction::shared().force_and_torque(ratio, 1.0), closed_form(ratio)))
+        .map(|(ratio, table, exact)| FrictionRow { ratio, table, exact })
         .collect();
     for (i, name) in ["force", "torque"].into_iter().enumerate() {
         // In the total order NaN is above all numbers, so that it would show.
@@ -78,25 +75,14 @@ fn closed_form(e: f64) -> [f64; 2] {
 }
 
 fn chart(rows: &[FrictionRow]) -> Chart {
-    let line = |label: &str, i: usize| {
-        let points = rows.iter().map(|row| [row.ratio, row.exact[i]]);
-        Layer::new(label, Mark::Line, Color::Gray, points)
-    };
-    let dots = |label: &str, i: usize, color| {
-        let points = rows.iter().step_by(DOTS).map(|row| [row.ratio, row.table[i]]);
-        Layer::new(label, Mark::Dots, color, points)
-    };
-    Chart::over(
-        "force-curve-disc",
-        "Friction of a disc that slides at v and spins at w",
-        [Axis::log("slip ratio v/(R w)"), Axis::new("force over μ N, torque over μ N R")],
-        vec![
-            line("closed form", 0),
-            line("", 1),
-            dots("force, simulated", 0, Color::Blue),
-            dots("torque, simulated", 1, Color::Orange),
-        ],
-    )
+    let exact = |i: usize| rows.iter().map(move |row| [row.ratio, row.exact[i]]);
+    let table = |i: usize| rows.iter().step_by(DOTS).map(move |row| [row.ratio, row.table[i]]);
+    let axes = [Axis::log("slip ratio v/(R w)"), Axis::new("force over μ N, torque over μ N R")];
+    Chart::over("force-curve-disc", "Friction of a disc that slides at v and spins at w", axes)
+        .line("closed form", Color::Gray, exact(0))
+        .line("", Color::Gray, exact(1))
+        .dots("force, simulated", Color::Blue, table(0))
+        .dots("torque, simulated", Color::Orange, table(1))
 }
 
 #[cfg(test)]

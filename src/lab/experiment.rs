@@ -116,8 +116,8 @@ macro_rules! experiments {
         &Procedure {
             settings: $settings,
             usual: LabRig::clone,
-            measure: |rig, _| super::$make(rig),
-            reproduce: |rig, _| super::$make(rig),
+            measure: super::$make,
+            reproduce: super::$make,
         }
     };
     ($($kind:ident, $name:expr, $module:ident, $item:ident, $about:literal;)+) => {

@@ -15,7 +15,7 @@ pub use self::published::reproduce;
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
@@ -124,12 +124,9 @@ fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> Chart {
     });
     let plate: Vec<[f64; 2]> = std::iter::once([0.0, 0.0]).chain(corners).map(|at| ms_mm(&at)).collect();
     let part: Vec<[f64; 2]> = events.iter().map(ms_mm).collect();
-    Chart::plot(
-        "feeder-cycle",
-        "One cycle of the plate, and the part on it",
-        ["time (ms)", "velocity (mm/s)"],
-        vec![Layer::new("plate", Mark::Line, Color::Gray, plate), Layer::new("part", Mark::Line, Color::Blue, part)],
-    )
+    Chart::plot("feeder-cycle", "One cycle of the plate, and the part on it", ["time (ms)", "velocity (mm/s)"])
+        .line("plate", Color::Gray, plate)
+        .line("part", Color::Blue, part)
 }
 
 #[cfg(test)]

@@ -8,8 +8,9 @@ use nalgebra::DMatrix;
 use rand::RngExt;
 
 use super::pulses::{envelope, place, play};
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color};
 use upm_core::geometry::{Vec2, perp};
 use upm_core::job::PlateMode;
 use upm_core::random::Streams;
@@ -31,7 +32,7 @@ const COUNTED: f64 = 1e-9;
 /// # Errors
 ///
 /// [`LabFault::Rig`] when the rig's figures give no valid pulse.
-pub fn field_span(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut rng = Streams::new(rig.seed).stream("field span");
     let side_m = rig.sim.plate.side_m;
     let mut drawn = || Vec2::new(rng.random_range(-0.5..0.5), rng.random_range(-0.5..0.5));
@@ -62,25 +63,20 @@ pub fn field_span(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
         ("long pulses of a slow plate", pulse(SLOW)?),
     ];
     let mut outcome = ExperimentResult::default();
-    let mut layers = Vec::new();
+    let axes = [Axis::new("dimension"), Axis::log("singular value over the largest")];
+    let mut chart = Chart::over("field-span", "Dimensions that motions of 8 parts span", axes);
     for (i, (name, values)) in found.iter().enumerate() {
         let counted: Vec<f64> = values.iter().copied().filter(|value| *value > COUNTED).collect();
         let spanned = [Some(3.0), Some(CENTERS as f64), None, None][i];
-        let source = "8 parts, 16 centres; UPM paper, section 2.1";
+        let (source, rigid) = ("8 parts, 16 centres; UPM paper, section 2.1", "0 for rigid rotations");
         outcome.figures.extend([
             Figure::alone(format!("dimensions, {name}"), "1", counted.len() as f64, source).with(spanned),
-            Figure::alone(
-                format!("fourth singular value over the first, {name}"),
-                "1",
-                values[3],
-                "0 for rigid rotations",
-            ),
+            Figure::alone(format!("fourth singular value over the first, {name}"), "1", values[3], rigid),
         ]);
         let points = counted.into_iter().enumerate().map(|(k, value)| [(k + 1) as f64, value]);
-        layers.push(Layer::new(name, Mark::Line, Color::nth(i), points));
+        chart = chart.line(name, Color::nth(i), points);
     }
-    let axes = [Axis::new("dimension"), Axis::log("singular value over the largest")];
-    outcome.charts.push(Chart::over("field-span", "Dimensions that motions of 8 parts span", axes, layers));
+    outcome.charts.push(chart);
     Ok(outcome)
 }
 
@@ -100,7 +96,7 @@ mod tests {
 
     #[test]
     fn rigid_rotations_span_three_dimensions_and_fields_as_many_as_centres() {
-        let outcome = field_span(&lab_rig("upm-2")).unwrap();
+        let outcome = field_span(&lab_rig("upm-2"), &|_| ()).unwrap();
         assert_sources_are_short(&outcome);
         let measured = |name: &str| outcome.figures.iter().find(|figure| figure.name == name).unwrap().measured;
         let kinds = ["rigid rotations", "ideal fields", "pulses of a fast plate", "long pulses of a slow plate"];

@@ -5,8 +5,9 @@
 use std::f64::consts::TAU;
 
 use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump, disc_friction, general_wave};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
 
@@ -26,6 +27,7 @@ const BELT_STEPS: u32 = 2_000;
 /// Duration of the approach, in time constants.
 const APPROACH: f64 = 3.0;
 
+const SLOPE: &str = "1 over the largest slope of cos a - ½ cos 2a, 1.7602";
 const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
 
 /// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
@@ -34,7 +36,7 @@ const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
 /// # Errors
 ///
 /// [`LabFault::Rig`] unless friction, base frequency and time step are positive numbers.
-pub fn force_curve(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn force_curve(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
         return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));
     }
@@ -76,21 +78,11 @@ fn force_chart(rows: &[[f64; 3]]) -> Chart {
     const CURVE: u32 = 200;
     let curve = (0..=CURVE).map(|i| coulomb_pump::BELT * f64::from(i) / f64::from(CURVE));
     let belt = [[0.0, coulomb_pump::mean_force(0.0)], [coulomb_pump::BELT, 0.0]];
-    Chart::plot(
-        "force-curve",
-        "Mean friction force of the Coulomb pump",
-        ["speed of the part over A", "mean force over μ m g"],
-        vec![
-            Layer::new("viscous belt (Eq. 19)", Mark::Dashes, Color::Gray, belt),
-            Layer::new(
-                "closed form (Eq. 18)",
-                Mark::Line,
-                Color::Blue,
-                curve.map(|u| [u, coulomb_pump::mean_force(u)]),
-            ),
-            Layer::new("simulated", Mark::Dots, Color::Orange, rows.iter().map(|row| [row[0], row[1]])),
-        ],
-    )
+    let axes = ["speed of the part over A", "mean force over μ m g"];
+    Chart::plot("force-curve", "Mean friction force of the Coulomb pump", axes)
+        .dashes("viscous belt (Eq. 19)", Color::Gray, belt)
+        .line("closed form (Eq. 18)", Color::Blue, curve.map(|u| [u, coulomb_pump::mean_force(u)]))
+        .dots("simulated", Color::Orange, rows.iter().map(|row| [row[0], row[1]]))
 }
 
 /// A part's speed from rest, simulated on the paper's belt and in closed form, at the same instants.
@@ -107,15 +99,10 @@ impl Approach {
         let duration_s = APPROACH / (2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
         let cycles = (duration_s / line.cycle_s()).ceil() as u32;
         let speed_mps = line.speeds(part, 0.0, cycles);
-        Self {
-            t_s: (0..=cycles).map(|i| f64::from(i) * line.cycle_s()).collect(),
-            exact_mps: coulomb_pump::speeds(line.cycle_s() * rate_hz, speed_mps.len())
-                .into_iter()
-                .map(|u| u * line.amplitude_mps)
-                .collect(),
-            speed_mps,
-            belt_mps: coulomb_pump::BELT * line.amplitude_mps,
-        }
+        let exact = coulomb_pump::speeds(line.cycle_s() * rate_hz, speed_mps.len());
+        let exact_mps = exact.into_iter().map(|u| u * line.amplitude_mps).collect();
+        let t_s = (0..=cycles).map(|i| f64::from(i) * line.cycle_s()).collect();
+        Self { t_s, speed_mps, exact_mps, belt_mps: coulomb_pump::BELT * line.amplitude_mps }
     }
 
     /// Time at which the part reaches 1 - 1/e of the belt's speed, s; linear interpolation between the cycles.
@@ -157,17 +144,12 @@ fn report_approach(rig: &LabRig, outcome: &mut ExperimentResult) {
     let approach = Approach::of(&line, part, rate_hz);
     let exact_rise_s = coulomb_pump::time_to(rise() * coulomb_pump::BELT) / rate_hz;
     let setting = format!("μ {friction}, A = {PEAK_G} g/w, w of {hz:.0} Hz");
+    let constant = "A/(2 f0 μ g); at μ 0.3, 60 Hz the paper has 35, its formula 36.8";
     let initial = format!("2 f0 μ g/A in closed form; {setting}");
     let integral = format!("closed-form force over time; {setting}");
     outcome.figures.extend([
         Figure::against("initial rate k2", "1/s", k2, exact_k2, &initial),
-        Figure::against(
-            "initial time constant 1/k2",
-            "ms",
-            1e3 / k2,
-            1e3 / exact_k2,
-            "A/(2 f0 μ g); at μ 0.3, 60 Hz the paper has 35, its formula 36.8",
-        ),
+        Figure::against("initial time constant 1/k2", "ms", 1e3 / k2, 1e3 / exact_k2, constant),
         Figure::against("time to 1 - 1/e of A/2", "ms", 1e3 * approach.rise_s(), 1e3 * exact_rise_s, &integral),
         Figure::against("deviation of speed against time, largest", "A/2", approach.deviation(), 0.0, &integral),
     ]);
@@ -180,30 +162,19 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
     let exponential: Vec<f64> = approach.t_s.iter().map(|t| approach.belt_mps * (1.0 - (-k2 * t).exp())).collect();
     let every = (approach.t_s.len() / DOTS).max(1);
     let dots = mm(&approach.speed_mps).into_iter().step_by(every);
-    Chart::plot(
-        "force-curve-approach",
-        "A part pumped from rest",
-        ["time (ms)", "speed (mm/s)"],
-        vec![
-            Layer::new("viscous belt (Eq. 20)", Mark::Dashes, Color::Gray, mm(&exponential)),
-            Layer::new("closed-form force, integrated", Mark::Line, Color::Blue, mm(&approach.exact_mps)),
-            Layer::new("simulated", Mark::Dots, Color::Orange, dots),
-        ],
-    )
+    Chart::plot("force-curve-approach", "A part pumped from rest", ["time (ms)", "speed (mm/s)"])
+        .dashes("viscous belt (Eq. 20)", Color::Gray, mm(&exponential))
+        .line("closed-form force, integrated", Color::Blue, mm(&approach.exact_mps))
+        .dots("simulated", Color::Orange, dots)
 }
 
 /// Adds the approach at the rig's own frequency, where a part's speed changes much within a cycle and the approach
 /// differs from the limit's.
 fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
     let (friction, base_radps, step_s) = (rig.penny.friction, rig.model.base_radps, rig.sim.step_s);
-    let peak = coulomb_pump::peak_acceleration();
-    outcome.figures.push(Figure::against(
-        "plate acceleration A w from which this rig's part slides",
-        "μ g",
-        sliding_threshold(rig.penny, base_radps, step_s),
-        1.0 / peak,
-        "1 over the largest slope of cos a - ½ cos 2a, 1.7602",
-    ));
+    let threshold = sliding_threshold(rig.penny, base_radps, step_s);
+    let (name, source) = ("plate acceleration A w from which this rig's part slides", SLOPE);
+    outcome.figures.push(Figure::against(name, "μ g", threshold, 1.0 / coulomb_pump::peak_acceleration(), source));
     let amplitude_mps = PEAK_G * GRAVITY_MPS2 / base_radps;
     let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
     let rate_hz = friction * GRAVITY_MPS2 / amplitude_mps;
@@ -225,7 +196,7 @@ mod tests {
 
     #[test]
     fn force_approach_disc_and_threshold_are_those_of_the_closed_forms() {
-        let outcome = force_curve(&lab_rig("upm-1")).unwrap();
+        let outcome = force_curve(&lab_rig("upm-1"), &|_| ()).unwrap();
         let below = |name: &str, bar: f64| {
             let measured = figure(&outcome, name).measured;
             assert!(measured < bar, "{name}: {measured}");
@@ -255,7 +226,11 @@ mod tests {
     fn settings_move_the_approach_and_its_closed_form() {
         let mut rig = lab_rig("upm-1");
         (rig.penny.friction, rig.model.base_radps) = (0.6, 2.0 * TAU * 60.0);
-        let [usual, set] = [lab_rig("upm-1"), rig].map(|rig| force_curve(&rig).unwrap());
+        let [usual, set] = [lab_rig("upm-1"), rig].map(|rig| {
+            let mut outcome = ExperimentResult::default();
+            report_approach(&rig, &mut outcome);
+            outcome
+        });
         for name in ["initial rate k2", "time to 1 - 1/e of A/2"] {
             let ratio = figure(&set, name).measured / figure(&usual, name).measured;
             let exact = if name.starts_with("initial") { 4.0 } else { 0.25 };

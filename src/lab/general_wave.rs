@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use super::numerics::bisect;
 use super::pumped::{FAINT, PumpedLine};
 use super::{ExperimentResult, Figure, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_sim::PartParams;
 
 /// Shares b of the second harmonic.
@@ -24,7 +24,9 @@ const CURVE: u32 = 180;
 pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
     let part = PartParams { friction: FAINT, ..rig.penny };
     let phase_rad = |i: u32, count: u32| TAU * f64::from(i) / f64::from(count);
-    let (mut layers, mut worst) = (Vec::new(), 0.0f64);
+    let axes = ["phase φ of the second harmonic (deg)", "speed over that of the first harmonic"];
+    let mut chart = Chart::plot("general-wave", "Speed of a part in equilibrium (Eq. 28); dots are simulated", axes);
+    let mut worst = 0.0f64;
     for (n, share) in SHARES.into_iter().enumerate() {
         let found: Vec<[f64; 2]> = (0..=PHASES)
             .map(|i| {
@@ -35,17 +37,11 @@ pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
             })
             .collect();
         let curve = (0..=CURVE).map(|i| phase_rad(i, CURVE)).map(|at_rad| [at_rad.to_degrees(), share * at_rad.sin()]);
-        layers.push(Layer::new(&format!("b = {share}: b sin φ"), Mark::Line, Color::nth(n), curve));
-        layers.push(Layer::new("", Mark::Dots, Color::nth(n), found));
+        chart = chart.line(&format!("b = {share}: b sin φ"), Color::nth(n), curve).dots("", Color::nth(n), found);
     }
     let name = "deviation of the general wave's equilibrium speed, largest";
     outcome.figures.push(Figure::against(name, "A", worst, 0.0, "UPM paper, Eq. 28; three b, 13 phases"));
-    outcome.charts.push(Chart::plot(
-        "general-wave",
-        "Speed of a part in equilibrium (Eq. 28); dots are simulated",
-        ["phase φ of the second harmonic (deg)", "speed over that of the first harmonic"],
-        layers,
-    ));
+    outcome.charts.push(chart);
 }
 
 /// Speed at which the mean force on `part` changes its sign, in units of the first harmonic's.

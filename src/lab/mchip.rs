@@ -18,9 +18,8 @@ mod sweeps;
 
 use self::batch::{Batch, BatchJob, Summary, jams, mean, of_cluster};
 use self::device::Device;
-use self::drive::{ResonatorDrive, Strobe};
+use self::drive::ResonatorDrive;
 use self::measures::{arrivals, samples_from, spectrum};
-use self::part::PartShape;
 pub use self::published::reproduce;
 use self::run::{Run, Setup};
 use super::settings::{Field, Setting, settings};
@@ -42,15 +41,8 @@ const DRAWN: usize = 4_000;
 /// An array, its drive, its part, and the number and length of the runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MChip {
-    device: Device,
-    duty: f64,
-    row_delay: f64,
-    strobe: u32,
-    spacing: u32,
-    cycles: u32,
-    mass_kg: f64,
+    setup: Setup,
     force_n: f64,
-    step_s: f64,
     time_s: f64,
     starts: u32,
     seed: u32,
@@ -58,24 +50,24 @@ pub struct MChip {
 
 /// Parameters of the array and its part.
 pub const SETTINGS: &[Setting<MChip>] = settings! {
-    "duty", [0.1, 0.9], 1.0, duty, "share of a cycle in which the torque is on";
-    "strobe", [0.0, 1.0], count, strobe, "1: rows are off in turn, the wave of them running against the feed; 0: every row alike";
-    "lambda", [2.0, 8.0], count, spacing, "rows from one that is off to the next";
-    "gamma", [1.0, 10_000.0], count, cycles, "cycles for which a row is off";
-    "row_delay", [0.0, 1.0], 1.0, row_delay, "delay of a row against the one before it, in cycles";
-    "mass_ug", [10.0, 1_000.0], 1e-9, mass_kg, "mass of the part; a lighter one is thrown higher than the array is long";
-    "ridge_um", [-140.0, -20.0], 1e-6, device.ridge_place_m, "place of the ridge from the axis, negative on the trailing side";
-    "ridge_height_um", [2.0, 50.0], 1e-6, device.ridge_height_m, "height of the ridge above its slab";
-    "rim_um", [0.1, 2.0], 1e-6, device.rim_radius_m, "radius of the ridge's rim";
-    "drive_hz", [200.0, 20_000.0], 1.0, device.drive_hz, "frequency of the torque";
-    "peak_rad", [0.005, 0.2], 1.0, device.peak_rad, "largest angle of a free resonator at 50 % duty";
-    "natural_hz", [500.0, 50_000.0], 1.0, device.natural_hz, "undamped natural frequency of a resonator";
-    "damping", [0.05, 3.0], 1.0, device.damping_ratio, "damping of a resonator over critical damping";
-    "solidity", [0.1, 1.0], 1.0, device.solidity, "mass of a slab over that of solid silicon";
-    "friction", [0.0, 2.0], 1.0, device.friction, "Coulomb friction of an impact";
-    "restitution", [0.0, 0.95], 1.0, device.restitution, "restitution of an impact";
+    "duty", [0.1, 0.9], 1.0, setup.drive.duty, "share of a cycle in which the torque is on";
+    "strobe", [0.0, 1.0], count, setup.drive.strobe, "1: rows are off in turn, the wave of them running against the feed; 0: every row alike";
+    "lambda", [2.0, 8.0], count, setup.drive.spacing, "rows from one that is off to the next";
+    "gamma", [1.0, 10_000.0], count, setup.drive.cycles, "cycles for which a row is off";
+    "row_delay", [0.0, 1.0], 1.0, setup.drive.row_delay, "delay of a row against the one before it, in cycles";
+    "mass_ug", [10.0, 1_000.0], 1e-9, setup.part.mass_kg, "mass of the part; a lighter one is thrown higher than the array is long";
+    "ridge_um", [-140.0, -20.0], 1e-6, setup.device.ridge_place_m, "place of the ridge from the axis, negative on the trailing side";
+    "ridge_height_um", [2.0, 50.0], 1e-6, setup.device.ridge_height_m, "height of the ridge above its slab";
+    "rim_um", [0.1, 2.0], 1e-6, setup.device.rim_radius_m, "radius of the ridge's rim";
+    "drive_hz", [200.0, 20_000.0], 1.0, setup.device.drive_hz, "frequency of the torque";
+    "peak_rad", [0.005, 0.2], 1.0, setup.device.peak_rad, "largest angle of a free resonator at 50 % duty";
+    "natural_hz", [500.0, 50_000.0], 1.0, setup.device.natural_hz, "undamped natural frequency of a resonator";
+    "damping", [0.05, 3.0], 1.0, setup.device.damping_ratio, "damping of a resonator over critical damping";
+    "solidity", [0.1, 1.0], 1.0, setup.device.solidity, "mass of a slab over that of solid silicon";
+    "friction", [0.0, 2.0], 1.0, setup.device.friction, "Coulomb friction of an impact";
+    "restitution", [0.0, 0.95], 1.0, setup.device.restitution, "restitution of an impact";
     "force_dyn", [-1.0, 1.0], DYN_N, force_n, "force on the part along the feed";
-    "step_us", [0.1, 2.0], 1e-6, step_s, "step of the simulation";
+    "step_us", [0.1, 2.0], 1e-6, setup.step_s, "step of the simulation";
     "time_s", [0.1, 20.0], 1.0, time_s, "length of a run";
     "starts", [1.0, 1_000.0], count, starts, "runs from different starts";
     "seed", [0.0, 1e9], count, seed, "seed of the starts";
@@ -84,42 +76,17 @@ pub const SETTINGS: &[Setting<MChip>] = settings! {
 impl MChip {
     /// The paper's array and part, with every row driven alike.
     pub fn published() -> Self {
-        Self {
-            device: Device::published(),
-            duty: 0.5,
-            row_delay: 0.0,
-            strobe: 0,
-            spacing: 4,
-            cycles: 50,
-            mass_kg: PartShape::published().mass_kg,
-            force_n: 0.0,
-            step_s: 1e-6,
-            time_s: 0.2,
-            starts: 4,
-            seed: 1,
-        }
-    }
-
-    fn setup(&self) -> Setup {
-        let strobe = Strobe { spacing: self.spacing as usize, cycles: self.cycles as usize };
-        let drive = ResonatorDrive {
-            duty: self.duty,
-            row_delay: self.row_delay,
-            strobe: (self.strobe == 1).then_some(strobe),
-            on: true,
-        };
-        let published = Setup::published(drive);
-        let part = PartShape { mass_kg: self.mass_kg, ..published.part };
-        Setup { device: self.device.clone(), part, step_s: self.step_s, ..published }
+        Self { setup: Setup::published(ResonatorDrive::plain()), force_n: 0.0, time_s: 0.2, starts: 4, seed: 1 }
     }
 
     /// Rejects an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
     fn check(&self) -> Result<(), LabFault> {
-        let most_um = 1e6 * 0.5 * self.device.ridge_height_m;
-        if self.device.rim_radius_m > 0.5 * self.device.ridge_height_m {
+        let &Device { ridge_height_m, rim_radius_m, .. } = &self.setup.device;
+        if rim_radius_m > 0.5 * ridge_height_m {
             return Err(LabFault::Setting(format!(
-                "rim_um: expected at most {most_um:.3} (half of the ridge's height), found {}",
-                1e6 * self.device.rim_radius_m
+                "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
+                1e6 * 0.5 * ridge_height_m,
+                1e6 * rim_radius_m
             )));
         }
         Ok(())
@@ -132,30 +99,30 @@ impl MChip {
 /// A rim that does not fit its ridge.
 pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     chip.check()?;
-    let (setup, streams) = (chip.setup(), Streams::new(chip.seed.into()));
+    let (setup, streams) = (&chip.setup, Streams::new(chip.seed.into()));
     let mut batch = Batch::default();
-    batch.add_pushed(&setup, chip.starts.into(), chip.time_s, chip.force_n);
+    batch.add_pushed("", setup, chip.starts.into(), chip.time_s, chip.force_n);
     let summaries = batch.summaries(&streams, &|share| progress(0.9 * share));
-    let job = BatchJob { setup, start: 0, until_s: chip.time_s, force_n: chip.force_n };
-    let run = job.run(&streams);
+    let job = BatchJob { setup: setup.clone(), start: 0, until_s: chip.time_s, force_n: chip.force_n };
+    let (run, summaries) = (job.run(&streams), summaries.of(""));
     let mut notes = Vec::new();
     let left = summaries.iter().filter(|summary| !summary.stays).count();
     if left > 0 {
         notes.push(format!("the part left the array in {left} of {} runs, which end there", summaries.len()));
     }
     progress(1.0);
-    Ok(ExperimentResult { figures: figures(&summaries), notes, charts: charts(&run), ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures: figures(summaries), notes, charts: charts(&run), ..ExperimentResult::default() })
 }
 
 fn figures(summaries: &[Summary]) -> Vec<Figure> {
     let source = format!("mean of {} starts, from 0.05 s on", summaries.len());
     let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, &source);
-    let angular = |i: usize| mean(summaries, |summary| summary.energies.jitter[i].mean);
+    let angular = |i: usize| mean(summaries, |summary| summary.energies.each[i].mean);
     vec![
         alone("feed rate", "mm/s", mm_from_m(mean(summaries, |summary| summary.rate_mps))),
         alone("feed rate while it moves", "mm/s", mm_from_m(mean(summaries, |summary| summary.feed.moving_mps))),
         alone("starts that jam", "1", jams(summaries, JAM_S)),
-        alone("longest stall", "ms", 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s())),
+        alone("longest stall", "ms", 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s)),
         alone("double bounces, of all contacts", "1", mean(summaries, |summary| summary.clusters[0].share)),
         alone("time since the contact before, double bounces", "ms", 1e3 * of_cluster(summaries, 0, |of| of.gap_s)),
         alone("contacts once a cycle, of all", "1", mean(summaries, |summary| summary.clusters[2].share)),
@@ -181,12 +148,8 @@ fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
         let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
         Layer::new(label, Mark::Line, Color::nth(i), track)
     };
-    Chart::plot(
-        name,
-        "Way of the part along the feed",
-        ["time (s)", "way (mm)"],
-        runs.iter().enumerate().map(layer).collect(),
-    )
+    Chart::plot(name, "Way of the part along the feed", ["time (s)", "way (mm)"])
+        .with(runs.iter().enumerate().map(layer))
 }
 
 /// Angle of the resonator over the time since the previous contact, contacts that push forwards and backwards
@@ -197,32 +160,19 @@ fn gap_chart(name: &str, run: &Run) -> Chart {
         let those = found.iter().filter(move |one| (one.forward_ns < 0.0) == backward && one.gap_s < 0.3e-3);
         those.map(|one| [1e3 * one.gap_s, one.angle_rad]).take(DRAWN).collect::<Vec<_>>()
     };
-    Chart::plot(
-        name,
-        "Contacts of a resonator with the part",
-        ["time since its contact before (ms)", "angle (rad)"],
-        vec![
-            Layer::new("pushes forward", Mark::Dots, Color::Blue, points(false)),
-            Layer::new("pushes backward", Mark::Dots, Color::Orange, points(true)),
-        ],
-    )
+    let axes = ["time since its contact before (ms)", "angle (rad)"];
+    Chart::plot(name, "Contacts of a resonator with the part", axes)
+        .dots("pushes forward", Color::Blue, points(false))
+        .dots("pushes backward", Color::Orange, points(true))
 }
 
 fn spectrum_chart(run: &Run) -> Chart {
     let samples = samples_from(run, batch::SETTLED_S);
     let heights_um: Vec<f64> = samples.iter().map(|sample| 1e6 * run.height_m(&sample.state)).collect();
     let lines = spectrum(&heights_um, run.setup().sample_s);
-    Chart::over(
-        "mchip-spectrum",
-        "Spectrum of the part's height",
-        [Axis::new("frequency (Hz)"), Axis::log("amplitude (µm)")],
-        vec![Layer::new(
-            "height",
-            Mark::Line,
-            Color::Blue,
-            lines.into_iter().skip(1).take_while(|line| line[0] < DRAWN_HZ),
-        )],
-    )
+    let drawn = lines.into_iter().skip(1).take_while(|line| line[0] < DRAWN_HZ);
+    let axes = [Axis::new("frequency (Hz)"), Axis::log("amplitude (µm)")];
+    Chart::over("mchip-spectrum", "Spectrum of the part's height", axes).line("height", Color::Blue, drawn)
 }
 
 #[cfg(test)]

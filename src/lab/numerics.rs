@@ -10,6 +10,11 @@ pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
     [y - slope * x, slope]
 }
 
+/// Root mean square; NaN for no values.
+pub(super) fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
 /// Bisects the interval from `low` to `high` `halvings` times, keeping the half in which `is_high` becomes true.
 pub(super) fn bisect([mut low, mut high]: [f64; 2], halvings: usize, mut is_high: impl FnMut(f64) -> bool) -> [f64; 2] {
     for _ in 0..halvings {

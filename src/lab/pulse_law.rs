@@ -4,8 +4,9 @@
 use std::f64::consts::TAU;
 
 use super::pulses::{EDGE_M, check_carries, envelope, place, play, saturation, strongest_spin};
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
@@ -50,7 +51,7 @@ struct PlayedPulse {
 /// # Errors
 ///
 /// A rig whose motors do not carry the part.
-pub fn pulse_law(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn pulse_law(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
     let cor_m = Vec2::new(-inset_m, -inset_m);
     let sustains_s = sustains_s(rig);
@@ -180,6 +181,7 @@ fn figures(bench: &PivotSetup<'_>, rows: &[PulseLawRow], plate: &str) -> Vec<Fig
     let found_mm = |row: &PulseLawRow| mm_from_m(row.found_m);
     let law = format!("½ f0 (1 + f0) μ g is {:.4}; S with attack and decay", bench.law_mps2());
     let averaged_mm = of(last, &|row| mm_from_m(row.averaged_m));
+    let integrated = format!("Eq. 18 integrated over the envelope: {averaged_mm:.2}");
     vec![
         alone("speed A under the part", "m/s", bench.amplitude_mps(), "turning about a corner"),
         alone("displacement over S², largest", "m/s²", largest, &law),
@@ -187,12 +189,7 @@ fn figures(bench: &PivotSetup<'_>, rows: &[PulseLawRow], plate: &str) -> Vec<Fig
         alone("within 10 % of that up to S", "ms", of(to, &length_ms), ends),
         alone("speed gained there, over A/2", "1", of(to, &gained), "by the law; the paper: negligible"),
         alone("displacement there", "mm", of(to, &found_mm), "simulated"),
-        alone(
-            "displacement by the longest pulse",
-            "mm",
-            of(last, &found_mm),
-            &format!("Eq. 18 integrated over the envelope: {averaged_mm:.2}"),
-        ),
+        alone("displacement by the longest pulse", "mm", of(last, &found_mm), &integrated),
     ]
 }
 
@@ -205,55 +202,37 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
         let phase_rad = TAU * t_s / period_s;
         phase_rad.cos() - 0.5 * (2.0 * phase_rad).cos()
     };
-    let layer = |label: &str, color: Color, of: &dyn Fn(f64) -> f64| {
-        Layer::new(label, Mark::Line, color, times().map(|t_s| [1e3 * t_s, of(t_s)]))
-    };
-    Chart::plot(
-        "pulse-law-wave",
-        "A pulse: wave, envelope and their product (Fig. 8)",
-        ["time (ms)", "velocity of the plate over A"],
-        vec![
-            layer("cos wt - ½ cos 2wt", Color::Gray, &wave),
-            layer("envelope", Color::Orange, &|t_s| envelope.at(t_s)),
-            layer("product", Color::Blue, &|t_s| envelope.at(t_s) * wave(t_s)),
-        ],
-    )
+    let curve = |of: &dyn Fn(f64) -> f64| times().map(|t_s| [1e3 * t_s, of(t_s)]).collect::<Vec<_>>();
+    let axes = ["time (ms)", "velocity of the plate over A"];
+    Chart::plot("pulse-law-wave", "A pulse: wave, envelope and their product (Fig. 8)", axes)
+        .line("cos wt - ½ cos 2wt", Color::Gray, curve(&wave))
+        .line("envelope", Color::Orange, curve(&|t_s| envelope.at(t_s)))
+        .line("product", Color::Blue, curve(&|t_s| envelope.at(t_s) * wave(t_s)))
 }
 
 /// Chart of Fig. 9.
 fn speed_chart(short: &PlayedPulse, long: &PlayedPulse) -> Chart {
     let samples = SAMPLES as usize;
     let mean = |played: &PlayedPulse| {
-        let pairs = played.t_s.iter().zip(&played.way_m).zip(played.t_s.iter().zip(&played.way_m).skip(samples));
-        pairs
-            .map(|((t0, way0), (t1, way1))| [1e3 * 0.5 * (t0 + t1), (way1 - way0) / (t1 - t0)])
-            .map(|[t_ms, mps]| [t_ms, mm_from_m(mps)])
-            .collect::<Vec<_>>()
+        let track = || played.t_s.iter().zip(&played.way_m);
+        let pairs = track().zip(track().skip(samples));
+        let speed = |((t0, way0), (t1, way1))| [1e3 * 0.5 * (t0 + t1), mm_from_m((way1 - way0) / (t1 - t0))];
+        pairs.map(speed).collect::<Vec<_>>()
     };
     let label = |played: &PlayedPulse| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
-    Chart::plot(
-        "pulse-law-speed",
-        "Speed of a part, mean over a period (Fig. 9)",
-        ["time (ms)", "speed (mm/s)"],
-        vec![
-            Layer::new(&label(short), Mark::Line, Color::Blue, mean(short)),
-            Layer::new(&label(long), Mark::Line, Color::Orange, mean(long)),
-        ],
-    )
+    Chart::plot("pulse-law-speed", "Speed of a part, mean over a period (Fig. 9)", ["time (ms)", "speed (mm/s)"])
+        .line(&label(short), Color::Blue, mean(short))
+        .line(&label(long), Color::Orange, mean(long))
 }
 
 fn law_chart(rows: &[PulseLawRow], plate: &str) -> Chart {
     let points = |of: fn(&PulseLawRow) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
-    Chart::plot(
-        format!("pulse-law-{}", plate.replace(' ', "-")),
-        format!("Displacement by one pulse, {plate}"),
-        ["S² (s²), attack and decay included", "displacement (mm)"],
-        vec![
-            Layer::new("law of squares", Mark::Dashes, Color::Gray, points(|row| row.law_m)),
-            Layer::new("mean force (Eq. 18), integrated", Mark::Line, Color::Blue, points(|row| row.averaged_m)),
-            Layer::new("simulated", Mark::Dots, Color::Orange, points(|row| row.found_m)),
-        ],
-    )
+    let (name, title) =
+        (format!("pulse-law-{}", plate.replace(' ', "-")), format!("Displacement by one pulse, {plate}"));
+    Chart::plot(name, title, ["S² (s²), attack and decay included", "displacement (mm)"])
+        .dashes("law of squares", Color::Gray, points(|row| row.law_m))
+        .line("mean force (Eq. 18), integrated", Color::Blue, points(|row| row.averaged_m))
+        .dots("simulated", Color::Orange, points(|row| row.found_m))
 }
 
 #[cfg(test)]
@@ -264,7 +243,7 @@ mod tests {
     #[test]
     fn displacement_follows_the_square_where_the_belt_is_fast_and_the_mean_force_elsewhere() {
         for name in ["upm-1", "upm-2"] {
-            let outcome = pulse_law(&lab_rig(name)).unwrap();
+            let outcome = pulse_law(&lab_rig(name), &|_| ()).unwrap();
             assert_sources_are_short(&outcome);
             let figure = |start: &str| outcome.figures.iter().find(|figure| figure.name.starts_with(start)).unwrap();
             let fast = figure("fast plate: displacement over S²");
@@ -289,7 +268,7 @@ mod tests {
     fn belt_is_named_only_where_it_limits() {
         let ends = |rig: &LabRig, plate: &str| {
             let name = format!("{plate}: within 10 % of that up to S");
-            let outcome = pulse_law(rig).unwrap();
+            let outcome = pulse_law(rig, &|_| ()).unwrap();
             outcome.figures.iter().find(|figure| figure.name == name).unwrap().source.clone()
         };
         let mut rig = lab_rig("upm-2");

@@ -9,6 +9,7 @@ use super::pulses::{
     EDGE_M, FINER, SATURATION, SERIES_HZ, calm_envelope, check_carries, mm, place, places, play, saturation,
     strongest_spin, turn,
 };
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
@@ -134,26 +135,21 @@ impl Race {
     fn run(rig: &LabRig) -> Result<Self, LabFault> {
         let course = RaceCourse::on(rig)?;
         let mut tried = FIRST_PULSES;
-        loop {
+        while tried <= MOST_PULSES {
             let played = course.play(rig, tried)?;
             let pulses = (1..=tried).take_while(|&k| course.all_in_quarter(&played, k)).last().unwrap_or(0);
             if pulses == 0 {
                 return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
             }
-            if pulses == tried {
-                if tried >= MOST_PULSES {
-                    return Err(LabFault::Rig(format!(
-                        "{MOST_PULSES} pulses carry no coin through a quarter of a turn"
-                    )));
-                }
-                tried *= 2;
-                continue;
+            if pulses < tried {
+                let samples = course.sample_after(pulses) + 1;
+                let lap = |part| Lap::of(places(part).take(samples).collect(), course.cor_m);
+                let laps = played.parts.iter().map(lap).collect();
+                return Ok(Self { t_s: played.t_s.into_iter().take(samples).collect(), course, pulses, laps });
             }
-            let samples = course.sample_after(pulses) + 1;
-            let lap = |part| Lap::of(places(part).take(samples).collect(), course.cor_m);
-            let laps = played.parts.iter().map(lap).collect();
-            return Ok(Self { t_s: played.t_s.into_iter().take(samples).collect(), course, pulses, laps });
+            tried *= 2;
         }
+        Err(LabFault::Rig(format!("{MOST_PULSES} pulses carry no coin through a quarter of a turn")))
     }
 
     /// Samples of the four snapshots: the start and thirds of the pulses, each at rest.
@@ -163,8 +159,7 @@ impl Race {
 
     /// The smallest gap between two rims at any time, m.
     fn least_gap_m(&self) -> f64 {
-        let pairs = [(0, 1), (0, 2), (1, 2)];
-        let gaps = pairs.into_iter().flat_map(|(a, b)| {
+        let gaps = [(0, 1), (0, 2), (1, 2)].into_iter().flat_map(|(a, b)| {
             let together = self.laps[a].positions_m.iter().zip(&self.laps[b].positions_m);
             together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
         });
@@ -180,7 +175,7 @@ impl Race {
 /// [`LabFault::Rig`] when three coins do not fit beside each other, when they stick or creep backwards, when one pulse
 /// carries a coin out of its quarter of a turn or thousands of pulses carry none through it, and when the rig's figures
 /// give no valid pulse.
-pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn race_track(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
     let charts = vec![map(&race), angles(&race)];
     Ok(ExperimentResult { figures: figures(rig, &race), charts, ..ExperimentResult::default() })
@@ -189,28 +184,30 @@ pub fn race_track(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
 fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
     let (course, spin_radps) = (&race.course, race.course.spin_radps);
     let end_s = race.t_s.last().copied().unwrap_or(0.0);
+    let alone = |name: String, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
     let mut figures = vec![
-        Figure::alone("amplitude of spin", "rad/s", spin_radps, "the largest the rig's motors play about this centre"),
-        Figure::alone("pulses", "1", race.pulses as f64, "until a coin would leave its quarter of a turn"),
-        Figure::alone("plate time", "s", end_s, "pulses and rests"),
-        Figure::alone("least gap between rims", "mm", 1e3 * race.least_gap_m(), "simulated places, all samples"),
+        alone("amplitude of spin".into(), "rad/s", spin_radps, "the largest the rig's motors play about this centre"),
+        alone("pulses".into(), "1", race.pulses as f64, "until a coin would leave its quarter of a turn"),
+        alone("plate time".into(), "s", end_s, "pulses and rests"),
+        alone("least gap between rims".into(), "mm", 1e3 * race.least_gap_m(), "simulated places, all samples"),
     ];
-    for (i, lap) in race.laps.iter().enumerate() {
+    for (i, (lap, coin)) in race.laps.iter().zip(NAMES).enumerate() {
         let saturation = saturation(rig, spin_radps, course.radius_m(i), &course.pulse.envelope);
-        figures.push(Figure::alone(format!("{}: saturation", NAMES[i]), "1", saturation, SATURATION));
         let radius = format!("starts {:.1} mm from the centre", 1e3 * course.radius_m(i));
-        figures.push(Figure::alone(format!("{}: arc", NAMES[i]), "mm", 1e3 * lap.arc_m, &radius));
-        figures.push(Figure::alone(format!("{}: angle turned", NAMES[i]), "deg", lap.angle().to_degrees(), &radius));
         let drift_mm = 1e3 * lap.drift_m(course.cor_m);
-        figures.push(Figure::alone(format!("{}: radial drift", NAMES[i]), "mm", drift_mm, "none in the ideal field"));
+        figures.extend([
+            alone(format!("{coin}: saturation"), "1", saturation, SATURATION),
+            alone(format!("{coin}: arc"), "mm", 1e3 * lap.arc_m, &radius),
+            alone(format!("{coin}: angle turned"), "deg", lap.angle().to_degrees(), &radius),
+            alone(format!("{coin}: radial drift"), "mm", drift_mm, "none in the ideal field"),
+        ]);
     }
     let outer = &race.laps[OUTER];
-    for (i, lap) in race.laps.iter().enumerate().take(OUTER) {
+    for (i, (lap, coin)) in race.laps.iter().zip(NAMES).enumerate().take(OUTER) {
         let (arcs, angles) = (lap.arc_m / outer.arc_m, lap.angle() / outer.angle());
-        figures.push(Figure::alone(format!("{}: arc over the outer coin's", NAMES[i]), "1", arcs, IDEAL));
-        let inverse = course.radius_m(OUTER) / course.radius_m(i);
-        let name = format!("{}: angle over the outer coin's", NAMES[i]);
-        figures.push(Figure::alone(name, "1", angles, &format!("{inverse:.2} in the ideal field")));
+        let inverse = format!("{:.2} in the ideal field", course.radius_m(OUTER) / course.radius_m(i));
+        figures.push(alone(format!("{coin}: arc over the outer coin's"), "1", arcs, IDEAL));
+        figures.push(alone(format!("{coin}: angle over the outer coin's"), "1", angles, &inverse));
     }
     figures
 }
@@ -233,16 +230,16 @@ fn map(race: &Race) -> Chart {
 }
 
 fn angles(race: &Race) -> Chart {
-    let line = |(i, lap): (usize, &Lap)| {
-        let points = race.t_s.iter().zip(&lap.angle_rad).step_by(FINER).map(|(t, angle)| [*t, angle.to_degrees()]);
-        Layer::new(NAMES[i], Mark::Line, Color::nth(i), points)
-    };
-    Chart::plot(
+    let mut chart = Chart::plot(
         "race-track-angles",
         "Angle turned about the centre of rotation",
         ["plate time (s)", "angle (deg)"],
-        race.laps.iter().enumerate().map(line).collect(),
-    )
+    );
+    for (i, lap) in race.laps.iter().enumerate() {
+        let points = race.t_s.iter().zip(&lap.angle_rad).step_by(FINER).map(|(t, angle)| [*t, angle.to_degrees()]);
+        chart = chart.line(NAMES[i], Color::nth(i), points);
+    }
+    chart
 }
 
 #[cfg(test)]
@@ -252,7 +249,7 @@ mod tests {
 
     #[test]
     fn inner_coins_turn_through_larger_angles_where_the_motors_are_strong() {
-        let outcome = race_track(&lab_rig("upm-2")).unwrap();
+        let outcome = race_track(&lab_rig("upm-2"), &|_| ()).unwrap();
         assert_sources_are_short(&outcome);
         let angle = NAMES.map(|coin| measured(&outcome, &format!("{coin}: angle turned")));
         assert!(angle[0] > 1.15 * angle[1] && angle[1] > 1.15 * angle[2] && angle[0] > 80.0, "{angle:?}");
@@ -270,7 +267,7 @@ mod tests {
 
     #[test]
     fn weak_motors_turn_the_plate_into_a_belt() {
-        let outcome = race_track(&lab_rig("upm-1")).unwrap();
+        let outcome = race_track(&lab_rig("upm-1"), &|_| ()).unwrap();
         let arc = NAMES.map(|coin| measured(&outcome, &format!("{coin}: arc")));
         assert!(arc[0] < arc[1] && arc[1] < arc[2], "{arc:?}");
         for coin in NAMES {
@@ -282,7 +279,7 @@ mod tests {
     fn coins_stay_on_the_plate_and_apart() {
         for name in ["upm-1", "upm-2"] {
             let rig = lab_rig(name);
-            let outcome = race_track(&rig).unwrap();
+            let outcome = race_track(&rig, &|_| ()).unwrap();
             assert!(measured(&outcome, "least gap between rims") > 0.0);
             let reach = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m;
             let ways =
@@ -298,6 +295,6 @@ mod tests {
     fn motors_too_weak_to_slide_a_coin_are_refused() {
         let mut rig = lab_rig("upm-1");
         rig.sim.motors.force_limit_n *= 0.1;
-        assert!(matches!(race_track(&rig), Err(LabFault::Rig(why)) if why.contains("stick")));
+        assert!(matches!(race_track(&rig, &|_| ()), Err(LabFault::Rig(why)) if why.contains("stick")));
     }
 }

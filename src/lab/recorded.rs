@@ -1,6 +1,6 @@
 use super::spectrum::TraceSpectrum;
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::signal::{CHANNEL_NAMES, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{
@@ -30,19 +30,14 @@ pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<ExperimentResult, LabFau
         velocity_layers.push(Layer::new(name, Mark::Dots, color, points(&times_s, &curves.integral_mps)));
         velocity_layers.push(Layer::new("", Mark::Line, color, points(&times_s, &curves.fitted_mps)));
     }
-    let chart = Chart::plot(
-        "waveform-fit",
+    let (time, accel) = ("time from the start of the pulse (ms)", "acceleration (m/s²)");
+    let (of_accels, of_velocities) = (
         "Accelerations without their mean, and the two harmonics fitted to them",
-        ["time from the start of the pulse (ms)", "acceleration (m/s²)"],
-        layers,
+        "Velocities: accelerations integrated, and Eq. 13 (Fig. 7c)",
     );
-    let velocities = Chart {
-        name: "waveform-fit-velocity".to_owned(),
-        title: "Velocities: accelerations integrated, and Eq. 13 (Fig. 7c)".to_owned(),
-        y: Axis::new("velocity (m/s)"),
-        layers: velocity_layers,
-        ..chart.clone()
-    };
+    let chart = Chart::plot("waveform-fit", of_accels, [time, accel]).with(layers);
+    let velocities =
+        Chart::plot("waveform-fit-velocity", of_velocities, [time, "velocity (m/s)"]).with(velocity_layers);
     let (charts, recorded) = (vec![chart, velocities], Some(pulse.clone()));
     let mut outcome = ExperimentResult { figures: figures(&fit), charts, recorded, ..ExperimentResult::default() };
     let source = "rms, trapezoids against the fit's coefficients";

@@ -19,7 +19,7 @@ use self::wave::{Square, Wave};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A block, its intended orbit, and its initial tilt.
@@ -172,32 +172,23 @@ fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
 }
 
 fn track_chart(name: &str, title: &str, motions: &[(&str, &Motion)], level_rad: Option<f64>) -> Chart {
-    let colors = [Color::Blue, Color::Orange];
-    let mut layers: Vec<Layer> = motions
-        .iter()
-        .zip(colors)
-        .map(|((label, motion), color)| Layer::new(label, Mark::Line, color, motion.track.iter().copied()))
-        .collect();
-    let end_s = motions.iter().filter_map(|(_, motion)| motion.track.last()).map(|at| at[0]).fold(0.0, f64::max);
-    if let Some(level_rad) = level_rad {
-        layers.push(Layer::new("steady peak", Mark::Dashes, Color::Gray, [[0.0, level_rad], [end_s, level_rad]]));
+    let mut chart = Chart::plot(name, title, ["time (s)", "tilt (rad)"]);
+    for ((label, motion), color) in motions.iter().zip([Color::Blue, Color::Orange]) {
+        chart = chart.line(label, color, motion.track.iter().copied());
     }
-    let (x, y) = (Axis::new("time (s)"), Axis::new("tilt (rad)"));
-    Chart { name: name.to_owned(), title: title.to_owned(), x, y, map: false, layers }
+    let end_s = motions.iter().filter_map(|(_, motion)| motion.track.last()).map(|at| at[0]).fold(0.0, f64::max);
+    match level_rad {
+        Some(level_rad) => chart.dashes("steady peak", Color::Gray, [[0.0, level_rad], [end_s, level_rad]]),
+        None => chart,
+    }
 }
 
 fn wave_chart(name: &str, wave: &Wave) -> Chart {
     let corners = wave.corners().into_iter().map(|[t_s, accel_mps2]| [1e3 * t_s, accel_mps2]);
     let free_fall = [[0.0, -GRAVITY_MPS2], [1e3 * wave.length_s(), -GRAVITY_MPS2]];
-    Chart::plot(
-        name,
-        "Acceleration of the table",
-        ["time (ms)", "acceleration upward (m/s²)"],
-        vec![
-            Layer::new("free fall", Mark::Dashes, Color::Gray, free_fall),
-            Layer::new("table", Mark::Line, Color::Blue, corners),
-        ],
-    )
+    Chart::plot(name, "Acceleration of the table", ["time (ms)", "acceleration upward (m/s²)"])
+        .dashes("free fall", Color::Gray, free_fall)
+        .line("table", Color::Blue, corners)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{ExperimentResult, Figure};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, RecordedPulse};
 use upm_perception::estimation::{FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum};
 
@@ -74,25 +74,19 @@ impl TraceSpectrum {
 
     fn chart(&self) -> Chart {
         let drawn = |amplitude_mps2: f64| amplitude_mps2.max(LEAST_DRAWN_MPS2);
-        let mut layers = Vec::new();
+        let axes = [Axis::log("frequency (Hz)"), Axis::log("amplitude (m/s²)")];
+        let title = "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w";
+        let mut chart = Chart::over("waveform-fit-spectrum", title, axes);
         for (channel, (name, amplitudes)) in CHANNEL_NAMES.iter().zip(&self.amplitude_mps2).enumerate() {
-            let bins = self.hz.iter().zip(amplitudes).skip(1).map(|(&hz, &amplitude)| [hz, drawn(amplitude)]);
-            layers.push(Layer::new(name, Mark::Line, Color::nth(channel), bins));
-            let harmonics = [1, 2].iter().filter_map(|k| {
-                let bin = k * self.periods;
-                Some([*self.hz.get(bin)?, drawn(*amplitudes.get(bin)?)])
-            });
-            layers.push(Layer::new("", Mark::Dots, Color::nth(channel), harmonics));
+            let mut bins = self.hz.iter().zip(amplitudes).map(|(&hz, &amplitude)| [hz, drawn(amplitude)]);
+            let harmonics = [1, 2].iter().filter_map(|k| bins.clone().nth(k * self.periods));
+            let (color, harmonics) = (Color::nth(channel), harmonics.collect::<Vec<_>>());
+            bins.next();
+            chart = chart.line(name, color, bins).dots("", color, harmonics);
         }
         let floor_mps2 = drawn(self.noise_mps2() * 2.0 / (self.samples as f64).sqrt());
         let ends = [1, self.hz.len() - 1].map(|k| [self.hz[k], floor_mps2]);
-        layers.push(Layer::new("noise floor", Mark::Dashes, Color::Gray, ends));
-        Chart::over(
-            "waveform-fit-spectrum",
-            "Amplitude spectrum of the accelerations; dots mark the harmonics w and 2w",
-            [Axis::log("frequency (Hz)"), Axis::log("amplitude (m/s²)")],
-            layers,
-        )
+        chart.dashes("noise floor", Color::Gray, ends)
     }
 }
 

@@ -7,7 +7,7 @@ use std::thread;
 use parking_lot::Mutex;
 
 use super::{DataSheet, ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 
 /// Most points of a sweep.
 const MOST_POINTS: usize = 10_000;
@@ -112,18 +112,13 @@ impl Sweep {
             let pairs = values.iter().zip(column);
             pairs.filter_map(move |(&x, figure)| Some([x, of(figure.as_ref()?)?])).collect::<Vec<_>>()
         };
-        let mut layers =
-            vec![Layer::new("measured", Mark::Dots, Color::Orange, points(|figure| Some(figure.measured)))];
         let reference = points(|figure| figure.reference);
+        let name = format!("sweep-{}-{}", self.key, index + 1);
+        let mut chart = Chart::plot(name, figure.name.clone(), [&self.key, &heading(figure)]);
         if !reference.is_empty() {
-            layers.insert(0, Layer::new(&figure.source, Mark::Line, Color::Blue, reference));
+            chart = chart.line(&figure.source, Color::Blue, reference);
         }
-        Chart::plot(
-            format!("sweep-{}-{}", self.key, index + 1),
-            figure.name.clone(),
-            [&self.key, &heading(figure)],
-            layers,
-        )
+        chart.dots("measured", Color::Orange, points(|figure| Some(figure.measured)))
     }
 }
 

@@ -13,7 +13,7 @@ use self::trials::{Band, TrialScatter, band};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -115,20 +115,18 @@ fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
 
 /// The velocity line of Fig. 2b: the trials of each orientation about its critical speed.
 fn trials_chart(bands: &[(&str, Pivot, Band)]) -> Chart {
-    let layers = bands.iter().enumerate().flat_map(|(i, (name, pivot, band))| {
+    let title = "Share of fifteen parts that fall at the ledge (Fig. 2b)";
+    let mut chart = Chart::plot("topple-trials", title, ["speed of the belt (mm/s)", "share that falls"]);
+    for (i, (name, pivot, band)) in bands.iter().enumerate() {
         let exact = mm_from_m(pivot.critical_mps());
         let shares = band.shares.iter().map(|&[mps, share]| [mm_from_m(mps), share]);
-        [
-            Layer::new(&format!("{name}: Eq. 2.3"), Mark::Dashes, Color::nth(i), [[exact, 0.0], [exact, 1.0]]),
-            Layer::new("", Mark::Dots, Color::nth(i), shares),
-        ]
-    });
-    Chart::plot(
-        "topple-trials",
-        "Share of fifteen parts that fall at the ledge (Fig. 2b)",
-        ["speed of the belt (mm/s)", "share that falls"],
-        layers.collect(),
-    )
+        chart = chart.dashes(&format!("{name}: Eq. 2.3"), Color::nth(i), [[exact, 0.0], [exact, 1.0]]).dots(
+            "",
+            Color::nth(i),
+            shares,
+        );
+    }
+    chart
 }
 
 #[cfg(test)]

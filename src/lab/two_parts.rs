@@ -13,8 +13,8 @@ use self::calibrated_pulses::{CalibratedPulses, STRONG_SPIN_RADPS};
 use self::plan::{CENTERS, PartPositions, distances, flow};
 use self::task::{StepSeries, TwoPartProblem};
 use super::pulses::strongest_spin;
+use super::sweep::Progress;
 use super::{ExperimentResult, LabFault, LabRig};
-use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
 
 /// Makes one large step with two parts about four centres, then the same in more observations: in the ideal field, on a
@@ -24,7 +24,7 @@ use upm_core::job::PlateMode;
 ///
 /// [`LabFault::Rig`] when the four fields are dependent, when parts stick or creep backwards, when longer pulses do not
 /// carry a part further, and when the rig's figures give no valid pulse. A step that fails on a plate is a figure.
-pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn two_parts(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let task = TwoPartProblem::on(rig);
     let exactly =
         |parts: &PartPositions, center: usize, d: f64| Ok(parts.map(|part| flow(task.centers_m[center], part, d)));
@@ -35,22 +35,18 @@ pub fn two_parts(rig: &LabRig) -> Result<ExperimentResult, LabFault> {
         return Err(fault.clone());
     }
 
-    let middle_m = Vec2::zeros();
     let strong = [STRONG_SPIN_RADPS; CENTERS];
-    let kinematic = CalibratedPulses::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong, middle_m)?;
+    let kinematic = CalibratedPulses::calibrated(rig, PlateMode::Kinematic, task.centers_m, strong)?;
     let strong = StepSeries::of("strong plate", &task, |parts, center, d| kinematic.rotate(parts, center, d));
 
     let mut spin_radps = [0.0; CENTERS];
     for (spin, center) in spin_radps.iter_mut().zip(task.centers_m) {
         *spin = strongest_spin(rig, center)?;
     }
-    let dynamic = CalibratedPulses::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps, middle_m)?;
+    let dynamic = CalibratedPulses::calibrated(rig, PlateMode::Dynamic, task.centers_m, spin_radps)?;
     let own = StepSeries::of("rig's plate", &task, |parts, center, d| dynamic.rotate(parts, center, d));
 
-    let shortest_m = [&kinematic, &dynamic].map(CalibratedPulses::shortest_m);
-    let saturation = [&kinematic, &dynamic].map(|model| model.saturation(middle_m));
-    let side_results = report::SideResults { d_m, spin_radps, shortest_m, saturation };
-    Ok(report::outcome(&task, &[ideal, strong, own], &side_results))
+    Ok(report::outcome(&task, [&ideal, &strong, &own], &d_m, [&kinematic, &dynamic]))
 }
 
 #[cfg(test)]
@@ -69,7 +65,7 @@ mod tests {
 
     #[test]
     fn miss_falls_with_observations_where_motors_are_strong() {
-        let outcome = two_parts(&lab_rig("upm-2")).unwrap();
+        let outcome = two_parts(&lab_rig("upm-2"), &|_| ()).unwrap();
         let order = measured(&outcome, "order at which E falls with observations, ideal field");
         assert!((order - 2.0).abs() < 0.1, "{order}");
         for mover in ["ideal field", "strong plate", "rig's plate"] {
@@ -88,13 +84,13 @@ mod tests {
             Ok(parts.map(|part| flow_in_steps(task.centers_m[center], part, d)))
         };
         let integrated_mm = 1e3 * task.go(1, rotate).unwrap().miss_m;
-        let measured_mm = measured(&two_parts(&rig).unwrap(), "E of 1 observation, ideal field");
+        let measured_mm = measured(&two_parts(&rig, &|_| ()).unwrap(), "E of 1 observation, ideal field");
         assert!((measured_mm / integrated_mm - 1.0).abs() < 1e-6, "{measured_mm} {integrated_mm}");
     }
 
     #[test]
     fn weak_motors_miss_farther_than_strong_ones() {
-        let outcome = two_parts(&lab_rig("upm-1")).unwrap();
+        let outcome = two_parts(&lab_rig("upm-1"), &|_| ()).unwrap();
         assert!(measured(&outcome, "saturation, strong plate") < 0.5);
         assert!(measured(&outcome, "saturation, rig's plate") > 1.0);
         let [_, strong] = misses(&outcome, "strong plate");

@@ -5,7 +5,7 @@ mod verdicts;
 
 use super::sweep::{Progress, parallel};
 use super::{ExperimentResult, LabFault, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_scene::{Difficulty, Scene};
 use verdict_counts::VerdictCounts;
 use verdicts::evaluate;
@@ -49,7 +49,9 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
 }
 
 fn histogram(tallies: &[VerdictCounts]) -> Chart {
-    let layers = tallies.iter().enumerate().map(|(i, verdict_counts)| {
+    let title = format!("Errors of the parts' centres; beyond {:.2} px in the last bin", BIN_PX * (BINS - 1) as f64);
+    let mut chart = Chart::plot("vision", title, ["error (px)", "parts (%)"]);
+    for (i, verdict_counts) in tallies.iter().enumerate() {
         let mut counts = [0usize; BINS];
         let errors_px = verdict_counts.center_errors_px();
         for error in &errors_px {
@@ -60,14 +62,9 @@ fn histogram(tallies: &[VerdictCounts]) -> Chart {
             let share = 100.0 * count as f64 / all;
             [[bin as f64 * BIN_PX, share], [(bin + 1) as f64 * BIN_PX, share]]
         });
-        Layer::new(verdict_counts.difficulty().name(), Mark::Line, Color::nth(i), steps)
-    });
-    Chart::plot(
-        "vision",
-        format!("Errors of the parts' centres; beyond {:.2} px in the last bin", BIN_PX * (BINS - 1) as f64),
-        ["error (px)", "parts (%)"],
-        layers.collect(),
-    )
+        chart = chart.line(&verdict_counts.difficulty().to_string(), Color::nth(i), steps);
+    }
+    chart
 }
 
 #[cfg(test)]
@@ -102,7 +99,7 @@ mod tests {
             let parts: usize = [3, 4].map(|seed| Scene::generate(difficulty, seed).parts.len()).iter().sum();
             assert_eq!(figure("parts in all"), parts as f64);
             if figure("tables not found") + figure("tables misplaced") == 0.0 {
-                let shares = curve(&outcome, "vision", difficulty.name()).iter().step_by(2).map(|at| at[1]);
+                let shares = curve(&outcome, "vision", &difficulty.to_string()).iter().step_by(2).map(|at| at[1]);
                 assert!((shares.sum::<f64>() - 100.0).abs() < 1e-6);
             }
         }

@@ -2,11 +2,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use super::force_sign::force_signs;
+use super::force_sign::wrong_signs;
 use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{BarePlate, steady_motion};
+use super::sweep::Progress;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Axis, Chart, Color};
 use upm_control::calibration::{Axes, AxisResonance};
 use upm_core::signal::{Drive, Envelope, RecordedPulse};
 use upm_core::units::mm_from_m;
@@ -20,7 +21,7 @@ const AMPLITUDES: [i32; 4] = [0, -2, -1, 3];
 const EFFORT: f64 = 0.9;
 const SUSTAIN_S: f64 = 0.1;
 /// Random drives for which the sign is evaluated.
-const SIGNS: u32 = 10_000;
+const SIGNS: usize = 10_000;
 const AXES: [&str; 3] = ["x", "y", "spin"];
 
 /// The least-squares fit of the accelerometers' traces (UPM paper, section 3.2, Eq. 12 and 13, App. B): one pulse
@@ -32,14 +33,13 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 ///
 /// [`LabFault::Rig`] when calibration refuses the rig or the rig refuses a pulse, [`LabFault::Trace`] when a trace
 /// cannot be read.
-pub fn waveform_fit(lab: &LabRig) -> Result<ExperimentResult, LabFault> {
+pub fn waveform_fit(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;
     let mut outcome = one_pulse(lab, &mut plate, &axes)?;
     outcome.figures.extend(precompensation(lab, &axes));
     add_resonances(lab, &mut plate, &mut outcome)?;
-    let signs = force_signs(lab, &mut plate, SIGNS)?;
-    let wrong = f64::from(signs.tried - signs.right);
+    let wrong = wrong_signs(lab, SIGNS, progress)? as f64;
     let source = "Eq. 14, random drives off the null through the whole chain";
     outcome.figures.push(Figure::against(format!("force signs wrong, of {SIGNS}"), "1", wrong, 0.0, source));
     Ok(outcome)
@@ -136,29 +136,27 @@ fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentR
 /// Acceleration per force over that of a free mass: at the measured lines, and of the fitted oscillators.
 fn resonance_chart(found: &[AxisResonance; 3]) -> Chart {
     const STEPS: u32 = 300;
-    let mut layers = Vec::new();
+    let title = "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them";
+    let axes = [Axis::log("frequency (Hz)"), Axis::log("acceleration over a free mass's (1)")];
+    let mut chart = Chart::over("waveform-fit-resonance", title, axes);
     for (axis, (name, AxisResonance { fit, lines })) in AXES.iter().zip(found).enumerate() {
         let relative = |radps: f64, response: Complex<f64>| [radps / TAU, response.norm() / fit.accel_per_force];
         let shown = lines.iter().map(|&(radps, response)| relative(radps, response));
-        layers.push(Layer::new(name, Mark::Dots, Color::nth(axis), shown));
         let [first, last] = [lines.first(), lines.last()].map(|line| line.map_or(1.0, |(radps, _)| *radps));
         let curve = (0..=STEPS).map(|i| first * (last / first).powf(f64::from(i) / f64::from(STEPS)));
         let fitted = curve.map(|radps| relative(radps, fit.accel_response(radps)));
-        layers.push(Layer::new("", Mark::Line, Color::nth(axis), fitted));
+        chart = chart.dots(name, Color::nth(axis), shown).line("", Color::nth(axis), fitted);
     }
-    Chart::over(
-        "waveform-fit-resonance",
-        "Answer of the axes to a multisine: lines as read, and the oscillators fitted to them",
-        [Axis::log("frequency (Hz)"), Axis::log("acceleration over a free mass's (1)")],
-        layers,
-    )
+    chart
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
-    use proptest::prelude::*;
+    use crate::sweep::parallel;
+    use rand::RngExt;
+    use upm_core::random::Streams;
 
     fn pulse(name: &str) -> ExperimentResult {
         let lab = lab_rig(name);
@@ -226,17 +224,18 @@ mod tests {
         (amplitude, phase_deg)
     }
 
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
-        #[test]
-        fn calibration_compensates_any_resonance_from_5_to_25_hz(
-            resonance_hz in proptest::array::uniform3(5.0..25.0f64), damping in proptest::array::uniform3(0.02..0.3f64), seed in 0..1000u64,
-        ) {
+    #[test]
+    fn calibration_compensates_any_resonance_from_5_to_25_hz() {
+        let mut rng = Streams::new(1).stream("resonances");
+        let mut random_rig = |seed| {
             let mut lab = LabRig { seed, ..lab_rig("upm-1") };
-            lab.sim.plate.resonance_hz = resonance_hz;
-            lab.sim.plate.damping_ratio = damping;
-            let (amplitude, phase_deg) = worst_after_calibration(&lab);
-            prop_assert!(amplitude < 0.01 && phase_deg < 1.0, "{amplitude}, {phase_deg}°");
+            lab.sim.plate.resonance_hz = [0; 3].map(|_| rng.random_range(5.0..25.0));
+            lab.sim.plate.damping_ratio = [0; 3].map(|_| rng.random_range(0.02..0.3));
+            lab
+        };
+        let rigs: Vec<LabRig> = (0..24).map(&mut random_rig).collect();
+        for (lab, (amplitude, phase_deg)) in rigs.iter().zip(parallel(&rigs, &|_| (), worst_after_calibration)) {
+            assert!(amplitude < 0.01 && phase_deg < 1.0, "{:?}: {amplitude}, {phase_deg}°", lab.sim.plate);
         }
     }
 

@@ -33,21 +33,16 @@ pub enum Difficulty {
 impl Difficulty {
     /// All difficulties.
     pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Clean => "clean",
-            Self::Rough => "rough",
-            Self::Hard => "hard",
-            Self::Papers => "papers",
-        }
-    }
 }
 
 impl fmt::Display for Difficulty {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.write_str(match self {
+            Self::Clean => "clean",
+            Self::Rough => "rough",
+            Self::Hard => "hard",
+            Self::Papers => "papers",
+        })
     }
 }
 
@@ -55,8 +50,9 @@ impl FromStr for Difficulty {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|difficulty| difficulty.name() == name);
-        found.ok_or_else(|| format!("expected one of {}, found {name:?}", Self::ALL.map(Self::name).join(", ")))
+        let names = Self::ALL.map(|difficulty| difficulty.to_string());
+        let found = names.iter().position(|known| known == name).map(|i| Self::ALL[i]);
+        found.ok_or_else(|| format!("expected one of {}, found {name:?}", names.join(", ")))
     }
 }
 

@@ -7,17 +7,17 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
-    ("chart", 940),
+    ("chart", 860),
     ("control", 4450),
     ("core", 2430),
     ("fixtures", 420),
-    ("lab", 7440),
+    ("lab", 7100),
     ("perception", 5420),
     ("planning", 6790),
     ("qp", 90),
     ("recording", 1650),
     ("runner", 5620),
-    ("scene", 920),
+    ("scene", 915),
     ("server", 5790),
     ("sim", 3510),
     ("upm", 5850),

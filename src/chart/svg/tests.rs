@@ -53,9 +53,8 @@ fn tags(document: &str) -> Vec<&str> {
         rest = after;
     }
     assert!(open.is_empty() && rest.trim().is_empty(), "{open:?} {rest}");
-    assert!(
-        found[0].starts_with("svg width=\"900\"") && found.iter().filter(|tag| tag.starts_with("svg")).count() == 1
-    );
+    assert!(found[0].starts_with("svg width=\"900\""), "{}", found[0]);
+    assert_eq!(found.iter().filter(|tag| tag.starts_with("svg")).count(), 2, "the picture and the plot in it");
     found
 }
 
@@ -87,12 +86,11 @@ fn circles_on_a_map_are_round_with_the_given_radius() {
         let unit_x = (ruler[1][0] - ruler[0][0]) / far[0];
         let unit_y = (plumb[0][1] - plumb[1][1]) / far[1];
         assert!((unit_x / unit_y - 1.0).abs() < 2e-3, "{unit_x} {unit_y}");
-        let outline = &polylines(&document, Color::Red)[0];
+        let outline = *tags(&document).iter().find(|tag| tag.starts_with("ellipse")).unwrap();
+        let [cx, cy, rx, ry] = ["cx", "cy", "rx", "ry"].map(|name| attribute(outline, name).parse::<f64>().unwrap());
         let center = [ruler[0][0] + 60.0 * unit_x, ruler[0][1] - 40.0 * unit_y];
-        for point in outline {
-            let radius = (point[0] - center[0]).hypot(point[1] - center[1]);
-            assert!((radius / (25.0 * unit_x) - 1.0).abs() < 5e-3, "{radius} {}", 25.0 * unit_x);
-        }
+        assert!((cx - center[0]).hypot(cy - center[1]) < 0.3 && rx == ry, "{outline}");
+        assert!((rx / (25.0 * unit_x) - 1.0).abs() < 5e-3, "{rx} {}", 25.0 * unit_x);
     }
 }
 
@@ -103,7 +101,7 @@ fn every_label_is_there_and_escaped() {
     chart.layers[0].label = "<line> & co".into();
     let document = svg(&chart);
     let texts = tags(&document).iter().filter(|tag| tag.starts_with("text")).count();
-    assert!(document.contains("a &lt; b &amp; &quot;c&quot; andmore"), "{document}");
+    assert!(document.contains("a &lt; b &amp; \"c\" andmore"), "{document}");
     assert!(document.contains("&lt;line&gt; &amp; co"));
     for layer in &chart.layers[1..] {
         assert!(document.contains(&layer.label), "{}", layer.label);
@@ -120,15 +118,14 @@ fn nothing_is_drawn_outside_a_given_range() {
     let mut chart = chart(false, every_mark(&far));
     (chart.x.range, chart.y.range) = (Some([0.0, 10.0]), Some([0.0, 5.0]));
     let document = svg(&chart);
-    let height: f64 = attribute(tags(&document)[0], "height").parse().unwrap();
-    for color in [Color::Blue, Color::Orange, Color::Green, Color::Purple] {
-        for [x, y] in polylines(&document, color).concat() {
-            assert!((0.0..=9000.0).contains(&x) && (0.0..=10.0 * height).contains(&y), "{x} {y}");
-        }
-    }
-    let dots =
-        tags(&document).iter().filter(|tag| tag.starts_with("circle") && tag.contains("stroke=\"none\"")).count();
-    assert_eq!(dots, 3, "two within the range and the legend's");
+    // the nested picture is cut off at its rim
+    let (axes, after) = document.split_once("<svg x=").unwrap();
+    let (plot, legend) = after.split_once("</svg>").unwrap();
+    let strokes = |part: &str| part.matches("stroke-width=").count();
+    assert!(strokes(axes) == 0 && strokes(plot) > 8 && !legend.contains("<svg"), "{document}");
+    let numbers = plot.split([' ', '"', ',', 'M', 'L']).filter_map(|word| word.parse::<f64>().ok());
+    assert!(numbers.into_iter().all(|number| number.abs() < 2e6), "{plot}");
+    assert_eq!(plot.matches("<circle").count(), 2, "of the dots those within the range");
 }
 
 #[test]
@@ -182,11 +179,11 @@ fn a_logarithmic_axis_has_equal_ratios_at_equal_distances_and_gaps_at_zero() {
     let [[a, b], [c, d]] = [[lines[0][0], lines[0][1]], [lines[1][0], lines[1][1]]];
     for axis in [0, 1] {
         let decade = b[axis] - a[axis];
-        assert!((d[axis] - c[axis] - decade).abs() < 2.0 && decade.abs() > 100.0, "{lines:?}");
+        assert!((d[axis] - c[axis] - decade).abs() < 0.3 && decade.abs() > 50.0, "{lines:?}");
     }
-    assert!((c[0] - b[0] - 2.0 * (b[0] - a[0])).abs() < 3.0, "{lines:?}");
+    assert!((c[0] - b[0] - 2.0 * (b[0] - a[0])).abs() < 0.4, "{lines:?}");
     for number in ["0.01", "0.1", "10", "100", "1000", "10000"] {
-        assert!(document.contains(&format!("\n{number}\n")), "{number} in {document}");
+        assert!(document.contains(&format!(">{number}<")), "{number} in {document}");
     }
     chart.layers[0].points = vec![[0.0, -1.0], [f64::NAN, 3.0]];
     tags(&svg(&chart));

@@ -4,6 +4,7 @@
 use nalgebra::Complex;
 
 use crate::LabRig;
+use crate::pulses::mm;
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
@@ -45,7 +46,6 @@ impl Vectors {
     /// Chart of the table's outline, the accelerometers, their vectors and perpendiculars, and the measured centre.
     pub fn chart(&self, lab: &LabRig, row: &str, center_m: Vec2) -> Chart {
         let half_side_m = 0.5 * lab.model.plate_side_m;
-        let mm = |at: Vec2| [mm_from_m(at.x), mm_from_m(at.y)];
         let longest = self.accel_mps2[0].norm().max(self.accel_mps2[1].norm()).max(f64::MIN_POSITIVE);
         let vectors = self.accel_mps2.map(|accel| mm(accel * (ARROW * half_side_m / longest))).to_vec();
         let mut layers = vec![Layer::plate(mm_from_m(half_side_m))];

@@ -48,10 +48,11 @@ const VISCOSITY: f64 = DYN_N / CM;
 /// None in the published settings.
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut outcome = ExperimentResult::default();
-    let mut layers = Vec::new();
+    let title = "Feed rate against duty (Fig. 18); dots are simulated";
+    let mut chart = Chart::plot("feeder-duty", title, ["duty", "feed rate (cm/s)"]);
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
         let rates = rate_against_duty(accel_mps2, saturates, &mut outcome)?;
-        layers.extend(duty_layers(accel_mps2, Color::nth(i), rates));
+        chart = chart.with(duty_layers(accel_mps2, Color::nth(i), rates));
         progress(0.2 * (i + 1) as f64 / ACCELS_MPS2.len() as f64);
     }
     landmarks(&mut outcome);
@@ -59,12 +60,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
         rate_against_force(duty, &|share| progress(0.2 + 0.3 * share), &mut outcome);
     }
     drives(rig, &mut outcome);
-    outcome.charts.push(Chart::plot(
-        "feeder-duty",
-        "Feed rate against duty (Fig. 18); dots are simulated",
-        ["duty", "feed rate (cm/s)"],
-        layers,
-    ));
+    outcome.charts.push(chart);
     Ok(outcome)
 }
 
@@ -134,12 +130,9 @@ fn rate_against_force(duty: f64, progress: Progress<'_>, outcome: &mut Experimen
     let [intercept, slope] = line_through(&points);
     let at = format!("at d = {duty}, ±{FORCES_DYN} dyn");
     let is_papers = duty == FORCED.duty;
-    let source = |paper: f64| {
-        if is_papers {
-            format!("Eqs. 3 and 4; the paper's fit has {paper}")
-        } else {
-            "line through Eqs. 3, 4 and 7".into()
-        }
+    let source = |paper: f64| match is_papers {
+        true => format!("Eqs. 3 and 4; the paper's fit has {paper}"),
+        false => "line through Eqs. 3, 4 and 7".into(),
     };
     let figures = &mut outcome.figures;
     let name = format!("slope of force over rate, K, {at}");
@@ -191,15 +184,11 @@ fn duty_layers(accel_mps2: f64, color: Color, simulated: Vec<[f64; 2]>) -> [Laye
 
 fn force_chart(duty: f64, points: &[[f64; 2]], [intercept, slope]: [f64; 2]) -> Chart {
     let ends = [points.first(), points.last()].into_iter().flatten().map(|at| [at[0], intercept + slope * at[0]]);
-    Chart::plot(
-        format!("feeder-force-{}", (1000.0 * duty).round()),
-        format!("d = {duty}: external force against the rate it leads to (Fig. 19)"),
-        ["feed rate (cm/s)", "force (dyn)"],
-        vec![
-            Layer::new(&format!("{intercept:.2} + {slope:.2} x"), Mark::Line, Color::Gray, ends),
-            Layer::new("simulated", Mark::Dots, Color::Orange, points.iter().copied()),
-        ],
-    )
+    let name = format!("feeder-force-{}", (1000.0 * duty).round());
+    let title = format!("d = {duty}: external force against the rate it leads to (Fig. 19)");
+    Chart::plot(name, title, ["feed rate (cm/s)", "force (dyn)"])
+        .line(&format!("{intercept:.2} + {slope:.2} x"), Color::Gray, ends)
+        .dots("simulated", Color::Orange, points.iter().copied())
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Many runs on all cores, each summarised as soon as it ends.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use rand::RngExt;
@@ -51,26 +52,43 @@ pub struct Summary {
     pub stays: bool,
 }
 
-/// Runs to simulate together.
+/// Runs to simulate together, in named groups.
 #[derive(Clone, Debug, Default)]
-pub struct Batch(Vec<BatchJob>);
+pub struct Batch {
+    jobs: Vec<BatchJob>,
+    groups: BTreeMap<String, Range<usize>>,
+}
+
+/// Summaries of a batch's runs by its groups.
+pub struct Summaries {
+    all: Vec<Summary>,
+    groups: BTreeMap<String, Range<usize>>,
+}
 
 impl Batch {
-    /// Adds a run of `setup` from each of `starts` starts; returns their range among the summaries.
-    pub fn add(&mut self, setup: &Setup, starts: u64, until_s: f64) -> Range<usize> {
-        self.add_pushed(setup, starts, until_s, 0.0)
+    /// Adds a run of `setup` from each of `starts` starts.
+    pub fn add(&mut self, group: &str, setup: &Setup, starts: u64, until_s: f64) {
+        self.add_pushed(group, setup, starts, until_s, 0.0);
     }
 
     /// The same under a force along the feed, N.
-    pub fn add_pushed(&mut self, setup: &Setup, starts: u64, until_s: f64, force_n: f64) -> Range<usize> {
-        let from = self.0.len();
-        self.0.extend((0..starts).map(|start| BatchJob { setup: setup.clone(), start, until_s, force_n }));
-        from..self.0.len()
+    pub fn add_pushed(&mut self, group: &str, setup: &Setup, starts: u64, until_s: f64, force_n: f64) {
+        let from = self.jobs.len();
+        self.jobs.extend((0..starts).map(|start| BatchJob { setup: setup.clone(), start, until_s, force_n }));
+        self.groups.insert(group.to_owned(), from..self.jobs.len());
     }
 
     /// Simulates all runs; equal seeds give equal starts, whatever the setup.
-    pub fn summaries(&self, streams: &Streams, progress: Progress<'_>) -> Vec<Summary> {
-        parallel(&self.0, progress, |job| Summary::of(&job.run(streams)))
+    pub fn summaries(self, streams: &Streams, progress: Progress<'_>) -> Summaries {
+        let all = parallel(&self.jobs, progress, |job| Summary::of(&job.run(streams)));
+        Summaries { all, groups: self.groups }
+    }
+}
+
+impl Summaries {
+    /// Those of a group.
+    pub fn of(&self, group: &str) -> &[Summary] {
+        self.groups.get(group).and_then(|range| self.all.get(range.clone())).unwrap_or(&[])
     }
 }
 
@@ -134,5 +152,5 @@ pub fn of_cluster(summaries: &[Summary], cluster: usize, of: fn(&Cluster) -> f64
 
 /// Number of runs whose longest stall exceeds `least_s`, s.
 pub fn jams(summaries: &[Summary], least_s: f64) -> f64 {
-    summaries.iter().filter(|summary| summary.feed.longest_stall_s() > least_s).count() as f64
+    summaries.iter().filter(|summary| summary.feed.longest_stall_s > least_s).count() as f64
 }

@@ -6,17 +6,6 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::device::Device;
 use super::part::PartShape;
 
-/// Features in contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Feature {
-    /// A rim under the part's bottom face.
-    Bottom,
-    /// A rim at the part's edge or its side: the contact that jams the part.
-    Side,
-    /// A corner of the part on a slab.
-    Slab,
-}
-
 /// A point at which part and resonator touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
@@ -25,21 +14,6 @@ pub struct Contact {
     pub normal: Vector3<f64>,
     /// Overlap of the features, m.
     pub depth_m: f64,
-    pub feature: Feature,
-}
-
-/// Height of a normal, as a cosine, below which a contact is with the part's side.
-const BOTTOM_COSINE: f64 = 0.95;
-
-/// Outline of a resonator in the plane across its axis, and its position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MChipTile {
-    /// Row, from 0.
-    pub row: usize,
-    /// Column, from 0.
-    pub column: usize,
-    /// Middle of the axis, m.
-    pub axis_m: Vector3<f64>,
 }
 
 /// Dimensions of a device needed for contacts, in the slab's own axes.
@@ -66,39 +40,32 @@ impl Outline {
         }
     }
 
-    /// Appends the contacts of a part with a tile at `angle_rad` to `found`.
+    /// Appends the contacts of a part with the resonator about the axis at `axis_m`, turned by `angle_rad`, to `found`.
     pub fn contacts(
         &self,
-        tile: &MChipTile,
+        axis_m: Vector3<f64>,
         angle_rad: f64,
         part: &PartShape,
         pose: &Isometry3<f64>,
         found: &mut Vec<Contact>,
     ) {
-        let away = pose.translation.vector - tile.axis_m;
+        let away = pose.translation.vector - axis_m;
         let reach = part.half_m + Vector3::from(self.half_m);
         // the part turns little: a margin covers it
         if away.x.abs() > 1.05 * reach.x || away.y.abs() > 1.3 * reach.y {
             return;
         }
         let (sine, cosine) = angle_rad.sin_cos();
-        let raised = |[x, z]: [f64; 2]| [x * cosine + z * sine, z * cosine - x * sine];
-        self.rim_contacts(tile, raised(self.tip_m), part, pose, found);
+        let raised = |[x, z]: [f64; 2]| axis_m + Vector3::new(x * cosine + z * sine, 0.0, z * cosine - x * sine);
+        self.rim_contacts(raised(self.tip_m), part, pose, found);
         // the foot right under the tip matters where a part meets the slab's end below the rim
-        self.rim_contacts(tile, raised(self.foot_m), part, pose, found);
-        self.slab_contacts(tile, [sine, cosine], part, pose, found);
+        self.rim_contacts(raised(self.foot_m), part, pose, found);
+        self.slab_contacts(axis_m, [sine, cosine], part, pose, found);
     }
 
-    /// Contacts of the rim along y through `at` (x and z from the axis).
-    fn rim_contacts(
-        &self,
-        tile: &MChipTile,
-        at: [f64; 2],
-        part: &PartShape,
-        pose: &Isometry3<f64>,
-        found: &mut Vec<Contact>,
-    ) {
-        let end = |y: f64| pose.inverse_transform_point(&Point3::from(tile.axis_m + Vector3::new(at[0], y, at[1])));
+    /// Contacts of the rim along y, its middle at `middle_m`.
+    fn rim_contacts(&self, middle_m: Vector3<f64>, part: &PartShape, pose: &Isometry3<f64>, found: &mut Vec<Contact>) {
+        let end = |y: f64| pose.inverse_transform_point(&Point3::from(middle_m + Vector3::y() * y));
         let (from, to) = (end(-self.half_m[1]).coords, end(self.half_m[1]).coords);
         let half = part.half_m;
         if from.z.min(to.z) > half.z || from.z.max(to.z) < -half.z - self.rim_m {
@@ -114,11 +81,13 @@ impl Outline {
         for share in [first, last] {
             let point = from + along * share;
             if let Some((outward, distance_m)) = touched(&point, &half, self.rim_m) {
-                let feature = if outward.z < -BOTTOM_COSINE { Feature::Bottom } else { Feature::Side };
                 let normal = -(pose.rotation * outward);
                 let middle_m = pose.transform_point(&Point3::from(point)).coords;
-                let depth_m = self.rim_m - distance_m;
-                found.push(Contact { point_m: middle_m + normal * self.rim_m, normal, depth_m, feature });
+                found.push(Contact {
+                    point_m: middle_m + normal * self.rim_m,
+                    normal,
+                    depth_m: self.rim_m - distance_m,
+                });
             }
         }
     }
@@ -126,7 +95,7 @@ impl Outline {
     /// Contacts of the part's bottom corners with the top of the slab.
     fn slab_contacts(
         &self,
-        tile: &MChipTile,
+        axis_m: Vector3<f64>,
         [sine, cosine]: [f64; 2],
         part: &PartShape,
         pose: &Isometry3<f64>,
@@ -135,15 +104,14 @@ impl Outline {
         let half = part.half_m;
         for (x, y) in [(-half.x, -half.y), (-half.x, half.y), (half.x, -half.y), (half.x, half.y)] {
             let point_m = pose.transform_point(&Point3::new(x, y, -half.z)).coords;
-            let from_axis = point_m - tile.axis_m;
+            let from_axis = point_m - axis_m;
             if from_axis.y.abs() > self.half_m[1] {
                 continue;
             }
             let along = from_axis.x * cosine - from_axis.z * sine;
             let above = from_axis.x * sine + from_axis.z * cosine - self.half_m[2];
             if along.abs() <= self.half_m[0] && above <= 0.0 && above > -self.half_m[2] {
-                let normal = Vector3::new(sine, 0.0, cosine);
-                found.push(Contact { point_m, normal, depth_m: -above, feature: Feature::Slab });
+                found.push(Contact { point_m, normal: Vector3::new(sine, 0.0, cosine), depth_m: -above });
             }
         }
     }
@@ -180,11 +148,10 @@ mod tests {
     fn contacts(angle_rad: f64, front_m: f64, bottom_m: f64) -> Vec<Contact> {
         let device = Device { rim_radius_m: 1e-6, ..Device::published() };
         let part = PartShape::published();
-        let tile = MChipTile { row: 0, column: 0, axis_m: Vector3::zeros() };
         let center = Vector3::new(device.ridge_place_m + front_m - part.half_m.x, 0.0, bottom_m + part.half_m.z);
         let pose = Isometry3::from_parts(Translation3::from(center), UnitQuaternion::identity());
         let mut found = Vec::new();
-        Outline::of(&device).contacts(&tile, angle_rad, &part, &pose, &mut found);
+        Outline::of(&device).contacts(Vector3::zeros(), angle_rad, &part, &pose, &mut found);
         found
     }
 
@@ -193,7 +160,6 @@ mod tests {
         let found = contacts(0.0, 100e-6, 7.4e-6);
         assert_eq!(found.len(), 2, "{found:?}");
         for contact in found {
-            assert_eq!(contact.feature, Feature::Bottom);
             assert!((contact.normal - Vector3::z()).norm() < 1e-12);
             assert!((contact.point_m.y.abs() - 90e-6).abs() < 1e-9 && (contact.point_m.z - 7.5e-6).abs() < 1e-9);
         }
@@ -204,7 +170,6 @@ mod tests {
         let found = contacts(0.0, 0.1e-6, 3.0e-6);
         assert!(!found.is_empty());
         for contact in found {
-            assert_eq!(contact.feature, Feature::Side);
             assert!((contact.normal + Vector3::x()).norm() < 1e-9, "{contact:?}");
         }
     }
@@ -213,7 +178,7 @@ mod tests {
     fn rim_at_the_edge_pushes_up_and_back() {
         let found = contacts(0.0, 0.3e-6, 7.2e-6);
         let edge = found.iter().find(|contact| contact.normal.z > 0.1).unwrap();
-        assert!(edge.normal.x < -0.3 && edge.feature == Feature::Side, "{edge:?}");
+        assert!(edge.normal.x < -0.3 && edge.normal.z < 0.95, "{edge:?}");
     }
 
     #[test]

@@ -23,8 +23,6 @@ pub struct Device {
     pub gap_m: [f64; 2],
     /// Shift of every second row along y, in column pitches: the interleaved tiling.
     pub row_shift: f64,
-    /// Shift of every second column along x, in row pitches.
-    pub column_shift: f64,
     /// Position of the ridge from the axis along x, m: the paper's L, negative on the trailing side.
     pub ridge_place_m: f64,
     /// Height of the ridge above the slab, m: the paper's H.
@@ -59,7 +57,6 @@ impl Device {
             slab_m: [280e-6, 180e-6, 5e-6],
             gap_m: [10e-6, 10e-6],
             row_shift: 0.5,
-            column_shift: 0.0,
             ridge_place_m: -140e-6,
             ridge_height_m: 5e-6,
             rim_radius_m: 0.75e-6,
@@ -107,10 +104,10 @@ impl Device {
     /// Middle of a resonator's axis, m: the array starts at x = 0 and is centred on y = 0; axes are at z = 0.
     pub fn axis_m(&self, row: usize, column: usize) -> Vector3<f64> {
         let [px, py] = self.pitch_m();
-        let odd = |index: usize, shift: f64| if index % 2 == 1 { shift } else { 0.0 };
-        let x = row as f64 + 0.5 + odd(column, self.column_shift);
+        let x = row as f64 + 0.5;
         // half the shift in both directions keeps the array centred
-        let y = column as f64 - 0.5 * (self.columns as f64 - 1.0) + odd(row, self.row_shift) - 0.5 * self.row_shift;
+        let shift = if row % 2 == 1 { self.row_shift } else { 0.0 };
+        let y = column as f64 - 0.5 * (self.columns as f64 - 1.0) + shift - 0.5 * self.row_shift;
         Vector3::new(x * px, y * py, 0.0)
     }
 

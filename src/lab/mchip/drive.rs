@@ -1,23 +1,18 @@
 //! The torque wave of every row: duty, phase offsets and the strobing of rows (M-Chip paper, section III-A).
 
-/// Strobing: a wave of rows that are off, running against the feed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Strobe {
-    /// Rows from one row that is off to the next: the paper's λ.
-    pub spacing: usize,
-    /// Drive cycles for which a row is off: the paper's γ.
-    pub cycles: usize,
-}
-
-/// The drive of an array.
+/// The drive of an array, and the strobing of its rows: a wave of rows that are off, running against the feed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResonatorDrive {
     /// Fraction of a cycle in which the torque is on.
     pub duty: f64,
     /// Delay of a row against the one before it, in cycles.
     pub row_delay: f64,
-    /// Strobing of the rows, if any.
-    pub strobe: Option<Strobe>,
+    /// 1 where rows are strobed, else 0.
+    pub strobe: u32,
+    /// Rows from one row that is off to the next: the paper's λ.
+    pub spacing: u32,
+    /// Drive cycles for which a row is off: the paper's γ.
+    pub cycles: u32,
     /// False for an array at rest.
     pub on: bool,
 }
@@ -25,28 +20,26 @@ pub struct ResonatorDrive {
 impl ResonatorDrive {
     /// All rows driven alike, 50 % duty.
     pub fn plain() -> Self {
-        Self { duty: 0.5, row_delay: 0.0, strobe: None, on: true }
+        Self { duty: 0.5, row_delay: 0.0, strobe: 0, spacing: 4, cycles: 50, on: true }
     }
 
     /// The strobing that the paper found best: λ = 4 rows, γ = 50 cycles.
     pub fn strobed() -> Self {
-        Self { strobe: Some(Strobe { spacing: 4, cycles: 50 }), ..Self::plain() }
+        Self { strobe: 1, ..Self::plain() }
     }
 
     /// True while `row` of `rows` is driven up, `cycles` drive cycles after the start.
     pub fn pushes(&self, row: usize, rows: usize, cycles: f64) -> bool {
-        if !self.on || self.strobe.is_some_and(|strobe| strobe.is_off(row, rows, cycles)) {
+        if self.is_off(row, rows, cycles) {
             return false;
         }
         (cycles - self.row_delay * row as f64).rem_euclid(1.0) < self.duty
     }
-}
 
-impl Strobe {
-    /// True while `row` is off: the last row first, then the one before it.
+    /// True while `row` is off: the last row first, then the one before it; always in an array at rest.
     pub fn is_off(&self, row: usize, rows: usize, cycles: f64) -> bool {
-        let turn = (cycles / self.cycles as f64) as usize;
-        (row + turn) % self.spacing == (rows - 1) % self.spacing
+        let (turn, spacing) = ((cycles / f64::from(self.cycles)) as usize, self.spacing as usize);
+        !self.on || (self.strobe == 1 && (row + turn) % spacing == (rows - 1) % spacing)
     }
 }
 
@@ -57,9 +50,7 @@ mod tests {
     #[test]
     fn off_rows_run_against_the_feed() {
         let drive = ResonatorDrive::strobed();
-        let off = |cycles: f64| -> Vec<usize> {
-            (0..8).filter(|&row| drive.strobe.unwrap().is_off(row, 8, cycles)).collect()
-        };
+        let off = |cycles: f64| -> Vec<usize> { (0..8).filter(|&row| drive.is_off(row, 8, cycles)).collect() };
         assert_eq!(off(0.0), [3, 7]);
         assert_eq!(off(49.9), [3, 7]);
         assert_eq!(off(50.0), [2, 6]);

@@ -30,33 +30,28 @@ pub fn mean_rate_mps(samples: &[Sample]) -> f64 {
 pub struct FeedMeasure {
     /// Median rate of the windows in which the part moves, m/s.
     pub moving_mps: f64,
-    /// Start and length of every stall, s.
-    pub stalls_s: Vec<[f64; 2]>,
+    pub longest_stall_s: f64,
 }
 
 impl FeedMeasure {
     pub fn of(samples: &[Sample]) -> Self {
         let Some(stride) = samples.windows(2).next().map(|pair| pair[1].at_s - pair[0].at_s) else {
-            return Self { moving_mps: f64::NAN, stalls_s: Vec::new() };
+            return Self { moving_mps: f64::NAN, longest_stall_s: 0.0 };
         };
         let window = (RATE_WINDOW_S / stride).round() as usize;
-        let (mut moving, mut stalls_s): (Vec<f64>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
-        let mut stalled = false;
+        let (mut moving, mut stall_s, mut longest_stall_s) = (Vec::new(), 0.0, 0.0f64);
         for samples in samples.windows(window + 1).step_by(window) {
             let rate_mps = mean_rate_mps(samples);
-            match (rate_mps < STALL_MPS, stalled, stalls_s.last_mut()) {
-                (true, true, Some(stall)) => stall[1] += RATE_WINDOW_S,
-                (true, ..) => stalls_s.push([samples[0].at_s, RATE_WINDOW_S]),
-                (false, ..) => moving.push(rate_mps),
+            if rate_mps < STALL_MPS {
+                stall_s += RATE_WINDOW_S;
+            } else {
+                stall_s = 0.0;
+                moving.push(rate_mps);
             }
-            stalled = rate_mps < STALL_MPS;
+            longest_stall_s = longest_stall_s.max(stall_s);
         }
         moving.sort_by(f64::total_cmp);
-        Self { moving_mps: moving.get(moving.len() / 2).copied().unwrap_or(f64::NAN), stalls_s }
-    }
-
-    pub fn longest_stall_s(&self) -> f64 {
-        self.stalls_s.iter().fold(0.0, |longest, stall| stall[1].max(longest))
+        Self { moving_mps: moving.get(moving.len() / 2).copied().unwrap_or(f64::NAN), longest_stall_s }
     }
 }
 
@@ -83,29 +78,26 @@ pub fn height_m(run: &Run, samples: &[Sample]) -> Spread {
 /// Energies of a part (Table I, right), J. LinX is that of the motion relative to the drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Energies {
-    /// LinX without the drift, LinY, LinZ, AngX, AngY, AngZ.
-    pub jitter: [Spread; 6],
+    /// LinX without the drift, LinY, LinZ, AngX, AngY, AngZ, and PotZ relative to rest.
+    pub each: [Spread; 7],
     /// Kinetic energy of the drift along x, J.
     pub drift_j: f64,
-    /// Potential energy relative to rest.
-    pub potential: Spread,
 }
 
 impl Energies {
     pub fn of(run: &Run, samples: &[Sample]) -> Self {
         let part: &PartShape = &run.setup().part;
         let drift_mps = mean_rate_mps(samples);
-        let about_drift = |sample: &Sample| {
+        let weight_n = part.mass_kg * GRAVITY_MPS2;
+        let energies_j = |sample: &Sample| {
             let mut state = sample.state;
             state.velocity_mps.x -= drift_mps;
-            part.kinetic_j(&state)
+            let [a, b, c, d, e, f] = part.kinetic_j(&state);
+            [a, b, c, d, e, f, weight_n * run.height_m(&state)]
         };
-        let weight_n = part.mass_kg * GRAVITY_MPS2;
-        let height = height_m(run, samples);
         Self {
-            jitter: std::array::from_fn(|i| Spread::of(samples.iter().map(|sample| about_drift(sample)[i]))),
+            each: std::array::from_fn(|i| Spread::of(samples.iter().map(|sample| energies_j(sample)[i]))),
             drift_j: 0.5 * part.mass_kg * drift_mps.powi(2),
-            potential: Spread { mean: weight_n * height.mean, sd: weight_n * height.sd },
         }
     }
 }
@@ -124,9 +116,9 @@ pub struct Arrival {
 /// Contacts of driven resonators from `from_s` to `until_s`, each with the time since the previous one of the same
 /// resonator. Impacts within 8 µs are one contact with the state of the first and the sum of their impulses.
 pub fn arrivals(impacts: &[Impact], from_s: f64, until_s: f64) -> Vec<Arrival> {
-    let mut of_resonator = std::collections::BTreeMap::<(usize, usize), Vec<&Impact>>::new();
+    let mut of_resonator = std::collections::BTreeMap::<usize, Vec<&Impact>>::new();
     for impact in impacts.iter().filter(|impact| (from_s..until_s).contains(&impact.at_s)) {
-        of_resonator.entry((impact.row, impact.column)).or_default().push(impact);
+        of_resonator.entry(impact.resonator).or_default().push(impact);
     }
     let mut arrivals = Vec::new();
     for impacts in of_resonator.values() {

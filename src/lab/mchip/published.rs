@@ -1,19 +1,16 @@
 //! The papers' figures of the M-Chip: impacts in clusters, jams and means to free a part, duty, spectrum, energies; the
 //! sweeps are in [`super::sweeps`].
 
-use std::ops::Range;
-
-use super::batch::{Batch, BatchJob, Summary, jams, mean, median, of_cluster};
-use super::belt::Belt;
+use super::batch::{Batch, BatchJob, Summaries, Summary, jams, mean, median, of_cluster};
 use super::device::Device;
-use super::drive::{ResonatorDrive, Strobe};
+use super::drive::ResonatorDrive;
 use super::impact::ImpactLaw;
+use super::measures::{Cluster, Energies};
 use super::run::Setup;
-use super::sweeps::Sweeps;
-use super::{DYN_N, JAM_S, gap_chart, spectrum_chart, track_chart};
+use super::{DYN_N, JAM_S, belt, gap_chart, spectrum_chart, sweeps, track_chart};
 use crate::sweep::Progress;
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -28,7 +25,7 @@ const SHORT_DUTY: f64 = 0.36;
 /// Phase offsets from row to row, in cycles.
 const OFFSETS: [f64; 4] = [0.125, 0.25, 0.5, 0.75];
 /// Compared times for which the strobing turns a row off, in cycles.
-const TURNS: [usize; 5] = [20, 37, 50, 75, 100];
+const TURNS: [u32; 5] = [20, 37, 50, 75, 100];
 /// Frequency with which the strobing of λ = 4 and γ = 50 repeats at 5 kHz, Hz.
 const STROBE_HZ: f64 = 25.0;
 /// Thickness of 55 µg of silicon with the length and width of the paper's box, m.
@@ -41,23 +38,6 @@ const TABLE: [[f64; 2]; 7] =
 /// Unit of the table, J.
 const TABLE_J: f64 = 1e-12;
 
-/// Ranges of the runs of each kind among the summaries.
-struct RunRanges {
-    /// Runs that end before the first jam.
-    plain: Range<usize>,
-    plain_long: Range<usize>,
-    short_duty: Range<usize>,
-    strobed: Range<usize>,
-    strobed_short_duty: Range<usize>,
-    offsets: Vec<Range<usize>>,
-    turns: Vec<Range<usize>>,
-    nominal: [Range<usize>; 2],
-    algebraic: Range<usize>,
-    soft: Range<usize>,
-    /// A part as thick as 55 µg of silicon, strobed.
-    thin: Range<usize>,
-}
-
 /// Reproduces all figures.
 ///
 /// # Errors
@@ -66,21 +46,20 @@ struct RunRanges {
 pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let streams = Streams::new(rig.seed);
     let mut batch = Batch::default();
-    let places = RunRanges::new(&mut batch);
-    let sweeps = Sweeps::new(&mut batch);
-    let summaries = batch.summaries(&streams, &|share| progress(0.95 * share));
-    let of = |range: &Range<usize>| summaries.get(range.clone()).unwrap_or(&[]);
+    add_runs(&mut batch);
+    sweeps::add_runs(&mut batch);
+    let runs = batch.summaries(&streams, &|share| progress(0.95 * share));
     let mut outcome = ExperimentResult::default();
-    outcome.figures.extend(impacts(of(&places.plain), "50 % duty"));
-    outcome.figures.extend(impacts(of(&places.strobed), "50 % duty, strobed"));
-    outcome.figures.extend(short_duty(of(&places.short_duty), of(&places.strobed_short_duty)));
-    outcome.figures.extend(feed(&places, &of));
-    outcome.figures.extend(bouncing(of(&places.strobed), "strobed"));
-    outcome.figures.extend(bouncing(of(&places.plain_long), "every row alike"));
-    outcome.figures.extend(bouncing(of(&places.soft), "soft rods"));
-    outcome.sheet = Some(energies(of(&places.strobed)));
-    sweeps.report(&of, &mut outcome);
-    outcome.figures.extend(beside(&places, &of));
+    outcome.figures.extend(impacts(runs.of("plain"), "50 % duty"));
+    outcome.figures.extend(impacts(runs.of("strobed"), "50 % duty, strobed"));
+    outcome.figures.extend(short_duty(runs.of("short duty"), runs.of("strobed, short duty")));
+    outcome.figures.extend(feed(&runs));
+    outcome.figures.extend(bouncing(runs.of("strobed"), "strobed"));
+    outcome.figures.extend(bouncing(runs.of("plain, long"), "every row alike"));
+    outcome.figures.extend(bouncing(runs.of("soft"), "soft rods"));
+    outcome.sheet = Some(energies(runs.of("strobed")));
+    sweeps::report(&runs, &mut outcome);
+    outcome.figures.extend(beside(&runs));
     outcome.charts.extend(charts(&streams));
     progress(1.0);
     Ok(outcome)
@@ -91,30 +70,32 @@ fn at_duty(duty: f64, drive: ResonatorDrive) -> Setup {
     Setup::published(ResonatorDrive { duty, ..drive })
 }
 
-impl RunRanges {
-    fn new(batch: &mut Batch) -> Self {
-        let (plain, strobed) = (Setup::published(ResonatorDrive::plain()), Setup::published(ResonatorDrive::strobed()));
-        let offset = |row_delay| Setup::published(ResonatorDrive { row_delay, ..ResonatorDrive::plain() });
-        let turn = |cycles| ResonatorDrive { strobe: Some(Strobe { spacing: 4, cycles }), ..ResonatorDrive::plain() };
-        let nominal =
-            |duty| Setup { device: Device::nominal(), sample_s: 1e-4, ..at_duty(duty, ResonatorDrive::plain()) };
-        let soft = Setup { device: Device::soft(), ..plain.clone() };
-        let mut thin = strobed.clone();
-        thin.part.half_m.z = 0.5 * THIN_M;
-        Self {
-            plain: batch.add(&plain, STARTS, SHORT_S),
-            plain_long: batch.add(&plain, STARTS, LONG_S),
-            short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::plain()), STARTS, LONG_S),
-            strobed: batch.add(&strobed, STARTS, LONG_S),
-            strobed_short_duty: batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::strobed()), FEW, LONG_S),
-            offsets: OFFSETS.map(|row_delay| batch.add(&offset(row_delay), FEW, LONG_S)).to_vec(),
-            turns: TURNS.map(|cycles| batch.add(&Setup::published(turn(cycles)), FEW, 2.0 * SHORT_S)).to_vec(),
-            nominal: [0.5, SHORT_DUTY].map(|duty| batch.add(&nominal(duty), FEW, 2.0 * SHORT_S)),
-            soft: batch.add(&soft, FEW, LONG_S),
-            thin: batch.add(&thin, FEW, LONG_S),
-            algebraic: batch.add(&Setup { law: ImpactLaw::Algebraic, ..plain }, FEW, SHORT_S),
-        }
+/// Runs of every kind. "plain" ones end before the first jam; the part of "thin" is as thick as 55 µg of silicon.
+fn add_runs(batch: &mut Batch) {
+    let (plain, strobed) = (Setup::published(ResonatorDrive::plain()), Setup::published(ResonatorDrive::strobed()));
+    batch.add("plain", &plain, STARTS, SHORT_S);
+    batch.add("plain, long", &plain, STARTS, LONG_S);
+    batch.add("short duty", &at_duty(SHORT_DUTY, ResonatorDrive::plain()), STARTS, LONG_S);
+    batch.add("strobed", &strobed, STARTS, LONG_S);
+    batch.add("strobed, short duty", &at_duty(SHORT_DUTY, ResonatorDrive::strobed()), FEW, LONG_S);
+    for row_delay in OFFSETS {
+        let setup = Setup::published(ResonatorDrive { row_delay, ..ResonatorDrive::plain() });
+        batch.add(&format!("offset {row_delay}"), &setup, FEW, LONG_S);
     }
+    for cycles in TURNS {
+        let setup = Setup::published(ResonatorDrive { cycles, ..ResonatorDrive::strobed() });
+        batch.add(&format!("turn {cycles}"), &setup, FEW, 2.0 * SHORT_S);
+    }
+    for duty in [0.5, SHORT_DUTY] {
+        let setup = at_duty(duty, ResonatorDrive::plain());
+        let nominal = Setup { device: Device::nominal(), sample_s: 1e-4, ..setup };
+        batch.add(&format!("nominal {duty}"), &nominal, FEW, 2.0 * SHORT_S);
+    }
+    batch.add("soft", &Setup { device: Device::soft(), ..plain.clone() }, FEW, LONG_S);
+    let mut thin = strobed;
+    thin.part.half_m.z = 0.5 * THIN_M;
+    batch.add("thin", &thin, FEW, LONG_S);
+    batch.add("algebraic", &Setup { law: ImpactLaw::Algebraic, ..plain }, FEW, SHORT_S);
 }
 
 /// Times between contacts, and differences between double bounces and the others.
@@ -124,7 +105,7 @@ fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
         let gap_ms = 1e3 * of_cluster(summaries, cluster, |of| of.gap_s);
         Figure::against(format!("{how}: {name}"), "ms", gap_ms, paper_ms, SOURCE).judged(accepted)
     };
-    let ratio = |name: &str, of: fn(&super::measures::Cluster) -> f64, paper: &str, accepted: [f64; 2]| {
+    let ratio = |name: &str, of: fn(&Cluster) -> f64, paper: &str, accepted: [f64; 2]| {
         let value = of_cluster(summaries, 0, of) / of_cluster(summaries, 2, of);
         Figure::alone(format!("{how}: {name}"), "1", value, paper).judged(accepted)
     };
@@ -159,16 +140,17 @@ fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
 }
 
 /// Rates, jams, and means to free a part.
-fn feed<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
+fn feed(runs: &Summaries) -> Vec<Figure> {
     let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
     let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
-    let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s());
-    let (plain, strobed, short) = (of(&places.plain_long), of(&places.strobed), of(&places.short_duty));
-    let offsets: f64 = places.offsets.iter().map(|range| jams(of(range), JAM_S)).sum();
+    let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s);
+    let (plain, strobed, short) = (runs.of("plain, long"), runs.of("strobed"), runs.of("short duty"));
+    let offsets: f64 = OFFSETS.iter().map(|delay| jams(runs.of(&format!("offset {delay}")), JAM_S)).sum();
     let gain = |with: f64, without: f64| 100.0 * (with / without - 1.0);
     let percent = |name: &str, value: f64| Figure::alone(name, "%", value, "20 to 40 %").judged([20.0, 40.0]);
-    let turns: Vec<f64> = places.turns.iter().map(|range| rate(of(range))).collect();
-    let best = TURNS.iter().zip(&turns).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(turn, _)| *turn as f64);
+    let turns = TURNS.map(|cycles| rate(runs.of(&format!("turn {cycles}"))));
+    let best =
+        TURNS.iter().zip(&turns).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(turn, _)| f64::from(*turn));
     let against = |name: &str, unit: &str, value: f64, paper: f64, accepted: [f64; 2]| {
         Figure::against(name, unit, value, paper, "M-Chip paper, III").judged(accepted)
     };
@@ -183,7 +165,7 @@ fn feed<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) ->
         against("strobed: γ with the highest rate, of 20 to 100", "1", best, 50.0, [37.0, 63.0]),
         against("36 % duty: rate while it moves", "mm/s", moving(short), 1.05, [0.75, 1.38]),
         percent("gain of rate by 36 % duty while it moves", gain(moving(short), moving(plain))),
-        percent("the same, strobed", gain(rate(of(&places.strobed_short_duty)), rate(strobed))),
+        percent("the same, strobed", gain(rate(runs.of("strobed, short duty")), rate(strobed))),
     ]
 }
 
@@ -220,74 +202,66 @@ fn energies(summaries: &[Summary]) -> DataSheet {
         "reproduced within a factor of 3: 1, else 0",
     ];
     let scaled = |of: &dyn Fn(&Summary) -> f64| mean(summaries, of) / TABLE_J;
-    let row = |i: usize, mean: f64, sd: f64| {
-        let [paper, paper_sd] = TABLE[i];
+    let row = |(i, &[paper, paper_sd]): (usize, &[f64; 2])| {
+        let (mean, sd) = (scaled(&|of| of.energies.each[i].mean), scaled(&|of| of.energies.each[i].sd));
         let is_near = (paper / 3.0..=paper * 3.0).contains(&mean);
         vec![(i + 1) as f64, mean, sd, paper, paper_sd, f64::from(u8::from(is_near))]
     };
-    let mut rows: Vec<Vec<f64>> = (0..6)
-        .map(|i| row(i, scaled(&|of| of.energies.jitter[i].mean), scaled(&|of| of.energies.jitter[i].sd)))
-        .collect();
-    rows.push(row(6, scaled(&|of| of.energies.potential.mean), scaled(&|of| of.energies.potential.sd)));
+    let mut rows: Vec<Vec<f64>> = TABLE.iter().enumerate().map(row).collect();
     rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN, f64::NAN]);
     DataSheet::new(columns, rows)
 }
 
 /// Other models and devices, for comparison.
-fn beside<'a>(places: &RunRanges, of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
-    let rate = |range: &Range<usize>| mm_from_m(mean(of(range), |summary| summary.rate_mps));
-    let rate_alone = |name: &str, range: &Range<usize>, source: &str| Figure::alone(name, "mm/s", rate(range), source);
-    let belt = Belt::published();
-    let strobed = of(&places.strobed);
+fn beside(runs: &Summaries) -> Vec<Figure> {
+    let rate = |group: &str| mm_from_m(mean(runs.of(group), |summary| summary.rate_mps));
+    let rate_alone = |name: &str, group: &str, source: &str| Figure::alone(name, "mm/s", rate(group), source);
+    let strobed = runs.of("strobed");
     let share = mean(strobed, |summary| {
-        let energies = &summary.energies;
-        let others = energies.drift_j + energies.jitter.iter().map(|one| one.mean).sum::<f64>();
-        energies.potential.mean / (energies.potential.mean + others)
+        let Energies { each, drift_j } = &summary.energies;
+        each[6].mean / (drift_j + each.iter().map(|one| one.mean).sum::<f64>())
     });
     let roll = |summaries: &[Summary], i: usize| {
-        let angular = |i: usize| mean(summaries, |summary| summary.energies.jitter[i].mean);
+        let angular = |i: usize| mean(summaries, |summary| summary.energies.each[i].mean);
         angular(i) / angular(4)
     };
     let paper_share = TABLE[6][0] / TABLE.iter().map(|row| row[0]).sum::<f64>();
-    let [sinks, bounces] = [1e6 * belt.depth_m(), belt.bounce_hz()];
-    let slope = mm_from_m(belt.slope_mpspn()) * DYN_N;
+    let [sinks, bounces] = [1e6 * belt::depth_m(), belt::bounce_hz()];
+    let slope = mm_from_m(belt::slope_mpspn()) * DYN_N;
     let nominal = "the designers' device, 1 kHz and 2°: no figure";
-    let soft_jams = jams(of(&places.soft), JAM_S);
+    let soft_jams = jams(runs.of("soft"), JAM_S);
     let table = "Impulse paper, Table I";
     vec![
         Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, table).judged([0.8, 1.0]),
         Figure::against("AngX over AngY, strobed", "1", roll(strobed, 3), 1.03, table).judged([0.5, 2.0]),
-        Figure::against("the same, part of 51 µm", "1", roll(of(&places.thin), 3), 1.03, table).judged([0.5, 2.0]),
+        Figure::against("the same, part of 51 µm", "1", roll(runs.of("thin"), 3), 1.03, table).judged([0.5, 2.0]),
         Figure::against("AngZ over AngY, strobed", "1", roll(strobed, 5), 0.013, table).judged([0.0, 0.05]),
-        rate_alone("nominal device, 50 % duty: rate", &places.nominal[0], nominal),
-        rate_alone("nominal device, 36 % duty: rate", &places.nominal[1], nominal),
-        Figure::against("soft rods: rate", "mm/s", rate(&places.soft), 0.8, "M-Chip paper, III").judged([0.6, 1.0]),
+        rate_alone("nominal device, 50 % duty: rate", "nominal 0.5", nominal),
+        rate_alone("nominal device, 36 % duty: rate", "nominal 0.36", nominal),
+        Figure::against("soft rods: rate", "mm/s", rate("soft"), 0.8, "M-Chip paper, III").judged([0.6, 1.0]),
         Figure::against("soft rods: starts that jam, of three", "1", soft_jams, 3.0, "M-Chip paper, III")
             .judged([2.0, 3.0]),
-        rate_alone("rate with algebraic impacts", &places.algebraic, "friction by the first slip alone"),
+        rate_alone("rate with algebraic impacts", "algebraic", "friction by the first slip alone"),
         Figure::against("belt of Fig. 11: bouncing", "Hz", bounces, 370.0, "294 dyn/cm and 55 µg"),
         Figure::alone("belt of Fig. 11: depth of the part", "µm", sinks, "294 dyn/cm and 55 µg"),
         Figure::against("belt of Fig. 11: slope of the rate over force", "mm/s/dyn", slope, 19.6, table),
     ]
 }
 
-/// A chart of tracks with that of a part on the belt of Fig. 11 added.
-fn with_belt(mut chart: Chart) -> Chart {
-    let belt = Belt::published();
-    let way = (0..=BELT_POINTS).map(|i| LONG_S * i as f64 / BELT_POINTS as f64);
-    let points = way.map(|t_s| [t_s, mm_from_m(belt.way_m(0.0, t_s))]);
-    chart.layers.push(Layer::new("belt of Fig. 11, 1.1 mm/s", Mark::Dashes, Color::Gray, points));
-    chart
-}
-
-/// Tracks with and without strobing, contacts at both duties, the spectrum.
+/// Tracks with and without strobing and on the belt of Fig. 11, contacts at both duties, the spectrum.
 fn charts(streams: &Streams) -> Vec<Chart> {
     let run = |setup: Setup, until_s| BatchJob { setup, start: 0, until_s, force_n: 0.0 }.run(streams);
     let plain = run(Setup::published(ResonatorDrive::plain()), LONG_S);
     let strobed = run(Setup::published(ResonatorDrive::strobed()), LONG_S);
     let short = run(at_duty(SHORT_DUTY, ResonatorDrive::plain()), SHORT_S);
+    let times_s = (0..=BELT_POINTS).map(|i| LONG_S * i as f64 / BELT_POINTS as f64);
+    let way = times_s.map(|t_s| [t_s, mm_from_m(belt::way_m(t_s))]);
     vec![
-        with_belt(track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)])),
+        track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)]).dashes(
+            "belt of Fig. 11, 1.1 mm/s",
+            Color::Gray,
+            way,
+        ),
         gap_chart("mchip-collisions-50", &strobed),
         gap_chart("mchip-collisions-36", &short),
         spectrum_chart(&strobed),
@@ -303,13 +277,11 @@ mod tests {
     #[test]
     fn figures_of_a_few_runs_are_like_the_papers() {
         let mut batch = Batch::default();
-        let ranges = [
-            batch.add(&Setup::published(ResonatorDrive::plain()), 2, SHORT_S),
-            batch.add(&Setup::published(ResonatorDrive::strobed()), 2, SHORT_S),
-            batch.add(&at_duty(SHORT_DUTY, ResonatorDrive::plain()), 2, SHORT_S),
-        ];
-        let found = batch.summaries(&Streams::new(3), &|_| ());
-        let [plain, strobed, short] = ranges.map(|range| &found[range]);
+        batch.add("plain", &Setup::published(ResonatorDrive::plain()), 2, SHORT_S);
+        batch.add("strobed", &Setup::published(ResonatorDrive::strobed()), 2, SHORT_S);
+        batch.add("short", &at_duty(SHORT_DUTY, ResonatorDrive::plain()), 2, SHORT_S);
+        let runs = batch.summaries(&Streams::new(3), &|_| ());
+        let [plain, strobed, short] = ["plain", "strobed", "short"].map(|group| runs.of(group));
         let figures = [
             impacts(plain, "50 %"),
             impacts(strobed, "strobed"),

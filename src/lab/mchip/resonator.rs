@@ -63,33 +63,24 @@ impl ExactStep {
     }
 }
 
-/// Steps of a drive cycle of [`free_cycle`].
+/// Steps of a drive cycle of [`free_swing`].
 const CYCLE_STEPS: usize = 1_000;
 /// Cycles after which the free oscillation is periodic.
 const SETTLING_CYCLES: usize = 200;
 
-/// One cycle of the settled free oscillation under a square wave of torque, from the moment the torque is switched on.
-pub fn free_cycle(rotor: &Rotor, torque_nm: f64, drive_hz: f64, duty: f64) -> Vec<Swing> {
+/// Least and largest angle of the settled free oscillation under a square wave of torque, rad.
+pub fn free_swing(rotor: &Rotor, torque_nm: f64, drive_hz: f64, duty: f64) -> [f64; 2] {
     let step = rotor.exact_step(1.0 / (drive_hz * CYCLE_STEPS as f64));
     let on = (duty * CYCLE_STEPS as f64).round() as usize;
-    let mut swing = Swing::default();
-    let mut cycle = Vec::with_capacity(CYCLE_STEPS);
+    let (mut swing, mut ends) = (Swing::default(), [0.0; 2]);
     for _ in 0..SETTLING_CYCLES {
-        cycle.clear();
+        ends = [f64::INFINITY, f64::NEG_INFINITY];
         for i in 0..CYCLE_STEPS {
-            cycle.push(swing);
+            ends = [ends[0].min(swing.angle_rad), ends[1].max(swing.angle_rad)];
             swing = step.after(&swing, if i < on { torque_nm } else { 0.0 });
         }
     }
-    cycle
-}
-
-/// Least and largest angle of the settled free oscillation, rad.
-pub fn free_swing(rotor: &Rotor, torque_nm: f64, drive_hz: f64, duty: f64) -> [f64; 2] {
-    let cycle = free_cycle(rotor, torque_nm, drive_hz, duty);
-    cycle.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], swing| {
-        [least.min(swing.angle_rad), most.max(swing.angle_rad)]
-    })
+    ends
 }
 
 #[cfg(test)]

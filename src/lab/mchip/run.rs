@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::contact::{Contact, Feature, MChipTile, Outline};
+use super::contact::{Contact, Outline};
 use super::device::Device;
 use super::drive::ResonatorDrive;
 use super::impact::{Collision, ImpactLaw, Surface};
@@ -17,7 +17,7 @@ const LEAST_RISE_M: f64 = 3e-5;
 const WARM_UP_CYCLES: f64 = 20.0;
 
 /// Device, drive, part, impact law and steps of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     pub device: Device,
     pub drive: ResonatorDrive,
@@ -78,16 +78,13 @@ impl Start {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     pub at_s: f64,
-    /// Row of the resonator, from 0.
-    pub row: usize,
-    /// Its column, from 0.
-    pub column: usize,
+    /// Number of the resonator, row by row.
+    pub resonator: usize,
     /// False for a resonator of a row that is strobed off.
     pub driven: bool,
     /// Angle and angular speed of the resonator just before the impact.
     pub swing: Swing,
     pub impulse_ns: Vector3<f64>,
-    pub feature: Feature,
 }
 
 /// State of the part at one time.
@@ -104,7 +101,8 @@ pub struct Run {
     torque_nm: f64,
     exact: ExactStep,
     outline: Outline,
-    tiles: Vec<MChipTile>,
+    /// Middles of the resonators' axes, m.
+    axes_m: Vec<Vector3<f64>>,
     /// Resonators, row by row.
     pub swings: Vec<Swing>,
     pub state: MChipPart,
@@ -124,20 +122,16 @@ impl Run {
         let bottom_m =
             Vector3::new(start.middle_m[0], start.middle_m[1], device.rest_height_m() + reach_m + start.drop_m);
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), start.yaw_rad);
-        let tiles: Vec<MChipTile> = (0..device.rows * device.columns)
-            .map(|index| {
-                let (row, column) = (index / device.columns, index % device.columns);
-                MChipTile { row, column, axis_m: device.axis_m(row, column) }
-            })
-            .collect();
+        let axis = |index: usize| device.axis_m(index / device.columns, index % device.columns);
+        let axes_m: Vec<Vector3<f64>> = (0..device.rows * device.columns).map(axis).collect();
         let rotor = device.rotor();
         let mut run = Self {
             rotor,
             torque_nm: device.torque_nm(),
             exact: rotor.exact_step(setup.step_s),
             outline: Outline::of(device),
-            swings: vec![Swing::default(); tiles.len()],
-            tiles,
+            swings: vec![Swing::default(); axes_m.len()],
+            axes_m,
             state: MChipPart::resting(&setup.part, bottom_m, turn),
             steps: 0,
             force_n: Vector3::zeros(),
@@ -214,12 +208,12 @@ impl Run {
     fn collide(&mut self, found: &mut Vec<Contact>) {
         let pose = self.state.pose();
         let inverse_inertia = self.setup.part.inverse_inertia(&self.state.turn.to_rotation_matrix().into_inner());
-        let count = self.tiles.len();
+        let count = self.axes_m.len();
         for nth in 0..count {
             let index = if self.steps.is_multiple_of(2) { nth } else { count - 1 - nth };
-            let tile = self.tiles[index];
             found.clear();
-            self.outline.contacts(&tile, self.swings[index].angle_rad, &self.setup.part, &pose, found);
+            let (axis_m, angle_rad) = (self.axes_m[index], self.swings[index].angle_rad);
+            self.outline.contacts(axis_m, angle_rad, &self.setup.part, &pose, found);
             for contact in found.iter() {
                 self.meet(index, contact, &inverse_inertia);
             }
@@ -227,10 +221,9 @@ impl Run {
     }
 
     fn meet(&mut self, index: usize, contact: &Contact, inverse_inertia: &Matrix3<f64>) {
-        let tile = self.tiles[index];
         let swing = self.swings[index];
         let arm_m = contact.point_m - self.state.center_m;
-        let from_axis = contact.point_m - tile.axis_m;
+        let from_axis = contact.point_m - self.axes_m[index];
         // velocity of the resonator's point at one radian per second
         let lever_m = Vector3::new(from_axis.z, 0.0, -from_axis.x);
         let velocity_mps = self.state.point_velocity_mps(&arm_m) - lever_m * swing.speed_radps;
@@ -251,12 +244,10 @@ impl Run {
         if rise_m > LEAST_RISE_M {
             self.swings[index].angle_rad -= contact.depth_m / rise_m;
         }
-        let MChipTile { row, column, .. } = tile;
-        let Setup { device, drive, .. } = &self.setup;
-        let at_s = self.time_s();
-        let driven =
-            drive.on && !drive.strobe.is_some_and(|strobe| strobe.is_off(row, device.rows, at_s * device.drive_hz));
-        self.impacts.push(Impact { at_s, row, column, driven, swing, impulse_ns, feature: contact.feature });
+        let (Setup { device, drive, .. }, at_s) = (&self.setup, self.time_s());
+        let (row, cycles) = (index / device.columns, at_s * device.drive_hz);
+        let driven = !drive.is_off(row, device.rows, cycles);
+        self.impacts.push(Impact { at_s, resonator: index, driven, swing, impulse_ns });
     }
 }
 
@@ -313,11 +304,7 @@ mod tests {
         let before = (run.state, run.swings[index]);
         let point_m = at + Vector3::new(-139e-6, 10e-6, 7.5e-6);
         let inverse_inertia = run.setup.part.inverse_inertia(&Matrix3::identity());
-        run.meet(
-            index,
-            &Contact { point_m, normal: Vector3::z(), depth_m: 0.0, feature: Feature::Bottom },
-            &inverse_inertia,
-        );
+        run.meet(index, &Contact { point_m, normal: Vector3::z(), depth_m: 0.0 }, &inverse_inertia);
         let gain = (run.state.velocity_mps - before.0.velocity_mps) * run.setup.part.mass_kg;
         let turned = run.rotor.inertia_kgm2 * (run.swings[index].speed_radps - before.1.speed_radps);
         assert!(gain.z > 0.0 && gain.x.abs() < 1e-20 && gain.y.abs() < 1e-20);
@@ -367,7 +354,7 @@ mod tests {
         let stall_s = |drive: ResonatorDrive| {
             let mut run = Run::new(Setup::published(drive), &Start::aligned());
             run.advance(1.0);
-            FeedMeasure::of(samples_from(&run, 0.05)).longest_stall_s()
+            FeedMeasure::of(samples_from(&run, 0.05)).longest_stall_s
         };
         assert!(stall_s(ResonatorDrive::plain()) > 0.1);
         assert!(stall_s(ResonatorDrive::strobed()) < 0.05);

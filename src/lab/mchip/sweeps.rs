@@ -1,14 +1,11 @@
 //! Sweeps of the Impulse paper: mass of the part, position and height of the ridge, external force.
 
-use std::ops::Range;
-
-use super::DYN_N;
-use super::batch::{Batch, Summary, mean};
-use super::belt::Belt;
+use super::batch::{Batch, Summaries, Summary, mean};
 use super::bounce::ride;
 use super::device::Device;
 use super::drive::ResonatorDrive;
 use super::run::Setup;
+use super::{DYN_N, belt};
 use crate::numerics::line_through;
 use crate::{ExperimentResult, Figure};
 use upm_chart::{Chart, Color, Layer, Mark};
@@ -31,100 +28,85 @@ const HEAVY_KG: f64 = 207e-9;
 const DUTY: f64 = 0.5;
 const SHORT_DUTY: f64 = 0.36;
 
-/// Ranges of the sweeps' runs among the summaries.
-pub struct Sweeps {
-    masses: Vec<Range<usize>>,
-    soft: Vec<Range<usize>>,
-    places: Vec<Range<usize>>,
-    heights: Vec<Range<usize>>,
-    forces: Vec<Range<usize>>,
-    heavy: Vec<Range<usize>>,
+/// Adds the runs of every sweep, a group for each value.
+pub fn add_runs(batch: &mut Batch) {
+    let setup = |duty| Setup::published(ResonatorDrive { duty, ..ResonatorDrive::plain() });
+    let mut sweep = |name: &str, values: &[f64], setup: &Setup, set: fn(&mut Setup, f64)| {
+        for &value in values {
+            let mut setup = setup.clone();
+            set(&mut setup, value);
+            batch.add(&group(name, value), &setup, STARTS, TIME_S);
+        }
+    };
+    let mass = |setup: &mut Setup, value: f64| setup.part.mass_kg = 1e-9 * value;
+    let place = |setup: &mut Setup, value: f64| setup.device.ridge_place_m = 1e-6 * value;
+    let height = |setup: &mut Setup, value: f64| setup.device.ridge_height_m = 1e-6 * value;
+    sweep("mass", &MASSES_UG, &setup(DUTY), mass);
+    sweep("mass, soft", &MASSES_UG, &Setup { device: Device::soft(), ..setup(DUTY) }, mass);
+    sweep("ridge-distance", &PLACES_UM, &setup(DUTY), place);
+    sweep("ridge-height", &HEIGHTS_UM, &setup(SHORT_DUTY), height);
+    let mut heavy = setup(SHORT_DUTY);
+    heavy.part.mass_kg = HEAVY_KG;
+    let mut pushed = |name: &str, setup: &Setup, force: f64| {
+        batch.add_pushed(&group(name, force), setup, STARTS, TIME_S, force * DYN_N);
+    };
+    FORCES_DYN.iter().for_each(|force| pushed("force", &setup(SHORT_DUTY), *force));
+    TABLE.iter().for_each(|[force, _]| pushed("force-heavy", &heavy, *force));
 }
 
-impl Sweeps {
-    pub fn new(batch: &mut Batch) -> Self {
-        let setup = |duty| Setup::published(ResonatorDrive { duty, ..ResonatorDrive::plain() });
-        let mut sweep = |values: &[f64], setup: &Setup, set: fn(&mut Setup, f64)| {
-            let at = |value: &f64| {
-                let mut setup = setup.clone();
-                set(&mut setup, *value);
-                batch.add(&setup, STARTS, TIME_S)
-            };
-            values.iter().map(at).collect::<Vec<_>>()
-        };
-        let mass = |setup: &mut Setup, value: f64| setup.part.mass_kg = 1e-9 * value;
-        let soft = Setup { device: Device::soft(), ..setup(DUTY) };
-        let (masses, soft) = (sweep(&MASSES_UG, &setup(DUTY), mass), sweep(&MASSES_UG, &soft, mass));
-        let place = |setup: &mut Setup, value: f64| setup.device.ridge_place_m = 1e-6 * value;
-        let height = |setup: &mut Setup, value: f64| setup.device.ridge_height_m = 1e-6 * value;
-        let places = sweep(&PLACES_UM, &setup(DUTY), place);
-        let heights = sweep(&HEIGHTS_UM, &setup(SHORT_DUTY), height);
-        let mut heavy = setup(SHORT_DUTY);
-        heavy.part.mass_kg = HEAVY_KG;
-        let mut pushed = |setup: &Setup, force: f64| batch.add_pushed(setup, STARTS, TIME_S, force * DYN_N);
-        let forces = FORCES_DYN.map(|force| pushed(&setup(SHORT_DUTY), force)).to_vec();
-        let heavy = TABLE.map(|[force, _]| pushed(&heavy, force)).to_vec();
-        Self { masses, soft, places, heights, forces, heavy }
-    }
+fn group(sweep: &str, value: f64) -> String {
+    format!("{sweep} {value}")
+}
 
-    /// Adds figures and charts.
-    pub fn report<'a>(&self, of: &impl Fn(&Range<usize>) -> &'a [Summary], outcome: &mut ExperimentResult) {
-        let curve = |ranges: &[Range<usize>], value: fn(&Summary) -> f64| -> Vec<f64> {
-            ranges.iter().map(|range| mean(of(range), value)).collect()
-        };
-        let rate = |ranges: &[Range<usize>]| curve(ranges, |summary| mm_from_m(summary.rate_mps));
-        let height = |ranges: &[Range<usize>]| curve(ranges, |summary| 1e6 * summary.height_m.mean);
-        let speed = |ranges: &[Range<usize>]| curve(ranges, |summary| summary.speed_radps);
-        let (rates, heights) = (rate(&self.masses), height(&self.masses));
-        let fastest_um = at_peak(&PLACES_UM, &speed(&self.places));
-        let feeding_um = at_peak(&PLACES_UM, &rate(&self.places));
-        let nearer = "Impulse paper: nearer the axis";
-        let mass_ug = at_peak(&MASSES_UG, &rates);
-        outcome.figures.extend([
-            Figure::against("mass with the highest rate", "µg", mass_ug, 55.0, "Impulse paper").judged([40.0, 70.0]),
-            spring("spring by the height against the mass", &heights),
-            spring("the same on soft rods", &height(&self.soft)),
-            Figure::against("ridge distance with the highest angular speed", "µm", fastest_um, -125.0, "Impulse paper")
-                .judged([-130.0, -120.0]),
-            Figure::alone("ridge distance with the highest rate", "µm", feeding_um, nearer).judged([-125.0, -110.0]),
-            collapse(&rate(&self.heights)),
-        ]);
-        outcome.figures.extend(self.force(&rate(&self.forces), of));
-        outcome.figures.extend(heavy(&rate(&self.heavy)));
-        for (name, x, values, ranges) in [
-            ("mass", "mass (µg)", &MASSES_UG[..], &self.masses),
-            ("ridge-distance", "place of the ridge (µm)", &PLACES_UM[..], &self.places),
-            ("ridge-height", "height of the ridge (µm)", &HEIGHTS_UM[..], &self.heights),
-            ("force", "force along the feed (dyn)", &FORCES_DYN[..], &self.forces),
-            ("force-heavy", "force along the feed, 207 µg (dyn)", &TABLE.map(|[force, _]| force)[..], &self.heavy),
-        ] {
-            let mut chart = chart(name, x, values, &rate(ranges), &height(ranges));
-            if name.starts_with("force") {
-                chart.layers.push(belt());
-            }
-            outcome.charts.push(chart);
-        }
+/// Adds figures and charts.
+pub fn report(runs: &Summaries, outcome: &mut ExperimentResult) {
+    let curve = |sweep: &str, values: &[f64], of: fn(&Summary) -> f64| -> Vec<f64> {
+        values.iter().map(|&value| mean(runs.of(&group(sweep, value)), of)).collect()
+    };
+    let rate = |sweep: &str, values: &[f64]| curve(sweep, values, |summary| mm_from_m(summary.rate_mps));
+    let height = |sweep: &str, values: &[f64]| curve(sweep, values, |summary| 1e6 * summary.height_m.mean);
+    let speeds = curve("ridge-distance", &PLACES_UM, |summary| summary.speed_radps);
+    let fastest_um = at_peak(&PLACES_UM, &speeds);
+    let feeding_um = at_peak(&PLACES_UM, &rate("ridge-distance", &PLACES_UM));
+    let nearer = "Impulse paper: nearer the axis";
+    let mass_ug = at_peak(&MASSES_UG, &rate("mass", &MASSES_UG));
+    outcome.figures.extend([
+        Figure::against("mass with the highest rate", "µg", mass_ug, 55.0, "Impulse paper").judged([40.0, 70.0]),
+        spring("spring by the height against the mass", &height("mass", &MASSES_UG)),
+        spring("the same on soft rods", &height("mass, soft", &MASSES_UG)),
+        Figure::against("ridge distance with the highest angular speed", "µm", fastest_um, -125.0, "Impulse paper")
+            .judged([-130.0, -120.0]),
+        Figure::alone("ridge distance with the highest rate", "µm", feeding_um, nearer).judged([-125.0, -110.0]),
+        collapse(&rate("ridge-height", &HEIGHTS_UM)),
+    ]);
+    let table_dyn = TABLE.map(|[force, _]| force);
+    let undisturbed = runs.of(&group("force", FORCES_DYN[0]));
+    outcome.figures.extend(force(&rate("force", &FORCES_DYN), mean(undisturbed, |summary| summary.height_m.mean)));
+    outcome.figures.extend(heavy(&rate("force-heavy", &table_dyn)));
+    for (name, x, values) in [
+        ("mass", "mass (µg)", &MASSES_UG[..]),
+        ("ridge-distance", "place of the ridge (µm)", &PLACES_UM),
+        ("ridge-height", "height of the ridge (µm)", &HEIGHTS_UM),
+        ("force", "force along the feed (dyn)", &FORCES_DYN),
+        ("force-heavy", "force along the feed, 207 µg (dyn)", &table_dyn),
+    ] {
+        let chart = chart(name, x, values, &rate(name, values), &height(name, values));
+        outcome.charts.push(chart.with(name.starts_with("force").then(belt_layer)));
     }
+}
 
-    /// Rates of the paper's part under force, compared with Table I and the closed form of single bounces.
-    fn force<'a>(&self, rates: &[f64], of: &impl Fn(&Range<usize>) -> &'a [Summary]) -> Vec<Figure> {
-        let setup = Setup::published(ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() });
-        let height_m = self.forces.first().map_or(f64::NAN, |range| mean(of(range), |summary| summary.height_m.mean));
-        // the number of ridges under the part does not enter the force
-        let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;
-        let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
-        let mut figures = line_figures("", &points[..4]);
-        let (stall_source, at) = ("μ M g (1 - q)/(1 + q), closed form", points[5]);
-        figures.push(Figure::against(
-            "the same beside single bounces",
-            "dyn",
-            figures[1].measured,
-            stall_dyn,
-            stall_source,
-        ));
-        figures.push(Figure::against("rate at -0.05 dyn", "mm/s", at[1], 0.06, TABLE_SOURCE).judged([-0.16, 0.28]));
-        figures
-    }
+/// Rates of the paper's part under force, compared with Table I and the closed form of single bounces.
+fn force(rates: &[f64], height_m: f64) -> Vec<Figure> {
+    let setup = Setup::published(ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() });
+    // the number of ridges under the part does not enter the force
+    let stall_dyn = ride(&setup.device, &setup.part, 1.0, height_m).stall_n / DYN_N;
+    let points: Vec<[f64; 2]> = FORCES_DYN.iter().zip(rates).map(|(&force, &rate)| [force, rate]).collect();
+    let mut figures = line_figures("", &points[..4]);
+    let (of_stall, at) = ("μ M g (1 - q)/(1 + q), closed form", points[5]);
+    let stopped = figures[1].measured;
+    figures.push(Figure::against("the same beside single bounces", "dyn", stopped, stall_dyn, of_stall));
+    figures.push(Figure::against("rate at -0.05 dyn", "mm/s", at[1], 0.06, TABLE_SOURCE).judged([-0.16, 0.28]));
+    figures
 }
 
 const TABLE_SOURCE: &str = "Impulse paper, Table I";
@@ -132,17 +114,11 @@ const TABLE_SOURCE: &str = "Impulse paper, Table I";
 /// Slope of the rate, mm/s, over the force, dyn, and the force that stops the part.
 fn line_figures(which: &str, points: &[[f64; 2]]) -> Vec<Figure> {
     let [intercept, slope] = line_through(points);
+    let (of_slope, of_stop) =
+        (format!("slope of the rate over force, 36 % duty{which}"), format!("opposing force that stops it{which}"));
     vec![
-        Figure::against(
-            format!("slope of the rate over force, 36 % duty{which}"),
-            "mm/s/dyn",
-            slope,
-            19.6,
-            TABLE_SOURCE,
-        )
-        .judged([14.7, 24.5]),
-        Figure::against(format!("opposing force that stops it{which}"), "dyn", intercept / slope, 0.056, TABLE_SOURCE)
-            .judged([0.042, 0.07]),
+        Figure::against(of_slope, "mm/s/dyn", slope, 19.6, TABLE_SOURCE).judged([14.7, 24.5]),
+        Figure::against(of_stop, "dyn", intercept / slope, 0.056, TABLE_SOURCE).judged([0.042, 0.07]),
     ]
 }
 
@@ -182,20 +158,15 @@ fn collapse(rates: &[f64]) -> Figure {
 }
 
 /// Rate of a part on the belt of Fig. 11.
-fn belt() -> Layer {
-    let points = FORCES_DYN.iter().map(|&force| [force, mm_from_m(Belt::published().rate_mps(force * DYN_N))]);
+fn belt_layer() -> Layer {
+    let points = FORCES_DYN.iter().map(|&force| [force, mm_from_m(belt::rate_mps(force * DYN_N))]);
     Layer::new("rate on the belt of Fig. 11", Mark::Dashes, Color::Gray, points)
 }
 
 fn chart(name: &str, x: &str, values: &[f64], rates: &[f64], heights: &[f64]) -> Chart {
     let points = |curve: &[f64]| values.iter().zip(curve).map(|(&x, &y)| [x, y]).collect::<Vec<_>>();
-    Chart::plot(
-        format!("mchip-{name}"),
-        format!("Sweep: {x}"),
-        [x, "rate (mm/s); height above rest (10 µm)"],
-        vec![
-            Layer::new("rate", Mark::Line, Color::Blue, points(rates)),
-            Layer::new("height", Mark::Dashes, Color::Orange, points(heights).into_iter().map(|[x, y]| [x, 0.1 * y])),
-        ],
-    )
+    let lower = points(heights).into_iter().map(|[x, y]| [x, 0.1 * y]);
+    Chart::plot(format!("mchip-{name}"), format!("Sweep: {x}"), [x, "rate (mm/s); height above rest (10 µm)"])
+        .line("rate", Color::Blue, points(rates))
+        .dashes("height", Color::Orange, lower)
 }

@@ -4,21 +4,20 @@
 use rand::RngExt;
 
 use super::block::Block;
-use super::motion::{End, Motion};
+use super::motion::{End, Motion, Release};
 use super::raising::raise;
-use super::selection::{Orientations, Selected};
+use super::selection::{Selected, on_drive};
 use super::{Rock, table_figures, track_chart, wave_chart};
 use crate::sweep::{Progress, parallel};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
 /// Blocks drawn at random for the check of the solver.
 const BLOCKS: usize = 20;
 /// The block of Fig. 9: its edges differ by a tenth; the paper does not print its size.
-const SIMILAR: Orientations =
-    Orientations { standing: Block { length_m: 0.02, height_m: 0.022 }, restitution: 0.5, tilt_rad: 0.1 };
+const SIMILAR: Release = Release { block: Block { length_m: 0.02, height_m: 0.022 }, restitution: 0.5, tilt_rad: 0.1 };
 /// Beginning of the upward acceleration in Fig. 9, as a fraction of the peak, and the values that are compared.
 const WINDOW_FROM: f64 = 0.5;
 const WINDOWS_FROM: [f64; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
@@ -89,18 +88,14 @@ fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let kept_s = exact.peaks.iter().take_while(|peak| (peak[1] / rock.peak_rad - 1.0).abs() < 0.01).last();
     let dead_s = if high.end == End::Flat { high.track.last().map_or(f64::NAN, |at| at[0]) } else { f64::NAN };
     let multiplier = rock.release(1.0).multiplier(&wave);
+    let least = exact.least_contact.min(high.least_contact);
     outcome.figures.extend([
         Figure::alone("square wave: growth of deviations in a period", "1", multiplier, "stable below 1"),
         Figure::alone("exact start: stays within 1 % for", "s", kept_s.map_or(0.0, |peak| peak[0]), "Fig. 5: 2 s"),
         Figure::alone("start 6 % high: first peak", "1", level(&high, 0), "of the steady one; Fig. 6: too low"),
         Figure::alone("start 6 % high: second peak", "1", level(&high, 1), "of the steady one; Fig. 6: too high"),
         Figure::alone("start 6 % high: lies flat after", "s", dead_s, "Fig. 6: within 2 s"),
-        Figure::alone(
-            "least force on the corner in these",
-            "1",
-            least_contact([&exact, &high]),
-            "Eq. 3.3b, of the weight",
-        ),
+        Figure::alone("least force on the corner in these", "1", least, "Eq. 3.3b, of the weight"),
     ]);
     outcome.figures.extend(table_figures(&wave, " for them"));
     let both = [("exact start", &exact), ("6 % high", &high)];
@@ -142,7 +137,8 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
 
 /// Fig. 9, and the decrease of the difference with the window.
 fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
-    let on_drive = |from| SIMILAR.on_drive(from, SELECTION_S).ok_or_else(|| LabFault::Setting("no such drive".into()));
+    let none = || LabFault::Setting("no such drive".into());
+    let on_drive = |from| on_drive(&SIMILAR, from, SELECTION_S).ok_or_else(none);
     let Selected { motions: [standing, lying], peaks_rad, .. } = on_drive(WINDOW_FROM)?;
     outcome.figures.extend([
         Figure::alone("20 x 22 mm, standing: peak after the impact", "rad", peaks_rad[0], "Fig. 9: about 0.10"),
@@ -153,12 +149,9 @@ fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let found = WINDOWS_FROM.iter().map(|&from| on_drive(from)).collect::<Result<Vec<_>, _>>()?;
     let curve: Vec<[f64; 2]> =
         found.iter().map(|found| [found.window, found.peaks_rad[1] / found.peaks_rad[0]]).collect();
-    outcome.charts.push(Chart::plot(
-        "rock-window",
-        "Peak of the lying block over that of the standing one",
-        ["length of the upward acceleration over the time between the impacts", "ratio of the peaks"],
-        vec![Layer::new("first peaks", Mark::Dots, Color::Orange, curve)],
-    ));
+    let axes = ["length of the upward acceleration over the time between the impacts", "ratio of the peaks"];
+    let chart = Chart::plot("rock-window", "Peak of the lying block over that of the standing one", axes);
+    outcome.charts.push(chart.dots("first peaks", Color::Orange, curve));
     Ok(())
 }
 
@@ -169,29 +162,20 @@ fn raising(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let raised = raise(&rock.cycle()).ok_or_else(none)?;
     let impacts = if raised.motion.end == End::Topples { raised.motion.impacts_s.len() as f64 } else { f64::NAN };
     let planned = raised.peaks_rad.iter().skip(1).zip(&raised.motion.peaks);
+    let least = raised.motion.least_contact;
     let off = planned.map(|(planned_rad, peak)| (peak[1] / planned_rad - 1.0).abs()).fold(0.0, f64::max);
     outcome.figures.extend([
         Figure::alone("impacts from 0.10 rad to toppling, 15 % a period", "1", impacts, "a block of 20 x 40 mm"),
         Figure::alone("largest error of a peak on the way", "1", off, "against the one that its drive is made for"),
-        Figure::alone(
-            "least force on the corner on the way",
-            "1",
-            raised.motion.least_contact,
-            "Eq. 3.3b, of the weight",
-        ),
+        Figure::alone("least force on the corner on the way", "1", least, "Eq. 3.3b, of the weight"),
     ]);
     outcome.figures.extend(table_figures(&raised.wave, " for it"));
     let motion = [("block", &raised.motion)];
     let balance_rad = rock.block.balance_rad();
-    let mut chart = track_chart("rock-raised", "Amplitude raised until the block topples", &motion, None);
-    let end_s = raised.wave.length_s();
-    chart.layers.push(Layer::new("balance", Mark::Dashes, Color::Gray, [[0.0, balance_rad], [end_s, balance_rad]]));
-    outcome.charts.push(chart);
+    let chart = track_chart("rock-raised", "Amplitude raised until the block topples", &motion, None);
+    let ends = [[0.0, balance_rad], [raised.wave.length_s(), balance_rad]];
+    outcome.charts.push(chart.dashes("balance", Color::Gray, ends));
     Ok(())
-}
-
-fn least_contact<const N: usize>(motions: [&Motion; N]) -> f64 {
-    motions.iter().map(|motion| motion.least_contact).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

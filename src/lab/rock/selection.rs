@@ -9,17 +9,6 @@ use super::orbit::RockingCycle;
 /// the restitution: a larger one removes energy that it has supplied.
 const AFTER: f64 = -0.4;
 
-/// A block `b` by `b (1 + δ)`, standing or lying, released at the same tilt.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orientations {
-    /// The block on its short face.
-    pub standing: Block,
-    /// Coefficient of restitution of the centre's normal speed.
-    pub restitution: f64,
-    /// Initial tilt of both, rad.
-    pub tilt_rad: f64,
-}
-
 /// Both orientations on the drive of one of them.
 #[derive(Clone, Debug)]
 pub struct Selected {
@@ -31,27 +20,21 @@ pub struct Selected {
     pub window: f64,
 }
 
-impl Orientations {
-    /// Both for `length_s` on the table that keeps the standing one rocking. The table's acceleration is upward around
-    /// its impact, from `from` of its peak on. `None` where there is no such drive.
-    pub fn on_drive(&self, from: f64, length_s: f64) -> Option<Selected> {
-        let &Self { standing, restitution, tilt_rad } = self;
-        let lying = Block { length_m: standing.height_m, height_m: standing.length_m };
-        let from_rad = from * tilt_rad;
-        let to_rad = AFTER * restitution.powi(2) * from_rad;
-        let drive =
-            RockingCycle { block: standing, restitution, peaks_rad: [tilt_rad; 2], from_rad, to_rad }.drive()?;
-        let wave = drive.wave();
-        let motions = [standing, lying].map(|block| Release { block, restitution, tilt_rad }.motion(&wave, length_s));
-        let first_s = |motion: &Motion| motion.impacts_s.first().copied();
-        let apart_s = (first_s(&motions[0])? - first_s(&motions[1])?).abs();
-        let peaks_rad = [&motions[0], &motions[1]].map(first_peak_rad);
-        Some(Selected { motions, peaks_rad, window: (drive.to_s - drive.from_s) / apart_s })
-    }
-}
-
-fn first_peak_rad(motion: &Motion) -> f64 {
-    motion.peaks.first().map_or(0.0, |peak| peak[1])
+/// A block, standing, and the same one lying, both released at `tilt_rad`, for `length_s` on the table that keeps the
+/// standing one rocking. The table's acceleration is upward around its impact, from `from` of its peak on. `None` where
+/// there is no such drive.
+pub fn on_drive(standing: &Release, from: f64, length_s: f64) -> Option<Selected> {
+    let &Release { block, restitution, tilt_rad } = standing;
+    let lying = Block { length_m: block.height_m, height_m: block.length_m };
+    let from_rad = from * tilt_rad;
+    let to_rad = AFTER * restitution.powi(2) * from_rad;
+    let drive = RockingCycle { block, restitution, peaks_rad: [tilt_rad; 2], from_rad, to_rad }.drive()?;
+    let wave = drive.wave();
+    let motions = [block, lying].map(|block| Release { block, ..*standing }.motion(&wave, length_s));
+    let first_s = |motion: &Motion| motion.impacts_s.first().copied();
+    let apart_s = (first_s(&motions[0])? - first_s(&motions[1])?).abs();
+    let peaks_rad = [0, 1].map(|i| motions[i].peaks.first().map_or(0.0, |peak| peak[1]));
+    Some(Selected { motions, peaks_rad, window: (drive.to_s - drive.from_s) / apart_s })
 }
 
 #[cfg(test)]
@@ -60,9 +43,9 @@ mod tests {
 
     #[test]
     fn longer_window_separates_orientations_less() {
-        let standing = Block { length_m: 0.02, height_m: 0.022 };
-        let orientations = Orientations { standing, restitution: 0.5, tilt_rad: 0.1 };
-        let on_drive = |from| orientations.on_drive(from, 0.2).unwrap();
+        let block = Block { length_m: 0.02, height_m: 0.022 };
+        let standing = Release { block, restitution: 0.5, tilt_rad: 0.1 };
+        let on_drive = |from| on_drive(&standing, from, 0.2).unwrap();
         let found = [0.1, 0.3, 0.5, 0.7, 0.9].map(on_drive);
         assert!(found.iter().all(|found| (found.peaks_rad[0] / 0.1 - 1.0).abs() < 1e-5), "the standing one rocks on");
         assert!(found.windows(2).all(|pair| pair[0].window < pair[1].window));

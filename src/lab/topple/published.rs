@@ -8,7 +8,7 @@ use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::{Progress, parallel};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -75,15 +75,10 @@ fn orientations() -> ExperimentResult {
     let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
     let [first, second] = COEFFICIENTS;
     let power = curve.iter().map(|&[d, _]| [d, 1.0 + first * d + second * d * d]);
-    let chart = Chart::plot(
-        "topple-ratio",
-        "Critical speed of a block lying over that of the same block standing (Fig. 2)",
-        ["δ, by which one edge is longer", "ratio of the critical speeds"],
-        vec![
-            Layer::new("1 + 2.207 δ + 1.332 δ²", Mark::Dashes, Color::Gray, power),
-            Layer::new("closed form (Eq. 2.3)", Mark::Line, Color::Blue, curve.iter().copied()),
-        ],
-    );
+    let title = "Critical speed of a block lying over that of the same block standing (Fig. 2)";
+    let chart = Chart::plot("topple-ratio", title, ["δ, by which one edge is longer", "ratio of the critical speeds"])
+        .dashes("1 + 2.207 δ + 1.332 δ²", Color::Gray, power)
+        .line("closed form (Eq. 2.3)", Color::Blue, curve.iter().copied());
     ExperimentResult { figures, charts: vec![chart], ..ExperimentResult::default() }
 }
 

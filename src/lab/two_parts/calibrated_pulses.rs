@@ -26,7 +26,7 @@ pub struct CalibratedPulses<'a> {
     rig: &'a LabRig,
     mode: PlateMode,
     centers_m: [Vec2; CENTERS],
-    spin_radps: [f64; CENTERS],
+    pub spin_radps: [f64; CENTERS],
     curves: [[Curve; 2]; CENTERS],
 }
 
@@ -73,18 +73,17 @@ impl Curve {
 }
 
 impl<'a> CalibratedPulses<'a> {
-    /// Measures the effect of pulses about the four centres on a part at `reference_m`.
+    /// Measures the effect of pulses about the four centres on a part in the middle.
     pub fn calibrated(
         rig: &'a LabRig,
         mode: PlateMode,
         centers_m: [Vec2; CENTERS],
         spin_radps: [f64; CENTERS],
-        reference_m: Vec2,
     ) -> Result<Self, LabFault> {
         let mut model = Self { rig, mode, centers_m, spin_radps, curves: Default::default() };
         for j in 0..CENTERS {
-            check_carries(rig, spin_radps[j], (reference_m - centers_m[j]).norm())?;
-            model.curves[j] = [model.curve(j, 1.0, reference_m)?, model.curve(j, -1.0, reference_m)?];
+            check_carries(rig, spin_radps[j], centers_m[j].norm())?;
+            model.curves[j] = [model.curve(j, 1.0)?, model.curve(j, -1.0)?];
         }
         Ok(model)
     }
@@ -94,28 +93,26 @@ impl<'a> CalibratedPulses<'a> {
         self.curves.iter().flatten().map(Curve::shortest_m).fold(0.0, f64::max)
     }
 
-    /// Largest saturation of a part at `reference_m` by the shortest pulses.
-    pub fn saturation(&self, reference_m: Vec2) -> f64 {
+    /// Largest saturation of a part in the middle by the shortest pulses.
+    pub fn saturation(&self) -> f64 {
         let outline = calm_envelope(self.rig, self.mode, self.shortest_s());
-        let of = |(spin_radps, center): (&f64, &Vec2)| {
-            saturation(self.rig, *spin_radps, (reference_m - center).norm(), &outline)
-        };
-        self.spin_radps.iter().zip(&self.centers_m).map(of).fold(0.0, f64::max)
+        let pairs = self.spin_radps.iter().zip(&self.centers_m);
+        pairs.map(|(&spin, center)| saturation(self.rig, spin, center.norm(), &outline)).fold(0.0, f64::max)
     }
 
     fn shortest_s(&self) -> f64 {
         SHORTEST_PERIODS * TAU / self.rig.model.base_radps
     }
 
-    fn curve(&self, center: usize, sense: f64, reference_m: Vec2) -> Result<Curve, LabFault> {
-        let mut curve = Curve::default();
+    fn curve(&self, center: usize, sense: f64) -> Result<Curve, LabFault> {
+        let (mut curve, middle_m) = (Curve::default(), Vec2::zeros());
         for i in 0..SUSTAINS {
             let longer_s = LONGER_BY_ATTACKS * self.rig.model.attack_s * i as f64 / (SUSTAINS - 1) as f64;
             let sustain_s = self.shortest_s() + longer_s;
-            let played = self.play(&[reference_m], &[self.pulse(center, sense, sustain_s)])?;
-            let end = played.parts.first().and_then(|part| place(part, part.x_m.len() - 1)).unwrap_or(reference_m);
+            let played = self.play(&[middle_m], &[self.pulse(center, sense, sustain_s)])?;
+            let end = played.parts.first().and_then(|part| place(part, part.x_m.len() - 1)).unwrap_or(middle_m);
             curve.sustain_s.push(sustain_s);
-            curve.distance_m.push(sense * turn(self.centers_m[center], reference_m, end).1);
+            curve.distance_m.push(sense * turn(self.centers_m[center], middle_m, end).1);
         }
         if curve.shortest_m() > 0.0 && curve.longest_m() > curve.shortest_m() {
             return Ok(curve);

@@ -2,7 +2,7 @@
 
 use super::super::pulses::{SATURATION, mm};
 use super::super::{ExperimentResult, Figure};
-use super::calibrated_pulses::STRONG_SPIN_RADPS;
+use super::calibrated_pulses::{CalibratedPulses, STRONG_SPIN_RADPS};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::task::{OBSERVATIONS, StepSeries, TwoPartProblem};
 use upm_chart::{Axis, Chart, Color, Layer, Mark};
@@ -10,52 +10,36 @@ use upm_chart::{Axis, Chart, Color, Layer, Mark};
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
 
-/// Results in addition to the runs.
-pub struct SideResults {
-    /// Solution of the step in one observation, m.
-    pub d_m: [f64; CENTERS],
-    /// Spin of the rig's plate about each centre, rad/s.
-    pub spin_radps: [f64; CENTERS],
-    /// Shortest distance of one pulse of the strong plate and of the rig's, m.
-    pub shortest_m: [f64; 2],
-    /// Saturation by it in the middle of the workspace.
-    pub saturation: [f64; 2],
-}
-
-/// Outcome from the `runs`: ideal field, strong plate, rig's plate.
-pub fn outcome(task: &TwoPartProblem, runs: &[StepSeries; 3], side_results: &SideResults) -> ExperimentResult {
-    let [ideal, strong, own] = runs;
-    let mut figures = of_one_observation(task, ideal, side_results);
-    for (run, i) in [(strong, 0), (own, 1)] {
-        figures.extend(of_plate(run, side_results.shortest_m[i], side_results.saturation[i]));
-    }
-    let spin = side_results.spin_radps.into_iter().fold(f64::INFINITY, f64::min);
+/// Outcome from the runs in the ideal field, on the strong plate and on the rig's; `d_m` solves the step in one
+/// observation, `plates` are those of the last two runs.
+pub fn outcome(
+    task: &TwoPartProblem,
+    runs: [&StepSeries; 3],
+    d_m: &[f64; CENTERS],
+    plates: [&CalibratedPulses<'_>; 2],
+) -> ExperimentResult {
+    let mut figures = of_one_observation(task, runs[0], d_m);
+    figures.extend(runs[1..].iter().zip(plates).flat_map(|(run, plate)| of_plate(run, plate)));
+    let spin = plates[1].spin_radps.into_iter().fold(f64::INFINITY, f64::min);
     figures.extend([
         Figure::alone("spin, strong plate", "rad/s", STRONG_SPIN_RADPS, "prescribed: no motors, no rods"),
         Figure::alone("spin, rig's plate", "rad/s", spin, "the largest its motors play about the corners"),
     ]);
-    let maps = [("two-parts-ideal", ideal), ("two-parts-strong", strong), ("two-parts-plate", own)];
-    ExperimentResult {
-        figures,
-        charts: maps.into_iter().filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect(),
-        ..ExperimentResult::default()
-    }
+    let maps = ["two-parts-ideal", "two-parts-strong", "two-parts-plate"].into_iter().zip(runs);
+    let charts = maps.filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect();
+    ExperimentResult { figures, charts, ..ExperimentResult::default() }
 }
 
-fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, side_results: &SideResults) -> Vec<Figure> {
+fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, d_m: &[f64; CENTERS]) -> Vec<Figure> {
     let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
     let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
     let mut figures = vec![
         Figure::alone("mean step of the parts", "mm", step_mm, "chosen large, as in UPM paper, Fig. 3"),
         Figure::alone("condition number of Φ", "1", condition, "UPM paper, Eq. 2; singular when infinite"),
     ];
-    for (j, d) in side_results.d_m.into_iter().enumerate() {
-        figures.push(Figure::alone(
-            format!("d{} of one observation", j + 1),
-            "mm",
-            1e3 * d,
-            "UPM paper, Eq. 2, solved by LU",
-        ));
+    for (j, d) in d_m.iter().enumerate() {
+        let name = format!("d{} of one observation", j + 1);
+        figures.push(Figure::alone(name, "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
     }
     // each observation corrects the error of the previous ones; the second-order error of its own step remains
     let second = "2 for small steps: the second order of each is left";
@@ -74,21 +58,17 @@ fn misses_of<'a>(run: &'a StepSeries, source: &'a str) -> impl Iterator<Item = F
     })
 }
 
-fn of_plate(run: &StepSeries, shortest_m: f64, saturation: f64) -> Vec<Figure> {
+fn of_plate(run: &StepSeries, plate: &CalibratedPulses<'_>) -> Vec<Figure> {
     let name = run.name;
     let source = "one period at full height; ways below half of it are left out";
     let mut figures = vec![
-        Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * shortest_m, source),
-        Figure::alone(format!("saturation, {name}"), "1", saturation, SATURATION),
+        Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * plate.shortest_m(), source),
+        Figure::alone(format!("saturation, {name}"), "1", plate.saturation(), SATURATION),
     ];
     figures.extend(misses_of(run, "beside the ideal field's E"));
     for (observations, fault) in &run.failed {
-        figures.push(Figure::alone(
-            format!("failed try, {name}"),
-            "observations",
-            *observations as f64,
-            &fault.to_string(),
-        ));
+        let (name, count) = (format!("failed try, {name}"), *observations as f64);
+        figures.push(Figure::alone(name, "observations", count, &fault.to_string()));
     }
     figures
 }
@@ -131,19 +111,17 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
     ))
 }
 
-fn misses(runs: &[StepSeries; 3]) -> Chart {
-    let mut layers = Vec::new();
+fn misses(runs: [&StepSeries; 3]) -> Chart {
+    let axes = [Axis::log("observations"), Axis::log("E (mm)")];
+    let mut chart = Chart::over("two-parts-observations", "The same step in more observations", axes);
     for (i, run) in runs.iter().enumerate() {
-        let points: Vec<[f64; 2]> =
-            run.ways.iter().map(|(observations, way)| [*observations as f64, 1e3 * way.miss_m]).collect();
+        let points = run.ways.iter().map(|(observations, way)| [*observations as f64, 1e3 * way.miss_m]);
         let failed: Vec<String> = run.failed.iter().map(|(observations, _)| observations.to_string()).collect();
         let label = match failed.as_slice() {
             [] => run.name.to_owned(),
             failed => format!("{} (failed with {} observations)", run.name, failed.join(", ")),
         };
-        layers.push(Layer::new(&label, Mark::Line, Color::nth(i), points.iter().copied()));
-        layers.push(Layer::new("", Mark::Dots, Color::nth(i), points));
+        chart = chart.line(&label, Color::nth(i), points.clone()).dots("", Color::nth(i), points);
     }
-    let axes = [Axis::log("observations"), Axis::log("E (mm)")];
-    Chart::over("two-parts-observations", "The same step in more observations", axes, layers)
+    chart
 }

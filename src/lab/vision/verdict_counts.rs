@@ -1,5 +1,6 @@
 use super::super::Figure;
-use super::verdicts::{PartError, PartsVerdict, SceneVerdict, TableVerdict};
+use super::super::numerics::rms;
+use super::verdicts::{PartError, SceneVerdict, TableVerdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Difficulty;
 
@@ -13,9 +14,8 @@ pub struct VerdictCounts {
     difficulty: Difficulty,
     scenes: usize,
     parts: usize,
-    counts: [usize; CAUSES.len()],
-    /// Seeds of the scenes that failed, by cause.
-    seeds: [Vec<u64>; CAUSES.len()],
+    /// Failures, and the seeds of their scenes, by cause.
+    failures: [(usize, Vec<u64>); CAUSES.len()],
     /// Reasons why tables were not found, and the scenes' seeds.
     faults: Vec<(String, Vec<u64>)>,
     corner_errors_px: Vec<f64>,
@@ -26,19 +26,18 @@ pub struct VerdictCounts {
 
 impl VerdictCounts {
     pub fn new(difficulty: Difficulty, verdicts: &[SceneVerdict]) -> Self {
-        let mut verdict_counts = Self {
+        let mut counts = Self {
             difficulty,
             scenes: verdicts.len(),
             parts: verdicts.iter().map(|verdict| verdict.parts).sum(),
-            counts: [0; CAUSES.len()],
-            seeds: Default::default(),
+            failures: Default::default(),
             faults: Vec::new(),
             corner_errors_px: Vec::new(),
             errors: Vec::new(),
             worst_center: None,
         };
-        verdicts.iter().for_each(|verdict| verdict_counts.add(verdict));
-        verdict_counts
+        verdicts.iter().for_each(|verdict| counts.add(verdict));
+        counts
     }
 
     fn add(&mut self, verdict: &SceneVerdict) {
@@ -55,23 +54,19 @@ impl VerdictCounts {
             TableVerdict::Misplaced => [0, 1, 0, 0, 0],
             TableVerdict::Found { corner_errors_px, parts } => {
                 self.corner_errors_px.extend(corner_errors_px);
-                self.add_errors(parts, seed);
+                for error in &parts.errors {
+                    if self.worst_center.is_none_or(|(worst, _)| error.center_px > worst) {
+                        self.worst_center = Some((error.center_px, seed));
+                    }
+                }
+                self.errors.extend(&parts.errors);
                 [0, 0, parts.missed, parts.invented, parts.misnamed]
             }
         };
-        for (cause, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
-            self.counts[cause] += count;
-            self.seeds[cause].push(seed);
+        for ((all, seeds), count) in self.failures.iter_mut().zip(counts).filter(|(_, count)| *count > 0) {
+            *all += count;
+            seeds.push(seed);
         }
-    }
-
-    fn add_errors(&mut self, parts: &PartsVerdict, seed: u64) {
-        for error in &parts.errors {
-            if self.worst_center.is_none_or(|(worst, _)| error.center_px > worst) {
-                self.worst_center = Some((error.center_px, seed));
-            }
-        }
-        self.errors.extend(&parts.errors);
     }
 
     pub fn difficulty(&self) -> Difficulty {
@@ -80,11 +75,6 @@ impl VerdictCounts {
 
     pub fn center_errors_px(&self) -> Vec<f64> {
         self.errors.iter().map(|error| error.center_px).collect()
-    }
-
-    /// Each kind of failure with the seeds of its scenes.
-    pub fn failing(&self) -> impl Iterator<Item = (&str, &[u64])> {
-        CAUSES.into_iter().zip(self.seeds.iter().map(Vec::as_slice)).filter(|(_, seeds)| !seeds.is_empty())
     }
 
     /// The figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
@@ -109,6 +99,8 @@ impl VerdictCounts {
         let positions_mm: Vec<f64> = self.errors.iter().map(|error| mm_from_m(error.position_m)).collect();
         let radii_px: Vec<f64> = self.errors.iter().map(|error| error.radius_px).collect();
         let over_covariance = self.errors.iter().map(|error| error.over_covariance).sum::<f64>();
+        let failures =
+            CAUSES.iter().zip(&self.failures).map(|(cause, (n, _))| figure(cause, "1", *n as f64, Some(0.0)));
         let mut figures = vec![
             figure("centre rms", "px", rms(&centers_px), center_bar),
             figure("centre worst", "px", worst(&centers_px), None),
@@ -118,7 +110,7 @@ impl VerdictCounts {
             figure("position rms", "mm", rms(&positions_mm), Some(0.05)),
             figure("position worst", "mm", worst(&positions_mm), None),
         ];
-        figures.extend(CAUSES.into_iter().zip(self.counts).map(|(cause, n)| figure(cause, "1", n as f64, Some(0.0))));
+        figures.extend(failures);
         let source = "squared error of an axis over its variance, mean; 1 if honest";
         let over_covariance = over_covariance / self.errors.len() as f64;
         figures.push(Figure::alone(name("centre over covariance"), "1", over_covariance, source));
@@ -129,7 +121,8 @@ impl VerdictCounts {
     /// Seeds that need attention, one cause a line.
     pub fn notes(&self) -> Vec<String> {
         let faults = self.faults.iter().map(|(fault, seeds)| (fault.as_str(), seeds.as_slice()));
-        let causes = self.failing().filter(|(cause, _)| *cause != CAUSES[0]);
+        let causes = CAUSES.into_iter().zip(&self.failures).map(|(cause, (_, seeds))| (cause, seeds.as_slice()));
+        let causes = causes.skip(1).filter(|(_, seeds)| !seeds.is_empty());
         let line = |(cause, seeds): (&str, &[u64])| {
             let shown: Vec<String> = seeds.iter().take(MOST_SEEDS).map(u64::to_string).collect();
             let more = if seeds.len() > MOST_SEEDS { ", ..." } else { "" };
@@ -142,11 +135,6 @@ impl VerdictCounts {
     }
 }
 
-/// Root mean square; NaN for no errors.
-fn rms(errors: &[f64]) -> f64 {
-    (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
-}
-
 fn worst(errors: &[f64]) -> f64 {
     errors.iter().copied().fold(f64::NAN, f64::max)
 }
@@ -154,6 +142,7 @@ fn worst(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vision::verdicts::PartsVerdict;
     use upm_perception::vision::TableFault;
 
     #[test]

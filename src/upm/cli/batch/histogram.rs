@@ -1,4 +1,4 @@
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 
 /// Largest number of bars.
 const MOST_BARS: f64 = 12.0;
@@ -11,11 +11,10 @@ pub(super) fn plate_time_chart(times_s: &[f64], median_s: f64, title: &str) -> O
         [[from, 0.0], [from, top], [to, top], [to, 0.0]]
     };
     let most = counts.iter().copied().max().unwrap_or(0) as f64;
-    let layers = vec![
-        Layer::new("runs", Mark::Line, Color::Blue, counts.iter().enumerate().flat_map(bar)),
-        Layer::new("median", Mark::Dashes, Color::Orange, [[median_s, 0.0], [median_s, most]]),
-    ];
-    Some(Chart::plot("plate-time", title, ["plate time (s)", "completed runs"], layers))
+    let chart = Chart::plot("plate-time", title, ["plate time (s)", "completed runs"])
+        .line("runs", Color::Blue, counts.iter().enumerate().flat_map(bar))
+        .dashes("median", Color::Orange, [[median_s, 0.0], [median_s, most]]);
+    Some(chart)
 }
 
 /// Counts of values over intervals of equal width.

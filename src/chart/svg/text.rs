@@ -1,13 +1,5 @@
-//! The drawing surface: its pixels, colours and fonts.
+//! Text in a picture.
 
-use plotters::coord::Shift;
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-
-use crate::Color;
-
-/// Factor by which the drawing is enlarged: the backend knows whole pixels only, and the document is shown smaller.
-pub(super) const FINE: f64 = 10.0;
 /// Size of the title, of labels and of the numbers on the axes, px.
 pub(super) const TITLE_PX: f64 = 18.0;
 pub(super) const LABEL_PX: f64 = 14.0;
@@ -15,25 +7,14 @@ pub(super) const TICK_PX: f64 = 12.5;
 /// Mean width of a letter, in letter sizes; a generous estimate for common fonts.
 const LETTER: f64 = 0.58;
 
-/// The drawing surface.
-pub(super) type Sheet<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// Result of drawing, with the backend's error.
-pub(super) type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-
-/// The backend's pixels for `px` of the picture.
-pub(super) fn fine(px: f64) -> i32 {
-    (FINE * px).round() as i32
-}
-
-pub(super) fn paint(color: Color) -> RGBColor {
-    let [r, g, b] = color.rgb();
-    RGBColor(r, g, b)
-}
-
-/// Text style with letters of size `px`, placed to the right of a point or centred on it.
-pub(super) fn font(px: f64, pos: HPos) -> TextStyle<'static> {
-    // the backend writes letter sizes smaller by a factor of 1.24
-    TextStyle::from(("sans-serif", 1.24 * FINE * px)).color(&BLACK).pos(Pos::new(pos, VPos::Center))
+/// A line of text with letters of `size_px`, its middle at the height of `at`, its start, middle or end there;
+/// `attributes` are further ones of the element.
+pub(super) fn text([x, y]: [f64; 2], size_px: f64, anchor: &str, attributes: &str, words: &str) -> String {
+    let words = plain_text(words).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    format!(
+        "<text x=\"{x:.1}\" y=\"{y:.1}\" dy=\"0.5ex\" text-anchor=\"{anchor}\" font-size=\"{size_px}\"{attributes}>\
+         {words}</text>\n"
+    )
 }
 
 /// Estimated width of `text` in letters of size `size_px`, px.
@@ -42,7 +23,7 @@ pub(super) fn text_width_px(text: &str, size_px: f64) -> f64 {
 }
 
 /// The text on one line, without characters that are illegal in a document.
-pub(super) fn plain_text(text: &str) -> String {
+fn plain_text(text: &str) -> String {
     let allowed = |c: char| !c.is_control() && !('\u{fffe}'..='\u{ffff}').contains(&c);
     text.chars().map(|c| if c.is_whitespace() { ' ' } else { c }).filter(|&c| allowed(c)).collect()
 }
