@@ -18,7 +18,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("recording", 1650),
     ("runner", 5620),
     ("scene", 920),
-    ("server", 5790),
+    ("server", 5010),
     ("sim", 3510),
     ("upm", 5850),
     ("viewer", 2110),
