@@ -1,9 +1,7 @@
-//! Background work: bounded queues with an overflow policy, threads whose result is awaited with a time limit, and
-//! thread pools for tasks.
+//! Background work: bounded queues with an overflow policy, and threads whose result is awaited with a time limit.
 
 use std::fmt;
 use std::io;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
@@ -157,41 +155,9 @@ impl<T: Send + 'static> BackgroundThread<T> {
     }
 }
 
-type PoolTask = Box<dyn FnOnce() + Send>;
-
-/// A few threads for slow tasks that must not delay their caller. They end when the pool is dropped and the queued
-/// tasks are done.
-#[derive(Debug)]
-pub struct WorkerPool(Queue<PoolTask>);
-
-impl WorkerPool {
-    /// Starts `count` threads called `name` with a queue of `waiting` tasks, at lower priority if `steps_back`.
-    pub fn start(name: &str, count: usize, waiting: usize, steps_back: bool) -> io::Result<Self> {
-        let (queue, tasks) = Queue::<PoolTask>::bounded(waiting, OverflowPolicy::GiveUp);
-        for _ in 0..count {
-            let tasks = tasks.clone();
-            thread::Builder::new().name(name.to_owned()).spawn(move || {
-                if steps_back {
-                    lower_thread_priority();
-                }
-                for task in tasks {
-                    // the reply held by the task is gone, so no caller waits; the tasks after it need this thread
-                    catch_unwind(AssertUnwindSafe(task)).ok();
-                }
-            })?;
-        }
-        Ok(Self(queue))
-    }
-
-    /// Queues `task`. When the queue is full, the task is dropped together with the reply it holds.
-    pub fn submit(&self, task: impl FnOnce() + Send + 'static) {
-        self.0.send(Box::new(task)).ok();
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+    use std::sync::mpsc::sync_channel;
 
     use super::*;
 
@@ -223,40 +189,5 @@ mod tests {
         assert_eq!(worker.wait(), Ok(true));
         let dies = BackgroundThread::<()>::start("dies", true, || panic!("as asked")).unwrap();
         assert_eq!(dies.wait_within(LONG), Err(WaitError::Died));
-    }
-
-    #[test]
-    fn task_that_panics_leaves_its_thread_to_the_next() {
-        let pool = WorkerPool::start("pool", 1, 2, true).unwrap();
-        let (reply, answered) = sync_channel::<u32>(1);
-        pool.submit(move || {
-            let _reply = reply;
-            panic!("as asked");
-        });
-        assert_eq!(answered.recv_timeout(LONG), Err(RecvTimeoutError::Disconnected));
-        let (reply, answered) = sync_channel::<u32>(1);
-        pool.submit(move || reply.send(1).unwrap());
-        assert_eq!(answered.recv_timeout(LONG), Ok(1));
-    }
-
-    #[test]
-    fn tasks_that_do_not_fit_are_dropped_and_the_rest_done() {
-        let pool = WorkerPool::start("pool", 1, 1, false).unwrap();
-        let (hold, held) = sync_channel::<()>(0);
-        let (done, seen) = sync_channel::<u32>(8);
-        let began = done.clone();
-        pool.submit(move || {
-            began.send(0).unwrap();
-            held.recv().unwrap();
-        });
-        assert_eq!(seen.recv().unwrap(), 0);
-        for number in 1..4 {
-            let done = done.clone();
-            pool.submit(move || done.send(number).unwrap());
-        }
-        hold.send(()).unwrap();
-        assert_eq!(seen.recv().unwrap(), 1);
-        drop((done, pool));
-        assert_eq!(seen.recv_timeout(LONG), Err(RecvTimeoutError::Disconnected));
     }
 }

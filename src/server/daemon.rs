@@ -1,19 +1,9 @@
-//! The daemon's assembly: store, plates and the HTTP service in front of them, plus the parts for unattended operation:
-//! metrics, readiness and the operator page.
+//! The daemon's assembly: store, plates and the HTTP service in front of them, and what it tells the service manager.
 
-mod backend;
-mod convert;
-mod estop;
 mod estop_socket;
-mod files;
-mod health;
-mod metrics;
 mod prepare;
 mod recovery_log;
 mod start;
-mod state;
-mod status;
-mod submit;
 mod systemd;
 #[cfg(test)]
 mod tests;

@@ -17,6 +17,6 @@ pub(crate) use listen::Peer;
 pub use listen::{ShutdownReport, serve};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
-pub use problem::{Problem, ProblemDocument, ProblemKind, Reason, ReasonCode, joined};
+pub use problem::{Problem, ProblemDocument, Reason, ReasonCode, joined};
 pub use stop_listener::{STOP_PATH, serve_stops};
 pub use tokens::{Caller, Scope, Tokens};

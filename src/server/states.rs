@@ -65,9 +65,10 @@ coded_enum! {
 
 coded_enum! {
     /// Whether a plate is free, runs a job or is held.
-    #[derive(JsonSchema)]
+    #[derive(Default, JsonSchema)]
     pub enum PlateState {
         /// Idle, and able to take a job.
+        #[default]
         Idle = "idle",
         /// Running a job.
         Running = "running",
@@ -112,6 +113,9 @@ pub struct PauseCause {
     /// True where `why` of the plate ends with the remedy, so that it need not be shown again.
     #[serde(default)]
     pub remedy_in_why: bool,
+    /// The cause in words, which is `why` of the plate.
+    #[serde(skip)]
+    pub why: String,
 }
 
 /// A lasting condition of the run on a plate that an operator should know of.

@@ -25,15 +25,15 @@ use jiff::Timestamp;
 use parking_lot::Mutex;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
+use columns::text_of_time;
 use ids::Ids;
 use schema::VERSION;
 
 pub use ids::JobId;
 pub use open::OpenOutcome;
-pub use run_file::{RunFileFault, open_run_file};
+pub use run_file::open_run_file;
 pub use types::{
-    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobPage, JobRow, JobSelection, NewJob,
-    RecoveryReport, StoreFault, StoreLimits, SubmitOutcome,
+    AuditEntry, ClaimedJob, Job, JobEnd, JobRow, NewJob, RecoveryReport, StoreFault, StoreLimits, SubmitOutcome,
 };
 
 pub use crate::states::{JobState, RecordingStatus};
@@ -67,6 +67,13 @@ struct Write<'a> {
     tx: Transaction<'a>,
     ids: &'a Ids,
     now: Timestamp,
+}
+
+impl Write<'_> {
+    /// The time of the write, as text.
+    fn at(&self) -> String {
+        text_of_time(self.now)
+    }
 }
 
 impl Store {

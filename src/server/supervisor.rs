@@ -13,6 +13,7 @@ mod current_job;
 mod draw;
 mod emergency_stop;
 mod latch;
+mod layout;
 mod plate;
 mod preview;
 mod run_observer;
@@ -28,11 +29,10 @@ mod watchdog;
 mod worker;
 
 pub use latch::StopToken;
-pub use plate::{PlateHandle, ResetRequester};
-pub use preview::PreviewPicture;
-pub use setup::{PlateSetup, SharedServices, StandingSetup};
+pub use layout::{LayoutPartView, LayoutPathView, LayoutView};
+pub use setup::{PlateSetup, SharedServices};
+pub use shared::PlateHandle;
 pub use start::PlateSupervisor;
-pub use types::{LastObservation, Pause, PlateSnapshot, ResetFault};
+pub use types::{Plate, ResetFault};
 
 pub use crate::states::{PlateState, StandingState};
-pub use upm_runner::config::{JobLayout, LayoutPart, LayoutPath};

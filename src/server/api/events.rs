@@ -1,30 +1,27 @@
 //! The event stream of a job: the lines of its journal, as they are flushed to the disk, and the job itself whenever
 //! its state changes. An `id` is the byte offset after a line, so a stream that broke goes on there.
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::io::SeekFrom;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::State;
-use axum::http::HeaderMap;
 use axum::http::header::CACHE_CONTROL;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use tokio::fs::File;
-use tokio::io::{AsyncReadExt, AsyncSeekExt};
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncSeekExt, BufReader};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
-use tokio_util::sync::CancellationToken;
 
-use super::backend::{Backend, Refusal};
-use super::extract::{ApiState, FromPath};
+use super::extract::{Api, ApiState, FromPath};
 use super::jobs::JobPath;
-use super::types::Job;
-use crate::http::{Problem, ProblemKind};
+use crate::http::Problem;
 use crate::states::JobState;
+use crate::store::open_run_file;
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
 const LAST_EVENT_ID: &str = "Last-Event-ID";
@@ -40,11 +37,11 @@ const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
 /// Interval at which journal and job are looked at, as long as a journal takes to be flushed.
 const POLL_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Bytes read from a journal at a time.
+/// Bytes read from a journal at a time. One that runs is read from its last line on if that lies within as many.
 const CHUNK_BYTES: u64 = 256 << 10;
 
 /// Longest line of a journal that is sent, bytes; one beyond it ends the stream.
-const LONGEST_LINE: usize = 8 << 20;
+const LONGEST_LINE: u64 = 8 << 20;
 
 /// Streams a job's events: its state, the journal from the byte on that the client names, its end. Ends with the job,
 /// with the daemon, or with the client.
@@ -54,21 +51,11 @@ pub(super) async fn watch(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let after = last_event_id(&headers)?;
-    let full = |_| Problem::new(ProblemKind::Unavailable, "too many event streams").retry_after(10);
-    let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
+    let full = |_| Problem::busy("too many event streams", 10);
+    let permit = api.daemon.event_streams.clone().try_acquire_owned().map_err(full)?;
     // an unknown job is refused before the stream begins
-    api.backend.job(&id).await?;
-    let watcher = JobWatcher {
-        backend: Arc::clone(&api.backend),
-        id,
-        stop: api.stop.clone(),
-        after,
-        journal: None,
-        state: None,
-        ready: VecDeque::new(),
-        is_over: false,
-        permit,
-    };
+    api.on_job(&id, |daemon, id| daemon.row(&id)).await?;
+    let watcher = JobWatcher { api, id, after, journal: None, state: None, end: None, is_over: false, permit };
     let events = stream::unfold(watcher, |mut watcher| async {
         let event = watcher.next().await?;
         Some((Ok::<_, Infallible>(event), watcher))
@@ -82,98 +69,88 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     let Some(value) = values.next() else { return Ok(None) };
     let text = value.to_str().unwrap_or_default();
     let is_id = (1..=18).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit()) && values.next().is_none();
-    let bad = || Problem::new(ProblemKind::Malformed, format!("{LAST_EVENT_ID} is the id of an event"));
+    let bad = || Problem::new(StatusCode::BAD_REQUEST, format!("{LAST_EVENT_ID} is the id of an event"));
     is_id.then(|| text.parse().ok()).flatten().map(Some).ok_or_else(bad)
 }
 
 /// The event stream of one client that watches one job.
 struct JobWatcher {
-    backend: Arc<dyn Backend>,
+    api: Arc<Api>,
     id: String,
-    stop: CancellationToken,
     /// Offset from which the client wants the journal; `None` for its present end.
     after: Option<u64>,
     journal: Option<Journal>,
-    /// State of the job that was sent last.
+    /// State of the job that was seen last.
     state: Option<JobState>,
-    /// Events to be sent.
-    ready: VecDeque<Event>,
+    /// The last event: the job, once it has ended.
+    end: Option<Event>,
     is_over: bool,
     #[allow(dead_code)] // held for as long as the stream is
     permit: OwnedSemaphorePermit,
 }
 
 impl JobWatcher {
-    /// The next event; `None` at the end of the stream.
+    /// The next event; `None` at the end of the stream. Without an answer of the store the client comes back and goes on
+    /// after the last line it has.
     async fn next(&mut self) -> Option<Event> {
         loop {
-            if let Some(event) = self.ready.pop_front() {
-                return Some(event);
+            if let Some(journal) = &mut self.journal
+                && let Some(line) = journal.line().await?
+            {
+                return Some(line);
             }
-            if self.is_over {
-                return None;
+            if self.end.is_some() || self.is_over {
+                self.is_over = true;
+                return self.end.take();
             }
-            // without an answer the client comes back and goes on after the last line it has
-            if self.look().await.is_err() {
-                return None;
-            }
-            if self.ready.is_empty() && !self.is_over {
+            if self.state.is_some() {
                 tokio::select! {
-                    () = self.stop.cancelled() => return None,
+                    () = self.api.stop.cancelled() => return None,
                     () = sleep(POLL_INTERVAL) => {}
                 }
             }
+            if let Some(job) = self.look().await? {
+                return Some(job);
+            }
         }
     }
 
-    /// Takes what is new of job and journal. The job first: all lines of one that has ended are in its journal.
-    async fn look(&mut self) -> Result<(), Refusal> {
-        let job = self.backend.job(&self.id).await?;
-        let (has_ended, is_first) = (job.state.is_final(), self.state.is_none());
-        if job.state != JobState::Queued && self.journal.is_none() {
-            self.journal = match self.backend.journal(&self.id).await? {
-                Some(file) => Journal::open(file, self.after, has_ended).await,
-                None => None,
-            };
+    /// Looks at the job, and opens its journal once there is one. All lines of a job that has ended are in its journal
+    /// and come before it; an event of another new state comes at once. The first has an id, so that a client that came
+    /// without one misses nothing when the stream breaks before the first line. `None` when the store does not answer.
+    async fn look(&mut self) -> Option<Option<Event>> {
+        let is_open = self.journal.is_some();
+        let seen = self.api.on_job(&self.id, move |daemon, id| {
+            let row = daemon.row(&id)?;
+            let folder = row.folder.as_ref().filter(|_| !is_open).map(|name| daemon.store.runs().join(name));
+            let journal = folder.and_then(|folder| open_run_file(&folder, "journal.jsonl").ok());
+            Ok((daemon.seen(row), journal))
+        });
+        let (job, file) = seen.await.ok()?;
+        if let Some(file) = file {
+            self.journal = Journal::open(file, self.after, job.state.is_final()).await;
         }
         // a journal that comes later is wanted from its beginning
-        self.after.get_or_insert(0);
-        // before the lines, except at the end
-        if !has_ended && self.state != Some(job.state) {
-            self.send_job(&job, is_first);
-        }
-        let lines = match &mut self.journal {
-            Some(journal) => {
-                journal.lines().await.ok_or_else(|| Refusal::Broken("the journal has no line".to_owned()))?
-            }
-            None => Vec::new(),
-        };
-        let is_read = lines.is_empty();
-        self.ready.extend(lines);
-        if has_ended && is_read {
-            self.send_job(&job, false);
-            self.is_over = true;
-        }
-        Ok(())
-    }
-
-    /// Sends the job; with an id, so that a client that came without one misses nothing when the stream breaks before
-    /// the first line.
-    fn send_job(&mut self, job: &Job, with_id: bool) {
-        self.state = Some(job.state);
+        let after = *self.after.get_or_insert(0);
+        let before = self.state.replace(job.state);
         // a job is serialized without failure
-        let event = Event::default().event(JOB_EVENT).json_data(job).unwrap_or_default();
-        let at = self.journal.as_ref().map(|journal| journal.offset).or(self.after).unwrap_or(0);
-        self.ready.push_back(if with_id { event.id(at.to_string()) } else { event });
+        let event = Event::default().event(JOB_EVENT).json_data(&job).unwrap_or_default();
+        if job.state.is_final() {
+            self.end = Some(event);
+            return Some(None);
+        }
+        let at = self.journal.as_ref().map_or(after, |journal| journal.offset);
+        let event = if before.is_none() { event.id(at.to_string()) } else { event };
+        Some(Some(event).filter(|_| before != Some(job.state)))
     }
 }
 
 /// The journal of a job, read line by line while it grows.
 struct Journal {
-    file: File,
+    file: BufReader<File>,
     /// Offset after the last line that was sent.
     offset: u64,
-    /// Bytes read after it.
+    /// What was read of the line after it.
     rest: Vec<u8>,
 }
 
@@ -182,64 +159,35 @@ impl Journal {
     /// line begins there. One of an ended job that is wanted from its end has nothing to send. `None` when it cannot be
     /// read.
     async fn open(file: std::fs::File, after: Option<u64>, has_ended: bool) -> Option<Self> {
-        let file = File::from_std(file);
+        let mut file = File::from_std(file);
         let length = file.metadata().await.ok()?.len();
-        let mut journal = Self { file, offset: 0, rest: Vec::new() };
-        match after {
-            Some(after) if (1..=length).contains(&after) => {
-                journal.file.seek(SeekFrom::Start(after - 1)).await.ok()?;
-                if journal.file.read_u8().await.ok()? == b'\n' {
-                    journal.offset = after;
-                }
-            }
-            Some(_) => {}
-            None if has_ended => journal.offset = length,
-            None => journal.offset = last_line_end(&mut journal.file, length).await?,
-        }
-        journal.file.seek(SeekFrom::Start(journal.offset)).await.ok()?;
-        Some(journal)
+        let (from, to) = match after {
+            Some(after) if after <= length => (after.saturating_sub(1), after),
+            Some(_) => (0, 0),
+            None if has_ended => (length, length),
+            None => (length.saturating_sub(CHUNK_BYTES), length),
+        };
+        let mut piece = Vec::new();
+        file.seek(SeekFrom::Start(from)).await.ok()?;
+        (&mut file).take(to - from).read_to_end(&mut piece).await.ok()?;
+        let end = piece.iter().rposition(|byte| *byte == b'\n').map(|at| from + at as u64 + 1);
+        let offset = if after.is_none() && has_ended { length } else { end.unwrap_or(0) };
+        file.seek(SeekFrom::Start(offset)).await.ok()?;
+        Some(Self { file: BufReader::with_capacity(CHUNK_BYTES as usize, file), offset, rest: Vec::new() })
     }
 
-    /// The whole lines that were added, as many as fit into a chunk; none when the file cannot be read. `None` for a
-    /// line without end.
-    async fn lines(&mut self) -> Option<Vec<Event>> {
-        loop {
-            let read = (&mut self.file).take(CHUNK_BYTES).read_to_end(&mut self.rest).await.unwrap_or(0);
-            if let Some(end) = self.rest.iter().rposition(|byte| *byte == b'\n') {
-                let left = self.rest.split_off(end + 1);
-                let whole = std::mem::replace(&mut self.rest, left);
-                return Some(whole.split_inclusive(|byte| *byte == b'\n').map(|line| self.event(line)).collect());
-            }
-            if read == 0 {
-                return (self.rest.len() < LONGEST_LINE).then(Vec::new);
-            }
-            if self.rest.len() > LONGEST_LINE {
-                return None;
-            }
+    /// The event of the next whole line; within it `None` when there is none yet. `None` for a file that cannot be read
+    /// or has a line without end.
+    async fn line(&mut self) -> Option<Option<Event>> {
+        let room = LONGEST_LINE - self.rest.len() as u64;
+        (&mut self.file).take(room).read_until(b'\n', &mut self.rest).await.ok()?;
+        if !self.rest.ends_with(b"\n") {
+            return ((self.rest.len() as u64) < LONGEST_LINE).then_some(None);
         }
-    }
-
-    /// The event of a line with its line feed.
-    fn event(&mut self, line: &[u8]) -> Event {
-        self.offset += line.len() as u64;
+        self.offset += self.rest.len() as u64;
         // JSON has no control characters, a damaged file may have
-        let text = String::from_utf8_lossy(line).replace(char::is_control, "");
-        Event::default().id(self.offset.to_string()).data(text)
+        let text = String::from_utf8_lossy(&self.rest).replace(char::is_control, "");
+        self.rest.clear();
+        Some(Some(Event::default().id(self.offset.to_string()).data(text)))
     }
-}
-
-/// Offset after the last whole line of a journal of that length.
-async fn last_line_end(file: &mut File, length: u64) -> Option<u64> {
-    let (mut end, mut piece) = (length, Vec::new());
-    while end > length.saturating_sub(LONGEST_LINE as u64) {
-        let begin = end.saturating_sub(CHUNK_BYTES);
-        file.seek(SeekFrom::Start(begin)).await.ok()?;
-        piece.clear();
-        (&mut *file).take(end - begin).read_to_end(&mut piece).await.ok()?;
-        if let Some(at) = piece.iter().rposition(|byte| *byte == b'\n') {
-            return Some(begin + at as u64 + 1);
-        }
-        end = begin;
-    }
-    Some(0)
 }

@@ -19,23 +19,56 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::sync::Semaphore;
+use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use upm_core::document::{Diagnostic, DiagnosticClass, parse, schema_of};
 
-use super::backend::Backend;
-use crate::http::{Caller, Problem, ProblemKind, too_large};
+use super::state::{DaemonState, no_job, unheard};
+use crate::http::{Caller, Problem, too_large};
+use crate::store::JobId;
 
 /// State that all handlers share.
 pub(super) struct Api {
-    pub backend: Arc<dyn Backend>,
+    pub daemon: Arc<DaemonState>,
     /// Ends event streams.
     pub stop: CancellationToken,
     /// The OpenAPI document.
     pub document: Bytes,
-    pub stop_port: Option<u16>,
-    pub event_streams: Arc<Semaphore>,
+    /// Places for checks of jobs.
+    pub checks: Semaphore,
     pub downloads: Arc<Semaphore>,
+}
+
+/// Most jobs checked at once.
+pub(super) const CHECKS: usize = 2;
+
+impl Api {
+    /// The answer of `work`, which may wait for the disk. The work gets a test of whether the client still waits, and is
+    /// left out when it does not.
+    pub async fn blocking<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&DaemonState, &dyn Fn() -> bool) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let (daemon, gone) = (Arc::clone(&self.daemon), CancellationToken::new());
+        let _awaited = gone.clone().drop_guard();
+        let answer = spawn_blocking(move || {
+            let is_awaited = || !gone.is_cancelled();
+            if is_awaited() { work(&daemon, &is_awaited) } else { Err(unheard()) }
+        });
+        let broken = |_| Err(Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"));
+        answer.await.unwrap_or_else(broken)
+    }
+
+    /// The answer of `work` on the job with the id `text`.
+    pub async fn on_job<T: Send + 'static>(
+        &self,
+        text: &str,
+        work: impl FnOnce(&DaemonState, JobId) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let id = JobId::parse(text).ok_or_else(no_job)?;
+        self.blocking(move |daemon, _| work(daemon, id)).await
+    }
 }
 
 pub(super) type ApiState = State<Arc<Api>>;
@@ -53,7 +86,7 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for FromPat
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let path = Path::from_request_parts(parts, state).await;
-        path.map(|Path(path)| Self(path)).map_err(|error| Problem::new(ProblemKind::NotFound, error.body_text()))
+        path.map(|Path(path)| Self(path)).map_err(|error| Problem::new(StatusCode::NOT_FOUND, error.body_text()))
     }
 }
 
@@ -71,7 +104,7 @@ impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestPart
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
         let query = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri);
-        let Query(pairs) = query.map_err(|error| Problem::new(ProblemKind::Malformed, error.body_text()))?;
+        let Query(pairs) = query.map_err(|error| Problem::new(StatusCode::BAD_REQUEST, error.body_text()))?;
         read_texts("query", &pairs).map(Self)
     }
 }
@@ -94,7 +127,7 @@ impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestPart
         let lines = names.flat_map(|name| parts.headers.get_all(name).iter().map(move |value| (name, value)));
         let texts = lines.map(|(name, value)| match value.to_str() {
             Ok(text) if text.bytes().all(|b| b.is_ascii_graphic()) => Ok((name.clone(), text.to_owned())),
-            _ => Err(Problem::new(ProblemKind::Malformed, format!("{name} is one word of visible ASCII"))),
+            _ => Err(Problem::new(StatusCode::BAD_REQUEST, format!("{name} is one word of visible ASCII"))),
         });
         read_texts("header", &texts.collect::<Result<Vec<_>, _>>()?).map(Self)
     }
@@ -120,7 +153,7 @@ fn read_texts<T: DeserializeOwned + JsonSchema + 'static>(
         format!("{}: {}", Value::from(name.as_str()), number.map_or_else(|| Value::from(text.as_str()), Value::from))
     });
     let object = format!("{{{}}}", members.collect::<Vec<_>>().join(", "));
-    parse(&object, place).map_err(|faults| Problem::of_faults(ProblemKind::Malformed, faults))
+    parse(&object, place).map_err(|faults| Problem::of_faults(StatusCode::BAD_REQUEST, faults))
 }
 
 /// The text of a body that is JSON in the form of `T`.
@@ -134,7 +167,7 @@ impl<T: DeserializeOwned + JsonSchema + 'static> JsonBody<T> {
     pub fn read(&self) -> Result<T, Problem> {
         parse(&self.text, "body").map_err(|faults| {
             let is_json = faults.iter().all(|fault| fault.class != DiagnosticClass::Syntax);
-            Problem::of_faults(if is_json { ProblemKind::Invalid } else { ProblemKind::Malformed }, faults)
+            Problem::of_faults(if is_json { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST }, faults)
         })
     }
 }
@@ -147,19 +180,19 @@ impl<T, S: Send + Sync> FromRequest<S> for JsonBody<T> {
         let media = request.headers().get(CONTENT_TYPE).and_then(|value| value.to_str().ok()?.split(';').next());
         if !media.is_some_and(|media| media.trim().eq_ignore_ascii_case("application/json")) {
             let detail = "the body must come as `Content-Type: application/json`";
-            return Err(Problem::new(ProblemKind::UnsupportedMediaType, detail));
+            return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail));
         }
         let body = timeout(BODY_TIME, Bytes::from_request(request, state)).await.map_err(|_| {
             let detail = format!("the body was not here after {} s", BODY_TIME.as_secs());
-            Problem::new(ProblemKind::RequestTimeout, detail)
+            Problem::new(StatusCode::REQUEST_TIMEOUT, detail)
         })?;
         let body = body.map_err(|error| match error.status() {
             StatusCode::PAYLOAD_TOO_LARGE => too_large(),
-            _ => Problem::new(ProblemKind::Malformed, "the body broke off"),
+            _ => Problem::new(StatusCode::BAD_REQUEST, "the body broke off"),
         })?;
         let text = String::from_utf8(body.into()).map_err(|error| {
             let found = format!("a byte that is not UTF-8 at offset {}", error.utf8_error().valid_up_to());
-            Problem::of_faults(ProblemKind::Malformed, vec![Diagnostic::new("body", "$", found, "UTF-8 text")])
+            Problem::of_faults(StatusCode::BAD_REQUEST, vec![Diagnostic::new("body", "$", found, "UTF-8 text")])
         })?;
         Ok(Self { text, form: PhantomData })
     }

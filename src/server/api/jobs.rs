@@ -6,11 +6,14 @@ use axum::{Extension, Json};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::backend::Submission;
 use super::extract::{Answer, ApiState, FromHeaders, FromPath, FromQuery, JsonBody, RequestCaller};
-use super::layout::{Checked, LayoutView};
-use super::types::{Job, JobsPage, JobsQuery};
+use super::state::{audit_entry, conflict, no_job};
+use super::submit::Submission;
+use super::types::{Checked, JobsPage, JobsQuery};
 use crate::http::Problem;
+use crate::states::JobState;
+use crate::store::{AuditEntry, Job, JobId};
+use crate::supervisor::LayoutView;
 use upm_core::job::Pace;
 use upm_runner::config::JobFile;
 
@@ -46,55 +49,92 @@ type OneJob = FromPath<JobPath>;
 
 pub(super) async fn submit(
     State(api): ApiState,
-    Extension(caller): RequestCaller,
     FromQuery(query): FromQuery<SubmitQuery>,
     FromHeaders(headers): FromHeaders<SubmitHeaders>,
     body: JsonBody<JobFile>,
 ) -> Result<Response, Problem> {
-    let submission = Submission { text: body.text, pace: query.pace, key: headers.key, caller };
-    let submitted = api.backend.submit(submission).await?;
-    let location = [(LOCATION, format!("/v1/jobs/{}", submitted.job.id))];
-    let replayed = submitted.replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
-    Ok((StatusCode::CREATED, location, replayed, Json(submitted.job)).into_response())
+    let submission = Submission { text: body.text, pace: query.pace, key: headers.key };
+    let _place = api.checks.acquire().await;
+    let submitted = api.blocking(move |daemon, is_awaited| daemon.submit(&submission, is_awaited));
+    let (job, is_replayed) = submitted.await?;
+    let location = [(LOCATION, format!("/v1/jobs/{}", job.id))];
+    let replayed = is_replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
+    Ok((StatusCode::CREATED, location, replayed, Json(job)).into_response())
 }
 
 pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<Checked> {
-    Ok(Json(api.backend.check(body.text).await?))
+    let _place = api.checks.acquire().await;
+    Ok(Json(api.blocking(move |daemon, _| daemon.check(&body.text)).await?))
 }
 
 pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {
-    Ok(Json(api.backend.jobs(query).await?))
+    let JobsQuery { state, limit, cursor } = query;
+    let before = cursor.map(|text| JobId::parse(&text).ok_or_else(no_job)).transpose()?;
+    let page = api.blocking(move |daemon, _| {
+        let mut rows = daemon.store.list(state, before, limit + 1)?;
+        let is_last = rows.len() <= limit;
+        rows.truncate(limit);
+        let next = rows.last().filter(|_| !is_last).map(|row| row.id.to_string());
+        Ok(JobsPage { jobs: rows.into_iter().map(|row| daemon.seen(row)).collect(), next })
+    });
+    Ok(Json(page.await?))
 }
 
 pub(super) async fn show(State(api): ApiState, FromPath(job): OneJob) -> Answer<Job> {
-    Ok(Json(api.backend.job(&job.id).await?))
+    Ok(Json(api.on_job(&job.id, |daemon, id| Ok(daemon.seen(daemon.row(&id)?))).await?))
 }
 
+/// The layout of a job that is on a plate.
 pub(super) async fn layout(State(api): ApiState, FromPath(job): OneJob) -> Answer<LayoutView> {
-    Ok(Json(api.backend.layout(&job.id).await?))
+    let layout = api.on_job(&job.id, |daemon, id| {
+        let plate = daemon.plate_under(&id, "there is a layout of a job only while it runs")?;
+        plate.job.layout.lock().clone().ok_or_else(|| Problem::busy("the job is being read", 1))
+    });
+    Ok(Json(layout.await?))
 }
 
-pub(super) async fn run_next(
-    State(api): ApiState,
-    FromPath(job): OneJob,
-    Extension(caller): RequestCaller,
-) -> Answer<Job> {
-    Ok(Json(api.backend.run_next(&job.id, caller).await?))
+/// Moves a queued job to the front of its plate's queue.
+pub(super) async fn run_next(State(api): ApiState, FromPath(job): OneJob, by: RequestCaller) -> Answer<Job> {
+    tracing::info!(job = job.id, caller = by.name, "run next");
+    let moved = api.on_job(&job.id, |daemon, id| {
+        let row = daemon.store.move_to_front(&id)?.ok_or_else(no_job)?;
+        match row.state {
+            JobState::Queued => Ok(row.job),
+            other => Err(conflict(format!("the job does not wait for its plate: {}", other.code()))),
+        }
+    });
+    Ok(Json(moved.await?))
 }
 
-pub(super) async fn cancel(
-    State(api): ApiState,
-    FromPath(job): OneJob,
-    Extension(caller): RequestCaller,
-) -> Answer<Job> {
-    Ok(Json(api.backend.cancel(&job.id, caller).await?))
+/// Takes a job out of the queue, or has its plate end it.
+pub(super) async fn cancel(State(api): ApiState, FromPath(job): OneJob, by: RequestCaller) -> Answer<Job> {
+    tracing::info!(job = job.id, caller = by.name, "cancel");
+    let cancelled = api.on_job(&job.id, |daemon, id| {
+        let (row, is_cancelled) = daemon.store.cancel_queued(&id)?.ok_or_else(no_job)?;
+        let is_on_plate = !is_cancelled && row.state == JobState::Running;
+        if is_on_plate && !daemon.plates.get(&row.plate).is_some_and(|plate| plate.job.cancel(&id)) {
+            return Err(conflict("the job has already finished"));
+        }
+        if !is_cancelled && !is_on_plate {
+            return Err(conflict(format!("the job has ended: {}", row.state.code())));
+        }
+        Ok(daemon.seen(row))
+    });
+    Ok(Json(cancelled.await?))
 }
 
+/// Deletes a job that does not run.
 pub(super) async fn delete(
     State(api): ApiState,
     FromPath(job): OneJob,
     Extension(caller): RequestCaller,
 ) -> Result<NoContent, Problem> {
-    api.backend.delete(&job.id, caller).await?;
-    Ok(NoContent)
+    tracing::info!(job = job.id, caller = caller.name, "delete");
+    let entry = AuditEntry { act: AuditEntry::DELETE.to_owned(), ..audit_entry(caller) };
+    let deleted = api.on_job(&job.id, |daemon, id| match daemon.store.delete(&id, entry)? {
+        Some(true) => Ok(NoContent),
+        Some(false) => Err(conflict("the job runs: cancel it first")),
+        None => Err(no_job()),
+    });
+    deleted.await
 }

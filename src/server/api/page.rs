@@ -13,7 +13,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::extract::{ApiState, FromPath};
-use crate::http::{Problem, ProblemKind};
+use crate::http::Problem;
 
 static FILES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../assets/page");
 static CONFIGS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../configs");
@@ -29,13 +29,13 @@ pub(super) async fn asset(
     FromPath(name): FromPath<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let no_file = || Problem::new(ProblemKind::NotFound, "the operator page has no such file");
+    let no_file = || Problem::new(StatusCode::NOT_FOUND, "the operator page has no such file");
     let content = content_of(&name).ok_or_else(no_file)?;
     let etag = format!("\"{:x}\"", Sha256::digest(&content));
     let headers_of_all = [
         (ETAG, etag.clone()),
         (CACHE_CONTROL, "no-cache".to_owned()),
-        (CONTENT_SECURITY_POLICY, policy(api.stop_port)),
+        (CONTENT_SECURITY_POLICY, policy(api.daemon.spec.stop_listen.map(|address| address.port()))),
     ];
     if headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == etag.as_bytes()) {
         return Ok((headers_of_all, StatusCode::NOT_MODIFIED).into_response());

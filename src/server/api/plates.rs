@@ -1,17 +1,26 @@
+use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use axum::extract::State;
+use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use tokio::sync::oneshot;
 use tokio::time::timeout;
 use upm_core::document::Diagnostic;
 
 use super::extract::{Answer, ApiState, FromPath, JsonBody, RequestCaller};
-use super::types::{EStopped, Health, Plate, Plates, ResetRequest};
-use crate::http::{Problem, ProblemKind, Reason, joined};
+use super::health::{liveness_failures, readiness_failures};
+use super::metrics;
+use super::state::{audit_entry, conflict};
+use super::types::{EStopped, Health, Plates, ResetRequest};
+use crate::http::{Problem, Reason};
+use crate::store::AuditEntry;
+use crate::supervisor::Plate;
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
@@ -29,20 +38,30 @@ pub(super) struct PlatePath {
 type OnePlate = FromPath<PlatePath>;
 
 /// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
-pub(super) async fn list(State(api): ApiState) -> Answer<Plates> {
-    let counted = timeout(COUNTED_WITHIN, api.backend.plates()).await;
-    Ok(Json(counted.ok().and_then(Result::ok).unwrap_or_else(|| api.backend.plates_as_counted())))
+pub(super) async fn list(State(api): ApiState) -> Json<Plates> {
+    let counted = api.blocking(|daemon, _| Ok(daemon.count_jobs()));
+    timeout(COUNTED_WITHIN, counted).await.ok();
+    let plates = api.daemon.plates.iter().map(|plate| api.daemon.plate_now(plate)).collect();
+    Json(Plates { plates, stop_listen: api.daemon.spec.stop_listen.map(|address| address.to_string()) })
 }
 
-/// Stops a plate. The motors are cut before anything is awaited.
+/// Stops a plate. The motors are cut before anything is awaited. What confirms it has its own thread: all others may
+/// wait for the disk.
 pub(super) async fn estop(
     State(api): ApiState,
     FromPath(plate): OnePlate,
     Extension(caller): RequestCaller,
 ) -> Answer<EStopped> {
-    Ok(Json(api.backend.estop(&plate.name, caller).await?))
+    api.daemon.plate(&plate.name)?.estop();
+    let (daemon, (reply, confirmed)) = (Arc::clone(&api.daemon), oneshot::channel());
+    let confirm = move || reply.send(daemon.confirm_stop(&plate.name, &caller));
+    let unconfirmed = "the plate is stopped; what became of its motors is not known";
+    let started = thread::Builder::new().name("stop".into()).spawn(confirm);
+    started.map_err(|_| Problem::busy(unconfirmed, 1))?;
+    Ok(Json(confirmed.await.map_err(|_| Problem::busy(unconfirmed, 1))??))
 }
 
+/// Ends an emergency stop. A client that gave up finds the plate stopped.
 pub(super) async fn reset(
     State(api): ApiState,
     FromPath(plate): OnePlate,
@@ -52,34 +71,46 @@ pub(super) async fn reset(
     let request = body.read()?;
     if let Some((member, found, allowed)) = request.fault() {
         let fault = Diagnostic::new("body", member, found, allowed);
-        return Err(Problem::of_faults(ProblemKind::Invalid, vec![fault]));
+        return Err(Problem::of_faults(StatusCode::UNPROCESSABLE_ENTITY, vec![fault]));
     }
-    Ok(Json(api.backend.reset(&plate.name, request, caller).await?))
+    let plate = Arc::clone(api.daemon.plate(&plate.name)?);
+    // determined before the reset waits its turn: a stop that comes in between is a different one
+    let held = plate.emergency_stop.held()?;
+    let ResetRequest { operator, reason } = request;
+    let who = AuditEntry { operator, reason, ..audit_entry(caller) };
+    let reset = api.blocking(move |daemon, is_awaited| {
+        plate.reset(held, who, is_awaited)?;
+        Ok(daemon.plate_after(&plate))
+    });
+    Ok(Json(reset.await?))
 }
 
+/// Lets a paused plate go on.
 pub(super) async fn resume(
     State(api): ApiState,
     FromPath(plate): OnePlate,
     Extension(caller): RequestCaller,
 ) -> Answer<Plate> {
-    Ok(Json(api.backend.resume(&plate.name, caller).await?))
+    let plate = Arc::clone(api.daemon.plate(&plate.name)?);
+    let resumed = api.blocking(move |daemon, _| {
+        let stopped = || conflict("an emergency stop holds: it must be reset first");
+        plate.resume(audit_entry(caller)).then(|| daemon.plate_after(&plate)).ok_or_else(stopped)
+    });
+    Ok(Json(resumed.await?))
 }
 
 pub(super) async fn healthz(State(api): ApiState) -> Answer<Health> {
-    health(api.backend.liveness_failures())
+    health(liveness_failures(&api.daemon.observed()))
 }
 
 pub(super) async fn readyz(State(api): ApiState) -> Answer<Health> {
-    health(api.backend.readiness_failures())
+    health(readiness_failures(&api.daemon.observed()))
 }
 
 pub(super) async fn metrics(State(api): ApiState) -> Response {
-    ([(CONTENT_TYPE, OPENMETRICS)], api.backend.metrics()).into_response()
+    ([(CONTENT_TYPE, OPENMETRICS)], metrics::text(&api.daemon.observed())).into_response()
 }
 
 fn health(reasons: Vec<Reason>) -> Answer<Health> {
-    if reasons.is_empty() {
-        return Ok(Json(Health { ok: true }));
-    }
-    Err(Problem::new(ProblemKind::Unavailable, joined(&reasons)).with_reasons(reasons))
+    if reasons.is_empty() { Ok(Json(Health { ok: true })) } else { Err(Problem::of_reasons(reasons)) }
 }

@@ -17,9 +17,9 @@ use schemars::generate::SchemaSettings;
 use serde_json::json;
 
 use super::extract::Api;
-use super::types::Job;
 use super::{events, files, jobs, page, plates};
 use crate::http::{Caller, PROBLEM_JSON, Peer, Problem, ProblemDocument, Scope, Tokens};
+use crate::store::Job;
 
 type Routes = ApiRouter<Arc<Api>>;
 
@@ -44,7 +44,7 @@ fn open() -> Routes {
 fn read() -> Routes {
     let layout = "Parts, targets, bins and paths of a job that is on its plate";
     let frame = "The latest camera frame, what is known drawn over it; `Upm-Age-Ms` is its age, ms";
-    let recording = "The job's recording (.rrd), or the one byte range of it that `Range` names";
+    let recording = "The job's recording (.rrd)";
     let estop = "Emergency stop: motors to zero, held until a reset; any token may";
     let watch = "Watch a job by server-sent events: `job`, whenever its state changes, and the lines of its journal from the \
                  `id` on that `Last-Event-ID` names, 0 for all; without one from now on. The stream of a job that has \

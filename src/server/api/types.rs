@@ -1,53 +1,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
-use super::layout::LayoutPartView;
-use crate::states::{JobState, PauseCause, PlateCondition, PlateState, RecordingStatus, StandingJob};
-use upm_core::job::Pace;
-
-/// A job with its state and result.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Job {
-    /// Id of the job: 32 hex digits, which sort by the time of submission.
-    #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
-    pub id: String,
-    /// Name of the job; several jobs may have the same.
-    pub name: String,
-    /// Stage between submission and end, at the time of the answer.
-    pub state: JobState,
-    /// Plate on which it runs.
-    pub plate: String,
-    /// Time at which it was accepted (UTC).
-    #[schemars(extend("format" = "date-time"))]
-    pub submitted_at: String,
-    /// Time at which its plate took it (UTC).
-    #[schemars(extend("format" = "date-time"))]
-    pub started_at: Option<String>,
-    /// Time of its end, whatever the outcome (UTC).
-    #[schemars(extend("format" = "date-time"))]
-    pub finished_at: Option<String>,
-    /// Share of the job that is done, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub progress: f64,
-    /// Its `report.json`, once it has ended.
-    pub report: Option<Map<String, Value>>,
-    /// Reason of its end; empty until then.
-    pub reason: String,
-    /// Seed of everything random in its run.
-    pub seed: u64,
-    /// Pace of its run.
-    pub pace: Pace,
-    /// State of its recording.
-    pub recording: RecordingStatus,
-    /// True for a run of its plate's standing job, which no client submitted.
-    #[serde(default)]
-    pub standing: bool,
-    /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
-    /// moved to the front.
-    #[serde(default)]
-    pub turn: i64,
-}
+use crate::states::JobState;
+use crate::store::Job;
+use crate::supervisor::{LayoutView, Plate};
 
 /// Selection of jobs to list, newest first.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -78,58 +34,6 @@ pub struct JobsPage {
     pub next: Option<String>,
 }
 
-/// A plate at one moment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Plate {
-    /// Name of the plate.
-    pub name: String,
-    /// Whether it is idle, runs a job, or is held by a pause or an emergency stop.
-    pub state: PlateState,
-    /// Why it is idle; empty when it runs a job or could.
-    pub why: String,
-    /// The cause of its pause; null unless it is paused.
-    #[serde(default)]
-    pub pause: Option<PauseCause>,
-    /// Current conditions of the run on it that an operator should know of.
-    #[serde(default)]
-    pub conditions: Vec<PlateCondition>,
-    /// Id of the job on it; null when there is none.
-    pub job: Option<String>,
-    /// The job that runs whenever its queue is empty; null when none is configured.
-    pub standing_job: Option<StandingJob>,
-    /// Number of jobs queued for it.
-    pub queued: u64,
-    /// Plate time of the observation shown, from the start of its job, s.
-    pub at_s: f64,
-    /// Wall time since that observation, s; null before the first.
-    pub age_s: Option<f64>,
-    /// Side of the square plate, mm. Its centre is the origin of all positions.
-    pub side_mm: f64,
-    /// The kinds of parts that its rig knows.
-    #[serde(default)]
-    pub kinds: Vec<LayoutPartView>,
-    /// Position of each part, mm.
-    pub positions_mm: Vec<[f64; 2]>,
-    /// Radius of each part, mm.
-    pub radii_mm: Vec<f64>,
-    /// Target position of each part, mm.
-    pub targets_mm: Vec<[f64; 2]>,
-    /// Share of the job that is done, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub progress: f64,
-    /// Current activity, as text.
-    pub phase: String,
-    /// Frames that came more than one frame late, since the daemon started.
-    pub deadline_misses: u64,
-    /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
-    pub behind_s: f64,
-    /// Size of the recording being written, MB; null while none is.
-    #[serde(default)]
-    pub recording_mb: Option<f64>,
-    /// Address for a Rerun viewer on this machine; null where there is no live stream.
-    pub live: Option<String>,
-}
-
 /// Every plate of the daemon at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plates {
@@ -138,6 +42,17 @@ pub struct Plates {
     /// Address and port of the listener whose `POST /v1/estop` stops every plate; null where there is none.
     #[serde(default)]
     pub stop_listen: Option<String>,
+}
+
+/// A job that is ready to be queued.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Checked {
+    /// Name of the job.
+    pub name: String,
+    /// Plate to which it would go.
+    pub plate: String,
+    /// Parts, targets, bins and paths that the job asks for.
+    pub layout: LayoutView,
 }
 
 /// Result of an emergency stop.

@@ -4,37 +4,27 @@
 //! [`LocalStopAnswer`]. `echo | socat - UNIX-CONNECT:DATA/estop.sock` is enough.
 
 use std::fs::{self, Permissions};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::estop;
-use super::state::DaemonState;
-use crate::api::EStopped;
+use crate::api::{DaemonState, EStopped};
 use crate::http::Caller;
-use upm_core::time::{Clock, MonotonicClock};
 
 /// Name of the socket in the data folder.
 pub const ESTOP_SOCKET: &str = "estop.sock";
 
-/// Threads that accept stops. A client that sends nothing occupies one of them for [`ASKED_WITHIN`].
-const THREADS: usize = 4;
-
 /// Longest request and longest reply, bytes.
-const MOST_REQUEST: usize = 4 << 10;
-const MOST_ANSWER: usize = 64 << 10;
+const MOST_REQUEST: u64 = 4 << 10;
+const MOST_ANSWER: u64 = 64 << 10;
 
-/// Most plates in one request.
-const MOST_PLATES: usize = 64;
-
-/// Longest time for a request to arrive in full, for the client to take the reply, and for the reply to arrive.
+/// Longest silence before a request has arrived, for the client to take the reply, and for the reply to arrive.
 const ASKED_WITHIN: Duration = Duration::from_millis(500);
 const TAKEN_WITHIN: Duration = Duration::from_millis(500);
 const ANSWERED_WITHIN: Duration = Duration::from_millis(1500);
@@ -83,17 +73,13 @@ impl EmergencyStops {
     /// Stops every plate. `by` is the caller's name for the audit log. All plates are stopped before the first
     /// confirmation is awaited.
     pub fn stop_all(&self, by: &str) -> Vec<LocalStop> {
-        self.stop(&self.0.spec.plate_names(), &Caller { name: by.to_owned(), remote: None })
+        self.stop(&[], &Caller { name: by.to_owned(), remote: None })
     }
 
-    /// Stops every plate for a client on the network; returns a [`LocalStopAnswer`] as JSON.
-    pub(super) fn stop_for(&self, caller: &Caller) -> Vec<u8> {
-        let stops = self.stop(&self.0.spec.plate_names(), caller);
-        serde_json::to_vec(&LocalStopAnswer { stops, error: None }).unwrap_or_default()
-    }
-
-    /// Stops the plates called `names`.
-    fn stop(&self, names: &[String], caller: &Caller) -> Vec<LocalStop> {
+    /// Stops the plates called `names`, or every plate where none is named.
+    pub(super) fn stop(&self, names: &[String], caller: &Caller) -> Vec<LocalStop> {
+        let all = self.0.spec.plate_names();
+        let names = if names.is_empty() { &all } else { names };
         for plate in names.iter().filter_map(|name| self.0.plates.get(name)) {
             plate.estop();
         }
@@ -110,7 +96,7 @@ impl EmergencyStops {
     }
 
     fn confirm_stop(&self, name: &str, caller: &Caller) -> LocalStop {
-        let (answer, error) = match estop::confirm_stop(&self.0, name, caller) {
+        let (answer, error) = match self.0.confirm_stop(name, caller) {
             Ok(answer) => (Some(answer), None),
             Err(_) => (None, Some(format!("expected one of {}", self.0.spec.plate_names().join(", ")))),
         };
@@ -120,15 +106,12 @@ impl EmergencyStops {
 
 /// The listening socket. Dropping it removes the socket file.
 #[derive(Debug)]
-pub(super) struct EStopSocket {
-    path: PathBuf,
-    ending: Arc<AtomicBool>,
-}
+pub(super) struct EStopSocket(PathBuf);
 
 impl EStopSocket {
     /// Listens in `data`, replacing a socket left by an earlier daemon; `port` is the HTTP port. The caller must hold
-    /// the folder's lock.
-    pub fn open(data: &Path, port: u16, stop: &EmergencyStops) -> io::Result<Self> {
+    /// the folder's lock. A client that sends nothing holds up no other: each has a thread.
+    pub fn open(data: &Path, port: u16, stop: EmergencyStops) -> io::Result<Self> {
         let path = data.join(ESTOP_SOCKET);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -136,49 +119,35 @@ impl EStopSocket {
         }
         let listener = UnixListener::bind(&path)?;
         fs::set_permissions(&path, Permissions::from_mode(0o600))?;
-        let socket = Self { path, ending: Arc::default() };
-        for _ in 0..THREADS {
-            let (listener, stop, ending) = (listener.try_clone()?, stop.clone(), Arc::clone(&socket.ending));
-            thread::Builder::new().name("estop".into()).spawn(move || take_stops(&listener, port, &stop, &ending))?;
-        }
-        Ok(socket)
+        let attend = move || {
+            for client in listener.incoming() {
+                let stop = stop.clone();
+                let answer = move |client: UnixStream| {
+                    take_stop(&client, port, &stop).unwrap_or_else(|error| tracing::warn!("{ESTOP_SOCKET}: {error}"));
+                };
+                let started = client.and_then(|client| thread::Builder::new().spawn(move || answer(client)));
+                if let Err(error) = started {
+                    tracing::warn!("{ESTOP_SOCKET}: {error}");
+                    thread::sleep(NO_ROOM_PAUSE);
+                }
+            }
+        };
+        thread::Builder::new().name("estop".into()).spawn(attend)?;
+        Ok(Self(path))
     }
 }
 
 impl Drop for EStopSocket {
     fn drop(&mut self) {
-        self.ending.store(true, Ordering::SeqCst);
-        // wakes the threads, which then see the flag; not joined, since one may be waiting for a client
-        for _ in 0..THREADS {
-            UnixStream::connect(&self.path).ok();
-        }
-        fs::remove_file(&self.path).ok();
-    }
-}
-
-fn take_stops(listener: &UnixListener, port: u16, stop: &EmergencyStops, ending: &AtomicBool) {
-    for client in listener.incoming() {
-        if ending.load(Ordering::SeqCst) {
-            return;
-        }
-        match client.and_then(|client| take_stop(&client, port, stop)) {
-            Ok(()) => {}
-            Err(error) => {
-                tracing::warn!("{ESTOP_SOCKET}: {error}");
-                thread::sleep(NO_ROOM_PAUSE);
-            }
-        }
+        fs::remove_file(&self.0).ok();
     }
 }
 
 fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStops) -> io::Result<()> {
     let Some(line) = line_of(client, MOST_REQUEST, ASKED_WITHIN)? else { return Ok(()) };
+    let caller = Caller { name: BY_SOCKET.to_owned(), remote: None };
     let answer = match request_in(&line, port) {
-        Ok(request) if request.plates.is_empty() => LocalStopAnswer { stops: stop.stop_all(BY_SOCKET), error: None },
-        Ok(request) => {
-            let caller = Caller { name: BY_SOCKET.to_owned(), remote: None };
-            LocalStopAnswer { stops: stop.stop(&request.plates, &caller), error: None }
-        }
+        Ok(request) => LocalStopAnswer { stops: stop.stop(&request.plates, &caller), error: None },
         Err(error) => LocalStopAnswer { stops: Vec::new(), error: Some(error) },
     };
     client.set_write_timeout(Some(TAKEN_WITHIN))?;
@@ -193,9 +162,6 @@ fn request_in(line: &[u8], port: u16) -> Result<LocalStopRequest, String> {
         .map_err(|error| format!(r#"expected an empty line or {{"plates": ["NAME"]}}: {error}"#))?;
     match request.port {
         Some(meant) if meant != port => Err(format!("expected the daemon on port {meant}, found the one on {port}")),
-        _ if request.plates.len() > MOST_PLATES => {
-            Err(format!("expected at most {MOST_PLATES} plates, found {}", request.plates.len()))
-        }
         _ => Ok(request),
     }
 }
@@ -216,26 +182,16 @@ fn send(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
     to.write_all(&line)
 }
 
-/// A line of at most `most` bytes that arrives `within` this time; `None` when the other end closes without sending
-/// any.
-fn line_of(mut from: &UnixStream, most: usize, within: Duration) -> io::Result<Option<Vec<u8>>> {
-    let (clock, mut line) = (MonotonicClock::new(), Vec::new());
-    let mut piece = [0; 1 << 10];
-    loop {
-        let left = within.checked_sub(clock.elapsed()).filter(|left| !left.is_zero());
-        from.set_read_timeout(Some(left.ok_or(ErrorKind::TimedOut)?))?;
-        let count = from.read(&mut piece)?;
-        if count == 0 {
-            return if line.is_empty() { Ok(None) } else { Err(ErrorKind::UnexpectedEof.into()) };
-        }
-        line.extend_from_slice(piece.get(..count).unwrap_or_default());
-        if let Some(end) = line.iter().position(|byte| *byte == b'\n') {
-            line.truncate(end);
-            return Ok(Some(line));
-        }
-        if line.len() > most {
-            return Err(io::Error::new(ErrorKind::InvalidData, format!("expected a line of at most {most} bytes")));
-        }
+/// A line of at most `most` bytes, each of which arrives `within` this time; `None` when the other end closes without
+/// sending any.
+fn line_of(from: &UnixStream, most: u64, within: Duration) -> io::Result<Option<Vec<u8>>> {
+    from.set_read_timeout(Some(within))?;
+    let mut line = Vec::new();
+    BufReader::new(from.take(most)).read_until(b'\n', &mut line)?;
+    match line.pop() {
+        None => Ok(None),
+        Some(b'\n') => Ok(Some(line)),
+        Some(_) => Err(io::Error::new(ErrorKind::InvalidData, format!("expected a line of at most {most} bytes"))),
     }
 }
 

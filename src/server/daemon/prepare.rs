@@ -44,15 +44,10 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if !faults.is_empty() {
         return Err(faults);
     }
-    if has_no_operator(spec) {
+    if spec.token_file.is_none() && spec.read_token_file.is_some() {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
     Ok(Prepared { tokens: Arc::new(tokens), libraries })
-}
-
-/// True when there is a read token but no operator token: every request that needs the operate scope would be refused.
-fn has_no_operator(spec: &DaemonSpec) -> bool {
-    spec.token_file.is_none() && spec.read_token_file.is_some()
 }
 
 fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Diagnostic {
@@ -138,20 +133,6 @@ mod tests {
         // root may write everywhere
         if !rustix::process::geteuid().is_root() {
             assert!(fault_at(Path::new("/usr/upm")).is_some());
-        }
-    }
-
-    #[test]
-    fn read_token_alone_leaves_no_operator() {
-        let with = |operate: bool, read: bool| {
-            let file = |is: bool| is.then(|| "token".into());
-            let mut spec = shipped();
-            (spec.token_file, spec.read_token_file) = (file(operate), file(read));
-            spec
-        };
-        assert!(has_no_operator(&with(false, true)));
-        for spec in [with(false, false), with(true, false), with(true, true)] {
-            assert!(!has_no_operator(&spec));
         }
     }
 }

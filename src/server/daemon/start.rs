@@ -9,15 +9,14 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio_util::sync::CancellationToken;
 
-use super::backend::DaemonBackend;
-use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
+use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops, LocalStopAnswer};
 use super::prepare::Prepared;
-use super::state::DaemonState;
-use super::{health, recovery_log, systemd};
-use crate::api::{AppParts, app};
-use crate::http::{AllowedHosts, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
-use crate::store::{OpenOutcome, Store, StoreFault, StoreLimits};
-use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices, StandingSetup};
+use super::recovery_log;
+use super::systemd::{self, WatchdogPing};
+use crate::api::{DaemonState, app, liveness_failures};
+use crate::http::{AllowedHosts, Caller, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
+use crate::store::{Store, StoreFault, StoreLimits};
+use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices};
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
@@ -29,13 +28,8 @@ const PLATES_WITHIN: Duration = Duration::from_millis(1200);
 const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
 /// Longest time for the store to be closed, after both.
 const STORE_WITHIN: Duration = Duration::from_millis(400);
-/// Interval at which queued jobs and free space are counted when no client asks.
+/// Interval at which jobs and free space are counted, and at which the service manager gets signs of life.
 const TICK: Duration = Duration::from_millis(500);
-/// Number of these intervals between two counts of all jobs.
-const COUNT_EVERY: u32 = 10;
-
-/// Reason of a waiting standing job that is configured with `"start": "paused"`.
-const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -68,9 +62,9 @@ pub struct ExitReport {
 /// A daemon whose plates are ready and that listens, but does not answer requests yet.
 #[derive(Debug)]
 pub struct Daemon {
-    pub(super) backend: Arc<DaemonBackend>,
+    pub(super) state: Arc<DaemonState>,
     listener: TcpListener,
-    tokens: Arc<Tokens>,
+    pub(super) tokens: Arc<Tokens>,
     /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
 }
@@ -101,26 +95,22 @@ impl Daemon {
             StoreFault::Other { .. } => StartFault::OtherStore(fault),
             fault => StartFault::Store(spec.data.display().to_string(), fault),
         };
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits_of(&spec), now);
-        let opened = opened.map_err(at_store)?;
-        let OpenOutcome { store, recovery } = opened;
-        let store = Arc::new(store);
-        let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| PlateSetup {
-            name: plate.name.clone(),
-            known: recovery.known.contains(&plate.name),
-            rig: plate.rig.clone(),
-            library,
-            live_port: plate.live_port,
-            allow_faults: spec.allow_faults,
-            standing: plate.standing.as_ref().map(|standing| StandingSetup {
-                job: standing.job.clone(),
-                pace: spec.pace,
-                paused: standing.starts_paused.then(|| STARTS_PAUSED.to_owned()),
-            }),
-            paused: recovery
-                .paused
-                .contains(&plate.name)
-                .then(|| recovery_log::pause_after_start(&recovery, &plate.name)),
+        let limits = StoreLimits {
+            queued: spec.queue,
+            jobs: spec.keep.jobs,
+            runs_bytes: spec.keep.runs_bytes,
+            standing_runs: spec.keep.standing_runs,
+        };
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(at_store)?;
+        let (store, recovery) = (Arc::new(opened.store), opened.recovery);
+        let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| {
+            let is_paused = recovery.paused.contains(&plate.name);
+            PlateSetup {
+                known: recovery.known.contains(&plate.name),
+                paused: is_paused.then(|| recovery_log::pause_after_start(&recovery, &plate.name)),
+                spec: plate.clone(),
+                library,
+            }
         });
         let around = SharedServices {
             store: Arc::clone(&store),
@@ -130,22 +120,23 @@ impl Daemon {
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
             live_history_bytes: live_history_of(&spec),
+            allow_faults: spec.allow_faults,
+            pace: spec.pace,
         };
-        let plates = Arc::new(PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?);
+        let plates = PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?;
         recovery_log::log(&recovery);
         recovery_log::log_unserved(&store, &spec.plate_names());
-        let backend = DaemonBackend::open(DaemonState::new(spec, store, plates, clock, version));
-        let backend = Arc::new(backend.map_err(StartFault::Plates)?);
-        let estop_socket = estop_socket_of(&backend.state, &listener);
+        let state = Arc::new(DaemonState::new(spec, store, plates, clock, version));
+        let estop_socket = estop_socket_of(&state, &listener);
         if let Some(stop_listener) = stop_listener {
-            take_stops(stop_listener, &backend.state, &prepared.tokens).map_err(StartFault::Plates)?;
+            take_stops(stop_listener, &state, &prepared.tokens).map_err(StartFault::Plates)?;
         }
-        Ok(Self { backend, listener, tokens: prepared.tokens, estop_socket })
+        Ok(Self { state, listener, tokens: prepared.tokens, estop_socket })
     }
 
     /// A handle that stops its plates without the network.
     pub fn emergency_stop(&self) -> EmergencyStops {
-        EmergencyStops(Arc::clone(&self.backend.state))
+        EmergencyStops(Arc::clone(&self.state))
     }
 
     /// Address it listens on.
@@ -156,43 +147,28 @@ impl Daemon {
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
-        let (state, estop_socket) = (Arc::clone(&self.backend.state), self.estop_socket.take());
-        let alive = start_watchdog_ping(&state);
+        let (state, estop_socket) = (Arc::clone(&self.state), self.estop_socket.take());
         let end_http = CancellationToken::new();
         let answering = self.answer(end_http.clone());
         if let Err(error) = start_counting(&state) {
             tracing::error!("jobs are not counted: {error}");
         }
         systemd::ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
-        let ended = end(&state, &end_http, answering, estop_socket);
-        drop(alive);
-        ended
+        let mut ping = WatchdogPing::new();
+        while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            if let Some(ping) = &mut ping {
+                let failures = liveness_failures(&state.observed());
+                ping.send(if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) });
+            }
+        }
+        end(&state, &end_http, answering, estop_socket)
     }
 
     /// Serves HTTP on another thread until `stop` is cancelled.
     fn answer(self, stop: CancellationToken) -> JoinHandle<io::Result<ShutdownReport>> {
-        let Self { backend, listener, tokens, .. } = self;
-        let state = &backend.state;
-        let hosts = AllowedHosts::new(state.spec.listen, &state.spec.hosts);
-        let (event_streams, version) = (Arc::clone(&state.event_streams), state.version);
-        let stop_port = state.spec.stop_listen.map(|address| address.port());
-        let app = app(AppParts { backend, tokens, hosts, stop: stop.clone(), event_streams, stop_port, version });
-        thread::spawn(move || serve(listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
+        let app = app(self.state, &self.tokens, stop.clone());
+        thread::spawn(move || serve(self.listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
     }
-}
-
-/// Sends the service manager signs of life while the daemon is healthy and the returned value is held.
-fn start_watchdog_ping(state: &Arc<DaemonState>) -> Option<systemd::WatchdogPing> {
-    let state = Arc::clone(state);
-    let healthy = move || {
-        let failures = health::liveness_failures(&state.observed());
-        if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) }
-    };
-    systemd::keep_alive(healthy).unwrap_or_else(|error| {
-        tracing::error!("no signs of life for the service manager: {error}");
-        None
-    })
 }
 
 /// Starts the thread that counts jobs and free space until the daemon ends. A disk that hangs holds this thread alone.
@@ -200,8 +176,8 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
-        for tick in (0..COUNT_EVERY).cycle().take_while(|_| !state.ending.load(Ordering::SeqCst)) {
-            state.count(tick == 0);
+        while !state.ending.load(Ordering::SeqCst) {
+            state.count();
             thread::sleep(TICK);
         }
     };
@@ -210,7 +186,7 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
 
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
 fn end(
-    state: &DaemonState,
+    state: &Arc<DaemonState>,
     end_http: &CancellationToken,
     answering: JoinHandle<io::Result<ShutdownReport>>,
     estop_socket: Option<EStopSocket>,
@@ -230,8 +206,8 @@ fn end(
     tracing::debug!("requests have ended");
     // while the folder is locked: after that the socket may be the next daemon's
     drop(estop_socket);
-    let plates = Arc::clone(&state.plates);
-    let persisted = BackgroundThread::start("persist", false, move || plates.persist_again())
+    let daemon = Arc::clone(state);
+    let persisted = BackgroundThread::start("persist", false, move || daemon.plates.persist_again())
         .is_ok_and(|thread| thread.wait_within(STORE_WITHIN).unwrap_or(false));
     // an end that is not recorded makes the next start one after a crash: every plate is paused
     let in_order = persisted && state.store.close(STORE_WITHIN) && plates_left.is_empty();
@@ -243,7 +219,7 @@ fn end(
 fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<EStopSocket> {
     let stop = EmergencyStops(Arc::clone(state));
     let port = listener.local_addr().map(|address| address.port());
-    let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, &stop));
+    let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, stop));
     let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
     socket.map_err(fault).ok()
 }
@@ -252,7 +228,8 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
 fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
     let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
     let hosts = AllowedHosts::new(address, &state.spec.hosts).with_page(state.spec.listen);
-    serve_stops(listener, hosts, Arc::clone(tokens), move |caller| stop.stop_for(caller))?;
+    let answer = move |caller: &Caller| LocalStopAnswer { stops: stop.stop(&[], caller), error: None };
+    serve_stops(listener, hosts, Arc::clone(tokens), answer)?;
     tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
     Ok(())
 }
@@ -265,15 +242,6 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
 /// none where other machines reach the daemon.
 fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
     spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
-}
-
-fn limits_of(spec: &DaemonSpec) -> StoreLimits {
-    StoreLimits {
-        queued: spec.queue,
-        jobs: spec.keep.jobs,
-        runs_bytes: spec.keep.runs_bytes,
-        standing_runs: spec.keep.standing_runs,
-    }
 }
 
 #[cfg(test)]

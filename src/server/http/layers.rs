@@ -14,7 +14,7 @@ use upm_core::document::MOST_BYTES;
 use uuid::Uuid;
 
 use super::origin_check::{AllowedHosts, guard};
-use super::problem::{PROBLEM_JSON, Problem, ProblemKind};
+use super::problem::{PROBLEM_JSON, Problem};
 
 /// Longest time until an answer starts, the arrival of the request's body included.
 const ANSWER_TIME: Duration = Duration::from_secs(10);
@@ -32,24 +32,20 @@ pub(crate) fn with_layers(app: Router, hosts: AllowedHosts) -> Router {
 
 /// The problem of a body above the limit.
 pub(crate) fn too_large() -> Problem {
-    Problem::new(ProblemKind::ContentTooLarge, format!("a body has at most {MOST_BYTES} bytes"))
+    Problem::new(StatusCode::PAYLOAD_TOO_LARGE, format!("a body has at most {MOST_BYTES} bytes"))
 }
 
 /// The problem behind a status that the router or one of the layers answered with alone.
 fn problem_of(status: StatusCode) -> Option<Problem> {
-    let (kind, detail) = match status {
-        StatusCode::NOT_FOUND => (ProblemKind::NotFound, "unknown path; see /openapi.json".to_owned()),
-        StatusCode::METHOD_NOT_ALLOWED => {
-            (ProblemKind::MethodNotAllowed, "method not allowed; see the Allow header".to_owned())
-        }
+    let detail = match status {
+        StatusCode::NOT_FOUND => "unknown path; see /openapi.json".to_owned(),
+        StatusCode::METHOD_NOT_ALLOWED => "method not allowed; see the Allow header".to_owned(),
         StatusCode::PAYLOAD_TOO_LARGE => return Some(too_large()),
-        StatusCode::SERVICE_UNAVAILABLE => {
-            (ProblemKind::Unavailable, format!("no answer within {} s", ANSWER_TIME.as_secs()))
-        }
-        StatusCode::INTERNAL_SERVER_ERROR => (ProblemKind::Internal, "internal error".to_owned()),
+        StatusCode::SERVICE_UNAVAILABLE => format!("no answer within {} s", ANSWER_TIME.as_secs()),
+        StatusCode::INTERNAL_SERVER_ERROR => "internal error".to_owned(),
         _ => return None,
     };
-    Some(Problem::new(kind, detail))
+    Some(Problem::new(status, detail))
 }
 
 /// The outermost layer: assigns the request an id (32 hex digits that sort by time) and writes it into the answer, its
@@ -101,7 +97,7 @@ mod tests {
     #[tokio::test]
     async fn a_problem_carries_the_name_of_its_request() {
         let app = Router::new()
-            .route("/", get(|| async { Problem::new(ProblemKind::NotFound, "nothing here") }))
+            .route("/", get(|| async { Problem::new(StatusCode::NOT_FOUND, "nothing here") }))
             .layer(from_fn(identify));
         let request = Request::get("/").header("x-request-id", "mine").body(Body::empty()).unwrap();
         let response = app.oneshot(request).await.unwrap();

@@ -3,11 +3,11 @@ use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::header::{CACHE_CONTROL, HOST, HeaderName, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS};
-use axum::http::{HeaderMap, HeaderValue, Method};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::problem::{Problem, ProblemKind};
+use super::problem::Problem;
 
 static SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 static SEC_FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
@@ -54,7 +54,7 @@ impl AllowedHosts {
     }
 
     fn check_host(&self, request: &Request) -> Result<Authority, Problem> {
-        let malformed = |detail: &str| Problem::new(ProblemKind::Malformed, detail);
+        let malformed = |detail: &str| Problem::new(StatusCode::BAD_REQUEST, detail);
         let mut values = request.headers().get_all(HOST).iter();
         let (Some(value), None) = (values.next(), values.next()) else {
             return Err(malformed("exactly one Host header is needed"));
@@ -67,7 +67,7 @@ impl AllowedHosts {
         let absolute = absolute.ok_or_else(|| malformed("the address asked for has no plain host"))?;
         if ![&host, &absolute].iter().all(|authority| self.knows(&authority.host)) {
             let detail = "the daemon is not known by the name in Host; `hosts` in its configuration adds names";
-            return Err(Problem::new(ProblemKind::Forbidden, detail));
+            return Err(Problem::new(StatusCode::FORBIDDEN, detail));
         }
         Ok(absolute)
     }
@@ -85,7 +85,7 @@ impl AllowedHosts {
         if headers.get_all(ORIGIN).iter().all(|value| is_ours(value).is_some()) {
             return Ok(());
         }
-        Err(Problem::new(ProblemKind::Forbidden, "pages of other origins may not call the daemon"))
+        Err(Problem::new(StatusCode::FORBIDDEN, "pages of other origins may not call the daemon"))
     }
 
     /// Checks the site that browsers report for every request, reads included. Another site may only link to the
@@ -102,7 +102,7 @@ impl AllowedHosts {
         if own || page || link {
             return Ok(());
         }
-        Err(Problem::new(ProblemKind::Forbidden, "pages of other sites may not call the daemon"))
+        Err(Problem::new(StatusCode::FORBIDDEN, "pages of other sites may not call the daemon"))
     }
 }
 

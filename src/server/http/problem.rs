@@ -1,6 +1,6 @@
 use axum::body::Body;
 use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
-use axum::http::{HeaderName, HeaderValue, StatusCode};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,58 +10,23 @@ use upm_core::document::{Diagnostic, counted};
 /// Media type of problem documents.
 pub(crate) const PROBLEM_JSON: &str = "application/problem+json";
 
-/// Declares [`ProblemKind`] with one row per kind: name, status, last word of its URN, title.
-macro_rules! problem_kinds {
-    ($($kind:ident $status:ident $word:literal $title:literal;)*) => {
-        /// Kind of problem that the API answers with, each with its own status.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum ProblemKind {
-            $(#[doc = concat!($title, ".")] $kind,)*
-        }
-
-        impl ProblemKind {
-            fn row(self) -> (StatusCode, &'static str, &'static str) {
-                match self {
-                    $(Self::$kind => (StatusCode::$status, $word, $title),)*
-                }
-            }
-        }
-    };
-}
-
-problem_kinds! {
-    Malformed BAD_REQUEST "malformed" "The request cannot be read";
-    Unauthorized UNAUTHORIZED "unauthorized" "A valid bearer token is needed";
-    Forbidden FORBIDDEN "forbidden" "The request is not allowed";
-    NotFound NOT_FOUND "not-found" "There is no such thing";
-    MethodNotAllowed METHOD_NOT_ALLOWED "method-not-allowed" "Method not allowed for this path";
-    RequestTimeout REQUEST_TIMEOUT "request-timeout" "The request was sent too slowly";
-    Conflict CONFLICT "conflict" "The present state does not allow this";
-    ContentTooLarge PAYLOAD_TOO_LARGE "content-too-large" "The body is too large";
-    UnsupportedMediaType UNSUPPORTED_MEDIA_TYPE "unsupported-media-type" "The body is of another type";
-    RangeNotSatisfiable RANGE_NOT_SATISFIABLE "range-not-satisfiable" "The range lies outside the file";
-    Invalid UNPROCESSABLE_ENTITY "invalid" "The request is not valid";
-    QueueFull TOO_MANY_REQUESTS "queue-full" "The queue is full";
-    HeaderTooLarge REQUEST_HEADER_FIELDS_TOO_LARGE "header-too-large" "The header is too large";
-    Internal INTERNAL_SERVER_ERROR "internal" "Something broke in the daemon";
-    Unavailable SERVICE_UNAVAILABLE "unavailable" "The service is temporarily unavailable";
-    InsufficientStorage INSUFFICIENT_STORAGE "insufficient-storage" "The disk is full";
-}
-
-impl ProblemKind {
-    /// HTTP status of the answer.
-    pub fn status(self) -> StatusCode {
-        self.row().0
-    }
-
-    /// URN of the kind, which never changes: `urn:upm:problem:queue-full`.
-    pub fn address(self) -> String {
-        format!("urn:upm:problem:{}", self.row().1)
-    }
-
-    /// Title of the kind, a few words.
-    pub fn title(self) -> &'static str {
-        self.row().2
+/// Last word of the URN and title of the kind of problem that a status stands for. Both never change.
+fn kind_of(status: StatusCode) -> (&'static str, &'static str) {
+    match status {
+        StatusCode::BAD_REQUEST => ("malformed", "The request cannot be read"),
+        StatusCode::UNAUTHORIZED => ("unauthorized", "A valid bearer token is needed"),
+        StatusCode::FORBIDDEN => ("forbidden", "The request is not allowed"),
+        StatusCode::NOT_FOUND => ("not-found", "There is no such thing"),
+        StatusCode::METHOD_NOT_ALLOWED => ("method-not-allowed", "Method not allowed for this path"),
+        StatusCode::REQUEST_TIMEOUT => ("request-timeout", "The request was sent too slowly"),
+        StatusCode::CONFLICT => ("conflict", "The present state does not allow this"),
+        StatusCode::PAYLOAD_TOO_LARGE => ("content-too-large", "The body is too large"),
+        StatusCode::UNSUPPORTED_MEDIA_TYPE => ("unsupported-media-type", "The body is of another type"),
+        StatusCode::UNPROCESSABLE_ENTITY => ("invalid", "The request is not valid"),
+        StatusCode::TOO_MANY_REQUESTS => ("queue-full", "The queue is full"),
+        StatusCode::SERVICE_UNAVAILABLE => ("unavailable", "The service is temporarily unavailable"),
+        StatusCode::INSUFFICIENT_STORAGE => ("insufficient-storage", "The disk is full"),
+        _ => ("internal", "Something broke in the daemon"),
     }
 }
 
@@ -131,73 +96,69 @@ pub struct ProblemDocument {
 /// A failed request. Becomes a problem document; the outermost layer adds the request's id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
-    kind: ProblemKind,
+    status: StatusCode,
     document: Box<ProblemDocument>,
-    headers: Vec<(HeaderName, HeaderValue)>,
+    headers: HeaderMap,
 }
 
 impl Problem {
-    /// A problem of this kind; `detail` is a sentence for people.
-    pub fn new(kind: ProblemKind, detail: impl Into<String>) -> Self {
+    /// A problem answered with this status; `detail` is a sentence for people.
+    pub fn new(status: StatusCode, detail: impl Into<String>) -> Self {
+        let (word, title) = kind_of(status);
         let document = ProblemDocument {
-            kind: kind.address(),
-            title: kind.title().to_owned(),
-            status: kind.status().as_u16(),
+            kind: format!("urn:upm:problem:{word}"),
+            title: title.to_owned(),
+            status: status.as_u16(),
             detail: detail.into(),
             instance: None,
             faults: Vec::new(),
             reasons: Vec::new(),
         };
-        Self { kind, document: Box::new(document), headers: Vec::new() }
+        Self { status, document: Box::new(document), headers: HeaderMap::new() }
     }
 
     /// The problem of a request with these faults.
-    pub fn of_faults(kind: ProblemKind, faults: Vec<Diagnostic>) -> Self {
-        let mut problem = Self::new(kind, counted(faults.len(), "fault"));
+    pub fn of_faults(status: StatusCode, faults: Vec<Diagnostic>) -> Self {
+        let mut problem = Self::new(status, counted(faults.len(), "fault"));
         problem.document.faults = faults;
         problem
     }
 
-    /// Adds reasons of the daemon's state.
-    pub fn with_reasons(mut self, reasons: impl IntoIterator<Item = Reason>) -> Self {
-        self.document.reasons.extend(reasons);
-        self
+    /// The problem of a daemon in this state.
+    pub fn of_reasons(reasons: Vec<Reason>) -> Self {
+        let mut problem = Self::new(StatusCode::SERVICE_UNAVAILABLE, joined(&reasons));
+        problem.document.reasons = reasons;
+        problem
     }
 
-    /// Adds the time after which to try again, s.
-    pub fn retry_after(self, seconds: u32) -> Self {
-        self.with_header(RETRY_AFTER, HeaderValue::from(seconds))
+    /// A problem that may be gone after this time, s.
+    pub fn busy(detail: impl Into<String>, retry_after_s: u32) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, detail).with_header(RETRY_AFTER, retry_after_s.into())
     }
 
     /// Adds a header.
     pub fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
-        self.headers.push((name, value));
+        self.headers.insert(name, value);
         self
     }
 
-    /// Kind of the problem.
-    pub fn kind(&self) -> ProblemKind {
-        self.kind
+    /// Status of the answer.
+    pub fn status(&self) -> StatusCode {
+        self.status
     }
 
-    /// The document for the request with the id `instance`.
-    pub fn document(&self, instance: Option<&str>) -> ProblemDocument {
-        let instance = instance.map(|id| format!("urn:upm:request:{id}"));
-        ProblemDocument { instance, ..ProblemDocument::clone(&self.document) }
-    }
-
-    /// The document as the body of an answer.
+    /// The document for the request with the id `instance`, as the body of an answer.
     pub(super) fn body(&self, instance: Option<&str>) -> Body {
-        Body::from(serde_json::to_vec(&self.document(instance)).unwrap_or_default())
+        let instance = instance.map(|id| format!("urn:upm:request:{id}"));
+        let document = ProblemDocument { instance, ..ProblemDocument::clone(&self.document) };
+        Body::from(serde_json::to_vec(&document).unwrap_or_default())
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut response = Response::new(self.body(None));
-        *response.status_mut() = self.kind.status();
+        let mut response = (self.status, self.headers.clone(), self.body(None)).into_response();
         response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
-        response.headers_mut().extend(self.headers.iter().cloned());
         response.extensions_mut().insert(self);
         response
     }
@@ -211,19 +172,19 @@ mod tests {
     #[test]
     fn a_problem_is_sent_as_its_document() {
         let fault = Diagnostic::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
-        let problem = Problem::of_faults(ProblemKind::Invalid, vec![fault]).retry_after(7);
-        let json = serde_json::to_value(problem.document(Some("a1"))).unwrap();
+        let problem = Problem::of_faults(StatusCode::UNPROCESSABLE_ENTITY, vec![fault]);
         assert_eq!(
-            json,
+            serde_json::to_value(&problem.document).unwrap(),
             serde_json::json!({
                 "type": "urn:upm:problem:invalid", "title": "The request is not valid", "status": 422,
-                "detail": "1 fault", "instance": "urn:upm:request:a1",
-                "faults": [{"path": "seed", "found": "\"x\"", "allowed": "a whole number"}],
+                "detail": "1 fault", "faults": [{"path": "seed", "found": "\"x\"", "allowed": "a whole number"}],
             })
         );
         let response = problem.into_response();
-        assert_eq!(response.status(), 422);
-        assert_eq!(response.headers()[CONTENT_TYPE], PROBLEM_JSON);
-        assert_eq!(response.headers()[RETRY_AFTER], "7");
+        assert_eq!(
+            (response.status(), response.headers()[CONTENT_TYPE].as_bytes()),
+            (StatusCode::UNPROCESSABLE_ENTITY, PROBLEM_JSON.as_bytes())
+        );
+        assert_eq!(Problem::busy("in use", 7).into_response().headers()[RETRY_AFTER], "7");
     }
 }

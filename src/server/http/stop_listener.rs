@@ -3,10 +3,11 @@ use std::sync::Arc;
 use std::time::Duration;
 use std::{io, thread};
 
-use axum::http::header::{AUTHORIZATION, CONTENT_TYPE};
-use axum::http::{HeaderMap, HeaderValue};
+use axum::http::header::AUTHORIZATION;
+use axum::http::{HeaderMap, StatusCode};
 use axum::routing::post;
-use axum::{Extension, Router};
+use axum::{Extension, Json, Router};
+use serde::Serialize;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{AllowOrigin, CorsLayer};
@@ -14,28 +15,28 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 use super::layers::with_layers;
 use super::listen::{Peer, serve};
 use super::origin_check::AllowedHosts;
-use super::problem::{Problem, ProblemKind};
+use super::problem::Problem;
 use super::tokens::{Caller, Scope, Tokens};
 
 /// The only path of the listener for emergency stops.
 pub const STOP_PATH: &str = "/v1/estop";
 
 /// Serves `POST /v1/estop` on `listener` until the process ends, on threads that share nothing with the API's server
-/// and have the usual priority. `stop` stops the plates and returns the answer as JSON. A page that `hosts` admits may
+/// and have the usual priority. `stop` stops the plates and returns the answer. A page that `hosts` admits may
 /// read it.
-pub fn serve_stops(
+pub fn serve_stops<T: Serialize + Send + 'static>(
     listener: TcpListener,
     hosts: AllowedHosts,
     tokens: Arc<Tokens>,
-    stop: impl Fn(&Caller) -> Vec<u8> + Send + Sync + 'static,
+    stop: impl Fn(&Caller) -> T + Send + Sync + 'static,
 ) -> io::Result<()> {
     let stop = Arc::new(stop);
     let handler = async move |Extension(Peer(remote)): Extension<Peer>, headers: HeaderMap| {
         let name = tokens.admit(&headers, Scope::Read)?;
         let (stop, caller) = (stop.clone(), Caller { name, remote: Some(remote) });
         let stopped = spawn_blocking(move || stop(&caller)).await;
-        let answer = stopped.map_err(|_| Problem::new(ProblemKind::Internal, "internal error"))?;
-        Ok::<_, Problem>(([(CONTENT_TYPE, HeaderValue::from_static("application/json"))], answer))
+        let answer = stopped.map_err(|_| Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"))?;
+        Ok::<_, Problem>(Json(answer))
     };
     let cors = CorsLayer::new().allow_origin(AllowOrigin::mirror_request()).allow_headers([AUTHORIZATION]);
     let app = with_layers(Router::new().route(STOP_PATH, post(handler)).layer(cors), hosts);
@@ -66,7 +67,7 @@ mod tests {
         let address = listener.local_addr().unwrap();
         let mut tokens = Tokens::default();
         tokens.add("door", TOKEN, Scope::Read).unwrap();
-        let stop = |caller: &Caller| format!("stopped by {}", caller.name).into_bytes();
+        let stop = |caller: &Caller| format!("stopped by {}", caller.name);
         let hosts = AllowedHosts::new(address, &[]).with_page("127.0.0.1:8750".parse().unwrap());
         serve_stops(listener, hosts, Arc::new(tokens), stop).unwrap();
         let request = |line: &str, more: &str| {
@@ -76,7 +77,7 @@ mod tests {
         let silent = TcpStream::connect(address).unwrap();
         let stopped = request("POST /v1/estop", "");
         assert!(
-            stopped.starts_with("HTTP/1.1 200 OK\r\n") && stopped.ends_with("\r\n\r\nstopped by door"),
+            stopped.starts_with("HTTP/1.1 200 OK\r\n") && stopped.ends_with("\r\n\r\n\"stopped by door\""),
             "{stopped}"
         );
         drop(silent);
@@ -86,7 +87,7 @@ mod tests {
         assert!(asked.starts_with("HTTP/1.1 200 OK\r\n") && asked.ends_with("\r\n\r\n"), "{asked}");
         assert!(asked.contains("access-control-allow-headers: authorization\r\n"), "{asked}");
         assert!(of_page.contains("access-control-allow-origin: http://localhost:8750\r\n"), "{of_page}");
-        assert!(of_page.ends_with("\r\n\r\nstopped by door"), "{of_page}");
+        assert!(of_page.ends_with("\r\n\r\n\"stopped by door\""), "{of_page}");
         let without_token = said(address, "POST /v1/estop HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
         assert!(without_token.contains("www-authenticate: Bearer"), "{without_token}");
         for (answer, status) in [

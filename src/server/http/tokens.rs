@@ -1,11 +1,11 @@
 use std::fmt;
 
 use axum::http::header::{AUTHORIZATION, WWW_AUTHENTICATE};
-use axum::http::{HeaderMap, HeaderValue};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
-use super::problem::{Problem, ProblemKind};
+use super::problem::Problem;
 
 /// Shortest token, characters.
 const SHORTEST_TOKEN: usize = 32;
@@ -82,15 +82,15 @@ impl Tokens {
             Problem::new(kind, detail).with_header(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"upm\""))
         };
         let secret =
-            bearer(headers).ok_or_else(|| refused(ProblemKind::Unauthorized, "send `Authorization: Bearer TOKEN`"))?;
+            bearer(headers).ok_or_else(|| refused(StatusCode::UNAUTHORIZED, "send `Authorization: Bearer TOKEN`"))?;
         let digest: [u8; 32] = Sha256::digest(secret).into();
         // digests are compared in constant time: how long it takes tells nothing of a token
         let token = self.0.iter().find(|token| token.digest.ct_eq(&digest).into());
-        let unknown = || refused(ProblemKind::Unauthorized, "the token is not one of this daemon's");
+        let unknown = || refused(StatusCode::UNAUTHORIZED, "the token is not one of this daemon's");
         let token = token.ok_or_else(unknown)?;
         if token.scope < needed {
             let detail = format!("the token may {}, this needs one that may {}", token.scope.name(), needed.name());
-            return Err(refused(ProblemKind::Forbidden, &detail));
+            return Err(refused(StatusCode::FORBIDDEN, &detail));
         }
         Ok(token.name.clone())
     }
@@ -121,7 +121,7 @@ mod tests {
         for value in values {
             headers.append(AUTHORIZATION, HeaderValue::from_str(value).unwrap());
         }
-        tokens().admit(&headers, needed).map_err(|problem| problem.kind().status().as_u16())
+        tokens().admit(&headers, needed).map_err(|problem| problem.status().as_u16())
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use rusqlite::{Connection, OptionalExtension, params};
 
-use super::columns::{Micros, rows};
+use super::columns::rows;
 use super::{AuditEntry, Store, StoreFault, Write};
 
 impl Store {
@@ -15,7 +15,7 @@ impl Write<'_> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
                    VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
-        self.tx.execute(sql, params![Micros(self.now), plate, act, operator, reason, remote, token_name])?;
+        self.tx.execute(sql, params![self.at(), plate, act, operator, reason, remote, token_name])?;
         Ok(())
     }
 }

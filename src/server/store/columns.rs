@@ -1,8 +1,8 @@
 use jiff::Timestamp;
-use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
-use rusqlite::{Connection, ErrorCode, Params, Row};
+use rusqlite::types::{FromSql, FromSqlResult, ToSql, ToSqlOutput, Type, ValueRef};
+use rusqlite::{Connection, Error, ErrorCode, Params, Row};
 
-use super::{JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
+use super::{Job, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 
 /// Columns that [`job_of`] reads, in its order.
 pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, submitted_at, started_at, finished_at, \
@@ -10,25 +10,37 @@ pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, submitted
 
 /// The job in a row of [`JOB`].
 pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
-    Ok(JobRow {
-        id: row.get(0)?,
+    let id: JobId = row.get(0)?;
+    let report: Option<String> = row.get(12)?;
+    let job = Job {
+        id: id.to_string(),
         name: row.get(1)?,
         plate: row.get(2)?,
-        state: row.get(3)?,
+        state: coded(row, 3, JobState::of_code)?,
         seed: row.get::<_, i64>(4)?.cast_unsigned(),
-        pace: pace(row.get_ref(5)?)?,
-        rig_fingerprint: row.get(6)?,
-        submitted_at: row.get::<_, Micros>(7)?.0,
-        started_at: row.get::<_, Option<Micros>>(8)?.map(|at| at.0),
-        finished_at: row.get::<_, Option<Micros>>(9)?.map(|at| at.0),
+        pace: coded(row, 5, Pace::of_code)?,
+        submitted_at: row.get(7)?,
+        started_at: row.get(8)?,
+        finished_at: row.get(9)?,
         progress: row.get(10)?,
         reason: row.get(11)?,
-        report_json: row.get(12)?,
-        folder: row.get(13)?,
-        recording: row.get(14)?,
+        report: report.and_then(|text| serde_json::from_str(&text).ok()),
+        recording: coded(row, 14, RecordingStatus::of_code)?,
         standing: row.get(15)?,
         turn: row.get(16)?,
-    })
+    };
+    Ok(JobRow { id, job, rig_fingerprint: row.get(6)?, folder: row.get(13)? })
+}
+
+/// The value whose code a column has.
+pub(super) fn coded<T>(row: &Row<'_>, column: usize, of_code: fn(&str) -> Option<T>) -> rusqlite::Result<T> {
+    let code: String = row.get(column)?;
+    of_code(&code).ok_or_else(|| Error::InvalidColumnType(column, code, Type::Text))
+}
+
+/// A time as the store and clients have it. Texts of times compare as the times do.
+pub(super) fn text_of_time(time: Timestamp) -> String {
+    format!("{time:.6}")
 }
 
 /// All rows of a query, each read by `read`.
@@ -46,30 +58,6 @@ pub(super) fn sql_limit(most: impl TryInto<i64>) -> i64 {
     most.try_into().unwrap_or(i64::MAX)
 }
 
-/// A time in a column, in whole microseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Micros(pub Timestamp);
-
-impl Micros {
-    /// The time rounded as the store returns it.
-    pub fn rounded(time: Timestamp) -> Timestamp {
-        Timestamp::from_microsecond(time.as_microsecond()).unwrap_or(time)
-    }
-}
-
-impl ToSql for Micros {
-    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-        Ok(self.0.as_microsecond().into())
-    }
-}
-
-impl FromSql for Micros {
-    fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
-        let us = value.as_i64()?;
-        Timestamp::from_microsecond(us).map(Self).map_err(|_| FromSqlError::OutOfRange(us))
-    }
-}
-
 impl ToSql for JobId {
     fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
         Ok(self.as_bytes().as_slice().into())
@@ -82,33 +70,9 @@ impl FromSql for JobId {
     }
 }
 
-/// A pace, stored by its name.
-fn pace(value: ValueRef<'_>) -> FromSqlResult<Pace> {
-    Pace::of_code(value.as_str()?).ok_or(FromSqlError::InvalidType)
-}
-
-/// Implements the conversions of kinds that are stored by their names.
-macro_rules! named {
-    ($($kind:ty),*) => {$(
-        impl ToSql for $kind {
-            fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-                Ok(self.code().into())
-            }
-        }
-
-        impl FromSql for $kind {
-            fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
-                Self::of_code(value.as_str()?).ok_or(FromSqlError::InvalidType)
-            }
-        }
-    )*};
-}
-
-named!(JobState, RecordingStatus);
-
 impl From<rusqlite::Error> for StoreFault {
     fn from(error: rusqlite::Error) -> Self {
-        use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, SqliteFailure};
+        use Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, SqliteFailure};
         match &error {
             SqliteFailure(code, _) => match code.code {
                 ErrorCode::DiskFull => Self::Full,

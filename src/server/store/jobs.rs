@@ -4,11 +4,11 @@ use std::path::Path;
 use rusqlite::{Connection, OptionalExtension, params};
 
 use super::audit::is_of_deleted;
-use super::columns::{JOB, Micros, job_of, rows};
+use super::columns::{JOB, coded, job_of, rows, sql_limit};
 use super::retention::size_of;
 use super::{
-    AuditEntry, CancelOutcome, ClaimedJob, DeleteOutcome, JobEnd, JobId, JobPage, JobRow, JobSelection, JobState,
-    NewJob, Store, StoreFault, SubmitOutcome, Write,
+    AuditEntry, ClaimedJob, JobEnd, JobId, JobRow, JobState, NewJob, RecordingStatus, Store, StoreFault, SubmitOutcome,
+    Write,
 };
 use upm_core::files::sync_folder;
 
@@ -30,7 +30,7 @@ impl Store {
             if queued >= self.limits.queued {
                 return Ok(Some(SubmitOutcome::QueueFull { queued }));
             }
-            let row = job.row(write.ids.next(write.now), Micros::rounded(write.now));
+            let row = job.row(write.ids.next(write.now), write.at());
             write.insert(&row, job)?;
             Ok(Some(SubmitOutcome::New(row)))
         })
@@ -41,14 +41,20 @@ impl Store {
         self.read(|connection| repeated(connection, Some(key), body_sha256))
     }
 
-    /// Takes a job out of the queue.
-    pub fn cancel_queued(&self, id: &JobId) -> Result<CancelOutcome, StoreFault> {
+    /// Takes a job out of the queue. The job as it is then, with false for one that was not queued and stays as it is;
+    /// `None` when there is no such job.
+    pub fn cancel_queued(&self, id: &JobId) -> Result<Option<(JobRow, bool)>, StoreFault> {
+        let end = JobEnd {
+            state: JobState::Cancelled,
+            reason: "cancelled before it began".to_owned(),
+            report_json: None,
+            recording: RecordingStatus::None,
+            progress: 0.0,
+        };
         self.write(|write| {
-            let Some(row) = find(&write.tx, id)? else { return Ok(CancelOutcome::Unknown) };
-            if !write.end(&row, JobState::Queued, &JobEnd::before_it_began(), None)? {
-                return Ok(CancelOutcome::Not(row));
-            }
-            Ok(find(&write.tx, id)?.map_or(CancelOutcome::Unknown, CancelOutcome::Now))
+            let Some(row) = find(&write.tx, id)? else { return Ok(None) };
+            let is_cancelled = write.end(&row, JobState::Queued, &end, None)?;
+            Ok(find(&write.tx, id)?.map(|row| (row, is_cancelled)))
         })
     }
 
@@ -69,12 +75,12 @@ impl Store {
     }
 
     /// Deletes a job that does not run, with its run folder. Its key stays spent: repeating the request does not run it
-    /// again.
-    pub fn delete(&self, id: &JobId, entry: AuditEntry) -> Result<DeleteOutcome, StoreFault> {
+    /// again. False for one that runs, and stays; `None` when there is no such job.
+    pub fn delete(&self, id: &JobId, entry: AuditEntry) -> Result<Option<bool>, StoreFault> {
         self.write(|write| {
-            let Some(row) = find(&write.tx, id)? else { return Ok(DeleteOutcome::Unknown) };
+            let Some(row) = find(&write.tx, id)? else { return Ok(None) };
             if row.state == JobState::Running {
-                return Ok(DeleteOutcome::Not);
+                return Ok(Some(false));
             }
             if let Some(folder) = &row.folder
                 && !self.remove_folder(folder)
@@ -83,8 +89,8 @@ impl Store {
             }
             let sql = "DELETE FROM jobs WHERE id = ?1 RETURNING key";
             let key: Option<String> = write.tx.query_row(sql, [id], |row| row.get(0))?;
-            write.audit(&AuditEntry { plate: Some(row.plate), reason: key.unwrap_or_default(), ..entry })?;
-            Ok(DeleteOutcome::Now)
+            write.audit(&AuditEntry { plate: Some(row.job.plate), reason: key.unwrap_or_default(), ..entry })?;
+            Ok(Some(true))
         })
     }
 
@@ -93,38 +99,36 @@ impl Store {
         self.read(|connection| find(connection, id))
     }
 
-    /// A page of jobs, newest first.
-    pub fn list(&self, page: &JobSelection) -> Result<JobPage, StoreFault> {
-        self.read(|connection| list(connection, page))
-    }
-
-    /// Number of jobs queued for each plate; plates without any are left out.
-    pub fn queued(&self) -> Result<Vec<(String, u64)>, StoreFault> {
-        let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
-        let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned()));
-        self.read(|connection| rows(connection, sql, [], of_row))
+    /// At most `limit` jobs, newest first: only those in this state and older than `before`, which need not exist.
+    pub fn list(
+        &self,
+        state: Option<JobState>,
+        before: Option<JobId>,
+        limit: usize,
+    ) -> Result<Vec<JobRow>, StoreFault> {
+        let by_state = state.map_or("?3 IS NULL", |_| "state = ?3");
+        // ids have 16 bytes, so this one sorts above all of them
+        let below = before.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());
+        let sql = format!("SELECT {JOB} FROM jobs WHERE {by_state} AND id < ?1 ORDER BY id DESC LIMIT ?2");
+        self.read(|connection| {
+            rows(connection, &sql, params![below, sql_limit(limit), state.map(JobState::code)], job_of)
+        })
     }
 
     /// Number of jobs of each plate in each state.
     pub fn counts(&self) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
         let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";
-        let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get::<_, i64>(2)?.cast_unsigned()));
+        let of_row = |row: &rusqlite::Row<'_>| {
+            Ok((row.get(0)?, coded(row, 1, JobState::of_code)?, row.get::<_, i64>(2)?.cast_unsigned()))
+        };
         self.read(|connection| rows(connection, sql, [], of_row))
     }
 
     /// Takes the oldest job queued for `plate`: it is `running` on the disk when this returns, and is returned once.
     pub(crate) fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
-        self.write(|write| {
-            let Some(row) = write.next_queued(plate)? else { return Ok(None) };
-            let name = folder(&row)?;
-            // a row must never name a folder that a power cut removes
-            sync_folder(&self.runs)?;
-            let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
-                       WHERE id = ?1 RETURNING spec";
-            let spec: Option<String> =
-                write.tx.query_row(sql, params![row.id, Micros(write.now), name], |row| row.get(0))?;
-            let claimed = |row| ClaimedJob { row, spec_json: spec.unwrap_or_default() };
-            Ok(find(&write.tx, &row.id)?.map(claimed))
+        self.write(|write| match write.next_queued(plate)? {
+            Some(row) => self.begin(write, &row, folder),
+            None => Ok(None),
         })
     }
 
@@ -139,14 +143,22 @@ impl Store {
             if write.queued(&job.plate)? > 0 {
                 return Ok(None);
             }
-            let row = job.row(write.ids.next(write.now), Micros::rounded(write.now));
-            let name = folder(&row)?;
-            sync_folder(&self.runs)?;
-            let (state, started_at) = (JobState::Running, Some(row.submitted_at));
-            let row = JobRow { standing: true, state, started_at, folder: Some(name), ..row };
+            let mut row = job.row(write.ids.next(write.now), write.at());
+            row.job.standing = true;
             write.insert(&row, job)?;
-            Ok(Some(ClaimedJob { row, spec_json: job.spec_json.clone() }))
+            self.begin(write, &row, folder)
         })
+    }
+
+    fn begin(&self, write: &Write<'_>, row: &JobRow, folder: MakeFolder<'_>) -> Result<Option<ClaimedJob>, StoreFault> {
+        let name = folder(row)?;
+        // a row must never name a folder that a power cut removes
+        sync_folder(&self.runs)?;
+        let sql = "UPDATE jobs SET state = 'running', started_at = max(?2, submitted_at), folder = ?3
+                   WHERE id = ?1 RETURNING spec";
+        let spec: Option<String> = write.tx.query_row(sql, params![row.id, write.at(), name], |row| row.get(0))?;
+        let claimed = |row| ClaimedJob { row, spec_json: spec.unwrap_or_default() };
+        Ok(find(&write.tx, &row.id)?.map(claimed))
     }
 
     /// Stores the end of a running job; a job that had ended before stays as it is. On a fault the caller must retry
@@ -175,7 +187,8 @@ impl Write<'_> {
         let sql = "UPDATE jobs SET state = ?3, reason = ?4, report = ?5, recording = ?6, progress = ?7, bytes = ?8,
                        finished_at = max(?9, coalesce(started_at, submitted_at)), spec = NULL
                    WHERE id = ?1 AND state = ?2";
-        let values = params![row.id, from, state, reason, report_json, recording, progress, bytes, Micros(self.now)];
+        let (from, state, recording) = (from.code(), state.code(), recording.code());
+        let values = params![row.id, from, state, reason, report_json, recording, progress, bytes, self.at()];
         Ok(self.tx.execute(sql, values)? > 0)
     }
 
@@ -193,19 +206,17 @@ impl Write<'_> {
 
     /// Writes a complete row with the text and the key of the job.
     fn insert(&self, row: &JobRow, job: &NewJob) -> rusqlite::Result<()> {
-        let sql = "INSERT INTO jobs (id, name, plate, state, seed, pace, rig, submitted_at, started_at, folder, \
-                   standing, spec, key, body_sha256) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)";
+        let sql = "INSERT INTO jobs (id, name, plate, state, seed, pace, rig, submitted_at, \
+                   standing, spec, key, body_sha256) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)";
         let values = params![
             row.id,
             row.name,
             row.plate,
-            row.state,
+            row.state.code(),
             row.seed.cast_signed(),
             row.pace.code(),
             row.rig_fingerprint,
-            Micros(row.submitted_at),
-            row.started_at.map(Micros),
-            row.folder,
+            row.submitted_at,
             row.standing,
             job.spec_json,
             job.key,
@@ -233,21 +244,4 @@ fn repeated(
 
 fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
     connection.query_row(&format!("SELECT {JOB} FROM jobs WHERE id = ?1"), [id], job_of).optional()
-}
-
-fn list(connection: &Connection, page: &JobSelection) -> rusqlite::Result<JobPage> {
-    let limit = page.limit.clamp(1, JobSelection::MOST);
-    let by_state = page.state.map_or("", |_| "state = ?3 AND");
-    // ids have 16 bytes, so this one sorts above all of them
-    let below = page.cursor.map_or(vec![0xff; 17], |id| id.as_bytes().to_vec());
-    let sql = format!("SELECT {JOB} FROM jobs WHERE {by_state} id < ?1 ORDER BY id DESC LIMIT ?2");
-    let most = limit as i64 + 1;
-    let mut rows = match page.state {
-        Some(state) => rows(connection, &sql, params![below, most, state], job_of)?,
-        None => rows(connection, &sql, params![below, most], job_of)?,
-    };
-    let more = rows.len() > limit;
-    rows.truncate(limit);
-    let next = rows.last().filter(|_| more).map(|row| row.id);
-    Ok(JobPage { rows, next })
 }

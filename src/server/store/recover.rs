@@ -2,13 +2,13 @@ use std::fs;
 use std::path::Path;
 
 use rusqlite::{Connection, OptionalExtension, params};
-use serde::Deserialize;
+use serde_json::Value;
 
 use super::audit::{ended_in_order, paused};
-use super::columns::{JOB, Micros, job_of, rows};
+use super::columns::{JOB, job_of, rows};
 use super::run_file::{modified, text_of};
 use super::{AuditEntry, JobEnd, JobRow, JobState, RecordingStatus, RecoveryReport, Store, StoreFault};
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{Outcome, StopCause};
 
 impl Store {
     /// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Idempotent: safe to
@@ -23,8 +23,8 @@ impl Store {
                 let folder = job.folder.as_ref().map(|name| self.runs.join(name));
                 let end = end_of(folder.as_deref());
                 write.end(job, JobState::Running, &end, folder.as_deref())?;
-                let at = folder.as_deref().and_then(last_write).unwrap_or(write.now);
-                let at = Micros(at.max(job.started_at.unwrap_or(job.submitted_at)));
+                let at = folder.as_deref().and_then(last_write).unwrap_or_else(|| write.at());
+                let at = at.max(job.started_at.as_ref().unwrap_or(&job.submitted_at).clone());
                 tx.execute("UPDATE jobs SET finished_at = ?2 WHERE id = ?1", params![job.id, at])?;
                 let list = if end.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
                 list.push(job.id);
@@ -65,55 +65,31 @@ fn last_ended(tx: &Connection, plates: &[String]) -> rusqlite::Result<Vec<JobRow
     last.filter_map(Result::transpose).collect()
 }
 
-/// The end of a run in its report.
-#[derive(Deserialize)]
-struct ReportedEnd {
-    outcome: Outcome,
-    #[serde(default)]
-    reason: String,
-    #[serde(default)]
-    stop: Option<ReportedStop>,
-    /// `None` for a recording that holds the whole run.
-    #[serde(default)]
-    recording: Option<ReportedRecording>,
-}
-
-#[derive(Deserialize)]
-struct ReportedRecording {
-    code: RecordingEnd,
-}
-
-#[derive(Deserialize)]
-struct ReportedStop {
-    code: String,
-}
-
 /// The end of a job that was running: as in its report, if the run wrote one. A run without a report did not close its
 /// recording.
 fn end_of(folder: Option<&Path>) -> JobEnd {
     let report_json = folder.and_then(|folder| text_of(&folder.join("report.json")));
-    let report: Option<ReportedEnd> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
+    let report: Option<Value> = report_json.as_deref().and_then(|text| serde_json::from_str(text).ok());
+    let text = |at: &str| report.as_ref()?.pointer(at)?.as_str();
+    let outcome = text("/outcome").and_then(Outcome::of_code);
     let is_recorded = folder.is_some_and(|folder| fs::symlink_metadata(folder.join("run.rrd")).is_ok());
-    let recording = match report.as_ref().map(|report| report.recording.as_ref().map(|recording| recording.code)) {
+    let recording = match (outcome, text("/recording/code")) {
         _ if !is_recorded => RecordingStatus::None,
-        Some(None) => RecordingStatus::Whole,
-        Some(Some(RecordingEnd::RecordingFailed)) => RecordingStatus::Failed,
-        None => RecordingStatus::Partial,
+        (None, _) => RecordingStatus::Partial,
+        (Some(_), Some(_)) => RecordingStatus::Failed,
+        (Some(_), None) => RecordingStatus::Whole,
     };
-    let progress = 0.0;
-    match report {
-        Some(ReportedEnd { outcome, reason, stop, .. }) => {
-            let state = JobState::of_end(outcome, stop.and_then(|stop| StopCause::of_code(&stop.code)));
-            JobEnd { state, reason, report_json, recording, progress }
+    let (state, reason, report_json) = match outcome {
+        Some(outcome) => {
+            let state = JobState::of_end(outcome, text("/stop/code").and_then(StopCause::of_code));
+            (state, text("/reason").unwrap_or_default().to_owned(), report_json)
         }
-        None => {
-            let (state, reason) = (JobState::Interrupted, "the daemon ended while it ran".to_owned());
-            JobEnd { state, reason, report_json: None, recording, progress }
-        }
-    }
+        None => (JobState::Interrupted, "the daemon ended while it ran".to_owned(), None),
+    };
+    JobEnd { state, reason, report_json, recording, progress: 0.0 }
 }
 
 /// Time of the last write to the latest file of a run: its report, otherwise its journal, otherwise `effective.json`.
-fn last_write(folder: &Path) -> Option<jiff::Timestamp> {
+fn last_write(folder: &Path) -> Option<String> {
     ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }

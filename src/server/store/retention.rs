@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use jiff::SignedDuration;
 use rusqlite::params;
 
-use super::columns::{Micros, rows, sql_limit};
+use super::columns::{rows, sql_limit, text_of_time};
 use super::{JobId, Store, StoreFault};
 
 /// Ended runs of standing jobs except the newest of each plate.
@@ -63,7 +63,9 @@ impl Store {
             self.read(|connection| connection.query_row("SELECT count(*) FROM jobs", [], |row| row.get(0)))?;
         if count > sql_limit(self.limits.jobs) {
             let most = sql_limit(self.limits.jobs);
-            self.write(|write| Ok(write.tx.execute(SURPLUS_JOBS, params![most, Micros(write.now - KEY_KEPT)])?))?;
+            self.write(|write| {
+                Ok(write.tx.execute(SURPLUS_JOBS, params![most, text_of_time(write.now - KEY_KEPT)])?)
+            })?;
         }
         Ok(())
     }

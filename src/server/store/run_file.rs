@@ -1,46 +1,29 @@
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use jiff::Timestamp;
 use rustix::fs::{Mode, OFlags, open, openat};
 use rustix::io::Errno;
 
-use super::columns::Micros;
+use super::columns::text_of_time;
 
 /// Largest `effective.json` or `report.json` that is read, bytes.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Why a file of a run folder is not opened.
-#[derive(Debug, thiserror::Error)]
-pub enum RunFileFault {
-    /// The file does not exist.
-    #[error("there is no such file")]
-    Missing,
-    /// The file is a link, a folder, a FIFO or the like, or the folder is a link.
-    #[error("expected a regular file in a folder, found something else")]
-    NotRegular,
-    /// Opening it failed.
-    #[error("{0}")]
-    Io(#[from] io::Error),
-}
-
 /// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder. Never
-/// waits for the other end of a FIFO, but blocks on a hung disk.
-pub fn open_run_file(folder: &Path, name: &str) -> Result<File, RunFileFault> {
-    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let folder = open(folder, OFlags::RDONLY | flags | OFlags::DIRECTORY, Mode::empty()).map_err(fault)?;
-    let file = File::from(openat(folder, name, OFlags::RDONLY | flags, Mode::empty()).map_err(fault)?);
-    if file.metadata()?.is_file() { Ok(file) } else { Err(RunFileFault::NotRegular) }
-}
-
-fn fault(errno: Errno) -> RunFileFault {
-    match errno {
-        Errno::NOENT => RunFileFault::Missing,
+/// waits for the other end of a FIFO, but blocks on a hung disk. What is no regular file is [`ErrorKind::InvalidInput`].
+pub fn open_run_file(folder: &Path, name: &str) -> io::Result<File> {
+    let no_file =
+        || io::Error::new(ErrorKind::InvalidInput, "expected a regular file in a folder, found something else");
+    let fault = |errno: Errno| match errno {
         // a link, a file where a folder should be or the reverse, a socket or a FIFO that no process reads
-        Errno::LOOP | Errno::NOTDIR | Errno::ISDIR | Errno::NXIO => RunFileFault::NotRegular,
-        other => RunFileFault::Io(other.into()),
-    }
+        Errno::LOOP | Errno::NOTDIR | Errno::ISDIR | Errno::NXIO => no_file(),
+        other => other.into(),
+    };
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let folder = open(folder, flags | OFlags::DIRECTORY, Mode::empty()).map_err(fault)?;
+    let file = File::from(openat(folder, name, flags, Mode::empty()).map_err(fault)?);
+    if file.metadata()?.is_file() { Ok(file) } else { Err(no_file()) }
 }
 
 /// Text of a file in a run folder; `None` when it is missing, is not UTF-8, or exceeds [`MOST_BYTES`].
@@ -51,10 +34,10 @@ pub(super) fn text_of(path: &Path) -> Option<String> {
     (read as u64 <= MOST_BYTES).then_some(text)
 }
 
-/// Time of the last write to a file, rounded as in the store.
-pub(super) fn modified(path: &Path) -> Option<Timestamp> {
+/// Time of the last write to a file.
+pub(super) fn modified(path: &Path) -> Option<String> {
     let time = fs::metadata(path).and_then(|file| file.modified()).ok()?;
-    Timestamp::try_from(time).ok().map(Micros::rounded)
+    time.try_into().ok().map(text_of_time)
 }
 
 #[cfg(test)]
@@ -73,14 +56,14 @@ mod tests {
         let mut text = String::new();
         open_run_file(&run, "run.rrd").unwrap().read_to_string(&mut text).unwrap();
         assert_eq!(text, "RRF2");
-        assert!(matches!(open_run_file(&run, "none"), Err(RunFileFault::Missing)));
+        assert_eq!(open_run_file(&run, "none").unwrap_err().kind(), ErrorKind::NotFound);
         symlink("../secret", run.join("link")).unwrap();
         symlink("run", data.path().join("other")).unwrap();
         for (folder, name) in
             [(run.clone(), "link"), (data.path().to_owned(), "run"), (data.path().join("other"), "run.rrd")]
         {
             let opened = open_run_file(&folder, name);
-            assert!(matches!(opened, Err(RunFileFault::NotRegular)), "{name}: {opened:?}");
+            assert_eq!(opened.unwrap_err().kind(), ErrorKind::InvalidInput, "{name}");
         }
     }
 
@@ -91,6 +74,6 @@ mod tests {
 
         let run = tempfile::tempdir().unwrap();
         mknodat(CWD, run.path().join("run.rrd"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
-        assert!(matches!(open_run_file(run.path(), "run.rrd"), Err(RunFileFault::NotRegular)));
+        assert_eq!(open_run_file(run.path(), "run.rrd").unwrap_err().kind(), ErrorKind::InvalidInput);
     }
 }

@@ -19,7 +19,7 @@ const MAGIC: &[u8] = b"SQLite format 3\0";
 const VERSION_AT: usize = 60;
 const APPLICATION_ID_AT: usize = 68;
 
-/// Times are whole microseconds of Unix time. The text of a job is deleted when it ends, since its run folder has a
+/// Times are texts of one length, UTC. The text of a job is deleted when it ends, since its run folder has a
 /// copy. A job that was moved to the front of its plate's queue has a turn below those of the others. The audit log has
 /// the pauses of plates, the starts and ends of the daemon, and the idempotency keys of deleted jobs, too.
 const TABLES: &str = "
@@ -31,9 +31,9 @@ CREATE TABLE jobs (
     seed INTEGER NOT NULL,
     pace TEXT NOT NULL,
     rig TEXT NOT NULL,
-    submitted_at INTEGER NOT NULL,
-    started_at INTEGER,
-    finished_at INTEGER,
+    submitted_at TEXT NOT NULL,
+    started_at TEXT,
+    finished_at TEXT,
     progress REAL NOT NULL DEFAULT 0,
     reason TEXT NOT NULL DEFAULT '',
     report TEXT,
@@ -52,7 +52,7 @@ CREATE INDEX jobs_with_folder ON jobs (finished_at, bytes) WHERE folder IS NOT N
 
 CREATE TABLE audit (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
-    at INTEGER NOT NULL,
+    at TEXT NOT NULL,
     plate TEXT,
     act TEXT NOT NULL,
     operator TEXT NOT NULL,

@@ -10,11 +10,12 @@ use jiff::Timestamp;
 use parking_lot::MutexGuard;
 
 use super::{
-    AuditEntry, ClaimedJob, JobEnd, JobId, JobRow, JobSelection, JobState, NewJob, OpenOutcome, Opened, Pace,
-    RecordingStatus, Store, StoreFault, StoreLimits, SubmitOutcome,
+    AuditEntry, ClaimedJob, Job, JobEnd, JobId, JobRow, JobState, NewJob, OpenOutcome, Opened, Pace, RecordingStatus,
+    Store, StoreFault, StoreLimits, SubmitOutcome,
 };
 
 const TIMEOUT: Duration = Duration::from_secs(60);
+const FIXED_TIME: &str = "2027-01-15T08:00:00.000000Z";
 
 /// The turn of one caller.
 pub(crate) struct StoreGuard<'a>(#[allow(dead_code)] MutexGuard<'a, Option<Opened>>);
@@ -44,15 +45,14 @@ impl Store {
 
     /// Every job, oldest first.
     pub(crate) fn all_jobs(&self) -> Vec<JobRow> {
-        let all = JobSelection { state: None, limit: JobSelection::MOST, cursor: None };
-        let mut rows = self.list(&all).unwrap().rows;
+        let mut rows = self.list(None, None, 1000).unwrap();
         rows.reverse();
         rows
     }
 }
 
 fn fixed_time() -> Timestamp {
-    Timestamp::from_second(1_800_000_000).unwrap()
+    FIXED_TIME.parse().unwrap()
 }
 
 pub(crate) fn limits() -> StoreLimits {

@@ -1,4 +1,8 @@
-use jiff::Timestamp;
+use std::ops::Deref;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use super::JobId;
 use crate::states::{JobState, RecordingStatus};
@@ -26,28 +30,70 @@ pub struct NewJob {
 }
 
 impl NewJob {
-    /// The row of this job when it has just been accepted.
-    pub(super) fn row(&self, id: JobId, submitted_at: Timestamp) -> JobRow {
-        JobRow {
-            id,
+    /// This job when it has just been accepted.
+    pub(super) fn row(&self, id: JobId, submitted_at: String) -> JobRow {
+        let job = Job {
+            id: id.to_string(),
             name: self.name.clone(),
-            plate: self.plate.clone(),
             state: JobState::Queued,
-            seed: self.seed,
-            pace: self.pace,
-            rig_fingerprint: self.rig_fingerprint.clone(),
+            plate: self.plate.clone(),
             submitted_at,
             started_at: None,
             finished_at: None,
             progress: 0.0,
+            report: None,
             reason: String::new(),
-            report_json: None,
-            folder: None,
+            seed: self.seed,
+            pace: self.pace,
             recording: RecordingStatus::None,
             standing: false,
             turn: 0,
-        }
+        };
+        JobRow { id, job, rig_fingerprint: self.rig_fingerprint.clone(), folder: None }
     }
+}
+
+/// A job with its state and result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Job {
+    /// Id of the job: 32 hex digits, which sort by the time of submission.
+    #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
+    pub id: String,
+    /// Name of the job; several jobs may have the same.
+    pub name: String,
+    /// Stage between submission and end, at the time of the answer.
+    pub state: JobState,
+    /// Plate on which it runs.
+    pub plate: String,
+    /// Time at which it was accepted (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub submitted_at: String,
+    /// Time at which its plate took it (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub started_at: Option<String>,
+    /// Time of its end, whatever the outcome (UTC).
+    #[schemars(extend("format" = "date-time"))]
+    pub finished_at: Option<String>,
+    /// Share of the job that is done, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub progress: f64,
+    /// Its `report.json`, once it has ended.
+    pub report: Option<Map<String, Value>>,
+    /// Reason of its end; empty until then.
+    pub reason: String,
+    /// Seed of everything random in its run.
+    pub seed: u64,
+    /// Pace of its run.
+    pub pace: Pace,
+    /// State of its recording.
+    pub recording: RecordingStatus,
+    /// True for a run of its plate's standing job, which no client submitted.
+    #[serde(default)]
+    pub standing: bool,
+    /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
+    /// moved to the front.
+    #[serde(default)]
+    pub turn: i64,
 }
 
 /// A job in the store, without its text (see [`ClaimedJob`]).
@@ -55,40 +101,20 @@ impl NewJob {
 pub struct JobRow {
     /// Id; ids sort by the order in which jobs were accepted.
     pub id: JobId,
-    /// Name, valid as a folder name.
-    pub name: String,
-    /// Plate on which it runs.
-    pub plate: String,
-    /// State between queue and end.
-    pub state: JobState,
-    /// Seed of everything random in its run.
-    pub seed: u64,
-    /// Pace of its run.
-    pub pace: Pace,
+    /// The job as clients see it. Its times rise: where the wall clock was set back in between, they are equal.
+    pub job: Job,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
-    /// Time at which it was accepted.
-    pub submitted_at: Timestamp,
-    /// Time at which its plate took it; not before `submitted_at`.
-    pub started_at: Option<Timestamp>,
-    /// Time of its end, whatever the outcome. Never before it was submitted or began: where the wall clock was set back
-    /// in between, it equals that time.
-    pub finished_at: Option<Timestamp>,
-    /// Share of the job that is done, 0 to 1.
-    pub progress: f64,
-    /// Reason of its end; empty until then.
-    pub reason: String,
-    /// `report.json` of its run; `None` until there is one.
-    pub report_json: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
-    /// State of its recording.
-    pub recording: RecordingStatus,
-    /// True for a run of its plate's standing job, which was never queued.
-    pub standing: bool,
-    /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
-    /// moved to the front.
-    pub turn: i64,
+}
+
+impl Deref for JobRow {
+    type Target = Job;
+
+    fn deref(&self) -> &Job {
+        &self.job
+    }
 }
 
 impl JobRow {
@@ -122,19 +148,6 @@ pub struct JobEnd {
     pub progress: f64,
 }
 
-impl JobEnd {
-    /// The end of a job that was taken out of the queue.
-    pub(super) fn before_it_began() -> Self {
-        Self {
-            state: JobState::Cancelled,
-            reason: "cancelled before it began".to_owned(),
-            report_json: None,
-            recording: RecordingStatus::None,
-            progress: 0.0,
-        }
-    }
-}
-
 /// Outcome of a submission.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SubmitOutcome {
@@ -149,53 +162,6 @@ pub enum SubmitOutcome {
         /// Number of jobs in it.
         queued: usize,
     },
-}
-
-/// Outcome of taking a job out of the queue.
-#[derive(Clone, Debug, PartialEq)]
-pub enum CancelOutcome {
-    /// The job was queued and is cancelled.
-    Now(JobRow),
-    /// The job is in another state, and stays so.
-    Not(JobRow),
-    /// There is no such job.
-    Unknown,
-}
-
-/// Outcome of deleting a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DeleteOutcome {
-    /// The store has no trace of the job except its key.
-    Now,
-    /// The job runs, and stays.
-    Not,
-    /// There is no such job.
-    Unknown,
-}
-
-/// Selection of jobs to list, newest first.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct JobSelection {
-    /// Only jobs in this state; `None` for all.
-    pub state: Option<JobState>,
-    /// Most jobs in the answer; clamped to 1 to [`JobSelection::MOST`].
-    pub limit: usize,
-    /// Only jobs older than this one, which need not exist.
-    pub cursor: Option<JobId>,
-}
-
-impl JobSelection {
-    /// Most jobs in one answer.
-    pub const MOST: usize = 200;
-}
-
-/// A page of jobs, newest first.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct JobPage {
-    /// Selected jobs, at most [`JobSelection::MOST`].
-    pub rows: Vec<JobRow>,
-    /// Cursor of the next page; `None` on the last.
-    pub next: Option<JobId>,
 }
 
 /// An entry for the audit log.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::watchdog::Heartbeat;
-use super::{JobLayout, LastObservation};
+use super::{LayoutView, Plate};
 use crate::store::JobId;
 use upm_core::job::StopCause;
 use upm_recording::{RecordingHandle, WriterStatus};
@@ -13,14 +13,16 @@ use upm_runner::run::{ExternalStop, PacingStats};
 
 /// The job on a plate, and the ends requested for it.
 #[derive(Debug, Default)]
-pub(super) struct CurrentJob {
+pub(crate) struct CurrentJob {
     turn: Mutex<JobSlot>,
     /// Set to end the run.
     pub end_run: Arc<AtomicBool>,
-    pub heartbeat: Heartbeat,
+    pub(super) heartbeat: Heartbeat,
     pub pacing: Arc<PacingStats>,
-    seen: Mutex<TimedObservation>,
-    layout: Mutex<Option<Arc<JobLayout>>>,
+    /// The newest observation of the parts, in the members of a plate that tell it, and when it was made.
+    seen: Mutex<(Plate, Option<Duration>)>,
+    /// The job's layout, once its text has been read.
+    pub layout: Mutex<Option<LayoutView>>,
 }
 
 /// The plate's current job and its neighbours that matter to a cancel.
@@ -44,17 +46,10 @@ pub(super) struct RunningJob {
     cause: Option<ExternalStop>,
 }
 
-/// The newest observation of the parts, and when it was made.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TimedObservation {
-    pub observation: LastObservation,
-    pub at: Option<Duration>,
-}
-
 impl CurrentJob {
     /// Begins a job on the plate. Its run ends at once when it was cancelled before.
     pub fn begin(&self, job: JobId, standing: bool, recording: RecordingHandle, journal: WriterStatus) {
-        *self.seen.lock() = TimedObservation::default();
+        *self.seen.lock() = Default::default();
         *self.layout.lock() = None;
         self.heartbeat.clear();
         let mut turn = self.turn.lock();
@@ -65,19 +60,13 @@ impl CurrentJob {
         turn.running = Some(RunningJob { job, standing, recording, journal, cause });
     }
 
-    /// Sets the job's layout, once its text has been read.
-    pub fn lay_out(&self, layout: JobLayout) {
-        *self.layout.lock() = Some(Arc::new(layout));
-    }
-
-    /// The layout of `job`, while it is on the plate.
-    pub fn layout(&self, job: &JobId) -> Option<Arc<JobLayout>> {
-        let is_on_plate = self.running().is_some_and(|running| running.job == *job);
-        self.layout.lock().clone().filter(|_| is_on_plate)
+    /// True while `job` is on the plate.
+    pub fn is(&self, job: &JobId) -> bool {
+        self.turn.lock().running.as_ref().is_some_and(|running| running.job == *job)
     }
 
     /// The job on the plate.
-    pub fn running(&self) -> Option<RunningJob> {
+    pub(super) fn running(&self) -> Option<RunningJob> {
         self.turn.lock().running.clone()
     }
 
@@ -133,14 +122,14 @@ impl CurrentJob {
     }
 
     /// Stores an observation of the parts; skipped while another thread reads the last one.
-    pub fn set_observation(&self, observation: &LastObservation, now: Duration) {
+    pub fn set_observation(&self, observation: &Plate, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
-        seen.observation.clone_from(observation);
-        seen.at = Some(now);
+        seen.0.clone_from(observation);
+        seen.1 = Some(now);
     }
 
-    /// The newest observation of the parts.
-    pub fn seen(&self) -> TimedObservation {
+    /// The newest observation of the parts, and when it was made.
+    pub(super) fn seen(&self) -> (Plate, Option<Duration>) {
         self.seen.lock().clone()
     }
 }

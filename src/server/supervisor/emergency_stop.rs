@@ -13,14 +13,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Duration;
 
 use parking_lot::Mutex;
 
 use super::ResetFault;
 use super::latch::{Latch, StopToken};
 use upm_core::job::StopCause;
-use upm_core::rig::{Interlock, StopTimes, Trip};
+use upm_core::rig::{Interlock, Trip};
 use upm_runner::run::ExternalStop;
 
 /// The state of a plate's emergency stop.
@@ -39,12 +38,13 @@ pub enum StopState {
 /// The emergency stop of one plate. Stopping takes no lock and never waits for the run, the store or the disk.
 #[derive(Debug)]
 pub struct EmergencyStop {
-    interlock: Interlock,
-    latch: Latch,
+    /// The interlock of the motors of the plate's rig.
+    pub interlock: Interlock,
+    pub latch: Latch,
     /// Ends the run on the plate.
     end_run: Arc<AtomicBool>,
     /// Stops since the daemon started that changed the state.
-    count: AtomicU64,
+    pub count: AtomicU64,
     /// Held for the whole of a reset, and by nothing else.
     resetting: Mutex<()>,
 }
@@ -57,11 +57,6 @@ impl EmergencyStop {
         }
         let count = AtomicU64::new(0);
         Self { interlock, latch, end_run, count, resetting: Mutex::default() }
-    }
-
-    /// The interlock of the motors of the plate's rig.
-    pub fn interlock(&self) -> &Interlock {
-        &self.interlock
     }
 
     /// Sets the motors to zero; nothing moves until a reset. True when no stop held before. [`Self::persist`] then
@@ -103,30 +98,10 @@ impl EmergencyStop {
         self.holds().then(|| ExternalStop::of(StopCause::Estop, "emergency stop"))
     }
 
-    /// Stops since the daemon started that changed the state.
-    pub fn count(&self) -> u64 {
-        self.count.load(Ordering::Relaxed)
-    }
-
-    /// Response times of the motors; `None` without a trip, and until they are silent.
-    pub fn times(&self) -> Option<StopTimes> {
-        self.interlock.stop_times()
-    }
-
-    /// The same, once the motors are silent; waits at most `within`.
-    pub fn wait_until_motors_off(&self, within: Duration) -> Option<StopTimes> {
-        self.interlock.wait_until_motors_off(within)
-    }
-
     /// Writes the latch to the disk; true when a stop is there. Waits for the disk.
     pub fn persist(&self) -> bool {
         let written = self.latch.write();
         written.map_err(|error| tracing::error!("an emergency stop cannot be written: {error}")).unwrap_or(false)
-    }
-
-    /// True when the latch on the disk has the present state.
-    pub fn is_persisted(&self) -> bool {
-        self.latch.is_written()
     }
 
     /// The stop that holds, as the token for its reset.

@@ -4,14 +4,15 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use bytes::Bytes;
+
 use super::latch::StopToken;
-use super::shared::PlateInner;
-use super::validate::{layout_of_submission, validated};
-use super::{JobLayout, Pause, PlateSnapshot, PreviewPicture, ResetFault};
+use super::{LayoutView, PlateHandle, ResetFault};
+use crate::states::PauseCause;
 use crate::store::{AuditEntry, JobId, NewJob, Pace};
 use upm_core::rig::StopTimes;
-use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::Diagnostic;
+use upm_core::time::Clock;
+use upm_runner::config::{Diagnostic, JobLayout};
 
 /// Longest waits of an emergency stop for the motors to be silent, for the latch file and for the audit log.
 const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
@@ -23,48 +24,27 @@ const RECORDERS: usize = 4;
 /// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";
 
-/// The requester of an operation, as far as known.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ResetRequester {
-    /// Name that the requester gave.
-    pub operator: String,
-    /// Reason that the requester gave.
-    pub reason: String,
-    /// Network address of the requester.
-    pub remote: String,
-    /// Name of the token presented.
-    pub token_name: String,
-}
-
-/// One plate and its thread.
-#[derive(Debug)]
-pub struct PlateHandle {
-    pub(super) shared: Arc<PlateInner>,
-    pub(super) clock: MonotonicClock,
-    pub(super) worker: JoinHandle<()>,
-}
-
 impl PlateHandle {
     /// Name of the plate, as in the configuration.
     pub fn name(&self) -> &str {
-        &self.shared.name
+        &self.name
     }
 
     /// Stops the plate: motors to zero, the job ends, and nothing moves until an operator resets it. Never waits for
     /// the run, the store or the disk. True when it was not stopped before.
     pub fn estop(&self) -> bool {
-        let changed = self.shared.emergency_stop.stop();
+        let changed = self.emergency_stop.stop();
         self.wake();
         changed
     }
 
     /// Writes the stop to the disk, then to the audit log. Waits briefly for both. False when the stop is not on the
     /// disk by then: it holds all the same. A frozen disk holds the writing thread for as long as it is frozen.
-    pub fn record_estop(&self, who: ResetRequester) -> bool {
-        let (shared, entry) = (Arc::clone(&self.shared), self.audit_entry(ESTOP, who));
+    pub fn record_estop(self: &Arc<Self>, who: AuditEntry) -> bool {
+        let (shared, entry) = (Arc::clone(self), self.audit_entry(ESTOP, who));
         let (sender, written) = sync_channel(2);
-        if self.shared.recorders.fetch_add(1, Ordering::SeqCst) >= RECORDERS {
-            self.shared.recorders.fetch_sub(1, Ordering::SeqCst);
+        if self.recorders.fetch_add(1, Ordering::SeqCst) >= RECORDERS {
+            self.recorders.fetch_sub(1, Ordering::SeqCst);
             tracing::error!("not in the audit log, since the disk does not answer: {entry:?}");
             return false;
         }
@@ -74,7 +54,7 @@ impl PlateHandle {
             shared.recorders.fetch_sub(1, Ordering::SeqCst);
         };
         if let Err(error) = thread::Builder::new().name("latch".into()).spawn(record) {
-            self.shared.recorders.fetch_sub(1, Ordering::SeqCst);
+            self.recorders.fetch_sub(1, Ordering::SeqCst);
             tracing::error!("an emergency stop cannot be written to the disk: {error}");
         }
         let is_persisted = written.recv_timeout(PERSISTED_WITHIN).unwrap_or(false);
@@ -88,57 +68,46 @@ impl PlateHandle {
     /// Writes what could not be written before: the latch, and the last pause or its end. False when something still is
     /// not on the disk. Waits for the disk.
     pub fn persist_again(&self) -> bool {
-        let stop = &self.shared.emergency_stop;
-        if !stop.is_persisted() {
+        let stop = &self.emergency_stop;
+        if !stop.latch.is_written() {
             stop.persist();
         }
-        self.shared.note_again() && stop.is_persisted()
-    }
-
-    /// The emergency stop that holds, as seen by an operator who requests a reset now.
-    pub fn held(&self) -> Result<StopToken, ResetFault> {
-        self.shared.emergency_stop.held()
+        self.note_again() && stop.latch.is_written()
     }
 
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
     /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_listening` returns
     /// false.
-    pub fn reset(
-        &self,
-        held: StopToken,
-        who: ResetRequester,
-        is_listening: impl Fn() -> bool,
-    ) -> Result<(), ResetFault> {
-        let shared = &*self.shared;
+    pub fn reset(&self, held: StopToken, who: AuditEntry, is_listening: impl Fn() -> bool) -> Result<(), ResetFault> {
         let mut is_written = false;
         let allow = || {
-            if shared.job.running().is_some() {
+            if self.job.running().is_some() {
                 return Err(ResetFault::StillStopping);
             }
-            shared.store.audit(&self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
+            self.store.audit(&self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
             is_listening().then_some(()).ok_or(ResetFault::NotAwaited)
         };
         let pause = || {
             let remedy = "look at the plate, then resume";
-            shared.pause(Pause::new("reset", "reset after an emergency stop", remedy));
+            self.pause(PauseCause::new("reset", "reset after an emergency stop", remedy));
         };
-        let reset = shared.emergency_stop.reset(held, allow, pause);
+        let reset = self.emergency_stop.reset(held, allow, pause);
         if is_written && reset.is_err() {
-            self.audit("reset refused", who);
+            self.note(&self.audit_entry("reset refused", who));
         }
         reset
     }
 
     /// Lets the plate take jobs again, and run its standing job. False while an emergency stop holds. Idempotent.
-    pub fn resume(&self, who: ResetRequester) -> bool {
-        if self.is_stopped() {
+    pub fn resume(&self, who: AuditEntry) -> bool {
+        if self.emergency_stop.holds() {
             return false;
         }
-        let standing = self.shared.standing.as_ref();
-        if self.shared.paused().is_some() || standing.is_some_and(|standing| standing.paused().is_some()) {
-            self.shared.resume(self.audit_entry(AuditEntry::RESUME, who));
+        let standing = self.standing.as_ref();
+        if self.paused().is_some() || standing.is_some_and(|standing| standing.paused().is_some()) {
+            self.go_on(self.audit_entry(AuditEntry::RESUME, who));
         }
         if let Some(standing) = standing {
             standing.pause(None);
@@ -149,7 +118,7 @@ impl PlateHandle {
 
     /// Notifies the plate of a queued job: its standing job gives way.
     pub fn job_queued(&self) {
-        if let Some(standing) = &self.shared.standing {
+        if let Some(standing) = &self.standing {
             standing.give_way();
         }
         self.wake();
@@ -157,89 +126,52 @@ impl PlateHandle {
 
     /// Wakes the worker to check for work.
     pub(super) fn wake(&self) {
-        self.worker.thread().unpark();
+        if let Some(worker) = self.worker.get() {
+            worker.thread().unpark();
+        }
     }
 
     /// True once the thread of the plate has ended.
     pub(super) fn has_ended(&self) -> bool {
-        self.worker.is_finished()
+        self.worker.get().is_some_and(JoinHandle::is_finished)
     }
 
-    /// Ends a job that is running according to the store: it is on the plate, or about to begin on it. False when its
-    /// run is over.
-    pub fn cancel(&self, id: &JobId) -> bool {
-        self.shared.job.cancel(id)
-    }
-
-    /// True while an emergency stop holds.
-    pub fn is_stopped(&self) -> bool {
-        self.shared.emergency_stop.holds()
-    }
-
-    /// The cause of its pause; `None` when it is not paused.
-    pub fn paused(&self) -> Option<Pause> {
-        self.shared.paused()
-    }
-
-    /// Response times of the stop that holds; `None` without one, and until the motors are silent.
-    pub fn stop_times(&self) -> Option<StopTimes> {
-        self.shared.emergency_stop.times()
-    }
-
-    /// The same, once the motors are silent; waits briefly for that.
+    /// Response times of the motors once they are silent; `None` without a stop, and when they take too long.
     pub fn wait_until_motors_off(&self) -> Option<StopTimes> {
-        self.shared.emergency_stop.wait_until_motors_off(MOTORS_OFF_WITHIN)
+        self.emergency_stop.interlock.wait_until_motors_off(MOTORS_OFF_WITHIN)
     }
 
-    /// The state of the plate now.
-    pub fn snapshot(&self) -> PlateSnapshot {
-        self.shared.snapshot(self.clock.elapsed())
-    }
-
-    /// The newest picture of the job on the plate and its age, unless it is too old to be shown; requests further ones.
-    /// Encodes it, which takes some 10 ms.
-    pub fn picture(&self) -> Option<(Arc<PreviewPicture>, Duration)> {
-        let now = self.clock.elapsed();
-        let picture = self.shared.preview.latest(now)?;
-        let age = now.saturating_sub(picture.taken);
-        Some((picture, age))
+    /// The newest picture of the job on the plate, a PNG file, and its age, unless it is too old to be shown; requests
+    /// further ones. Encodes it, which takes some 10 ms.
+    pub fn picture(&self) -> Option<(Bytes, Duration)> {
+        self.preview.latest(self.clock.elapsed())
     }
 
     /// Share of job `id` that is done, 0 to 1, while it is on the plate.
     pub fn progress_of(&self, id: &JobId) -> Option<f64> {
-        let is_on_plate = self.shared.job.running().is_some_and(|running| running.job == *id);
-        is_on_plate.then(|| self.shared.job.seen().observation.progress.clamp(0.0, 1.0))
+        self.job.is(id).then(|| self.job.seen().0.progress)
     }
 
-    /// The layout of job `id`, while it is on the plate.
-    pub fn layout(&self, id: &JobId) -> Option<Arc<JobLayout>> {
-        self.shared.job.layout(id)
-    }
-
-    /// A job ready to be queued, or all of its faults.
-    pub fn validate(&self, text: &str, pace: Pace, key: Option<String>) -> Result<NewJob, Vec<Diagnostic>> {
-        validated(&self.shared.rules, text, pace, key)
+    /// A job ready to be queued, without its key, or all of its faults.
+    pub fn validate(&self, text: &str, pace: Pace) -> Result<NewJob, Vec<Diagnostic>> {
+        self.rules.validated(text, pace)
     }
 
     /// Name and layout of a job that may be queued, or all of its faults. Queues nothing.
-    pub fn check(&self, text: &str) -> Result<(String, JobLayout), Vec<Diagnostic>> {
-        layout_of_submission(&self.shared.rules, text)
-    }
-
-    /// Records an operation in the log and in the audit log.
-    fn audit(&self, act: &str, who: ResetRequester) {
-        self.shared.note(&self.audit_entry(act, who));
+    pub fn check(&self, text: &str) -> Result<(String, LayoutView), Vec<Diagnostic>> {
+        let job = self.rules.checked(text)?;
+        Ok((job.name.clone(), JobLayout::of(&job).into()))
     }
 
     /// Logs an operation; returns the entry for the audit log.
-    fn audit_entry(&self, act: &str, who: ResetRequester) -> AuditEntry {
-        let ResetRequester { operator, reason, remote, token_name } = who;
-        let plate = &self.shared.name;
+    fn audit_entry(&self, act: &str, who: AuditEntry) -> AuditEntry {
+        let AuditEntry { operator, reason, remote, token_name, .. } = &who;
+        let plate = &self.name;
         if act == ESTOP {
             tracing::warn!(plate, operator, reason, remote, token_name, "{act}");
         } else {
             tracing::info!(plate, operator, reason, remote, token_name, "{act}");
         }
-        AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), operator, reason, remote, token_name }
+        AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), ..who }
     }
 }

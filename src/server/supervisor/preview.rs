@@ -1,11 +1,9 @@
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use bytes::Bytes;
 use parking_lot::Mutex;
 
 use super::draw::{OverlayMark, draw};
-use super::watchdog::ms;
 use upm_core::signal::Frame;
 
 /// Time for which one request keeps pictures coming, and least time between two pictures.
@@ -15,77 +13,47 @@ const APART: Duration = Duration::from_millis(500);
 /// Greatest age of a picture that is shown: an older one would pass for the present state.
 const OLDEST: Duration = Duration::from_secs(2);
 
-/// A camera frame with the observed parts drawn over it, encoded once for all viewers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PreviewPicture {
-    /// The PNG file.
-    pub png: Vec<u8>,
-    /// Time of the frame on the daemon's clock.
-    pub taken: Duration,
-}
-
-/// A frame that the plate handed over.
-#[derive(Clone, Debug)]
-struct Raw {
-    frame: Frame,
-    marks: Vec<OverlayMark>,
-    taken: Duration,
-    fresh: bool,
-}
-
-impl Default for Raw {
-    fn default() -> Self {
-        Self { frame: Frame::new(0, 0), marks: Vec::new(), taken: Duration::ZERO, fresh: false }
-    }
-}
-
 /// Pictures of one plate for viewers. The plate hands over a frame only while a picture is requested and the lock is
-/// free.
+/// free: not while one is encoded.
 #[derive(Debug, Default)]
-pub(super) struct FramePreview {
-    /// Time until which pictures are requested, and time of the last frame handed over, ms of the daemon's clock.
-    wanted_until_ms: AtomicU64,
-    given_at_ms: AtomicU64,
-    raw: Mutex<Raw>,
-    newest: Mutex<Option<Arc<PreviewPicture>>>,
+pub(super) struct FramePreview(Mutex<Pictures>);
+
+#[derive(Debug, Default)]
+struct Pictures {
+    /// Time until which pictures are requested.
+    wanted_until: Duration,
+    /// The last frame handed over, and when. Encoded once for all viewers.
+    taken: Option<(Duration, Frame, Vec<OverlayMark>)>,
+    /// The picture of that frame.
+    png: Option<Bytes>,
 }
 
 impl FramePreview {
-    /// The newest picture, unless it is too old; requests further ones. Encodes a new frame, which takes some 10 ms.
-    pub fn latest(&self, now: Duration) -> Option<Arc<PreviewPicture>> {
-        self.wanted_until_ms.store(ms(now + WISH), Ordering::Relaxed);
-        self.encode();
-        let newest = self.newest.lock().clone();
-        newest.filter(|picture| now.saturating_sub(picture.taken) <= OLDEST)
+    /// The newest picture with its age, unless it is too old; requests further ones. Encodes a new frame, which takes
+    /// some 10 ms.
+    pub fn latest(&self, now: Duration) -> Option<(Bytes, Duration)> {
+        let mut pictures = self.0.lock();
+        pictures.wanted_until = now + WISH;
+        let (taken, frame, marks) = pictures.taken.as_ref()?;
+        let age = Some(now.saturating_sub(*taken)).filter(|age| *age <= OLDEST)?;
+        let png = pictures.png.clone().or_else(|| draw(frame, marks).map(Bytes::from))?;
+        pictures.png = Some(png.clone());
+        Some((png, age))
     }
 
     /// Takes a frame if one is due. Never waits; costs a copy of the frame when it takes it.
     pub fn offer(&self, frame: &Frame, marks: impl FnOnce() -> Vec<OverlayMark>, now: Duration) {
-        let given_ms = self.given_at_ms.load(Ordering::Relaxed);
-        let early = given_ms != 0 && ms(now) < given_ms + ms(APART);
-        if early || ms(now) >= self.wanted_until_ms.load(Ordering::Relaxed) {
-            return;
-        }
-        let Some(mut raw) = self.raw.try_lock() else { return };
-        raw.frame.clone_from(frame);
-        (raw.marks, raw.taken, raw.fresh) = (marks(), now, true);
-        self.given_at_ms.store(ms(now).max(1), Ordering::Relaxed);
-    }
-
-    /// Encodes the frame handed over, if there is a new one.
-    fn encode(&self) {
-        let mut raw = self.raw.lock();
-        if !std::mem::take(&mut raw.fresh) {
-            return;
-        }
-        if let Some(png) = draw(&raw.frame, &raw.marks) {
-            *self.newest.lock() = Some(Arc::new(PreviewPicture { png, taken: raw.taken }));
+        let Some(mut pictures) = self.0.try_lock() else { return };
+        let is_early = pictures.taken.as_ref().is_some_and(|(taken, ..)| now < *taken + APART);
+        if !is_early && now < pictures.wanted_until {
+            pictures.taken = Some((now, frame.clone(), marks()));
+            pictures.png = None;
         }
     }
 
     /// Discards the previous job's picture.
     pub fn clear(&self) {
-        *self.newest.lock() = None;
+        self.0.lock().taken = None;
     }
 }
 
@@ -111,47 +79,29 @@ mod tests {
 
     #[test]
     fn frames_are_copied_only_on_request_and_at_most_twice_a_second() {
-        let window = FramePreview::default();
+        let preview = FramePreview::default();
         let give = |index: u64, ms: u64| {
             let mut taken = false;
             let marks = || {
                 taken = true;
                 Vec::new()
             };
-            window.offer(&frame(index), marks, at(ms));
-            window.encode();
+            preview.offer(&frame(index), marks, at(ms));
             taken
         };
+        let age = |ms: u64| preview.latest(at(ms)).map(|(_, age)| age);
         assert!(!give(1, 0), "nobody asked");
-        assert_eq!(window.latest(at(10)), None);
+        assert_eq!(age(10), None);
         assert!(give(2, 20) && !give(3, 40) && !give(4, 519), "one in half a second");
-        assert!(give(5, 520) && window.latest(at(530)).unwrap().taken == at(520));
+        assert!(give(5, 520) && age(530) == Some(at(10)));
         assert!(give(6, 5529) && !give(7, 6100), "a wish ends");
-        window.clear();
-        assert_eq!(window.latest(at(7000)), None);
-    }
-
-    #[test]
-    fn too_old_picture_is_not_returned() {
-        let window = FramePreview::default();
-        window.latest(at(0));
-        window.offer(&frame(1), Vec::new, at(10));
-        window.encode();
-        assert!(window.latest(at(2010)).is_some());
-        assert_eq!(window.latest(at(2011)), None, "it is wished for anew");
-        window.offer(&frame(2), Vec::new, at(2100));
-        window.encode();
-        assert_eq!(window.latest(at(2101)).unwrap().taken, at(2100));
-    }
-
-    #[test]
-    fn a_busy_encoder_costs_the_plate_nothing() {
-        let window = FramePreview::default();
-        window.latest(at(0));
-        let encoding = window.raw.lock();
-        window.offer(&frame(1), || unreachable!("the frame is not taken"), at(0));
+        assert_eq!(age(7529), Some(at(2000)));
+        assert_eq!(age(7530), None, "too old to be shown");
+        assert!(give(8, 7600) && age(7601) == Some(at(1)), "it is wished for anew");
+        preview.clear();
+        assert_eq!(age(7602), None);
+        let encoding = preview.0.lock();
+        preview.offer(&frame(9), || unreachable!("the frame is not taken"), at(9000));
         drop(encoding);
-        window.encode();
-        assert_eq!(window.latest(at(1)), None);
     }
 }

@@ -1,28 +1,36 @@
 use super::draw::OverlayMark;
-use super::shared::PlateInner;
 use crate::states::PlateCondition;
-use crate::supervisor::LastObservation;
+use crate::supervisor::{Plate, PlateHandle};
 use upm_control::{
-    Condition, ConditionChange, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone,
-    MilestoneFacts, Sink,
+    ConditionChange, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
+    Sink,
 };
+use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
+use upm_core::units::{mm_from_m, places_mm};
 use upm_perception::vision::{Table, Track};
 
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: what finds a lock held by
 /// another thread is dropped.
 pub(super) struct RunObserver<'a> {
-    shared: &'a PlateInner,
+    shared: &'a PlateHandle,
     clock: &'a dyn Clock,
-    observation: LastObservation,
+    observation: Plate,
+    targets_m: Vec<Vec2>,
     table: Option<Table>,
-    holding: Vec<Condition>,
 }
 
 impl<'a> RunObserver<'a> {
-    pub fn new(shared: &'a PlateInner, clock: &'a dyn Clock, radii_m: Vec<f64>) -> Self {
-        let observation = LastObservation { radii_m, ..LastObservation::default() };
-        Self { shared, clock, observation, table: None, holding: Vec::new() }
+    pub fn new(shared: &'a PlateHandle, clock: &'a dyn Clock, radii_m: Vec<f64>) -> Self {
+        let radii_mm = radii_m.into_iter().map(mm_from_m).collect();
+        let observation = Plate { radii_mm, ..Plate::default() };
+        Self { shared, clock, observation, targets_m: Vec::new(), table: None }
+    }
+
+    fn see(&mut self, at: PlateTime, positions_m: impl Iterator<Item = Vec2>) {
+        self.observation.at_s = at.secs();
+        self.observation.positions_mm.clear();
+        self.observation.positions_mm.extend(positions_m.map(|at| [at.x, at.y].map(mm_from_m)));
     }
 
     fn marks(&self, tracks: &[Track]) -> Vec<OverlayMark> {
@@ -33,7 +41,7 @@ impl<'a> RunObserver<'a> {
         };
         let targets = self.table.iter().flat_map(|table| {
             let target = |p_m| OverlayMark { center_px: table.image_from_table(p_m), radius_px: 0.0, seen: true };
-            self.observation.targets_m.iter().copied().map(target)
+            self.targets_m.iter().copied().map(target)
         });
         tracks.iter().map(part).chain(targets).collect()
     }
@@ -42,17 +50,13 @@ impl<'a> RunObserver<'a> {
 impl Sink for RunObserver<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.table = Some(facts.table.clone());
-        self.observation.at = facts.frame.exposed_at;
-        self.observation.positions_m.clear();
-        self.observation.positions_m.extend(facts.detections.iter().map(|part| part.position_m));
+        self.see(facts.frame.exposed_at, facts.detections.iter().map(|part| part.position_m));
         self.shared.job.set_observation(&self.observation, self.clock.elapsed());
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
         let now = self.clock.elapsed();
-        self.observation.at = facts.frame.exposed_at;
-        self.observation.positions_m.clear();
-        self.observation.positions_m.extend(facts.tracks.iter().map(|track| track.seen.position_m));
+        self.see(facts.frame.exposed_at, facts.tracks.iter().map(|track| track.seen.position_m));
         // while control waits for a part to be seen, it limits that wait itself
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
         self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight);
@@ -61,8 +65,9 @@ impl Sink for RunObserver<'_> {
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        self.observation.targets_m.clone_from(&facts.wanted.targets_m);
-        self.observation.progress = facts.wanted.progress;
+        self.targets_m.clone_from(&facts.wanted.targets_m);
+        self.observation.targets_mm = places_mm(&self.targets_m);
+        self.observation.progress = facts.wanted.progress.clamp(0.0, 1.0);
         self.observation.phase.clone_from(&facts.wanted.phase);
     }
 
@@ -75,13 +80,9 @@ impl Sink for RunObserver<'_> {
 
     fn condition(&mut self, facts: &ConditionFacts<'_>) {
         let ConditionFacts { condition, reason, .. } = *facts;
-        if let Some(known) = self.holding.iter().position(|held| *held == condition) {
-            self.holding.remove(known);
-            self.observation.conditions.remove(known);
-        }
+        self.observation.conditions.retain(|held| held.code != condition.code());
         if facts.change == ConditionChange::Began {
             let (code, remedy) = (condition.code().to_owned(), condition.remedy().to_owned());
-            self.holding.push(condition);
             self.observation.conditions.push(PlateCondition { code, reason: reason.to_owned(), remedy });
         }
     }

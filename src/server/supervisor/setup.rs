@@ -1,31 +1,23 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::Pause;
+use crate::states::PauseCause;
 use crate::store::{Pace, Store};
 use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
-use upm_runner::config::{JobSpec, RigSpec, WatchdogSpec};
+use upm_runner::config::{PlateSpec, WatchdogSpec};
 
 /// Settings of one plate.
 #[derive(Clone, Debug)]
 pub struct PlateSetup {
-    /// Name of the plate, valid as a file name.
-    pub name: String,
+    /// The plate in the daemon's file.
+    pub spec: PlateSpec,
     /// True when the store knew it before this start: a missing latch file then counts as stopped.
     pub known: bool,
-    /// The simulated rig.
-    pub rig: RigSpec,
     /// The library of the plate.
     pub library: Arc<Library>,
     /// Cause of an initial pause; `None` to start unpaused.
-    pub paused: Option<Pause>,
-    /// Port of its live stream; `None` for any free one.
-    pub live_port: Option<u16>,
-    /// The job that runs whenever the queue is empty.
-    pub standing: Option<StandingSetup>,
-    /// True to accept jobs that make the simulated rig fail on purpose.
-    pub allow_faults: bool,
+    pub paused: Option<PauseCause>,
 }
 
 /// Resources and settings that all plates share.
@@ -45,15 +37,8 @@ pub struct SharedServices {
     pub min_free_bytes: u64,
     /// Memory limit of a live stream, bytes; `None` for no live streams.
     pub live_history_bytes: Option<u64>,
-}
-
-/// Settings of a standing job.
-#[derive(Clone, Debug)]
-pub struct StandingSetup {
-    /// The job, on the plate's rig.
-    pub job: JobSpec,
-    /// Pace of its runs.
+    /// True to accept jobs that make the simulated rig fail on purpose.
+    pub allow_faults: bool,
+    /// Pace of the runs of standing jobs.
     pub pace: Pace,
-    /// Reason of an initial pause; `None` to start unpaused.
-    pub paused: Option<String>,
 }

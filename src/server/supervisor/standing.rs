@@ -3,10 +3,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
-use super::StandingSetup;
-use super::validate::{JobRules, validated};
+use super::validate::JobRules;
 use crate::states::{StandingJob, StandingState};
-use crate::store::NewJob;
+use crate::store::{NewJob, Pace};
+use upm_runner::config::StandingSpec;
+
+/// Reason of a waiting standing job that is configured with `"start": "paused"`.
+const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 
 /// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
 #[derive(Debug)]
@@ -22,15 +25,13 @@ pub(super) struct Standing {
 
 impl Standing {
     /// The standing job of a plate, checked against `rules` like a submitted job.
-    pub fn new(setup: &StandingSetup, rules: &JobRules) -> io::Result<Self> {
-        let StandingSetup { job, pace, paused } = setup;
-        let text = job.effective_without_rig().to_string();
-        let job = validated(rules, &text, *pace, None).map_err(|faults| {
+    pub fn new(StandingSpec { job, starts_paused }: &StandingSpec, pace: Pace, rules: &JobRules) -> io::Result<Self> {
+        let job = rules.validated(&job.effective_without_rig().to_string(), pace).map_err(|faults| {
             let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
             io::Error::new(io::ErrorKind::InvalidInput, lines.join("; "))
         })?;
-        let (give_way, held) = (AtomicBool::new(false), Mutex::default());
-        Ok(Self { job, give_way, paused: Mutex::new(paused.clone()), held })
+        let paused = Mutex::new(starts_paused.then(|| STARTS_PAUSED.to_owned()));
+        Ok(Self { job, give_way: AtomicBool::new(false), paused, held: Mutex::default() })
     }
 
     /// Reason of its pause; `None` when it is not paused.

@@ -1,6 +1,6 @@
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -9,17 +9,15 @@ use parking_lot::Mutex;
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
 use super::latch::{Latch, make_folder};
-use super::plate::PlateHandle;
 use super::preview::FramePreview;
-use super::shared::PlateInner;
 use super::standing::Standing;
 use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::PlateWorker;
-use super::{PlateSetup, SharedServices};
+use super::{PlateHandle, PlateSetup, SharedServices};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::WatchdogSpec;
+use upm_runner::config::{PlateSpec, WatchdogSpec};
 use upm_viewer::LiveServer;
 
 /// Longest time since the last check of a watchdog that is alive.
@@ -28,7 +26,7 @@ const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
 /// All plates of the daemon.
 #[derive(Debug)]
 pub struct PlateSupervisor {
-    plates: Vec<PlateHandle>,
+    plates: Vec<Arc<PlateHandle>>,
     clock: MonotonicClock,
     watchdog: JoinHandle<()>,
     /// Time of the watchdog's last check, ms.
@@ -40,28 +38,22 @@ impl PlateSupervisor {
     pub fn start(setups: Vec<PlateSetup>, around: &SharedServices) -> io::Result<Self> {
         make_folder(&around.latches)?;
         let clock = around.clock;
-        let mut plates = Vec::new();
-        for setup in setups {
-            plates.push(plate(Arc::new(shared(setup, around)?), around)?);
-        }
+        let plates: Vec<Arc<PlateHandle>> =
+            setups.into_iter().map(|setup| start_plate(setup, around)).collect::<io::Result<_>>()?;
         let looked_ms = Arc::new(AtomicU64::new(ms(clock.elapsed())));
-        let watch = PlatesWatch {
-            plates: plates.iter().map(|plate| Arc::clone(&plate.shared)).collect(),
-            spec: around.watchdog,
-            clock,
-            looked_ms: Arc::clone(&looked_ms),
-        };
-        let watchdog = thread::Builder::new().name("watchdog".into()).spawn(move || watch.run())?;
+        let (watched, spec, looked) = (plates.clone(), around.watchdog, Arc::clone(&looked_ms));
+        let watchdog = thread::Builder::new().name("watchdog".into());
+        let watchdog = watchdog.spawn(move || watch(&watched, spec, clock, &looked))?;
         Ok(Self { plates, clock, watchdog, looked_ms })
     }
 
     /// The plate of that name.
-    pub fn get(&self, name: &str) -> Option<&PlateHandle> {
+    pub fn get(&self, name: &str) -> Option<&Arc<PlateHandle>> {
         self.plates.iter().find(|plate| plate.name() == name)
     }
 
     /// All plates, in the order of `setups`.
-    pub fn iter(&self) -> impl Iterator<Item = &PlateHandle> {
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<PlateHandle>> {
         self.plates.iter()
     }
 
@@ -86,11 +78,11 @@ impl PlateSupervisor {
     /// the names of the plates that did not end in time.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
         for plate in &self.plates {
-            plate.shared.shut_down();
+            plate.shut_down();
             plate.wake();
         }
         let until = self.clock.elapsed() + within;
-        let busy = |plate: &&PlateHandle| !plate.has_ended();
+        let busy = |plate: &&Arc<PlateHandle>| !plate.has_ended();
         let busy_still = || self.plates.iter().any(|plate| busy(&plate)) || !self.watchdog.is_finished();
         while busy_still() && self.clock.elapsed() < until {
             thread::sleep(Duration::from_millis(2));
@@ -99,62 +91,56 @@ impl PlateSupervisor {
     }
 }
 
-/// The thread of the watchdog.
-struct PlatesWatch {
-    plates: Vec<Arc<PlateInner>>,
-    spec: WatchdogSpec,
-    clock: MonotonicClock,
-    looked_ms: Arc<AtomicU64>,
-}
-
-impl PlatesWatch {
-    /// Watches all plates until they end.
-    fn run(self) {
-        let Self { plates, spec, clock, looked_ms } = self;
-        let watchdog = |shared: &PlateInner| Watchdog::with_camera(spec, shared.rules.rig.model.frame_hz);
-        let mut watched: Vec<(Arc<PlateInner>, Watchdog)> =
-            plates.into_iter().map(|shared| (Arc::clone(&shared), watchdog(&shared))).collect();
-        while !watched.iter().all(|(shared, _)| shared.ending.load(Ordering::SeqCst)) {
-            for (shared, watchdog) in &mut watched {
-                let Some((job, journal)) = shared.job.driven() else {
-                    watchdog.rest();
-                    continue;
-                };
-                if let Some(why) = watchdog.check(clock.elapsed(), &shared.job.heartbeat, journal.waits_since()) {
-                    shared.fail_job(&job, why);
-                }
+/// Watches all plates until they end.
+fn watch(plates: &[Arc<PlateHandle>], spec: WatchdogSpec, clock: MonotonicClock, looked_ms: &AtomicU64) {
+    let watchdog = |plate: &PlateHandle| Watchdog::with_camera(spec, plate.rules.rig.model.frame_hz);
+    let mut watchdogs: Vec<Watchdog> = plates.iter().map(|plate| watchdog(plate)).collect();
+    while !plates.iter().all(|plate| plate.ending.load(Ordering::SeqCst)) {
+        for (plate, watchdog) in plates.iter().zip(&mut watchdogs) {
+            let Some((job, journal)) = plate.job.driven() else {
+                watchdog.rest();
+                continue;
+            };
+            if let Some(why) = watchdog.check(clock.elapsed(), &plate.job.heartbeat, journal.waits_since()) {
+                plate.fail_job(&job, why);
             }
-            looked_ms.store(ms(clock.elapsed()), Ordering::Relaxed);
-            thread::sleep(TICK);
         }
+        looked_ms.store(ms(clock.elapsed()), Ordering::Relaxed);
+        thread::sleep(TICK);
     }
 }
 
 /// The live stream of a plate, if one is configured. The plate also works without it.
-fn live(setup: &PlateSetup, around: &SharedServices) -> Option<LiveServer> {
+fn live(spec: &PlateSpec, around: &SharedServices) -> Option<LiveServer> {
     let history_bytes = around.live_history_bytes?;
-    let fault = match LiveServer::start(setup.live_port, history_bytes) {
+    let fault = match LiveServer::start(spec.live_port, history_bytes) {
         Ok(live) => {
-            tracing::info!(plate = setup.name, "live stream at {}", live.uri());
+            tracing::info!(plate = spec.name, "live stream at {}", live.uri());
             return Some(live);
         }
         Err(fault) => fault,
     };
-    let port = setup.live_port.map_or_else(|| "any port".to_owned(), |port| format!("port {port}"));
-    tracing::error!(plate = setup.name, "there is no live stream on {port}: {fault}");
+    let port = spec.live_port.map_or_else(|| "any port".to_owned(), |port| format!("port {port}"));
+    tracing::error!(plate = spec.name, "there is no live stream on {port}: {fault}");
     None
 }
 
-/// The shared state of a plate at its start, without a job.
-fn shared(setup: PlateSetup, around: &SharedServices) -> io::Result<PlateInner> {
-    let rules = JobRules::new(&setup);
-    let standing = setup.standing.as_ref().map(|standing| Standing::new(standing, &rules)).transpose()?;
+/// A plate without a job, and its thread.
+fn start_plate(
+    PlateSetup { spec, known, library, paused }: PlateSetup,
+    around: &SharedServices,
+) -> io::Result<Arc<PlateHandle>> {
+    let SharedServices { clock, record, min_free_bytes, allow_faults, pace, .. } = *around;
+    let live = live(&spec, around);
+    let rules = JobRules { plate: spec.name.clone(), rig: spec.rig, library, allow_faults };
+    let standing = spec.standing.map(|standing| Standing::new(&standing, pace, &rules)).transpose()?;
     let job = CurrentJob::default();
-    let latch = Latch::open(&around.latches, &setup.name, setup.known)?;
-    let interlock = Interlock::timed(Arc::new(around.clock));
-    Ok(PlateInner {
-        live: live(&setup, around),
-        name: setup.name,
+    let latch = Latch::open(&around.latches, &spec.name, known)?;
+    let interlock = Interlock::timed(Arc::new(clock));
+    let plate = Arc::new(PlateHandle {
+        live,
+        clock,
+        worker: OnceLock::new(),
         rules,
         store: Arc::clone(&around.store),
         emergency_stop: EmergencyStop::new(latch, interlock, Arc::clone(&job.end_run)),
@@ -162,19 +148,17 @@ fn shared(setup: PlateSetup, around: &SharedServices) -> io::Result<PlateInner> 
         ending: AtomicBool::new(false),
         preview: FramePreview::default(),
         standing,
-        paused: Mutex::new(setup.paused),
+        paused: Mutex::new(paused),
         pausing: Mutex::default(),
         unnoted: Mutex::default(),
         recorders: AtomicUsize::new(0),
         #[cfg(test)]
         idled: AtomicU64::new(0),
-    })
-}
-
-fn plate(shared: Arc<PlateInner>, around: &SharedServices) -> io::Result<PlateHandle> {
-    let SharedServices { clock, record, min_free_bytes, .. } = *around;
-    let worker = PlateWorker { shared: Arc::clone(&shared), clock, record, min_free_bytes };
-    let name = format!("plate-{}", shared.name);
-    let worker = thread::Builder::new().name(name).spawn(move || worker.work())?;
-    Ok(PlateHandle { shared, clock, worker })
+        name: spec.name,
+    });
+    let worker = PlateWorker { shared: Arc::clone(&plate), clock, record, min_free_bytes };
+    let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
+    let worker = thread.spawn(move || worker.work())?;
+    plate.worker.get_or_init(|| worker);
+    Ok(plate)
 }

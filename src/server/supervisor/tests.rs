@@ -8,13 +8,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::*;
-use crate::store::{JobId, JobRow, JobState, Pace, RecordingStatus, Store, SubmitOutcome};
+use crate::states::PauseCause;
+use crate::store::{AuditEntry, JobId, JobRow, JobState, Pace, RecordingStatus, Store, SubmitOutcome};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
 use upm_fixtures::wait::{eventually, eventually_true};
 use upm_planning::cor_library::Library;
 use upm_recording::RecordingState;
-use upm_runner::config::{RigSpec, WatchdogSpec};
+use upm_runner::config::{PlateSpec, RigSpec, StandingSpec, WatchdogSpec};
 
 const LONG: Duration = Duration::from_secs(60);
 const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
@@ -30,7 +31,7 @@ const WATCHDOG: WatchdogSpec =
 struct TestPlates {
     folder: tempfile::TempDir,
     store: Arc<Store>,
-    standing: Option<StandingSetup>,
+    standing: Option<StandingSpec>,
     allow_faults: bool,
 }
 
@@ -47,29 +48,16 @@ impl TestPlates {
     }
 
     fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> PlateSupervisor {
-        self.open_by(library(), paused, change)
-    }
-
-    fn open_by(
-        &self,
-        library: Library,
-        paused: Option<&str>,
-        change: impl FnOnce(&mut SharedServices),
-    ) -> PlateSupervisor {
-        let rig = RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap();
-        let library = Arc::new(library);
-        let (paused, live_port, standing) =
-            (paused.map(|why| Pause::new("test", why, "none")), None, self.standing.clone());
-        let setup = PlateSetup {
+        let spec = PlateSpec {
             name: "one".into(),
-            known: false,
-            rig,
-            library,
-            paused,
-            live_port,
-            standing,
-            allow_faults: self.allow_faults,
+            rig: RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap(),
+            library: Default::default(),
+            library_key: String::new(),
+            live_port: None,
+            standing: self.standing.clone(),
         };
+        let paused = paused.map(|why| PauseCause::new("test", why, "none"));
+        let setup = PlateSetup { spec, known: false, library: Arc::new(library()), paused };
         let mut around = SharedServices {
             store: Arc::clone(&self.store),
             latches: self.folder.path().join("latch"),
@@ -78,13 +66,15 @@ impl TestPlates {
             watchdog: WATCHDOG,
             min_free_bytes: 0,
             live_history_bytes: None,
+            allow_faults: self.allow_faults,
+            pace: Pace::Max,
         };
         change(&mut around);
         PlateSupervisor::start(vec![setup], &around).unwrap()
     }
 
     fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
-        let job = plate.validate(text, pace, None).unwrap();
+        let job = plate.validate(text, pace).unwrap();
         let Ok(Some(SubmitOutcome::New(row))) = self.store.accept(&job, || true) else { panic!("not queued") };
         plate.job_queued();
         row.id
@@ -115,7 +105,7 @@ impl TestPlates {
 fn until_seen(plate: &PlateHandle, job: &JobId) {
     eventually_true("parts are observed", || {
         let snapshot = plate.snapshot();
-        snapshot.job == Some(*job) && snapshot.age.is_some()
+        snapshot.job == Some(job.to_string()) && snapshot.age_s.is_some()
     });
 }
 
@@ -129,7 +119,7 @@ fn library() -> Library {
 
 /// Returns once the plate's worker has checked for work and found none.
 fn idles(plate: &PlateHandle) {
-    let idled = || plate.shared.idled.load(std::sync::atomic::Ordering::SeqCst);
+    let idled = || plate.idled.load(std::sync::atomic::Ordering::SeqCst);
     // the first of the two may have begun before this
     let enough = idled() + 2;
     while idled() < enough {
@@ -138,13 +128,13 @@ fn idles(plate: &PlateHandle) {
     }
 }
 
-fn caller(operator: &str) -> ResetRequester {
-    ResetRequester { operator: operator.into(), reason: "a test".into(), ..ResetRequester::default() }
+fn caller(operator: &str) -> AuditEntry {
+    AuditEntry { operator: operator.into(), reason: "a test".into(), ..AuditEntry::default() }
 }
 
 /// Takes back the stop that holds now.
 fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
-    plate.reset(plate.held()?, caller(operator), || true)
+    plate.reset(plate.emergency_stop.held()?, caller(operator), || true)
 }
 
 #[test]
@@ -156,13 +146,13 @@ fn job_runs_to_its_end_and_leaves_its_files() {
     let row = test_plates.ended(&id);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Completed, "every part is at its place"));
     assert_eq!(row.recording, RecordingStatus::None);
-    assert!(row.report_json.unwrap().contains("max_error_mm"));
-    let folder = test_plates.store.runs().join(row.folder.unwrap());
+    assert!(row.report.as_ref().unwrap().contains_key("max_error_mm"));
+    let folder = test_plates.store.runs().join(row.folder.as_ref().unwrap());
     for file in ["effective.json", "journal.jsonl", "report.json"] {
         assert!(folder.join(file).exists(), "{file}");
     }
-    let observation = plate.snapshot().observation;
-    assert_eq!((observation.positions_m.len(), observation.targets_m.len()), (2, 2));
+    let Plate { positions_mm, targets_mm, .. } = plate.snapshot();
+    assert_eq!((positions_mm.len(), targets_mm.len()), (2, 2));
     assert_eq!(plates.alive(), Ok(()));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
 }
@@ -173,17 +163,17 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     let [first, second] = test_plates.keep_busy(plate);
-    let PlateSnapshot { state, recording, .. } = plate.snapshot();
+    let Plate { state, recording, .. } = plate.snapshot();
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
-    assert_eq!(plate.stop_times(), None);
+    assert_eq!(plate.emergency_stop.interlock.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
     assert!(plate.record_estop(caller("ann")));
     let ended = test_plates.ended(&first);
     assert_eq!(ended.state, JobState::Cancelled);
     assert!(ended.reason.starts_with("emergency stop"), "{}", ended.reason);
-    let PlateSnapshot { state, recording, estops, .. } = plate.snapshot();
+    let Plate { state, recording, estops, .. } = plate.snapshot();
     assert_eq!((state, recording, estops), (PlateState::Stopped, None, 1));
-    let times = plate.stop_times().unwrap();
+    let times = plate.emergency_stop.interlock.stop_times().unwrap();
     assert!(times.motors_off_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(caller("bob")), "a stop holds");
 
@@ -206,7 +196,7 @@ fn run_ended_by_the_interlock_before_the_latch_counts_as_stopped() {
     let plate = plates.get("one").unwrap();
     let [first, second] = test_plates.keep_busy(plate);
     // the first step of an emergency stop
-    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
+    plate.emergency_stop.interlock.trip(Trip::EStop);
     plate.wake();
     let ended = test_plates.ended(&first);
     assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "emergency stop"));
@@ -230,37 +220,8 @@ fn a_stop_outlives_the_daemon() {
     assert_eq!(test_plates.row(&id).state, JobState::Queued);
     assert_eq!(reset(plate, "ann"), Ok(()));
     let pause = plate.paused().unwrap();
-    assert_eq!((pause.cause.code.as_str(), pause.why.as_str()), ("reset", "reset after an emergency stop"));
+    assert_eq!((pause.code.as_str(), pause.why.as_str()), ("reset", "reset after an emergency stop"));
     assert_eq!(plate.snapshot().why, "reset after an emergency stop");
-}
-
-#[test]
-fn jobs_are_cancelled_one_by_one_and_a_paused_plate_takes_none() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(Some("just started"));
-    let plate = plates.get("one").unwrap();
-    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
-    idles(plate);
-    assert_eq!((test_plates.row(&id).state, plate.snapshot().why.as_str()), (JobState::Queued, "just started"));
-    assert!(plate.resume(caller("ann")));
-    until_seen(plate, &id);
-    let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert!(!plate.cancel(&other), "it is not on the plate");
-    assert!(plate.cancel(&id));
-    let ended = test_plates.ended(&id);
-    assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "cancelled by request"));
-    assert_eq!(test_plates.ended(&other).state, JobState::Completed);
-}
-
-#[test]
-fn the_end_of_the_daemon_interrupts_the_job() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    let id = test_plates.submit(plate, HOLD, Pace::RealTime);
-    until_seen(plate, &id);
-    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
-    assert_eq!(test_plates.row(&id).state, JobState::Interrupted);
 }
 
 #[test]
@@ -268,13 +229,12 @@ fn invalid_job_is_rejected_before_it_is_queued() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let refusal = |text: &str| plate.validate(text, Pace::Max, None).unwrap_err()[0].to_string();
+    let refusal = |text: &str| plate.validate(text, Pace::Max).unwrap_err()[0].to_string();
     assert!(refusal(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
     assert!(refusal(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
     assert!(refusal("{").starts_with("job: "));
-    let key = Some("k".to_owned());
-    let job = plate.validate(TWO_COINS, Pace::RealTime, key.clone()).unwrap();
-    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed, &job.key), ("two", "one", 3, &key));
+    let job = plate.validate(TWO_COINS, Pace::RealTime).unwrap();
+    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed), ("two", "one", 3));
     let spec: serde_json::Value = serde_json::from_str(&job.spec_json).unwrap();
     assert!(spec["rig"].is_null(), "the plate's own rig applies");
 }

@@ -1,92 +1,83 @@
-use std::time::Duration;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use super::LayoutPart;
+use super::LayoutPartView;
 use crate::states::{PauseCause, PlateCondition, PlateState, StandingJob};
-use crate::store::{JobId, StoreFault};
-use upm_core::geometry::Vec2;
-use upm_core::time::PlateTime;
+use crate::store::StoreFault;
 use upm_recording::{RecordingState, StopReport};
 
-/// The cause of the pause of a plate or of its standing job, until an operator resumes it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pause {
-    /// Its code and its remedy.
-    pub cause: PauseCause,
-    /// The cause in words.
-    pub why: String,
-}
-
-impl Pause {
+impl PauseCause {
     /// A pause for the cause with this code, in words, and the operator's checks or actions.
-    pub fn new(code: &'static str, why: &str, remedy: &str) -> Self {
-        let (code, remedy) = (code.to_owned(), remedy.to_owned());
-        Self { cause: PauseCause { code, remedy, remedy_in_why: false }, why: why.to_owned() }
+    pub(crate) fn new(code: &str, why: &str, remedy: &str) -> Self {
+        Self { code: code.to_owned(), remedy: remedy.to_owned(), remedy_in_why: false, why: why.to_owned() }
     }
 
-    /// A pause after a job that ended for `reason`.
-    pub fn after(stop: Option<&StopReport>, reason: &str) -> Self {
+    /// A pause after a job that ended for `reason`, which is followed by the remedy of its cause.
+    pub(crate) fn after(stop: Option<&StopReport>, reason: &str) -> Self {
         let stated = stop.and_then(|stop| stop.remedy.as_deref());
         let code = stop.map_or("stopped", |stop| stop.code.code());
         let why = format!("the last job was stopped: {reason}");
-        let mut pause = Self::new(code, &why, stated.unwrap_or("look at the plate and its parts"));
-        // the reason of a run's end is followed by the remedy of its cause
-        pause.cause.remedy_in_why = stated.is_some();
-        pause
+        let remedy = stated.unwrap_or("look at the plate and its parts");
+        Self { remedy_in_why: stated.is_some(), ..Self::new(code, &why, remedy) }
     }
 }
 
-/// The newest observation of the parts on a plate.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct LastObservation {
-    /// Plate time of the frame, from the start of its job.
-    pub at: PlateTime,
-    /// Position of each part, m.
-    pub positions_m: Vec<Vec2>,
-    /// Radius of each part, m, from its kind.
-    pub radii_m: Vec<f64>,
-    /// Target position of each part, m.
-    pub targets_m: Vec<Vec2>,
-    /// Share of the job that is done, 0 to 1.
-    pub progress: f64,
-    /// Current activity, as text.
-    pub phase: String,
-    /// Current conditions that an operator should know of, the oldest first.
-    pub conditions: Vec<PlateCondition>,
-}
-
 /// A plate at one moment.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlateSnapshot {
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plate {
     /// Name of the plate.
     pub name: String,
-    /// Side of the square plate, m.
-    pub side_m: f64,
-    /// The kinds of parts that its rig knows.
-    pub kinds: Vec<LayoutPart>,
     /// Whether it is idle, runs a job, or is held by a pause or an emergency stop.
     pub state: PlateState,
     /// Why it is idle; empty when it runs a job or could.
     pub why: String,
-    /// The cause of its pause; `None` unless it is paused.
-    pub pause: Option<Pause>,
-    /// The job on it.
-    pub job: Option<JobId>,
-    /// Its standing job, if it has one.
-    pub standing: Option<StandingJob>,
-    /// State of that job's recording.
-    pub recording: Option<RecordingState>,
-    /// The parts as last seen.
-    pub observation: LastObservation,
-    /// Wall time since that observation; `None` before the first.
-    pub age: Option<Duration>,
-    /// Address of its live stream for a Rerun viewer, `rerun+http://127.0.0.1:PORT/proxy`.
-    pub live: Option<String>,
-    /// Deadlines missed since the daemon started.
+    /// The cause of its pause; null unless it is paused.
+    #[serde(default)]
+    pub pause: Option<PauseCause>,
+    /// Current conditions of the run on it that an operator should know of.
+    #[serde(default)]
+    pub conditions: Vec<PlateCondition>,
+    /// Id of the job on it; null when there is none.
+    pub job: Option<String>,
+    /// The job that runs whenever its queue is empty; null when none is configured.
+    pub standing_job: Option<StandingJob>,
+    /// Number of jobs queued for it.
+    pub queued: u64,
+    /// Plate time of the observation shown, from the start of its job, s.
+    pub at_s: f64,
+    /// Wall time since that observation, s; null before the first.
+    pub age_s: Option<f64>,
+    /// Side of the square plate, mm. Its centre is the origin of all positions.
+    pub side_mm: f64,
+    /// The kinds of parts that its rig knows.
+    #[serde(default)]
+    pub kinds: Vec<LayoutPartView>,
+    /// Position of each part, mm.
+    pub positions_mm: Vec<[f64; 2]>,
+    /// Radius of each part, mm.
+    pub radii_mm: Vec<f64>,
+    /// Target position of each part, mm.
+    pub targets_mm: Vec<[f64; 2]>,
+    /// Share of the job that is done, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub progress: f64,
+    /// Current activity, as text.
+    pub phase: String,
+    /// Frames that came more than one frame late, since the daemon started.
     pub deadline_misses: u64,
-    /// Lag of plate time behind the clock in the present or last run.
-    pub behind: Duration,
+    /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
+    pub behind_s: f64,
+    /// Size of the recording being written, MB; null while none is.
+    #[serde(default)]
+    pub recording_mb: Option<f64>,
+    /// Address for a Rerun viewer on this machine; null where there is no live stream.
+    pub live: Option<String>,
     /// Emergency stops since the daemon started.
+    #[serde(skip)]
     pub estops: u64,
+    /// State of the recording of the job on it.
+    #[serde(skip)]
+    pub recording: Option<RecordingState>,
 }
 
 /// Why a plate was not reset.

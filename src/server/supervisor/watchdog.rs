@@ -63,12 +63,7 @@ impl Heartbeat {
 #[derive(Debug)]
 pub(super) struct Watchdog {
     spec: WatchdogSpec,
-    memory: Memory,
-}
-
-/// The watchdog's memory of one run.
-#[derive(Debug, Default)]
-struct Memory {
+    /// When it looked last at the present run; `None` before it did.
     looked_at: Option<Duration>,
     frame: Unchanged,
     unwritten: Unchanged,
@@ -96,7 +91,7 @@ impl Watchdog {
         let least_s = MISSED_FRAMES / frame_hz;
         let hung = spec.hung.max(Duration::from_secs_f64(least_s));
         let spec = WatchdogSpec { hung, no_part_s: spec.no_part_s.max(least_s), ..spec };
-        Self { spec, memory: Memory::default() }
+        Self { spec, looked_at: None, frame: Unchanged::default(), unwritten: Unchanged::default() }
     }
 
     /// Checks a run. Returns its fault, if any; `None` before its first frame. `unwritten_since` is the time since
@@ -107,13 +102,12 @@ impl Watchdog {
         heartbeat: &Heartbeat,
         unwritten_since: Option<Duration>,
     ) -> Option<ExternalStop> {
-        let memory = &mut self.memory;
-        let ran = now.saturating_sub(memory.looked_at.replace(now)?).min(STOOD_STILL);
+        let ran = now.saturating_sub(self.looked_at.replace(now)?).min(STOOD_STILL);
         let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let frame_ms = read(&heartbeat.frame_ms);
         let unwritten_ms = unwritten_since.map_or(0, ms);
-        let unframed = memory.frame.add(ran, frame_ms);
-        let unwritten = memory.unwritten.add(ran, unwritten_ms);
+        let unframed = self.frame.add(ran, frame_ms);
+        let unwritten = self.unwritten.add(ran, unwritten_ms);
         let unseen_s = read(&heartbeat.plate_ms).saturating_sub(read(&heartbeat.seen_ms)) as f64 * 1e-3;
         let WatchdogSpec { hung, no_part_s, blocked } = self.spec;
         let (cause, reason) = if frame_ms == 0 {
@@ -123,10 +117,8 @@ impl Watchdog {
         } else if unseen_s > no_part_s {
             (StopCause::NoPartSeen, format!("no part was seen for {unseen_s:.1} s of plate time"))
         } else if unwritten_ms != 0 && unwritten > blocked {
-            (
-                StopCause::JournalBlocked,
-                format!("the journal could not be written for {:.1} s", unwritten.as_secs_f64()),
-            )
+            let unwritten_s = unwritten.as_secs_f64();
+            (StopCause::JournalBlocked, format!("the journal could not be written for {unwritten_s:.1} s"))
         } else {
             return None;
         };
@@ -135,7 +127,8 @@ impl Watchdog {
 
     /// Forgets the run: it ended, or none is on the plate.
     pub fn rest(&mut self) {
-        self.memory = Memory::default();
+        self.looked_at = None;
+        (self.frame, self.unwritten) = Default::default();
     }
 }
 

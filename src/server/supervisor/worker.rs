@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use super::PlateHandle;
 use super::run_observer::RunObserver;
-use super::shared::PlateInner;
 use super::standing::Standing;
-use super::{JobLayout, Pause};
-use crate::store::{ClaimedJob, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
+use crate::states::PauseCause;
+use crate::store::{ClaimedJob, Job, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
 use upm_core::background::OverflowPolicy;
 use upm_core::files::free_bytes;
 use upm_core::job::StopCause;
@@ -18,7 +18,7 @@ use upm_core::rig::Trip;
 use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
-use upm_runner::config::{DeadlinePolicy, JobSpec, Origin};
+use upm_runner::config::{DeadlinePolicy, JobLayout, JobSpec, Origin};
 use upm_runner::run::{FolderState, RunControls, RunFolder, RunOptions, RunResult, run_linked};
 
 /// Interval at which an idle plate asks for work, unless it is woken.
@@ -31,7 +31,7 @@ const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 
 /// The thread of one plate: takes its jobs one after another and runs them.
 pub(super) struct PlateWorker {
-    pub shared: Arc<PlateInner>,
+    pub shared: Arc<PlateHandle>,
     pub clock: MonotonicClock,
     /// False to make no recordings.
     pub record: bool,
@@ -107,7 +107,7 @@ impl PlateWorker {
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
         self.shared.preview.clear();
         self.shared.job.begin(id, claimed.row.standing, recording.clone(), journal.clone());
-        let JobRow { name, seed, pace, .. } = &claimed.row;
+        let Job { name, seed, pace, .. } = &claimed.row.job;
         tracing::info!(plate = self.shared.name, job = %id, seed, pace = pace.code(), "begins: {name}");
         let folder = self.shared.store.runs().join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
@@ -121,10 +121,10 @@ impl PlateWorker {
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {
             tracing::warn!(plate = self.shared.name, job = %id, "the recording is {}: {why}", kept.code());
         }
-        (end.recording, end.progress) = (kept, self.shared.job.seen().observation.progress.clamp(0.0, 1.0));
+        (end.recording, end.progress) = (kept, self.shared.job.seen().0.progress);
         if lost_parts > 0 || stopped_by_guard {
             // an operator puts the part back, removes it, or checks what is wrong
-            self.shared.pause(Pause::after(stop.as_ref(), &end.reason));
+            self.shared.pause(PauseCause::after(stop.as_ref(), &end.reason));
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
@@ -146,7 +146,7 @@ impl PlateWorker {
         if row.rig_fingerprint != shared.rules.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
-        shared.job.lay_out(JobLayout::of(&job));
+        *shared.job.layout.lock() = Some(JobLayout::of(&job).into());
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if folder.state() != FolderState::default() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
@@ -175,7 +175,7 @@ impl PlateWorker {
             },
             live: shared.live.clone(),
         };
-        let (stop, interlock, pacing) = (&shared.job.end_run, shared.emergency_stop.interlock(), &shared.job.pacing);
+        let (stop, interlock, pacing) = (&shared.job.end_run, &shared.emergency_stop.interlock, &shared.job.pacing);
         let never = AtomicBool::new(false);
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
@@ -213,13 +213,13 @@ impl PlateWorker {
     /// Pauses the plate, except after a shutdown.
     fn settle_interlock(&self, stop: Option<&StopReport>, reason: &str) {
         let shared = &*self.shared;
-        match shared.emergency_stop.interlock().tripped() {
+        match shared.emergency_stop.interlock.tripped() {
             None | Some(Trip::EStop) => {}
             Some(trip) => {
                 if trip != Trip::Shutdown {
-                    shared.pause(Pause::after(stop, reason));
+                    shared.pause(PauseCause::after(stop, reason));
                 }
-                shared.emergency_stop.interlock().release(trip);
+                shared.emergency_stop.interlock.release(trip);
             }
         }
     }

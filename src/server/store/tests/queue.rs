@@ -2,7 +2,6 @@ use std::collections::BTreeSet;
 use std::fs;
 
 use super::*;
-use crate::store::{CancelOutcome, DeleteOutcome};
 
 const NO_JOB: JobId = JobId::from_bytes([9; 16]);
 
@@ -11,21 +10,22 @@ fn answered_job_is_the_stored_one() {
     let (folder, store) = new_store(limits());
     let row = queue(&store, "one", "a");
     assert_eq!(job(&store, row.id), row);
-    assert_eq!((row.seed, row.pace, row.submitted_at), (u64::MAX, Pace::Max, fixed_time()));
+    assert_eq!((row.seed, row.pace, row.submitted_at.as_str()), (u64::MAX, Pace::Max, FIXED_TIME));
     let claimed = claim(&store, "a").unwrap();
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
-    assert_eq!((claimed.row.state, claimed.row.started_at), (JobState::Running, Some(fixed_time())));
+    assert_eq!((claimed.row.state, claimed.row.started_at.as_deref()), (JobState::Running, Some(FIXED_TIME)));
     store.finish(&row.id, &end(JobState::Failed)).unwrap();
     store.finish(&row.id, &end(JobState::Completed)).unwrap();
-    let ended = JobRow {
+    let ended = Job {
         state: JobState::Failed,
-        finished_at: Some(fixed_time()),
+        finished_at: Some(FIXED_TIME.into()),
         reason: "so it went".into(),
-        report_json: Some("{}".into()),
+        report: Some(Default::default()),
         recording: RecordingStatus::Whole,
         progress: 0.25,
-        ..claimed.row
+        ..claimed.row.job.clone()
     };
+    let ended = JobRow { job: ended, ..claimed.row };
     assert_eq!(job(&store, row.id), ended, "it ends once");
     assert!(store.close(TIMEOUT));
     assert_eq!(store.job(&row.id), Err(StoreFault::Closed));
@@ -55,7 +55,6 @@ fn many_at_once_are_accepted_or_refused_and_none_is_lost() {
     assert!(store.all_jobs().iter().map(|row| row.id).eq(accepted));
     let counts = [("a".into(), JobState::Queued, 30), ("b".into(), JobState::Queued, 30)];
     assert_eq!(store.counts().unwrap(), counts);
-    assert_eq!(store.queued().unwrap(), [("a".into(), 30), ("b".into(), 30)]);
 }
 
 #[test]
@@ -95,11 +94,12 @@ fn only_queued_jobs_are_cancelled() {
     let [running, waiting] = ["one", "two"].map(|name| queue(&store, name, "a").id);
     claim(&store, "a").unwrap();
     let cancel = |id: JobId| store.cancel_queued(&id).unwrap();
-    assert!(matches!(cancel(running), CancelOutcome::Not(row) if row.state == JobState::Running));
-    let CancelOutcome::Now(row) = cancel(waiting) else { panic!("it waited") };
+    assert!(matches!(cancel(running), Some((row, false)) if row.state == JobState::Running));
+    let (row, is_cancelled) = cancel(waiting).unwrap();
     assert_eq!((row.state, row.reason.as_str()), (JobState::Cancelled, "cancelled before it began"));
-    assert!(matches!(cancel(waiting), CancelOutcome::Not(row) if row.state == JobState::Cancelled));
-    assert_eq!(cancel(NO_JOB), CancelOutcome::Unknown);
+    assert!(is_cancelled);
+    assert!(matches!(cancel(waiting), Some((row, false)) if row.state == JobState::Cancelled));
+    assert_eq!(cancel(NO_JOB), None);
     assert_eq!(claim(&store, "a"), None);
 }
 
@@ -127,7 +127,7 @@ fn repeated_key_gives_the_same_job_also_after_its_deletion() {
     let (_copy, OpenOutcome { store: again, .. }) = killed(folder.path());
     assert_eq!(accept(&again, &keyed), SubmitOutcome::Replayed(row.clone()), "over a kill, too");
     let entry = AuditEntry { act: AuditEntry::DELETE.into(), ..AuditEntry::default() };
-    assert_eq!(store.delete(&row.id, entry), Ok(DeleteOutcome::Now));
+    assert_eq!(store.delete(&row.id, entry), Ok(Some(true)));
     assert_eq!(accept(&store, &keyed), SubmitOutcome::KeyReused);
     assert_eq!(store.all_jobs(), []);
 }
@@ -145,10 +145,10 @@ fn deleted_job_leaves_no_folder_and_a_running_one_stays() {
     let row = begin(&store, "one", "a");
     fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
     let entry = || AuditEntry { act: AuditEntry::DELETE.into(), ..AuditEntry::default() };
-    assert_eq!(store.delete(&row.id, entry()), Ok(DeleteOutcome::Not));
+    assert_eq!(store.delete(&row.id, entry()), Ok(Some(false)));
     store.finish(&row.id, &end(JobState::Completed)).unwrap();
-    assert_eq!(store.delete(&row.id, entry()), Ok(DeleteOutcome::Now));
-    assert_eq!(store.delete(&row.id, entry()), Ok(DeleteOutcome::Unknown));
+    assert_eq!(store.delete(&row.id, entry()), Ok(Some(true)));
+    assert_eq!(store.delete(&row.id, entry()), Ok(None));
     assert!(!store.runs().join("one").exists());
     assert_eq!(store.audit_log(), [("delete".to_owned(), String::new())]);
 }
@@ -158,11 +158,8 @@ fn jobs_are_listed_newest_first_page_by_page() {
     let (_folder, store) = new_store(limits());
     let ids: Vec<JobId> = (0..5).map(|number| queue(&store, &format!("job-{number}"), "a").id).collect();
     claim(&store, "a").unwrap();
-    let page = |state, cursor| {
-        let page = store.list(&JobSelection { state, limit: 2, cursor }).unwrap();
-        (page.rows.iter().map(|row| row.id).collect::<Vec<_>>(), page.next)
-    };
-    assert_eq!(page(None, None), (vec![ids[4], ids[3]], Some(ids[3])));
-    assert_eq!(page(None, Some(ids[2])), (vec![ids[1], ids[0]], None));
-    assert_eq!(page(Some(JobState::Running), None), (vec![ids[0]], None));
+    let list = |state, before| store.list(state, before, 2).unwrap().iter().map(|row| row.id).collect::<Vec<_>>();
+    assert_eq!(list(None, None), [ids[4], ids[3]]);
+    assert_eq!(list(None, Some(ids[2])), [ids[1], ids[0]]);
+    assert_eq!(list(Some(JobState::Running), None), [ids[0]]);
 }

@@ -36,7 +36,7 @@ fn oldest_run_folders_are_deleted_while_all_are_too_large() {
     run(&store, "third", 400);
     assert_eq!((run_folders(&store), store.runs_bytes()), (vec!["second".to_owned(), "third".to_owned()], 800));
     let row = job(&store, first);
-    assert_eq!((row.folder, row.recording, row.report_json.is_some()), (None, RecordingStatus::Pruned, true));
+    assert_eq!((row.folder.as_ref(), row.recording, row.report.is_some()), (None, RecordingStatus::Pruned, true));
     let running = begin(&store, "running", "a").id;
     fs::write(store.runs().join("running/journal.jsonl"), [b'x'; 5000]).unwrap();
     run(&store, "small", 1);

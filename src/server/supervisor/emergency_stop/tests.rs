@@ -3,6 +3,7 @@
 use std::cell::Cell;
 use std::sync::Barrier;
 use std::thread;
+use std::time::Duration;
 
 use proptest::prelude::*;
 
@@ -127,7 +128,7 @@ proptest! {
             match step {
                 ModelStep::Stop => prop_assert_eq!(stop.stop(), model.stop()),
                 ModelStep::Trip => {
-                    stop.interlock().trip(Trip::EStop);
+                    stop.interlock.trip(Trip::EStop);
                     if !model.is_latched() {
                         model.state = StopState::Tripping;
                     }
@@ -155,7 +156,7 @@ proptest! {
                     prop_assert_eq!(paused.get(), model.pauses - pauses, "it is paused before it may move");
                 }
                 ModelStep::Attach => {
-                    attached = attached.or_else(|| stop.interlock().attach(PlateTime::ZERO));
+                    attached = attached.or_else(|| stop.interlock.attach(PlateTime::ZERO));
                     model.attached = true;
                 }
                 ModelStep::Detach => (attached, model.attached) = (None, false),
@@ -174,7 +175,7 @@ proptest! {
             prop_assert_eq!(stop.state(), model.state);
             prop_assert_eq!(stop.holds(), model.state != StopState::Released);
             prop_assert_eq!(stop.cause().is_some(), stop.holds());
-            prop_assert_eq!(stop.interlock().tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
+            prop_assert_eq!(stop.interlock.tripped(), stop.holds().then_some(Trip::EStop), "motors move when none holds");
         }
         drop(attached);
     }
@@ -184,18 +185,18 @@ proptest! {
 fn wait_ends_when_the_motors_are_off() {
     let folder = tempfile::tempdir().unwrap();
     let stop = stop_in(&folder);
-    let _fitted = stop.interlock().attach(PlateTime::ZERO);
-    stop.interlock().energize().unwrap();
+    let _fitted = stop.interlock.attach(PlateTime::ZERO);
+    stop.interlock.energize().unwrap();
     let start = Barrier::new(2);
     thread::scope(|scope| {
         let silent = scope.spawn(|| {
             start.wait();
-            stop.wait_until_motors_off(LONG)
+            stop.interlock.wait_until_motors_off(LONG)
         });
         stop.stop();
         start.wait();
-        assert_eq!(stop.wait_until_motors_off(Duration::from_millis(1)), None, "it sounds");
-        stop.interlock().motors_off(PlateTime::from_secs(0.001));
+        assert_eq!(stop.interlock.wait_until_motors_off(Duration::from_millis(1)), None, "it sounds");
+        stop.interlock.motors_off(PlateTime::from_secs(0.001));
         assert!(silent.join().unwrap().is_some());
     });
 }

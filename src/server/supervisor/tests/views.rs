@@ -23,9 +23,9 @@ fn pictures_are_made_on_request() {
     let plate = plates.get("one").unwrap();
     assert_eq!(plate.picture(), None);
     test_plates.submit(plate, HOLD, Pace::RealTime);
-    let (picture, age) = eventually("a picture", || plate.picture());
+    let (png, age) = eventually("a picture", || plate.picture());
     assert!(age <= Duration::from_secs(3), "{age:?}");
-    let image = image::load_from_memory(&picture.png).unwrap().into_rgb8();
+    let image = image::load_from_memory(&png).unwrap().into_rgb8();
     assert_eq!(image.dimensions(), (640, 512));
     assert!(image.pixels().any(|p| p.0 == [0, 220, 90]), "a ring around a part");
     plates.shutdown(LONG);

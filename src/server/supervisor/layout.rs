@@ -1,6 +1,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use upm_runner::config::BinEntry;
+
+use upm_core::geometry::Vec2;
+use upm_core::job::Bin;
+use upm_core::units::{mm_from_m, places_mm};
+use upm_runner::config::{BinEntry, JobLayout, KindSpec, LayoutPart, LayoutPath, Region};
 
 /// The layout of a job on its plate, from its file. It never changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -15,17 +19,6 @@ pub struct LayoutView {
     pub paths: Vec<LayoutPathView>,
     /// True for a job that ends only at its plate time limit.
     pub endless: bool,
-}
-
-/// A job that is ready to be queued.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Checked {
-    /// Name of the job.
-    pub name: String,
-    /// Plate to which it would go.
-    pub plate: String,
-    /// Parts, targets, bins and paths that the job asks for.
-    pub layout: LayoutView,
 }
 
 /// A part of a layout, or a kind of part.
@@ -46,4 +39,31 @@ pub struct LayoutPathView {
     pub waypoints_mm: Vec<[f64; 2]>,
     /// True for a path that leads from the last corner back to the first.
     pub closed: bool,
+}
+
+impl LayoutPartView {
+    /// A part of the kind `spec`.
+    pub(super) fn of(spec: &KindSpec) -> Self {
+        Self { kind: spec.kind.name.clone(), radius_mm: mm_from_m(spec.kind.radius_m) }
+    }
+}
+
+impl From<JobLayout> for LayoutView {
+    fn from(layout: JobLayout) -> Self {
+        let part = |part: LayoutPart| LayoutPartView { kind: part.kind, radius_mm: mm_from_m(part.radius_m) };
+        let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
+        let bin = |bin: Bin| {
+            let region_mm = Region { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) };
+            BinEntry { kinds: bin.kinds, region_mm }
+        };
+        let path =
+            |LayoutPath { waypoints_m, closed, .. }| LayoutPathView { waypoints_mm: places_mm(&waypoints_m), closed };
+        Self {
+            parts: layout.parts.into_iter().map(part).collect(),
+            targets_mm: places_mm(&layout.targets_m),
+            bins: layout.bins.into_iter().map(bin).collect(),
+            paths: layout.paths.into_iter().map(path).collect(),
+            endless: layout.endless,
+        }
+    }
 }

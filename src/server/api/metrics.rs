@@ -13,9 +13,8 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Metric, Registry, Unit};
 
-use super::health::{liveness_failures, readiness_failures};
-use super::status::{Observed, PlateObserved};
-use crate::supervisor::PlateState;
+use super::health::{Observed, liveness_failures, readiness_failures};
+use crate::supervisor::{Plate, PlateState};
 use upm_recording::RecordingState;
 
 const RECORDING_STATES: [&str; 4] = ["off", "writing", "failed", "whole"];
@@ -50,7 +49,7 @@ impl Scrape {
     }
 
     /// Adds a value that only rises until the daemon restarts, one sample for each plate.
-    fn counter(&mut self, name: &str, help: &str, plates: &[PlateObserved], value: fn(&PlateObserved) -> u64) {
+    fn counter(&mut self, name: &str, help: &str, plates: &[Plate], value: fn(&Plate) -> u64) {
         let family = Family::<Labels, Counter>::default();
         for plate in plates {
             family.get_or_create(&of_plate(plate)).inc_by(value(plate));
@@ -82,8 +81,8 @@ fn of_daemon(scrape: &mut Scrape, observed: &Observed) {
     scrape.value("event_streams", "Event streams that are open", None, observed.event_streams as f64);
 }
 
-fn of_plates(scrape: &mut Scrape, plates: &[PlateObserved]) {
-    let each = |value: fn(&PlateObserved) -> Option<f64>| {
+fn of_plates(scrape: &mut Scrape, plates: &[Plate]) {
+    let each = |value: fn(&Plate) -> Option<f64>| {
         plates.iter().filter_map(move |plate| Some((of_plate(plate), value(plate)?)))
     };
     let state = plates
@@ -91,41 +90,45 @@ fn of_plates(scrape: &mut Scrape, plates: &[PlateObserved]) {
         .flat_map(|plate| one_of(plate, PlateState::ALL.map(|state| (state.code(), state == plate.state))));
     scrape.gauge("plate_state", "State of the plate: 1 for the current state, 0 for the others", None, state);
     scrape.gauge("queue_jobs", "Jobs that wait for the plate", None, each(|plate| Some(plate.queued as f64)));
-    let misses = |plate: &PlateObserved| plate.deadline_misses;
+    let misses = |plate: &Plate| plate.deadline_misses;
     scrape.counter("deadline_misses", "Frames that control came too late for", plates, misses);
     let behind = "How far plate time fell behind the clock in the present or last run";
-    scrape.gauge("behind", behind, Some(Unit::Seconds), each(|plate| Some(plate.behind.as_secs_f64())));
+    scrape.gauge("behind", behind, Some(Unit::Seconds), each(|plate| Some(plate.behind_s)));
     scrape.counter("estops", "Emergency stops", plates, |plate| plate.estops);
-    let frame_age = each(|plate| plate.frame_age.map(|age| age.as_secs_f64()));
-    scrape.gauge("frame_age", "Time since the newest camera frame", Some(Unit::Seconds), frame_age);
+    scrape.gauge("frame_age", "Time since the newest camera frame", Some(Unit::Seconds), each(|plate| plate.age_s));
     let ratio = Some(Unit::Other("ratio".to_owned()));
-    scrape.gauge("job_progress", "Share of the running job that is done", ratio, each(|plate| plate.progress));
+    scrape.gauge(
+        "job_progress",
+        "Share of the running job that is done",
+        ratio,
+        each(|plate| plate.job.as_ref().map(|_| plate.progress)),
+    );
     let recording = plates.iter().flat_map(|plate| {
-        let now = recording_state(&plate.recording);
+        let now = recording_state(plate.recording.as_ref());
         one_of(plate, RECORDING_STATES.map(|state| (state, state == now)))
     });
     let help = "State of the job's recording: 1 for the current state, 0 for the others";
     scrape.gauge("recording_state", help, None, recording);
     let bytes = each(|plate| match plate.recording {
-        RecordingState::Writing { bytes } => Some(bytes as f64),
+        Some(RecordingState::Writing { bytes }) => Some(bytes as f64),
         _ => None,
     });
     scrape.gauge("recording", "Size of the recording being written", Some(Unit::Bytes), bytes);
 }
 
-fn of_store(scrape: &mut Scrape, Observed { jobs, store, .. }: &Observed) {
-    let jobs = jobs.iter().map(|(plate, state, count)| {
+fn of_store(scrape: &mut Scrape, observed: &Observed) {
+    let jobs = observed.jobs.iter().map(|(plate, state, count)| {
         (vec![("plate", plate.clone()), ("state", state.code().to_owned())], *count as f64)
     });
     scrape.gauge("jobs", "Jobs the store knows", None, jobs);
-    let heartbeat = store.heartbeat.as_secs_f64();
-    scrape.value("store_heartbeat", "Time since the job store last answered", Some(Unit::Seconds), heartbeat);
-    let is_writable = flag(store.fault.is_none());
+    let silence_s = observed.store_silence.as_secs_f64();
+    scrape.value("store_heartbeat", "Time since the job store last answered", Some(Unit::Seconds), silence_s);
+    let is_writable = flag(observed.store_fault.is_none());
     scrape.value("store_writable", "1 while the job store can be written", None, is_writable);
-    if let Some(bytes) = store.free_bytes {
+    if let Some(bytes) = observed.free_bytes {
         scrape.value("disk_free", "Room left on the disk of the data folder", Some(Unit::Bytes), bytes as f64);
     }
-    let runs = store.runs_bytes as f64;
+    let runs = observed.runs_bytes as f64;
     scrape.value("runs", "Room that run folders of ended jobs take up", Some(Unit::Bytes), runs);
 }
 
@@ -133,20 +136,20 @@ fn flag(is: bool) -> f64 {
     f64::from(u8::from(is))
 }
 
-fn of_plate(plate: &PlateObserved) -> Labels {
+fn of_plate(plate: &Plate) -> Labels {
     vec![("plate", plate.name.clone())]
 }
 
 /// One sample for each state: 1 for the current state, 0 for the others.
-fn one_of<const N: usize>(plate: &PlateObserved, states: [(&'static str, bool); N]) -> [(Labels, f64); N] {
+fn one_of<const N: usize>(plate: &Plate, states: [(&'static str, bool); N]) -> [(Labels, f64); N] {
     states.map(|(state, is)| (vec![("plate", plate.name.clone()), ("state", state.to_owned())], flag(is)))
 }
 
-fn recording_state(state: &RecordingState) -> &'static str {
+fn recording_state(state: Option<&RecordingState>) -> &'static str {
     match state {
-        RecordingState::Off => "off",
-        RecordingState::Writing { .. } => "writing",
-        RecordingState::Failed(_) => "failed",
-        RecordingState::Whole => "whole",
+        None | Some(RecordingState::Off) => "off",
+        Some(RecordingState::Writing { .. }) => "writing",
+        Some(RecordingState::Failed(_)) => "failed",
+        Some(RecordingState::Whole) => "whole",
     }
 }

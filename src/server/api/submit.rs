@@ -1,0 +1,150 @@
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use axum::http::StatusCode;
+use axum::http::header::RETRY_AFTER;
+use serde::de::IgnoredAny;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::state::{DaemonState, conflict, unheard};
+use super::types::Checked;
+use crate::http::Problem;
+use crate::store::{Job, NewJob, Pace, SubmitOutcome};
+use crate::supervisor::PlateHandle;
+use upm_core::files::free_bytes;
+use upm_runner::config::{Diagnostic, PlateSpec};
+
+/// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
+const FULL_RETRY_S: u32 = 5;
+
+/// A submitted job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Submission {
+    /// Body of the request.
+    pub text: String,
+    /// Requested pace; `None` for that of the daemon's configuration.
+    pub pace: Option<Pace>,
+    /// Idempotency key.
+    pub key: Option<String>,
+}
+
+impl Submission {
+    /// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
+    /// either are excluded, since they may change with a restart.
+    fn sha256(&self) -> [u8; 32] {
+        let pace = self.pace.map_or("none", Pace::code);
+        Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.text).finalize().into()
+    }
+}
+
+impl DaemonState {
+    /// Checks a job and queues it: it is on the disk when this returns. A repeated key gets the earlier job and true,
+    /// whatever now prevents a new one. A job is not stored when its client no longer waits, since that may send it
+    /// again. Takes milliseconds and waits for the disk.
+    pub(super) fn submit(
+        &self,
+        submission: &Submission,
+        is_awaited: &dyn Fn() -> bool,
+    ) -> Result<(Job, bool), Problem> {
+        let body_sha256 = submission.sha256();
+        if let Some(key) = &submission.key
+            && let Some(known) = self.store.repeated(key, &body_sha256)?
+        {
+            return submitted(known);
+        }
+        if self.ending.load(Ordering::SeqCst) {
+            return Err(Problem::busy("the daemon ends", 1));
+        }
+        let plate = self.plate_of(&submission.text)?;
+        let job = plate.validate(&submission.text, submission.pace.unwrap_or(self.spec.pace));
+        let job = job.map_err(|faults| faulty(&submission.text, faults))?;
+        self.is_accepting(plate)?;
+        let job = NewJob { body_sha256, key: submission.key.clone(), ..job };
+        let accepted = self.store.accept(&job, is_awaited)?.ok_or_else(unheard)?;
+        if matches!(accepted, SubmitOutcome::New(_)) {
+            plate.job_queued();
+        }
+        submitted(accepted)
+    }
+
+    /// Checks a job as for queueing, regardless of the state of its plate. Takes milliseconds.
+    pub(super) fn check(&self, text: &str) -> Result<Checked, Problem> {
+        let plate = self.plate_of(text)?;
+        let (name, layout) = plate.check(text).map_err(|faults| faulty(text, faults))?;
+        Ok(Checked { name, plate: plate.name().to_owned(), layout })
+    }
+
+    /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one
+    /// with a rig of that name. Text that is not JSON goes to any plate, whose check then reports the faults.
+    fn plate_of(&self, text: &str) -> Result<&Arc<PlateHandle>, Problem> {
+        let Ok(job) = serde_json::from_str::<Value>(text) else {
+            return self.plates.iter().next().ok_or_else(|| self.unaddressed("nothing"));
+        };
+        if let Some(name) = job.get("plate").and_then(Value::as_str) {
+            return self.plates.get(name).ok_or_else(|| self.unaddressed(&format!("{name:?}")));
+        }
+        let default = self.spec.default_plate.as_deref();
+        let rig = job.pointer("/rig/name").and_then(Value::as_str);
+        let has_rig = |plate: &&PlateSpec| rig.is_none_or(|rig| plate.rig.model.name == rig);
+        let of_rig = || self.spec.plates.iter().find(|plate| rig.is_some() && has_rig(plate));
+        let fitting = default.and_then(|name| self.spec.plate(name)).filter(has_rig).or_else(of_rig);
+        let name = fitting.map(|plate| plate.name.as_str()).or(default);
+        name.and_then(|name| self.plates.get(name)).ok_or_else(|| self.unaddressed("nothing"))
+    }
+
+    fn unaddressed(&self, found: &str) -> Problem {
+        let allowed = format!("one of {}", self.spec.plate_names().join(", "));
+        let fault = Diagnostic::new("job", "plate", found.to_owned(), allowed);
+        Problem::of_faults(StatusCode::UNPROCESSABLE_ENTITY, vec![fault])
+    }
+
+    /// The reason why `plate` takes no jobs.
+    fn is_accepting(&self, plate: &PlateHandle) -> Result<(), Problem> {
+        if plate.emergency_stop.holds() {
+            let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
+            return Err(conflict(why));
+        }
+        let needed = self.spec.min_free_bytes;
+        let Some(free) = free_bytes(self.store.runs()).ok().filter(|free| *free < needed) else { return Ok(()) };
+        let [free_mb, needed_mb] = [free, needed].map(|bytes| bytes as f64 * 1e-6);
+        let why = format!("{free_mb:.1} MB are free on the disk, {needed_mb:.1} are needed (`disk.min_free_mb`)");
+        Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, why))
+    }
+}
+
+fn submitted(accepted: SubmitOutcome) -> Result<(Job, bool), Problem> {
+    match accepted {
+        SubmitOutcome::New(row) => Ok((row.job, false)),
+        SubmitOutcome::Replayed(row) => Ok((row.job, true)),
+        SubmitOutcome::KeyReused => {
+            let why = "this Idempotency-Key was already used, with a different body or for a job since deleted";
+            Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, why))
+        }
+        SubmitOutcome::QueueFull { queued } => {
+            let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, format!("{queued} jobs wait for this plate"));
+            Err(problem.with_header(RETRY_AFTER, FULL_RETRY_S.into()))
+        }
+    }
+}
+
+/// The refusal of a job's text with its faults.
+fn faulty(text: &str, faults: Vec<Diagnostic>) -> Problem {
+    let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
+    let status = if is_json { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST };
+    Problem::of_faults(status, faults)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn idempotency_key_is_bound_to_text_and_pace() {
+        let sha256 = |text: &str, pace| Submission { text: text.to_owned(), pace, key: Some("k".to_owned()) }.sha256();
+        let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
+        let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256(text, pace)).into();
+        assert_eq!(different.len(), asked.len());
+        assert_eq!(sha256("{}", None), sha256("{}", None));
+    }
+}
