@@ -1,38 +1,10 @@
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts};
+use upm_control::{CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::signal::{AccelTrace, Drive};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
-use upm_perception::vision::{DebugImages, Detection, Table};
 use upm_planning::planner::{Plan, PlannedPulse};
 use upm_planning::task::Setpoints;
-
-/// An owned copy of [`LocalisedFacts`].
-#[derive(Clone, Debug)]
-pub struct LocalisedRecord {
-    /// The frame looked at.
-    pub frame: Frame,
-    /// The table in it.
-    pub table: Table,
-    /// The parts in it.
-    pub detections: Vec<Detection>,
-    /// The intermediate stages of the search.
-    pub stages: DebugImages,
-    /// Wall time the search took, µs.
-    pub localise_us: f64,
-}
-
-impl From<&LocalisedFacts<'_>> for LocalisedRecord {
-    fn from(facts: &LocalisedFacts<'_>) -> Self {
-        Self {
-            frame: facts.frame.clone(),
-            table: facts.table.clone(),
-            detections: facts.detections.to_vec(),
-            stages: facts.stages.clone(),
-            localise_us: facts.localise_us,
-        }
-    }
-}
 
 /// An owned copy of [`PulseFacts`].
 #[derive(Clone, Debug)]

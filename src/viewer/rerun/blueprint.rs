@@ -1,4 +1,4 @@
-//! The layout of a recording: four pages, the whole run on the first.
+//! The layout of a recording: three pages, the whole run on the first.
 //!
 //! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are ordinary
 //! properties of a view, so they are logged into the blueprint's store next to the builder's output.
@@ -52,19 +52,13 @@ const ERROR_COLUMNS: u32 = 3;
 
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
-    let key = key(context);
-    let known = MADE.lock().get(&key).cloned();
-    let layout = match known {
-        Some(layout) => layout,
+    let (key, mut made) = (key(context), MADE.lock());
+    let layout = match made.get(&key) {
+        Some(layout) => layout.clone(),
         None => {
             let mut layout = ViewLayout::default();
             let pages = pages(&mut layout, context);
-            let layout = layout.encoded(pages)?;
-            let mut made = MADE.lock();
-            if made.len() < MOST_MADE {
-                made.insert(key, layout.clone());
-            }
-            layout
+            made.entry(key).or_insert(layout.encoded(pages)?).clone()
         }
     };
     stream.send_blueprint(layout.messages, layout.activation);
@@ -74,7 +68,6 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 /// Cache of layouts by their [`key`]. Making one takes three in-memory streams, which are never freed (rerun 0.36: each
 /// holds itself), so a daemon would grow by them with every job.
 static MADE: Mutex<BTreeMap<String, EncodedLayout>> = Mutex::new(BTreeMap::new());
-const MOST_MADE: usize = 64;
 
 /// A layout, encoded as messages.
 #[derive(Clone)]
@@ -92,14 +85,13 @@ pub(super) fn key(context: &RunContext) -> String {
 
 /// The pages in the order of their tabs.
 fn pages(layout: &mut ViewLayout, context: &RunContext) -> Vec<ContainerLike> {
-    vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout, context)]
+    vec![run(layout, context), signals(layout), errors(layout, context)]
 }
 
 fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
-    let camera = layout.image("Camera", "camera", width, height);
-    let table = Spatial2DView::new("Table from above, mm").with_origin("table");
-    let table = layout.bounded(table, reach_mm(context), reach_mm(context));
+    let camera = layout.bounded("Camera", "camera", [0.0, width], [0.0, height]);
+    let table = layout.bounded("Table from above, mm", "table", reach_mm(context), reach_mm(context));
     let above = Horizontal::new([camera, table]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
         layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
@@ -121,16 +113,6 @@ fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
     // the title names the bars
     layout.set(&view, "PlotLegend", &PlotLegend::new().with_visible(false));
     view
-}
-
-/// The page of the localisation of table and parts in a frame of that size.
-pub(super) fn vision(layout: &mut ViewLayout, frame_size_px: [usize; 2]) -> ContainerLike {
-    let [width, height] = frame_size_px.map(|side| side as f64);
-    let frame = layout.image("Table and parts as found", "vision/frame", width, height);
-    let edges = layout.image("Edges", "vision/edges", width / 2.0, height / 2.0);
-    let hough = Spatial2DView::new("Hough votes: angle right, distance down").with_origin("vision/hough").into();
-    let disk = layout.image("Disk response", "vision/disk_response", width / 2.0, height / 2.0);
-    Grid::new([frame, edges, hough, disk]).with_grid_columns(2).with_name("Vision").into()
 }
 
 fn signals(layout: &mut ViewLayout) -> ContainerLike {
@@ -156,19 +138,15 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
 
 /// Collects properties of views while they are built.
 #[derive(Default)]
-pub(super) struct ViewLayout {
+struct ViewLayout {
     properties: Vec<(String, Vec<SerializedComponentBatch>)>,
 }
 
 impl ViewLayout {
-    fn image(&mut self, name: &str, origin: &str, width: f64, height: f64) -> ContainerLike {
-        self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
-    }
-
     /// A view of just this range of x and y.
-    fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    fn bounded(&mut self, name: &str, origin: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
-        let view = view.into();
+        let view = Spatial2DView::new(name).with_origin(origin).into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
         view
     }
@@ -199,11 +177,6 @@ impl ViewLayout {
         if let ContainerLike::View(view) = view {
             self.properties.push((format!("{}/{name}", view.blueprint_path()), property.as_serialized_batches()));
         }
-    }
-
-    /// Sends the pages, each a tab, into `stream`.
-    pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
-        self.encoded(pages).map(|layout| stream.send_blueprint(layout.messages, layout.activation))
     }
 
     fn encoded(self, pages: Vec<ContainerLike>) -> Result<EncodedLayout, String> {

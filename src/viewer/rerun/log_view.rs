@@ -6,10 +6,10 @@ use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_control::EventLevel;
 use upm_core::units::mm_from_m;
+use upm_perception::vision::Table;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{FieldPulse, PlanStatus, PlannedPulse, Rotation};
-use upm_recording::MotionRecord;
-use upm_recording::{CycleRecord, EventRecord, LocalisedRecord};
+use upm_recording::{CycleRecord, EventRecord, MotionRecord};
 
 /// The log of a run as text.
 #[derive(Default)]
@@ -18,12 +18,12 @@ pub(super) struct LogView {
 }
 
 impl LogView {
-    pub(super) fn localised(&self, stream: &RunStream, found: &LocalisedRecord, context: &RunContext) -> LogResult {
+    pub(super) fn localised(&self, stream: &RunStream, table: &Table, found: usize, context: &RunContext) -> LogResult {
         let text = format!(
             "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
-            found.table.side_px,
-            found.table.rotation_rad.to_degrees(),
-            found.detections.len(),
+            table.side_px,
+            table.rotation_rad.to_degrees(),
+            found,
             context.parts.len()
         );
         log_line(stream, TextLogLevel::INFO, text)

@@ -6,14 +6,12 @@ use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
 use super::live::Live;
 use super::live_server::LiveServer;
-use super::recorder::{Message, Recorder, RecorderInput};
+use super::recorder::{Message, Observation, Recorder, RecorderInput};
 use super::run_stream::LogResult;
-use super::samples::Samples;
 use crate::types::{RecordingError, RecordingStats, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
-use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, Receiver, WaitError};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_recording::{EventRecord, RecordingHandle, RecordingOptions, RecordingState, RerunMode};
 
@@ -26,11 +24,8 @@ const QUEUE_OF_WAITING: usize = 8;
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Number of samples kept for trails per second of plate time.
-const SAMPLES_HZ: f64 = 15.0;
-
-/// Longest time for which samples are gathered, s of plate time.
-const GATHER_S: f64 = 0.2;
+/// Number of frames recorded per second of plate time.
+const OBSERVATIONS_HZ: f64 = 15.0;
 
 /// A sink that streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] reports
 /// faults.
@@ -43,13 +38,13 @@ struct Running {
     /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
-    spare_pixels: Receiver<Vec<u8>>,
     recorder: BackgroundThread<Closed>,
     handle: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
-    samples: Samples,
-    last_look: Option<PlateTime>,
+    /// Frames since the last one recorded, and the time of tracking them, µs.
+    tracked: (u32, f64),
+    recorded_at: Option<PlateTime>,
 }
 
 impl RerunSink {
@@ -90,28 +85,16 @@ impl RerunSink {
         let handle = if is_kept { recording_options.recording.clone() } else { RecordingHandle::default() };
         let (file, path, live) = to.start(handle.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
-        let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
         let truth = context.truth.clone();
-        let samples = Samples::new(context.parts.len());
-        let input = RecorderInput { messages, pixels_back, clock, file, run_waits };
+        let input = RecorderInput { messages, clock, file, run_waits };
         let record = move || {
             let recorded = Recorder::start(input.file.clone(), context).and_then(|recorder| recorder.run(&input));
             close(&input.file, recorded)
         };
         let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
-        let running = Running {
-            path,
-            is_kept,
-            queue: Some(queue),
-            overflow,
-            spare_pixels,
-            recorder,
-            handle,
-            live,
-            truth,
-            samples,
-            last_look: None,
-        };
+        let queue = Some(queue);
+        let (tracked, recorded_at) = ((0, 0.0), None);
+        let running = Running { path, is_kept, queue, overflow, recorder, handle, live, truth, tracked, recorded_at };
         Ok(Self(Some(running)))
     }
 
@@ -138,7 +121,6 @@ impl Drop for RerunSink {
 
 impl Running {
     fn close(mut self) -> Result<RecordingStats, RecordingError> {
-        self.send_samples();
         self.queue = None;
         let closed = match self.overflow {
             OverflowPolicy::Wait => self.recorder.wait(),
@@ -172,40 +154,26 @@ impl Running {
         }
     }
 
-    fn send_samples(&mut self) {
-        if !self.samples.is_empty() {
-            let next = Samples::new(self.samples.parts);
-            let samples = std::mem::replace(&mut self.samples, next);
-            self.send(Message::Samples(samples));
-        }
-    }
-
     fn observe(&mut self, facts: &FrameFacts<'_>) {
         let at = facts.frame.exposed_at;
-        self.samples.tracked = (self.samples.tracked.0 + 1, self.samples.tracked.1 + facts.track_us);
-        let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / SAMPLES_HZ);
-        if due || facts.starts_cycle {
-            self.last_look = Some(at);
+        self.tracked = (self.tracked.0 + 1, self.tracked.1 + facts.track_us);
+        let is_due = self.recorded_at.is_none_or(|before| at.secs_since(before) >= 1.0 / OBSERVATIONS_HZ);
+        if is_due || facts.starts_cycle {
+            self.recorded_at = Some(at);
             let truth = self.truth.as_ref().map(GroundTruthHandle::read);
-            self.samples.push(at, facts.tracks, truth.as_ref());
-        }
-        let oldest = self.samples.at.first();
-        if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
-            self.send_samples();
-        }
-        if facts.starts_cycle {
-            let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
-            pixels.clone_from(&facts.frame.pixels);
-            let Frame { width, height, index, exposed_at, .. } = *facts.frame;
-            let frame = Frame { width, height, pixels, positions: None, index, exposed_at };
-            self.send(Message::Picture { frame, tracks: facts.tracks.to_vec() });
+            let true_m =
+                truth.iter().flat_map(|truth| &truth.parts).map(|part| part.part_in_table.position_m).collect();
+            let (tracks, tracked) = (facts.tracks.to_vec(), std::mem::take(&mut self.tracked));
+            let frame = facts.starts_cycle.then(|| facts.frame.clone());
+            self.send(Message::Observation(Box::new(Observation { at, tracks, true_m, tracked, frame })));
         }
     }
 }
 
 impl Sink for RerunSink {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.send(|| Message::Localised(Box::new(facts.into())));
+        let (at, table, found) = (facts.frame.exposed_at, facts.table.clone(), facts.detections.len());
+        self.send(|| Message::Localised { at, table: Box::new(table), found });
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
@@ -219,10 +187,7 @@ impl Sink for RerunSink {
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        if let Some(running) = &mut self.0 {
-            running.send_samples();
-            running.send(Message::Cycle(Box::new(facts.into())));
-        }
+        self.send(|| Message::Cycle(Box::new(facts.into())));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
@@ -232,21 +197,6 @@ impl Sink for RerunSink {
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
         self.send(|| Message::Event(facts.into()));
     }
-}
-
-/// Makes a complete recording by `log`, in the file at `path` and for the viewer of `mode`. Does nothing with
-/// [`RerunMode::Off`].
-pub(super) fn record(
-    mode: &RerunMode,
-    path: &Path,
-    log: impl FnOnce(RrdFile) -> LogResult,
-) -> Result<RecordingStats, RecordingError> {
-    if *mode == RerunMode::Off {
-        return Ok(RecordingStats::default());
-    }
-    let (file, path, live) = Destination::open(mode, path)?.start(RecordingHandle::default())?;
-    let recorded = log(file.clone());
-    stats(&path, live, close(&file, recorded))
 }
 
 /// Bytes and messages in a complete file, or the reason that it is incomplete.

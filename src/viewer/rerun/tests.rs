@@ -118,12 +118,6 @@ fn recording_has_every_expected_entity() {
         "camera/table",
         "camera/targets",
         "camera/trails",
-        "vision/frame/image",
-        "vision/edges/map",
-        "vision/hough/votes",
-        "vision/hough/peaks",
-        "vision/disk_response/map",
-        "vision/disk_response/peaks",
         "table/outline",
         "table/library",
         "table/centers",
@@ -161,7 +155,7 @@ fn recording_has_every_expected_entity() {
         chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
     let properties = |name: &str| blueprint.entities().iter().filter(|p| p.to_string().ends_with(name)).count();
-    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (5, 4));
+    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (2, 4));
 }
 
 #[test]
