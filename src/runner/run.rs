@@ -62,14 +62,14 @@ pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
 pub use library::{check_places, job_library, library_faults, load_library, rig_library};
-pub use library_output::{LibraryOutput, LibraryOutputFault};
+pub use library_output::LibraryOutput;
 pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
-pub use simulate::{FirstFrame, FirstFrameError, TruePart, check_simulate, first_frame, simulate};
+pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_sim::OpenLoopTrajectories;
-pub use verify::{Verification, VerifyError, verify};
+pub use verify::{Verification, verify};
 
 /// Options of a run besides the job.
 #[derive(Clone, Debug)]
@@ -109,10 +109,10 @@ pub fn run(
     pacing: &PacingStats,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
-    RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
-    let library = job_library(job).map_err(RunError::Library)?;
+    check_mode(options)?;
+    let library = job_library(job)?;
     // a job that cannot be run leaves no folder
-    let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
+    let setup = RunSetup::new(job, &library)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
     let is_broken = || interlock.tripped().is_some() || options.recording_options.journal.fault().is_some();
@@ -136,14 +136,17 @@ pub fn run_linked(
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     let session = Session { job, library, folder, options, clock, controls };
-    let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
-    match checked.and_then(|()| RunSetup::new(job, &session.library).map_err(RunError::Job)) {
+    match check_mode(options).and_then(|()| Ok(RunSetup::new(job, &session.library)?)) {
         Ok(setup) => session.run(setup, watcher).map(|(result, _)| result),
         Err(error) => {
             session.leave_reason(None, &error);
             Err(error)
         }
     }
+}
+
+fn check_mode(options: &RunOptions) -> Result<(), RunError> {
+    RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))
 }
 
 /// A run that has ended, and whether its files were written.
