@@ -41,11 +41,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::config::{JobLayout, JobSpec, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_core::rig::{Interlock, Rig};
-use upm_core::time::{Clock, PlateTime};
+use upm_core::time::Clock;
 use upm_planning::cor_library::Library;
 use upm_recording::{
-    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
-    report_recording_end, rounded,
+    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end, rounded,
 };
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
@@ -190,13 +189,14 @@ impl Session<'_> {
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
         let mut named = TruthInJobOrder::new(setup.truth());
-        let mut journal_failure = StopOnJournalFailure {
-            journal: &options.recording_options.journal,
-            stop: controls.stop,
-            is_reported: false,
-        };
+        let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
-            journal_failure.check(sinks, at);
+            // no motion goes unrecorded
+            if let (Some(fault), false) = (options.recording_options.journal.fault(), is_lost) {
+                is_lost = true;
+                controls.stop.store(true, Ordering::SeqCst);
+                sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
+            }
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
         let mut sinks = Fanout::new().with(&mut named).with(&mut journal);
@@ -244,25 +244,6 @@ impl Session<'_> {
             frame_hz: setup.model.frame_hz,
             deadlines: self.job.deadlines,
         })
-    }
-}
-
-/// Stops the run as soon as its journal fails, so that no motion goes unrecorded.
-struct StopOnJournalFailure<'a> {
-    journal: &'a WriterStatus,
-    stop: &'a AtomicBool,
-    /// True once the failure was reported.
-    is_reported: bool,
-}
-
-impl StopOnJournalFailure<'_> {
-    /// Stops the run and reports to `sinks`, once, if the journal has failed.
-    fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
-        if let (Some(fault), false) = (self.journal.fault(), self.is_reported) {
-            self.is_reported = true;
-            self.stop.store(true, Ordering::SeqCst);
-            sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
-        }
     }
 }
 
@@ -326,7 +307,7 @@ fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     match (finished, options.recording_options.recording.ended_early()) {
         (_, Some(end)) => Some(end.text),
         (Err(error), None) => Some(error.to_string()),
-        (Ok(stats), None) if has_viewer && !stats.viewer_caught_up => {
+        (Ok(false), None) if has_viewer => {
             Some("the viewer did not take the whole run; the recording in the run folder is whole".into())
         }
         (Ok(_), None) => None,

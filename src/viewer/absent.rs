@@ -6,7 +6,7 @@ use std::path::Path;
 use upm_control::Sink;
 use upm_recording::{RecordingOptions, RerunMode};
 
-use crate::types::{RecordingError, RecordingStats, RunContext};
+use crate::types::{RecordingError, RunContext};
 
 /// Stand-in for a recording: accepts every fact and keeps none.
 pub struct RerunSink(());
@@ -28,9 +28,9 @@ impl RerunSink {
         refuse(mode).map(Self)
     }
 
-    /// Returns empty statistics.
-    pub fn finish(self) -> Result<RecordingStats, RecordingError> {
-        Ok(RecordingStats::default())
+    /// There is no viewer.
+    pub fn finish(self) -> Result<bool, RecordingError> {
+        Ok(false)
     }
 }
 

@@ -9,7 +9,7 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{PartAppearance, PathAppearance, RecordingError, RecordingStats, RunContext};
+pub use types::{PartAppearance, PathAppearance, RecordingError, RunContext};
 
 #[cfg(not(feature = "rerun"))]
 pub use absent::{LiveServer, RerunSink};

@@ -70,12 +70,3 @@ fn run_continues_without_its_recording_and_warns() {
     let verdict = verify(&done.folder, &AtomicBool::new(false), &mut FailsAt(0, RecordingHandle::default())).unwrap();
     assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
 }
-
-#[test]
-fn run_with_a_whole_recording_has_no_warning() {
-    let out = tempfile::tempdir().unwrap();
-    let (done, state) = run_until(out.path(), u64::MAX);
-    assert_eq!(state, RecordingState::Whole);
-    assert!(done.report.warnings.is_empty() && done.warnings.is_empty() && warnings(&done.folder).is_empty());
-    assert!(done.folder.join("run.rrd").exists());
-}

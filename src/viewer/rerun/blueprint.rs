@@ -28,13 +28,11 @@ use upm_planning::planner::PlanningMethod;
 const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];
 const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
 
-/// Titles of the first page's lower row, and the shares of the width that its views have.
+/// Titles of views on two pages.
 const MOTORS: &str = "Motors, counts";
-const HARMONICS: &str = "Harmonics, mm/s";
 const TO_TARGET: &str = "Distance to target, mm";
-const BELOW: [f32; 4] = [0.95, 0.8, 0.95, 1.3];
 
-/// Views of the page of errors, each with its title and its entity, in rows of [`ERROR_COLUMNS`].
+/// Views of the page of errors, each with its title and its entity.
 const ERRORS: [(&str, &str); 9] = [
     (TO_TARGET, "errors/to_target_mm"),
     ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
@@ -48,7 +46,6 @@ const ERRORS: [(&str, &str); 9] = [
 ];
 const CROSS_TRACK: &str = "errors/cross_track_mm";
 const TOTAL: &str = "plan/total_mm";
-const ERROR_COLUMNS: u32 = 3;
 
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
@@ -99,14 +96,14 @@ fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
         layout.plot(TO_TARGET, "errors/to_target_mm", None),
         layout.log(),
     ]);
-    let below = below.with_column_shares(BELOW);
+    let below = below.with_column_shares([0.95, 0.8, 0.95, 1.3]);
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
 }
 
 /// The view of a plan: one bar per rotation, or one per harmonic of a field.
 fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
     let (name, origin) = match method {
-        PlanningMethod::SynthesizedField => (HARMONICS, "plan/harmonics_mm_s"),
+        PlanningMethod::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
     let view = BarChartView::new(name).with_origin(origin).into();
@@ -133,7 +130,7 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     };
     let shown = ERRORS.into_iter().filter(|(_, path)| shown(path));
     let views: Vec<ContainerLike> = shown.map(|(title, path)| layout.plot(title, path, None)).collect();
-    Grid::new(views).with_grid_columns(ERROR_COLUMNS).with_name("Errors and timing").into()
+    Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
 }
 
 /// Collects properties of views while they are built.
@@ -204,33 +201,5 @@ impl ViewLayout {
         }
         messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
         Ok(EncodedLayout { messages, activation })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Width of the window that titles are made for, points of the screen.
-    const WINDOW: f64 = 1280.0;
-
-    /// Width of a letter of a title, and of the symbol before it and the buttons after it, points.
-    const LETTER: f64 = 5.9;
-    const BESIDE: f64 = 125.0;
-
-    /// True if a panel of this width, points, shows the whole title.
-    fn fits(title: &str, width: f64) -> bool {
-        LETTER * title.chars().count() as f64 + BESIDE <= width
-    }
-
-    #[test]
-    fn titles_of_panels_fit_at_1280_points() {
-        let all: f32 = BELOW.iter().sum();
-        for (title, share) in [MOTORS, HARMONICS, TO_TARGET].into_iter().zip(BELOW) {
-            assert!(fits(title, WINDOW * f64::from(share / all)), "{title}");
-        }
-        for (title, _) in ERRORS {
-            assert!(fits(title, WINDOW / f64::from(ERROR_COLUMNS)), "{title}");
-        }
     }
 }

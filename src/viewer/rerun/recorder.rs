@@ -149,7 +149,7 @@ impl Recorder {
                 self.camera.wanted(&self.stream, &cycle)?;
                 self.table.cycle(&self.stream, &cycle, &self.context)?;
                 self.plots.planned(&self.stream, &cycle)?;
-                self.log_view.planned(&self.stream, &cycle, &self.context)?;
+                self.log_view.planned(&self.stream, &cycle)?;
                 self.stream.at(cycle.ended_at, cycle.index);
                 self.plots.ended(&self.stream, &cycle)?;
                 self.cycle = cycle.index + 1;

@@ -8,7 +8,7 @@ use super::live::Live;
 use super::live_server::LiveServer;
 use super::recorder::{Message, Observation, Recorder, RecorderInput};
 use super::run_stream::LogResult;
-use crate::types::{RecordingError, RecordingStats, RunContext};
+use crate::types::{RecordingError, RunContext};
 use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
@@ -38,7 +38,7 @@ struct Running {
     /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
-    recorder: BackgroundThread<Closed>,
+    recorder: BackgroundThread<LogResult>,
     handle: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
@@ -98,10 +98,10 @@ impl RerunSink {
         Ok(Self(Some(running)))
     }
 
-    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run; a stop of
-    /// the recording is not a fault.
-    pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
-        self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
+    /// Waits until everything is written and closes the file; true if a viewer was fed and took all of it. `Err` with
+    /// the first fault of the whole run; a stop of the recording is not a fault.
+    pub fn finish(mut self) -> Result<bool, RecordingError> {
+        self.0.take().map_or(Ok(false), Running::close)
     }
 
     fn send(&mut self, message: impl FnOnce() -> Message) {
@@ -120,14 +120,14 @@ impl Drop for RerunSink {
 }
 
 impl Running {
-    fn close(mut self) -> Result<RecordingStats, RecordingError> {
+    fn close(mut self) -> Result<bool, RecordingError> {
         self.queue = None;
         let closed = match self.overflow {
             OverflowPolicy::Wait => self.recorder.wait(),
             OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
         };
         if !self.is_kept {
-            return Ok(RecordingStats::default());
+            return Ok(false);
         }
         let closed = closed.unwrap_or_else(|unfinished| {
             let reason = match unfinished {
@@ -137,18 +137,19 @@ impl Running {
             self.handle.fail(reason);
             Err(reason.to_owned())
         });
-        let lagged = match self.handle.state() {
-            RecordingState::Failed(reason) => Err(reason),
-            _ => Ok(()),
+        let viewer_has_all = self.live.is_some_and(Live::finish);
+        let closed = match self.handle.state() {
+            RecordingState::Failed(reason) => closed.and(Err(reason)),
+            _ => closed,
         };
-        stats(&self.path, self.live, closed.and_then(|written| lagged.map(|()| written)))
+        closed.map(|()| viewer_has_all).map_err(|reason| RecordingError::Write { path: self.path, reason })
     }
 
     /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
     /// `close`.
     fn send(&mut self, message: Message) {
         let Some(queue) = &self.queue else { return };
-        if let Err(QueueError::Full(_)) = queue.send(message) {
+        if let Err(QueueError::Full) = queue.send(message) {
             self.handle.fail("the recorder lags");
             self.queue = None;
         }
@@ -199,23 +200,12 @@ impl Sink for RerunSink {
     }
 }
 
-/// Bytes and messages in a complete file, or the reason that it is incomplete.
-type Closed = Result<(u64, u64), String>;
-
 /// Closes `file` in any case and disconnects its viewer. `Err` with the first fault of writing it or of `recorded`.
-fn close(file: &RrdFile, recorded: LogResult) -> Closed {
+fn close(file: &RrdFile, recorded: LogResult) -> LogResult {
     if let Err(fault) = &recorded {
         file.handle().fail(fault.as_str());
     }
     let closed = file.close();
     file.disconnect();
-    closed.and_then(|written| recorded.map(|()| written))
-}
-
-/// Waits for the viewer to take the remaining messages and returns the statistics of the recording called `path`.
-fn stats(path: &Path, live: Option<Live>, closed: Closed) -> Result<RecordingStats, RecordingError> {
-    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
-    closed
-        .map(|(file_bytes, messages)| RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
-        .map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })
+    closed.and(recorded)
 }
