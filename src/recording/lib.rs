@@ -33,8 +33,8 @@ pub use options::{RecordingOptions, WriterStatus};
 pub use outline::outline_px;
 pub use records::{CycleRecord, EventRecord, PulseRecord};
 pub use report::{
-    CycleError, FaultReport, GuardReport, PartReport, PathReport, PlannerReport, PredictionError, RecordingReport,
-    Report, SelectedBy, StopReport, Verdict, report_schema,
+    CycleError, FaultReport, GuardReport, PacingReport, PartReport, PathReport, PlannerReport, PredictionError,
+    RecordingReport, Report, SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use run_stats::RunStats;

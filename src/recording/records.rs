@@ -1,4 +1,4 @@
-use upm_control::{CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
+use upm_control::{CycleFacts, EventLevel, MilestoneFacts, PulseFacts};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, Drive};
 use upm_core::time::PlateTime;
@@ -84,19 +84,17 @@ pub struct EventRecord {
     pub level: EventLevel,
     /// The message.
     pub text: String,
-    /// The end of the run or of its recording, if the event reports one.
-    pub milestone: Option<Milestone>,
 }
 
 impl EventRecord {
-    /// An event without a meaning for programs.
+    /// The event `text` at `at`.
     pub fn new(at: PlateTime, level: EventLevel, text: &str) -> Self {
-        Self { at, level, text: text.to_owned(), milestone: None }
+        Self { at, level, text: text.to_owned() }
     }
 }
 
 impl From<&MilestoneFacts<'_>> for EventRecord {
     fn from(facts: &MilestoneFacts<'_>) -> Self {
-        Self { milestone: Some(facts.milestone), ..Self::new(facts.at, facts.level, facts.text) }
+        Self::new(facts.at, facts.level, facts.text)
     }
 }

@@ -44,7 +44,7 @@ use upm_core::rig::{Interlock, Rig};
 use upm_core::time::Clock;
 use upm_planning::cor_library::Library;
 use upm_recording::{
-    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end, rounded,
+    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end,
 };
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
@@ -87,15 +87,13 @@ pub struct RunOptions {
     pub live: Option<LiveServer>,
 }
 
-/// Report of an ended run, with its folder and warnings.
+/// Report of an ended run, with its folder.
 #[derive(Clone, Debug)]
 pub struct RunResult {
     /// The run folder.
     pub folder: PathBuf,
-    /// Contents of `report.json`.
+    /// Contents of `report.json`. Its warnings include that the file could not be written.
     pub report: Report,
-    /// Problems that did not end the run: an incomplete recording, or a report that was not written.
-    pub warnings: Vec<String>,
 }
 
 /// Runs `job` to its end and writes a new run folder. `pacing` counts missed deadlines of a run in real time; `watcher`
@@ -208,7 +206,7 @@ impl Session<'_> {
         controls.explain(&mut finish, &mut sinks, setup.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
-        let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
+        let warning = finish_recording(recorder, options);
         let mut sinks = Fanout::new().with(&mut journal).with(&mut stats).with(watcher);
         report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
@@ -220,18 +218,12 @@ impl Session<'_> {
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
-        report.warnings = warnings;
-        if options.real_time {
-            report.deadline_misses = Some(controls.pacing.misses().saturating_sub(missed_before));
-            report.worst_late_frames = Some(controls.pacing.worst_frames());
-            report.behind_s = Some(rounded(controls.pacing.behind().as_secs_f64()));
-        }
+        report.warnings = warning.into_iter().collect();
+        report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
-        let warnings = report.warnings.clone();
-        let result = RunResult { folder: folder.path().to_owned(), report, warnings };
-        Ok((result, written.and(reported)))
+        Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
     }
 
     /// Pacing by the clock, for a run in real time.

@@ -9,7 +9,6 @@ use super::run_stream::{LogResult, RunStream};
 use super::signals;
 use super::table::TableView;
 use crate::types::RunContext;
-use upm_control::Milestone;
 use upm_core::background::{Receiver, RecvTimeoutError};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
@@ -72,8 +71,6 @@ pub(super) struct Recorder {
     plots: Plots,
     log_view: LogView,
     context: RunContext,
-    /// True when the early end of the recording was logged.
-    is_end_reported: bool,
 }
 
 impl Recorder {
@@ -86,7 +83,7 @@ impl Recorder {
         signals::start(&stream)?;
         let plots = Plots::start(&stream, &context)?;
         let log_view = LogView::default();
-        Ok(Self { stream, cycle: 0, camera, table, plots, log_view, context, is_end_reported: false })
+        Ok(Self { stream, cycle: 0, camera, table, plots, log_view, context })
     }
 
     /// Logs every message until the sender is gone. After a fault the remaining messages are discarded, so that the
@@ -112,19 +109,10 @@ impl Recorder {
             }
         }
         if let Some(end) = file.handle().ended_early() {
-            recorded = recorded.and_then(|()| self.write_final_event(end.text));
+            recorded = recorded.and_then(|()| self.log_view.warn(&self.stream, end.text));
         }
         let flushed = self.stream.flush();
         recorded.and(flushed)
-    }
-
-    /// Logs the reason for the end of the recording, and flushes everything logged into the file.
-    fn write_final_event(&mut self, text: String) -> LogResult {
-        if !self.is_end_reported {
-            self.is_end_reported = true;
-            self.log_view.warn(&self.stream, text)?;
-        }
-        self.stream.flush()
     }
 
     fn record(&mut self, message: Message) -> LogResult {
@@ -154,9 +142,6 @@ impl Recorder {
                 self.plots.ended(&self.stream, &cycle)?;
                 self.cycle = cycle.index + 1;
                 Ok(())
-            }
-            Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
-                self.write_final_event(event.text)
             }
             Message::Event(event) => {
                 self.stream.at(event.at, self.cycle);

@@ -9,7 +9,7 @@ use super::live_server::LiveServer;
 use super::recorder::{Message, Observation, Recorder, RecorderInput};
 use super::run_stream::LogResult;
 use crate::types::{RecordingError, RunContext};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts, Sink};
 use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
@@ -196,7 +196,10 @@ impl Sink for RerunSink {
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.send(|| Message::Event(facts.into()));
+        // the recorder itself logs the end of the recording
+        if matches!(facts.milestone, Milestone::RunEnded { .. }) {
+            self.send(|| Message::Event(facts.into()));
+        }
     }
 }
 

@@ -103,7 +103,7 @@ impl SeedBatch<'_> {
         let job = self.job.clone().with_seed(seed);
         match run_job(&job, &options, &self.clock, &stop, &PacingStats::default(), &mut watcher) {
             Ok(result) => {
-                result.warnings.iter().for_each(|warning| self.turns.note(seed, EventLevel::Error, warning));
+                result.report.warnings.iter().for_each(|warning| self.turns.note(seed, EventLevel::Error, warning));
                 SeedRun::of(&result.report, &result.folder, status_of(&result.report))
             }
             Err(error) => {
