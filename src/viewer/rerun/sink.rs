@@ -16,7 +16,7 @@ use upm_core::time::PlateTime;
 use upm_recording::{EventRecord, RecordingHandle, RecordingOptions, RecordingState, RerunMode};
 
 /// Capacity of the queue to the recorder, messages; it also limits the number of frames held.
-const QUEUE: usize = 32;
+const QUEUE: usize = 64;
 
 /// The same where the run waits for the recorder: a fraction of a second of plate time, so that a kill loses little.
 const QUEUE_OF_WAITING: usize = 8;
