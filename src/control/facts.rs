@@ -4,7 +4,7 @@ use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
-use upm_perception::vision::{DebugImages, Detection, Table, Track};
+use upm_perception::vision::{Detection, Table, Track};
 use upm_planning::planner::{Plan, PlannedPulse};
 use upm_planning::task::Setpoints;
 
@@ -17,8 +17,6 @@ pub struct LocalisedFacts<'a> {
     pub table: &'a Table,
     /// The parts in it, in the order of the job.
     pub detections: &'a [Detection],
-    /// The intermediate stages of the search.
-    pub stages: &'a DebugImages,
     /// Wall time the search took, µs; 0 when no clock runs.
     pub localise_us: f64,
 }

@@ -111,19 +111,12 @@ impl Perception {
     ) -> OrEnd<Self> {
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
-        let (table, mut stages, started) = find_table(rig, model, &mut frame, &guards, sink, clock, stop)?;
+        let (table, started) = find_table(rig, model, &mut frame, &guards, sink, clock, stop)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
-        stages.disk_response = finder.response();
         let detections = name_parts(found, kinds, parts, guards.has_code("part_count"))?;
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
-        sink.localised(&LocalisedFacts {
-            frame: &frame,
-            table: &table,
-            detections: &detections,
-            stages: &stages,
-            localise_us,
-        });
+        sink.localised(&LocalisedFacts { frame: &frame, table: &table, detections: &detections, localise_us });
         let places_m = detections.clone().into_iter().map(|detection| detection.position_m);
         let mut scene = SceneMonitor::new(&table, model, kinds);
         scene.see_first(&frame, rig.now());

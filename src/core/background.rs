@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 pub use crossbeam_channel::{Receiver, RecvTimeoutError};
-use crossbeam_channel::{SendTimeoutError, Sender, TrySendError, bounded};
+use crossbeam_channel::{Sender, bounded};
 
 use crate::thread_priority::lower_thread_priority;
 
@@ -31,13 +31,13 @@ pub struct Queue<T> {
     lost: Arc<AtomicU64>,
 }
 
-/// An item that was not queued.
+/// Reason for which an item was not queued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum QueueError<T> {
+pub enum QueueError {
     /// The queue was full.
-    Full(T),
+    Full,
     /// The receiving end was dropped.
-    Closed(T),
+    Closed,
 }
 
 impl<T> fmt::Debug for Queue<T> {
@@ -59,50 +59,28 @@ impl<T> Queue<T> {
         (Self { items, overflow, lost: Arc::default() }, receiver)
     }
 
-    /// The same queue with another overflow policy for this sender.
-    pub fn with(&self, overflow: OverflowPolicy) -> Self {
-        Self { overflow, ..self.clone() }
-    }
-
     /// Sends `item`; when the queue is full, its overflow policy applies.
     ///
     /// # Errors
     /// [`QueueError::Full`] when the queue is full for as long as the policy waits, [`QueueError::Closed`] when the
-    /// receiving end was dropped. Both return the item, which counts as lost.
-    pub fn send(&self, item: T) -> Result<(), QueueError<T>> {
-        match self.overflow {
-            OverflowPolicy::Wait => {
-                self.counted(self.items.send(item).map_err(|unsent| QueueError::Closed(unsent.into_inner())))
+    /// receiving end was dropped. The item counts as lost.
+    pub fn send(&self, item: T) -> Result<(), QueueError> {
+        let unsent = |is_full| if is_full { QueueError::Full } else { QueueError::Closed };
+        let sent = match self.overflow {
+            OverflowPolicy::Wait => self.items.send(item).map_err(|_| QueueError::Closed),
+            OverflowPolicy::WaitAtMost(longest) => {
+                self.items.send_timeout(item, longest).map_err(|error| unsent(error.is_timeout()))
             }
-            OverflowPolicy::WaitAtMost(longest) => self.counted(self.send_within(item, longest)),
-            OverflowPolicy::GiveUp => self.counted(self.items.try_send(item).map_err(|unsent| match unsent {
-                TrySendError::Full(item) => QueueError::Full(item),
-                TrySendError::Disconnected(item) => QueueError::Closed(item),
-            })),
-        }
-    }
-
-    /// Sends `item`, waiting for room for at most `longest`.
-    ///
-    /// # Errors
-    /// [`QueueError::Full`] when there is no room within that time, [`QueueError::Closed`] when the receiving end was
-    /// dropped. Both return the item, which is not counted as lost.
-    pub fn send_within(&self, item: T, longest: Duration) -> Result<(), QueueError<T>> {
-        self.items.send_timeout(item, longest).map_err(|unsent| match unsent {
-            SendTimeoutError::Timeout(item) => QueueError::Full(item),
-            SendTimeoutError::Disconnected(item) => QueueError::Closed(item),
+            OverflowPolicy::GiveUp => self.items.try_send(item).map_err(|error| unsent(error.is_full())),
+        };
+        sent.inspect_err(|_| {
+            self.lost.fetch_add(1, Ordering::Relaxed);
         })
     }
 
     /// Number of items lost since the queue was made.
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
-    }
-
-    fn counted(&self, sent: Result<(), QueueError<T>>) -> Result<(), QueueError<T>> {
-        sent.inspect_err(|_| {
-            self.lost.fetch_add(1, Ordering::Relaxed);
-        })
     }
 }
 
@@ -166,18 +144,17 @@ mod tests {
     #[test]
     fn full_queue_waits_or_loses_as_stated() {
         let (queue, items) = Queue::bounded(1, OverflowPolicy::GiveUp);
-        assert_eq!((queue.send(1), queue.send(2), queue.lost()), (Ok(()), Err(QueueError::Full(2)), 1));
-        assert_eq!(queue.send_within(3, Duration::from_millis(1)), Err(QueueError::Full(3)));
+        assert_eq!((queue.send(1), queue.send(2), queue.lost()), (Ok(()), Err(QueueError::Full), 1));
         assert_eq!((queue.clone().lost(), items.recv()), (1, Ok(1)));
         drop(items);
-        assert_eq!((queue.send(4), queue.lost()), (Err(QueueError::Closed(4)), 2));
+        assert_eq!((queue.send(4), queue.lost()), (Err(QueueError::Closed), 2));
         let (patient, items) = Queue::bounded(1, OverflowPolicy::WaitAtMost(LONG));
         thread::scope(|scope| {
             scope.spawn(|| (1..=3).for_each(|item| patient.send(item).unwrap()));
             assert_eq!(items.iter().take(3).collect::<Vec<_>>(), [1, 2, 3]);
         });
         let (impatient, _items) = Queue::bounded(0, OverflowPolicy::WaitAtMost(Duration::from_millis(1)));
-        assert_eq!((impatient.send(1), impatient.lost()), (Err(QueueError::Full(1)), 1));
+        assert_eq!((impatient.send(1), impatient.lost()), (Err(QueueError::Full), 1));
     }
 
     #[test]

@@ -6,11 +6,9 @@ mod file_kind;
 mod json_value;
 mod read;
 mod schema_check;
-mod schema_key;
 
 pub use diagnostic::{
     Diagnostic, DiagnosticClass, Diagnostics, Path, TextPosition, counted, listed, nearest, one_of, quoted, shown,
 };
 pub use file_kind::Document;
 pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of};
-pub use schema_key::SchemaKey;

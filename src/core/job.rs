@@ -76,30 +76,3 @@ pub struct Bin {
     /// Upper right corner, m.
     pub max_m: Vec2,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn codes_are_the_names_in_files() {
-        for outcome in Outcome::ALL {
-            assert_eq!(serde_json::to_value(outcome).unwrap(), outcome.code());
-        }
-        for end in RecordingEnd::ALL {
-            assert_eq!(serde_json::to_value(end).unwrap(), end.code());
-        }
-        for pace in Pace::ALL {
-            assert_eq!(serde_json::to_value(pace).unwrap(), pace.code());
-        }
-        for camera in CameraMode::ALL {
-            assert_eq!(serde_json::to_value(camera).unwrap(), camera.code());
-        }
-        for mode in PlateMode::ALL {
-            assert_eq!(serde_json::to_value(mode).unwrap(), mode.code());
-        }
-        for cause in StopCause::ALL {
-            assert_eq!(serde_json::to_value(cause).unwrap(), cause.code());
-        }
-    }
-}

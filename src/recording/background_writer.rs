@@ -110,11 +110,11 @@ impl Write for BackgroundWriter {
         }
         match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
             Some(Ok(())) => Ok(line.len()),
-            Some(Err(QueueError::Full(_))) => {
+            Some(Err(QueueError::Full)) => {
                 let lag = format!("the disk lags: {QUEUE} lines wait to be written");
                 Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
             }
-            Some(Err(QueueError::Closed(_))) | None => {
+            Some(Err(QueueError::Closed)) | None => {
                 let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
                 Err(self.fail(&fault))
             }

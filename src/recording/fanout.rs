@@ -74,17 +74,3 @@ impl Sink for Fanout<'_> {
         self.sinks.iter_mut().for_each(|sink| sink.condition(facts));
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::MemorySink;
-
-    #[test]
-    fn event_reaches_every_sink() {
-        let (mut a, mut b) = (MemorySink::default(), MemorySink::default());
-        Fanout::new().with(&mut a).with(&mut b).event(PlateTime::ZERO, EventLevel::Info, "hello");
-        assert_eq!(a.events, b.events);
-        assert_eq!(a.events.len(), 1);
-    }
-}

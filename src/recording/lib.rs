@@ -10,10 +10,10 @@ mod fanout;
 mod handle;
 mod journal;
 mod lengths;
-mod maps;
 mod memory;
 mod motion;
 mod options;
+mod outline;
 mod path_stats;
 mod records;
 mod report;
@@ -27,14 +27,14 @@ pub use fanout::Fanout;
 pub use handle::{RecordingHandle, RecordingState, report_recording_end};
 pub use journal::{Journal, journal_schema};
 pub use lengths::rounded;
-pub use maps::{VoteMap, edge_map, outline_px, response_map, vote_map};
 pub use memory::MemorySink;
 pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};
-pub use records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
+pub use outline::outline_px;
+pub use records::{CycleRecord, EventRecord, PulseRecord};
 pub use report::{
-    CycleError, FaultReport, GuardReport, PartReport, PathReport, PlannerReport, PredictionError, RecordingReport,
-    Report, SelectedBy, StopReport, Verdict, report_schema,
+    CycleError, FaultReport, GuardReport, PacingReport, PartReport, PathReport, PlannerReport, PredictionError,
+    RecordingReport, Report, SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use run_stats::RunStats;

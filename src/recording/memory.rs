@@ -1,12 +1,10 @@
-use super::records::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
+use super::records::{CycleRecord, EventRecord, PulseRecord};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, MilestoneFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 
 /// A sink that keeps everything except the pictures, for tests.
 #[derive(Clone, Debug, Default)]
 pub struct MemorySink {
-    /// Every localisation.
-    pub localised: Vec<LocalisedRecord>,
     /// Number of frames tracked.
     pub frames: u64,
     /// Every pulse.
@@ -18,10 +16,6 @@ pub struct MemorySink {
 }
 
 impl Sink for MemorySink {
-    fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.localised.push(facts.into());
-    }
-
     fn frame(&mut self, _facts: &FrameFacts<'_>) {
         self.frames += 1;
     }

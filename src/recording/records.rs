@@ -1,38 +1,10 @@
-use upm_control::{CycleFacts, EventLevel, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts};
+use upm_control::{CycleFacts, EventLevel, MilestoneFacts, PulseFacts};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::signal::{AccelTrace, Drive};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
-use upm_perception::vision::{DebugImages, Detection, Table};
 use upm_planning::planner::{Plan, PlannedPulse};
 use upm_planning::task::Setpoints;
-
-/// An owned copy of [`LocalisedFacts`].
-#[derive(Clone, Debug)]
-pub struct LocalisedRecord {
-    /// The frame looked at.
-    pub frame: Frame,
-    /// The table in it.
-    pub table: Table,
-    /// The parts in it.
-    pub detections: Vec<Detection>,
-    /// The intermediate stages of the search.
-    pub stages: DebugImages,
-    /// Wall time the search took, µs.
-    pub localise_us: f64,
-}
-
-impl From<&LocalisedFacts<'_>> for LocalisedRecord {
-    fn from(facts: &LocalisedFacts<'_>) -> Self {
-        Self {
-            frame: facts.frame.clone(),
-            table: facts.table.clone(),
-            detections: facts.detections.to_vec(),
-            stages: facts.stages.clone(),
-            localise_us: facts.localise_us,
-        }
-    }
-}
 
 /// An owned copy of [`PulseFacts`].
 #[derive(Clone, Debug)]
@@ -112,19 +84,17 @@ pub struct EventRecord {
     pub level: EventLevel,
     /// The message.
     pub text: String,
-    /// The end of the run or of its recording, if the event reports one.
-    pub milestone: Option<Milestone>,
 }
 
 impl EventRecord {
-    /// An event without a meaning for programs.
+    /// The event `text` at `at`.
     pub fn new(at: PlateTime, level: EventLevel, text: &str) -> Self {
-        Self { at, level, text: text.to_owned(), milestone: None }
+        Self { at, level, text: text.to_owned() }
     }
 }
 
 impl From<&MilestoneFacts<'_>> for EventRecord {
     fn from(facts: &MilestoneFacts<'_>) -> Self {
-        Self { milestone: Some(facts.milestone), ..Self::new(facts.at, facts.level, facts.text) }
+        Self::new(facts.at, facts.level, facts.text)
     }
 }

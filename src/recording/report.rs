@@ -49,16 +49,9 @@ pub struct Report {
     pub collisions: Option<u64>,
     /// Number of parts that were missing for so long that the run ended.
     pub lost_parts: usize,
-    /// Deadlines missed; only where plate time kept to the clock.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub deadline_misses: Option<u64>,
-    /// Largest lateness, whole frames.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub worst_late_frames: Option<u64>,
-    /// Total lag of plate time behind the clock, s: the plate waited for this computer. Only where plate time kept to
-    /// the clock; `None` in reports of versions that did not measure it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub behind_s: Option<f64>,
+    /// How plate time kept to the clock; `None` in a run at full speed.
+    #[serde(flatten)]
+    pub pacing: Option<PacingReport>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.
@@ -100,6 +93,17 @@ pub struct Report {
 /// The JSON Schema (draft 2020-12) of `report.json`.
 pub fn report_schema() -> Value {
     schema_of::<Report>().clone()
+}
+
+/// How plate time kept to the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PacingReport {
+    /// Deadlines missed; only where plate time kept to the clock.
+    pub deadline_misses: u64,
+    /// Largest lateness, whole frames.
+    pub worst_late_frames: u64,
+    /// Total lag of plate time behind the clock, s: the plate waited for this computer.
+    pub behind_s: f64,
 }
 
 /// Parts against their paths in every frame between the first and the last points of the paths, from truth where there

@@ -4,22 +4,28 @@ use serde::{Deserialize, Serialize};
 /// Number of values kept of each duration before every other one is dropped.
 const KEPT: usize = 4096;
 
-/// Wall times of a run, µs. Memory is bounded for any length of the run.
-#[derive(Clone, Debug, Default)]
-pub struct Timings {
+/// Wall times of a run, µs: its durations, or the figures of each kind. Memory is bounded for any length of the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "TimingsReport")]
+pub struct Timings<T: Default = Durations> {
     /// Searches of a whole frame.
-    pub localise: Durations,
+    pub localise: T,
     /// Tracking of one frame.
-    pub track: Durations,
+    pub track: T,
     /// Planning of one cycle.
-    pub plan: Durations,
+    pub plan: T,
     /// Plans among these that begin a sequence of pulses.
-    pub plan_new: Durations,
-    /// Plans among these that correct the current sequence.
-    pub plan_correction: Durations,
+    #[serde(default)]
+    pub plan_new: T,
+    /// Plans among these that correct the current sequence; zeros for planners without sequences.
+    #[serde(default)]
+    pub plan_correction: T,
     /// Whole cycles.
-    pub cycle: Durations,
+    pub cycle: T,
 }
+
+/// `timing_us` of `report.json`.
+pub type TimingsReport = Timings<Quantiles>;
 
 impl Timings {
     /// The quantiles of all durations.
@@ -76,25 +82,6 @@ impl Durations {
         let rounded = |us: f64| (us * 10.0).round() / 10.0;
         Quantiles { p50: rounded(rank(0.50)), p99: rounded(rank(0.99)), max: rounded(self.max_us) }
     }
-}
-
-/// `timing_us` of `report.json`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct TimingsReport {
-    /// Searches of a whole frame.
-    pub localise: Quantiles,
-    /// Tracking of one frame.
-    pub track: Quantiles,
-    /// Planning of one cycle.
-    pub plan: Quantiles,
-    /// Plans among these that begin a sequence of pulses.
-    #[serde(default)]
-    pub plan_new: Quantiles,
-    /// Plans among these that correct the current sequence; zeros for planners without sequences.
-    #[serde(default)]
-    pub plan_correction: Quantiles,
-    /// Whole cycles.
-    pub cycle: Quantiles,
 }
 
 /// Quantiles of a duration, µs.

@@ -45,6 +45,7 @@ mod units;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
+pub(crate) use corridor::{FIELD_SCATTER_M, accuracy_m};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};
 pub use job::JobSpec;

@@ -41,11 +41,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::config::{JobLayout, JobSpec, reason};
 use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_core::rig::{Interlock, Rig};
-use upm_core::time::{Clock, PlateTime};
+use upm_core::time::Clock;
 use upm_planning::cor_library::Library;
 use upm_recording::{
-    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, WriterStatus,
-    report_recording_end, rounded,
+    BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end,
 };
 use upm_sim::faults::Faulty;
 use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
@@ -62,14 +61,14 @@ pub use error::RunError;
 pub use folder::{FolderState, RunFolder};
 pub use in_memory::InMemoryRun;
 pub use library::{check_places, job_library, library_faults, load_library, rig_library};
-pub use library_output::{LibraryOutput, LibraryOutputFault};
+pub use library_output::LibraryOutput;
 pub use paced::PacingStats;
 pub use planner_selection::{PlannerSelection, SelectionReason};
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
-pub use simulate::{FirstFrame, FirstFrameError, TruePart, check_simulate, first_frame, simulate};
+pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_sim::OpenLoopTrajectories;
-pub use verify::{Verification, VerifyError, verify};
+pub use verify::{Verification, verify};
 
 /// Options of a run besides the job.
 #[derive(Clone, Debug)]
@@ -88,19 +87,18 @@ pub struct RunOptions {
     pub live: Option<LiveServer>,
 }
 
-/// Report of an ended run, with its folder and warnings.
+/// Report of an ended run, with its folder.
 #[derive(Clone, Debug)]
 pub struct RunResult {
     /// The run folder.
     pub folder: PathBuf,
-    /// Contents of `report.json`.
+    /// Contents of `report.json`. Its warnings include that the file could not be written.
     pub report: Report,
-    /// Problems that did not end the run: an incomplete recording, or a report that was not written.
-    pub warnings: Vec<String>,
 }
 
-/// Runs `job` with `library`, which fits its rig, to its end and writes a new run folder. `pacing` counts missed deadlines of a run in real time; `watcher`
-/// receives all events and does not influence the run. `Err` if the job cannot be run or a file cannot be written.
+/// Runs `job` with `library`, which fits its rig, to its end and writes a new run folder. `pacing` counts missed
+/// deadlines of a run in real time; `watcher` receives all events and does not influence the run. `Err` if the job
+/// cannot be run or a file cannot be written.
 pub fn run(
     job: &JobSpec,
     library: Arc<Library>,
@@ -110,9 +108,9 @@ pub fn run(
     pacing: &PacingStats,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
-    RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))?;
+    check_mode(options)?;
     // a job that cannot be run leaves no folder
-    let setup = RunSetup::new(job, &library).map_err(RunError::Job)?;
+    let setup = RunSetup::new(job, &library)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
     let is_broken = || interlock.tripped().is_some() || options.recording_options.journal.fault().is_some();
@@ -136,14 +134,17 @@ pub fn run_linked(
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
     let session = Session { job, library, folder, options, clock, controls };
-    let checked = RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()));
-    match checked.and_then(|()| RunSetup::new(job, &session.library).map_err(RunError::Job)) {
+    match check_mode(options).and_then(|()| Ok(RunSetup::new(job, &session.library)?)) {
         Ok(setup) => session.run(setup, watcher).map(|(result, _)| result),
         Err(error) => {
             session.leave_reason(None, &error);
             Err(error)
         }
     }
+}
+
+fn check_mode(options: &RunOptions) -> Result<(), RunError> {
+    RerunSink::check(&options.rerun).map_err(|error| RunError::RerunMode(error.to_string()))
 }
 
 /// A run that has ended, and whether its files were written.
@@ -187,13 +188,14 @@ impl Session<'_> {
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
         let mut named = TruthInJobOrder::new(setup.truth());
-        let mut journal_failure = StopOnJournalFailure {
-            journal: &options.recording_options.journal,
-            stop: controls.stop,
-            is_reported: false,
-        };
+        let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
-            journal_failure.check(sinks, at);
+            // no motion goes unrecorded
+            if let (Some(fault), false) = (options.recording_options.journal.fault(), is_lost) {
+                is_lost = true;
+                controls.stop.store(true, Ordering::SeqCst);
+                sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
+            }
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
         let mut sinks = Fanout::new().with(&mut named).with(&mut journal);
@@ -205,7 +207,7 @@ impl Session<'_> {
         controls.explain(&mut finish, &mut sinks, setup.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
-        let warnings: Vec<String> = finish_recording(recorder, options).into_iter().collect();
+        let warning = finish_recording(recorder, options);
         let mut sinks = Fanout::new().with(&mut journal).with(&mut stats).with(watcher);
         report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
@@ -217,18 +219,12 @@ impl Session<'_> {
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
-        report.warnings = warnings;
-        if options.real_time {
-            report.deadline_misses = Some(controls.pacing.misses().saturating_sub(missed_before));
-            report.worst_late_frames = Some(controls.pacing.worst_frames());
-            report.behind_s = Some(rounded(controls.pacing.behind().as_secs_f64()));
-        }
+        report.warnings = warning.into_iter().collect();
+        report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
-        let warnings = report.warnings.clone();
-        let result = RunResult { folder: folder.path().to_owned(), report, warnings };
-        Ok((result, written.and(reported)))
+        Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
     }
 
     /// Pacing by the clock, for a run in real time.
@@ -241,25 +237,6 @@ impl Session<'_> {
             frame_hz: setup.model.frame_hz,
             deadlines: self.job.deadlines,
         })
-    }
-}
-
-/// Stops the run as soon as its journal fails, so that no motion goes unrecorded.
-struct StopOnJournalFailure<'a> {
-    journal: &'a WriterStatus,
-    stop: &'a AtomicBool,
-    /// True once the failure was reported.
-    is_reported: bool,
-}
-
-impl StopOnJournalFailure<'_> {
-    /// Stops the run and reports to `sinks`, once, if the journal has failed.
-    fn check(&mut self, sinks: &mut dyn Sink, at: PlateTime) {
-        if let (Some(fault), false) = (self.journal.fault(), self.is_reported) {
-            self.is_reported = true;
-            self.stop.store(true, Ordering::SeqCst);
-            sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
-        }
     }
 }
 
@@ -323,7 +300,7 @@ fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     match (finished, options.recording_options.recording.ended_early()) {
         (_, Some(end)) => Some(end.text),
         (Err(error), None) => Some(error.to_string()),
-        (Ok(stats), None) if has_viewer && !stats.viewer_caught_up => {
+        (Ok(false), None) if has_viewer => {
             Some("the viewer did not take the whole run; the recording in the run folder is whole".into())
         }
         (Ok(_), None) => None,

@@ -4,9 +4,9 @@ use std::io;
 use std::path::Path;
 
 use upm_control::Sink;
-use upm_recording::{LocalisedRecord, RecordingOptions, RerunMode};
+use upm_recording::{RecordingOptions, RerunMode};
 
-use crate::types::{RecordingError, RecordingStats, RunContext};
+use crate::types::{RecordingError, RunContext};
 
 /// Stand-in for a recording: accepts every fact and keeps none.
 pub struct RerunSink(());
@@ -14,7 +14,7 @@ pub struct RerunSink(());
 impl RerunSink {
     /// Refuses every mode but [`RerunMode::Off`].
     pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
-        refuse(mode).map(|_| ())
+        refuse(mode)
     }
 
     /// Starts no recording. Refuses every mode but [`RerunMode::Off`].
@@ -25,12 +25,12 @@ impl RerunSink {
         _context: RunContext,
         _keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
-        refuse(mode).map(|_| Self(()))
+        refuse(mode).map(Self)
     }
 
-    /// Returns empty statistics.
-    pub fn finish(self) -> Result<RecordingStats, RecordingError> {
-        Ok(RecordingStats::default())
+    /// There is no viewer.
+    pub fn finish(self) -> Result<bool, RecordingError> {
+        Ok(false)
     }
 }
 
@@ -52,20 +52,9 @@ impl LiveServer {
     }
 }
 
-/// Refuses every mode but [`RerunMode::Off`].
-pub fn record_located(
-    mode: &RerunMode,
-    _path: &Path,
-    _title: &str,
-    _found: &LocalisedRecord,
-    _kinds: &[&str],
-) -> Result<RecordingStats, RecordingError> {
-    refuse(mode)
-}
-
-fn refuse(mode: &RerunMode) -> Result<RecordingStats, RecordingError> {
+fn refuse(mode: &RerunMode) -> Result<(), RecordingError> {
     match mode {
-        RerunMode::Off => Ok(RecordingStats::default()),
+        RerunMode::Off => Ok(()),
         mode => Err(RecordingError::NotBuiltIn { mode: mode.clone() }),
     }
 }

@@ -9,12 +9,12 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{PartAppearance, PathAppearance, RecordingError, RecordingStats, RunContext};
+pub use types::{PartAppearance, PathAppearance, RecordingError, RunContext};
 
 #[cfg(not(feature = "rerun"))]
-pub use absent::{LiveServer, RerunSink, record_located};
+pub use absent::{LiveServer, RerunSink};
 #[cfg(feature = "rerun")]
-pub use rerun::{LiveServer, RerunSink, record_located};
+pub use rerun::{LiveServer, RerunSink};
 
 /// True if this build can make recordings.
 pub const BUILT_IN: bool = cfg!(feature = "rerun");

@@ -6,9 +6,8 @@
 //! messages through a separate thread and queue; when it lags or is absent, messages to it are dropped and counted, and
 //! the run never waits. Viewers that connect by themselves are served by a [`LiveServer`].
 //!
-//! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `vision` (the
-//! localisation of table and parts), `table` (from above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`,
-//! `log`. Rerun's 2D views have y down; `table` is logged with y negated, so that y is up.
+//! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `table` (from
+//! above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`, `log`. Rerun's 2D views have y down; `table` is logged with y negated, so that y is up.
 
 mod blueprint;
 mod camera;
@@ -16,19 +15,15 @@ mod destination;
 mod field;
 mod file;
 mod live;
-
 mod live_server;
 #[cfg(test)]
 mod live_tests;
-mod located;
 mod log_view;
-mod names;
 mod paint;
 mod picture;
 mod plots;
 mod recorder;
 mod run_stream;
-mod samples;
 mod signals;
 mod sink;
 #[cfg(test)]
@@ -40,8 +35,6 @@ mod task_tests;
 #[cfg(test)]
 mod tests;
 mod trails;
-mod vision;
 
 pub use live_server::LiveServer;
-pub use located::record_located;
 pub use sink::RerunSink;

@@ -92,16 +92,3 @@ pub enum RecordingError {
         reason: String,
     },
 }
-
-/// Statistics of a finished recording.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RecordingStats {
-    /// Size of the file, bytes.
-    pub file_bytes: u64,
-    /// Number of messages in it.
-    pub messages: u64,
-    /// Number of messages that a viewer missed because it lagged.
-    pub viewer_missed: u64,
-    /// True when a viewer was fed and received all remaining messages at the end.
-    pub viewer_caught_up: bool,
-}

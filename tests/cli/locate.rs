@@ -282,25 +282,3 @@ fn the_stages_are_drawn() {
     let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
     assert!(stderr.starts_with(&format!("upm: cannot write {good}: ")), "{stderr}");
 }
-
-#[test]
-fn a_recording_is_made_when_asked_for() {
-    let folder = TempDir::new().unwrap();
-    let good = saved(&folder, "good.png", papers_plate());
-    let out = folder.path().join("a/recordings");
-    let args = ["locate", &good, &good, "--rerun", "save", "--out", &text(&out)];
-    if cfg!(feature = "rerun") {
-        let (stdout, _) = status(&args, 0);
-        for name in ["good.rrd", "good-2.rrd"] {
-            let path = out.join(name);
-            assert!(path.metadata().unwrap().len() > 10_000, "{name}");
-            assert!(stdout.contains(&format!("written: {}", path.display())), "{stdout}");
-        }
-    } else {
-        let (_, stderr) = status(&args, 2);
-        assert!(stderr.contains("--rerun: expected off") && stderr.contains("found save"), "{stderr}");
-        assert!(!out.exists());
-    }
-    let (_, stderr) = status(&["locate", &good, "--rerun", "sometimes"], 2);
-    assert!(stderr.contains("--rerun: ") && stderr.lines().count() == 1, "{stderr}");
-}

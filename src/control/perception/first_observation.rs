@@ -14,15 +14,14 @@ use upm_core::geometry::Vec2;
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::Clock;
-use upm_perception::vision::{DebugImages, Table, locate_table_in_stages};
+use upm_perception::vision::{Table, locate_table};
 
 /// Sampling points across the plate for the check of the exposure.
 const ACROSS: usize = 24;
 /// Distance from the plate's middle at which the ground beside it is sampled, in half sides.
 const BESIDE: f64 = 1.06;
 
-/// Captures frames until one shows the table. Returns the table, the stages of the search and the time at which it
-/// began.
+/// Captures frames until one shows the table. Returns the table and the time at which the search began.
 pub(super) fn find_table(
     rig: &mut dyn Rig,
     model: &RigModel,
@@ -31,9 +30,8 @@ pub(super) fn find_table(
     sink: &mut dyn Sink,
     clock: &dyn Clock,
     stop: &AtomicBool,
-) -> OrEnd<(Table, DebugImages, Duration)> {
+) -> OrEnd<(Table, Duration)> {
     let mut why = String::new();
-    let mut stages = DebugImages::default();
     let mut conditions = Conditions::default();
     let since = rig.now();
     let gives_up = guards.has(Condition::TableMissing);
@@ -41,10 +39,10 @@ pub(super) fn find_table(
         check_stop(stop)?;
         flow(rig.capture(frame))?;
         let started = clock.elapsed();
-        match locate_table_in_stages(frame, &model.lens, model.plate_side_m, &mut stages) {
+        match locate_table(frame, &model.lens, model.plate_side_m) {
             Ok(table) if !is_overexposed(frame, &table) => {
                 conditions.end_run(frame.exposed_at, sink);
-                return Continue((table, stages, started));
+                return Continue((table, started));
             }
             Ok(_) => why = "the plate or the ground is overexposed".to_owned(),
             Err(fault) => why = fault.to_string(),

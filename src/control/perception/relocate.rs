@@ -12,7 +12,7 @@ use crate::{ConfirmedFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::rig::Rig;
 use upm_core::time::Clock;
-use upm_perception::vision::{CoinFinder, DebugImages, Detection, Table, Tracker, locate_table_in_stages};
+use upm_perception::vision::{CoinFinder, Detection, Table, Tracker, locate_table};
 
 /// Allowed change of the distances between corners where the table is located anew: px, plus this share of the corners'
 /// displacement.
@@ -35,7 +35,6 @@ const SAME_PART_M: f64 = 0.2e-3;
 pub(super) struct Relocated {
     table: Table,
     found: Vec<Detection>,
-    stages: DebugImages,
     localise_us: f64,
 }
 
@@ -61,9 +60,8 @@ fn has_shape_of(table: &Table, before: &Table) -> bool {
 impl Perception {
     /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
     fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
-        let (mut stages, started) = (DebugImages::default(), clock.elapsed());
-        let table = locate_table_in_stages(&self.frame, &self.lens, self.table.side_m, &mut stages);
-        let table = table.map_err(|fault| fault.to_string())?;
+        let started = clock.elapsed();
+        let table = locate_table(&self.frame, &self.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
         if !has_shape_of(&table, &self.table) && self.guards.has_code("table_shape") {
             return Err(
                 "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
@@ -72,9 +70,8 @@ impl Perception {
         let size = [self.frame.width, self.frame.height];
         let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
         let found = finder.find(&self.frame);
-        stages.disk_response = finder.response();
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
-        Ok(Relocated { table, found, stages, localise_us })
+        Ok(Relocated { table, found, localise_us })
     }
 
     /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
@@ -122,7 +119,7 @@ impl Perception {
 
     /// Continues with a table that was located anew.
     fn relocate(&mut self, located: Relocated, after: Relocation, sink: &mut dyn Sink) -> OrEnd {
-        let Relocated { table, found, stages, localise_us } = located;
+        let Relocated { table, found, localise_us } = located;
         let count = found.len();
         let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
         for (part, (expected_m, _)) in before.iter_mut().zip(&self.expected_m) {
@@ -147,7 +144,7 @@ impl Perception {
             return Break(RunEnd::guarded(Condition::PartsJumped, reason));
         }
         let frame = &self.frame;
-        sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, stages: &stages, localise_us });
+        sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
         let swings = after == Relocation::Knocked;
         self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
         self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);

@@ -35,37 +35,27 @@ impl Document {
 
     /// The kind's name with its article.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Job => "a job",
-            Self::Rig => "a rig",
-            Self::Library => "a COR library",
-            Self::Experiment => "an experiment",
-            Self::Trace => "a trace",
-            Self::Daemon => "a daemon's configuration",
-        }
+        self.facts()[0]
     }
 
     /// The command that takes this kind of document.
     pub fn command(self) -> &'static str {
-        match self {
-            Self::Job => "upm run",
-            Self::Rig => "upm calibrate --rig",
-            Self::Library => "upm check",
-            Self::Experiment => "upm simulate",
-            Self::Trace => "upm-lab waveform-fit --trace",
-            Self::Daemon => "upm serve --config",
-        }
+        self.facts()[1]
     }
 
     /// The key that this kind requires and no other kind has.
     pub fn key(self) -> &'static str {
+        self.facts()[2]
+    }
+
+    fn facts(self) -> [&'static str; 3] {
         match self {
-            Self::Job => "task",
-            Self::Rig => "motors",
-            Self::Library => "entries",
-            Self::Experiment => "pulses",
-            Self::Trace => "counts",
-            Self::Daemon => "plates",
+            Self::Job => ["a job", "upm run", "task"],
+            Self::Rig => ["a rig", "upm calibrate --rig", "motors"],
+            Self::Library => ["a COR library", "upm check", "entries"],
+            Self::Experiment => ["an experiment", "upm simulate", "pulses"],
+            Self::Trace => ["a trace", "upm-lab waveform-fit --trace", "counts"],
+            Self::Daemon => ["a daemon's configuration", "upm serve --config", "plates"],
         }
     }
 }

@@ -2,10 +2,10 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix3};
 use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use super::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
-use upm_core::document::SchemaKey;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 use upm_core::units::{m_from_mm, mm_from_m};
@@ -39,7 +39,8 @@ type RawMatrix = [[[f64; 2]; 3]; 3];
 pub struct RawLibrary {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
-    pub schema: SchemaKey,
+    #[schemars(with = "String")]
+    pub schema: IgnoredAny,
     /// Name of the rig it was measured on.
     pub rig: String,
     /// Fingerprint of that rig's file.
@@ -210,7 +211,7 @@ impl From<&Library> for RawLibrary {
     fn from(library: &Library) -> Self {
         let [x, y, spin] = library.shapes.each_ref().map(raw_shape);
         Self {
-            schema: SchemaKey,
+            schema: IgnoredAny,
             rig: library.rig.clone(),
             fingerprint: library.fingerprint.clone(),
             motor_arrangement: library.motor_arrangement,

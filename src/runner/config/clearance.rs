@@ -1,7 +1,5 @@
 //! Checks whether parts have room at their start and at their targets.
 
-use std::f64::consts::PI;
-
 use super::kinds::{KindSpec, LEAST_SEEN_RADIUS_M, PartGroup};
 use super::rig::RigSpec;
 use upm_core::document::{Diagnostics, Path, counted};
@@ -47,7 +45,7 @@ pub(super) fn check_total(groups: &[PartGroup], faults: &mut Diagnostics) -> boo
     total <= MOST_PARTS
 }
 
-/// Reports parts that start off the plate or in one another, and more parts than there is room for.
+/// Reports parts that start off the plate or in one another.
 pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
@@ -61,7 +59,6 @@ pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostic
         .filter_map(|(i, group)| Some((group.position_m?, radius(group), at.index(i).key("position_mm"))))
         .collect();
     check_apart(&given, 0.0, faults);
-    check_number(groups, rig, faults);
 }
 
 /// Reports a disc at `at` whose rim is not on the plate, `margin_m` inside its edge.
@@ -108,63 +105,4 @@ pub(super) fn apart_allowed(least_m: f64, gap_m: f64) -> String {
         _ => format!("both radii and {:.3} mm between the rims", mm_from_m(gap_m)),
     };
     format!("{:.3} mm or more ({why})", mm_from_m(least_m))
-}
-
-/// Reports parts that cannot all be on the plate, by two bounds that hold for every arrangement.
-fn check_number(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
-    let side_m = rig.model.plate_side_m;
-    let radii = |groups: &mut dyn Iterator<Item = &PartGroup>| -> Vec<f64> {
-        let one = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
-        groups.flat_map(|group| std::iter::repeat_n(one(group), group.count)).collect()
-    };
-    let all = radii(&mut groups.iter());
-    let random = radii(&mut groups.iter().filter(|group| group.position_m.is_none()));
-    if !fits(&all, side_m, 0.0) || !fits(&random, side_m - 2.0 * START_MARGIN_M, START_GAP_M) {
-        let at = Path::root().key("parts");
-        faults.push(at, counted(all.len(), "part"), "as many as lie on the plate side by side");
-    }
-}
-
-/// False if discs with `gap_m` between them cannot fit in a square: together they cover more than it, or that many
-/// discs of the smallest size violate Groemer's bound (Math. Z. 73, 285, 1960): points at least d apart in a convex
-/// figure number at most `2A/(√3 d²) + P/(2d) + 1`.
-pub(super) fn fits(radii_m: &[f64], side_m: f64, gap_m: f64) -> bool {
-    let smallest_m = radii_m.iter().copied().fold(f64::INFINITY, f64::min);
-    let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
-    if radii_m.is_empty() {
-        return true;
-    }
-    if side_m < 2.0 * largest_m {
-        return false;
-    }
-    let covered: f64 = radii_m.iter().map(|radius_m| PI * (radius_m + 0.5 * gap_m).powi(2)).sum();
-    let (centers_m, apart_m) = (side_m - 2.0 * smallest_m, 2.0 * smallest_m + gap_m);
-    let most = 2.0 / 3_f64.sqrt() * (centers_m / apart_m).powi(2) + 2.0 * centers_m / apart_m + 1.0;
-    covered <= (side_m + gap_m).powi(2) && radii_m.len() as f64 <= most + 1e-9
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// 2 + 6 √3
-    const HEXAGONAL: f64 = 12.392_304_845_413_264;
-
-    #[test]
-    fn packings_that_exist_are_never_refused() {
-        for n in 1..12_usize {
-            // n × n discs of diameter 2 on a square lattice with gaps
-            let side = 2.0 * n as f64 + 0.1 * (n as f64 - 1.0);
-            assert!(fits(&vec![1.0; n * n], side, 0.1));
-        }
-        // seven rows of 6 and 5 in turn, interlocked: more than on the square lattice
-        assert!(fits(&[1.0; 39], HEXAGONAL, 0.0));
-    }
-
-    #[test]
-    fn too_many_are_refused() {
-        assert!(!fits(&[1.0; 2], 2.5, 0.0));
-        assert!(!fits(&[1.0; 43], HEXAGONAL, 0.0), "Groemer's bound is 42.6, the area's 48.9");
-        assert!(!fits(&[3.0], 5.0, 0.0));
-    }
 }

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
 use super::rig_source::RigSource;
 use super::units;
-use upm_core::document::SchemaKey;
 
 /// The daemon's configuration: plates, and limits of queue, disk and memory.
 #[derive(Deserialize, JsonSchema)]
@@ -17,7 +17,8 @@ use upm_core::document::SchemaKey;
 pub(crate) struct DaemonFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default)]
-    pub(crate) _schema: SchemaKey,
+    #[schemars(with = "String")]
+    pub(crate) _schema: IgnoredAny,
     /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach
     /// asks for a token.
     #[serde(default = "listen")]

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::faults::FaultList;
 use super::rig_source::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
-use upm_core::document::SchemaKey;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,7 +18,8 @@ use upm_core::document::SchemaKey;
 pub struct JobFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
-    pub(crate) schema: SchemaKey,
+    #[schemars(with = "String")]
+    pub(crate) schema: IgnoredAny,
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub(crate) name: String,

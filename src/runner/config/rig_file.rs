@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use upm_core::document::SchemaKey;
 use upm_core::signal::MotorArrangement;
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
@@ -15,7 +15,8 @@ use upm_core::signal::MotorArrangement;
 pub struct RigFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
-    pub(crate) schema: SchemaKey,
+    #[schemars(with = "String")]
+    pub(crate) schema: IgnoredAny,
     /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub name: String,

@@ -2,13 +2,14 @@
 
 use schemars::JsonSchema;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
 use super::rig_source::RigSource;
-use upm_core::document::{Diagnostic, Diagnostics, Path, SchemaKey, parse_and_build, text_of};
+use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
 use upm_core::geometry::Twist;
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
@@ -22,7 +23,8 @@ use upm_sim::OpenPulse;
 pub(super) struct ExperimentFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default)]
-    _schema: SchemaKey,
+    #[schemars(with = "String")]
+    _schema: IgnoredAny,
     /// The rig: a path relative to this file, or the object itself.
     rig: RigSource,
     /// How the plate moves.

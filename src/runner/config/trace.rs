@@ -3,11 +3,12 @@
 use std::f64::consts::TAU;
 
 use schemars::JsonSchema;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::read::point_m;
-use upm_core::document::{Diagnostic, Diagnostics, Path, SchemaKey, counted, parse_and_build, text_of};
+use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
 use upm_core::units::mm_from_m;
 
@@ -21,7 +22,8 @@ const LEAST_SAMPLES: f64 = 16.0;
 pub(super) struct TraceFile {
     /// Path or address of this file's schema, for editors. Nothing else reads it.
     #[serde(rename = "$schema", default, skip_serializing)]
-    schema: SchemaKey,
+    #[schemars(with = "String")]
+    schema: IgnoredAny,
     /// Samples a second in every channel; 16 or more to a period of `base_hz`.
     #[schemars(range(min = 16.0, max = 1e6))]
     sample_hz: f64,
@@ -164,7 +166,7 @@ fn file_of(pulse: &RecordedPulse) -> TraceFile {
         .each_ref()
         .map(|channel| channel.iter().map(|&count| (count != MISSING_SAMPLE).then_some(count)).collect());
     TraceFile {
-        schema: SchemaKey,
+        schema: IgnoredAny,
         sample_hz: trace.sample_hz,
         first_sample_s: trace.first_sample_s,
         mps2_per_count: trace.mps2_per_count,

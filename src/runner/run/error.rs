@@ -4,15 +4,9 @@ use upm_core::rig::RigFault;
 /// Reason why a job was not run, or its files were not written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// Faults of a file, or a missing file.
-    #[error("{}", one_a_line(.0))]
-    Document(Vec<Diagnostic>),
-    /// Fault of a job that cannot be run.
-    #[error("{0}")]
-    Job(Diagnostic),
-    /// The library is invalid or was measured on another rig.
-    #[error("{}", one_a_line(.0))]
-    Library(Vec<Diagnostic>),
+    /// Faults of a file, a missing file, or a job or library that cannot be run.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Input(Vec<Diagnostic>),
     /// A file of the run folder could not be written.
     #[error("cannot write {path}: {reason}")]
     Write {
@@ -34,7 +28,13 @@ pub enum RunError {
 
 impl From<Vec<Diagnostic>> for RunError {
     fn from(faults: Vec<Diagnostic>) -> Self {
-        Self::Document(faults)
+        Self::Input(faults)
+    }
+}
+
+impl From<Diagnostic> for RunError {
+    fn from(fault: Diagnostic) -> Self {
+        Self::Input(vec![fault])
     }
 }
 
@@ -46,10 +46,6 @@ impl RunError {
 
     /// True if the input is at fault, not the machine.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Document(_) | Self::Job(_) | Self::Library(_) | Self::RerunMode(_))
+        matches!(self, Self::Input(_) | Self::RerunMode(_))
     }
-}
-
-fn one_a_line(faults: &[Diagnostic]) -> String {
-    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }

@@ -33,9 +33,9 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
-        let library = job_library(job).map_err(RunError::Library)?;
+        let library = job_library(job)?;
         let planner = PlannerSelection::with_forecast(job, &library);
-        Self::planned_by(job, library, planner).map_err(RunError::Job)
+        Ok(Self::planned_by(job, library, planner)?)
     }
 
     /// A run of `job` by `planner`. `Err` if the parts find no places.
@@ -92,7 +92,7 @@ impl<'a> InMemoryRun<'a> {
         let Self { job, library, setup, has_own_task } = self;
         if !setup.faults.is_empty() {
             let found = counted(setup.faults.len(), "fault");
-            return Err(RunError::Job(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's")));
+            return Err(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's").into());
         }
         let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
         let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));

@@ -2,7 +2,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::library_faults;
+use super::{RunError, library_faults};
 use crate::config::RigSpec;
 use upm_core::document::{Diagnostic, reason};
 use upm_core::files::write_whole;
@@ -18,54 +18,37 @@ pub struct LibraryOutput {
     draft: PathBuf,
 }
 
-/// Reason why a library was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum LibraryOutputFault {
-    /// The path is a folder or a device.
-    #[error("{}: expected the path of a file, found a folder or device", path.display())]
-    NotAFile {
-        /// Path given for the library.
-        path: PathBuf,
-    },
-    /// The file cannot be written.
-    #[error("cannot write {}: {}", path.display(), reason(error))]
-    Write {
-        /// Path given for the library, also when its draft cannot be written.
-        path: PathBuf,
-        /// Cause of the failure.
-        error: io::Error,
-    },
-    /// The measured library is invalid for runs; one line per fault.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Unusable(Vec<Diagnostic>),
-}
-
 impl LibraryOutput {
     /// Checks, before anything is measured, that a library can be written to `out`.
-    pub fn check(out: &Path) -> Result<Self, LibraryOutputFault> {
+    pub fn check(out: &Path) -> Result<Self, RunError> {
         let is_plain = fs::metadata(out).map_or(true, |found| found.is_file());
         let Some(name) = out.file_name().filter(|_| is_plain) else {
-            return Err(LibraryOutputFault::NotAFile { path: out.to_owned() });
+            let file = out.display().to_string();
+            return Err(Diagnostic::new(&file, "$", "a folder or device", "the path of a file").into());
         };
         let mut name = name.to_owned();
         name.push(".part");
         let draft = out.with_file_name(name);
-        File::create(&draft).map_err(|error| LibraryOutputFault::Write { path: out.to_owned(), error })?;
+        File::create(&draft).map_err(|error| not_written(out, &error))?;
         Ok(Self { out: out.to_owned(), draft })
     }
 
     /// Reads the bytes of `library` back as a run on `rig` would, and replaces the file only if they are valid.
-    pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), LibraryOutputFault> {
+    pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), RunError> {
         let (text, file) = (library.to_json(), self.out.display().to_string());
-        let read = Library::from_json(&text, &file).map_err(LibraryOutputFault::Unusable)?;
+        let read = Library::from_json(&text, &file)?;
         let faults = library_faults(&read, &file, rig);
         if !faults.is_empty() {
-            return Err(LibraryOutputFault::Unusable(faults));
+            return Err(faults.into());
         }
         File::create(&self.draft)
             .and_then(|draft| write_whole(draft, &self.draft, &self.out, text.as_bytes()))
-            .map_err(|error| LibraryOutputFault::Write { path: self.out.clone(), error })
+            .map_err(|error| not_written(&self.out, &error))
     }
+}
+
+fn not_written(out: &Path, error: &io::Error) -> RunError {
+    RunError::Write { path: out.display().to_string(), reason: reason(error) }
 }
 
 impl Drop for LibraryOutput {
@@ -111,7 +94,7 @@ mod tests {
         let of_another_rig = Library { fingerprint: "0".into(), ..shipped() };
         for (library, path) in [(dead_channel, "accelerometer_gain[0]"), (of_another_rig, "fingerprint")] {
             match LibraryOutput::check(&out).unwrap().replace(&library, &rig()) {
-                Err(LibraryOutputFault::Unusable(faults)) => assert_eq!(faults[0].path, path),
+                Err(RunError::Input(faults)) => assert_eq!(faults[0].path, path),
                 other => panic!("{other:?}"),
             }
             assert_eq!(fs::read_to_string(&out).unwrap(), "old");
@@ -122,10 +105,10 @@ mod tests {
     #[test]
     fn output_that_is_a_folder_or_lacks_one_is_refused_beforehand() {
         let folder = tempfile::tempdir().unwrap();
-        let not_a_file = |out: &Path| matches!(LibraryOutput::check(out), Err(LibraryOutputFault::NotAFile { .. }));
+        let not_a_file = |out: &Path| matches!(LibraryOutput::check(out), Err(RunError::Input(_)));
         assert!(not_a_file(folder.path()) && not_a_file(&folder.path().join("..")));
         let nowhere = folder.path().join("none/l.json");
-        assert!(matches!(LibraryOutput::check(&nowhere), Err(LibraryOutputFault::Write { .. })));
+        assert!(matches!(LibraryOutput::check(&nowhere), Err(RunError::Write { .. })));
         assert_eq!(names(folder.path()), [""; 0]);
     }
 }

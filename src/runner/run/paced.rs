@@ -5,6 +5,7 @@ use crate::config::DeadlinePolicy;
 use upm_core::rig::{Interlock, Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::{Clock, PlateTime};
+use upm_recording::{PacingReport, rounded};
 
 /// Interval at which a waiting thread polls an interlock that does not wake it.
 const LONGEST_SLEEP: Duration = Duration::from_millis(20);
@@ -180,6 +181,15 @@ impl PacingStats {
     /// Total delay of plate time against the clock in this run; it is never made up for.
     pub fn behind(&self) -> Duration {
         Duration::from_nanos(self.behind_ns.load(Ordering::Relaxed))
+    }
+
+    /// The figures of a run before which `missed_before` deadlines were missed.
+    pub(super) fn report(&self, missed_before: u64) -> PacingReport {
+        PacingReport {
+            deadline_misses: self.misses().saturating_sub(missed_before),
+            worst_late_frames: self.worst_frames(),
+            behind_s: rounded(self.behind().as_secs_f64()),
+        }
     }
 
     /// Resets the figures of a run; returns the number of deadlines missed before it.

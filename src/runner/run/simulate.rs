@@ -1,9 +1,10 @@
 //! The simulated rig without control: pulses played open loop, and the first frame of a job.
 
+use super::RunError;
 use super::setup::simulated_rig;
-use crate::config::{Diagnostic, JobSpec, SimulateSpec};
+use crate::config::{JobSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
-use upm_core::rig::{Rig, RigFault};
+use upm_core::rig::Rig;
 use upm_core::signal::Frame;
 use upm_sim::{self as sim, OpenLoopError, OpenLoopTrajectories};
 
@@ -42,20 +43,9 @@ pub struct TruePart {
     pub foot_px: Vec2,
 }
 
-/// Reason why there is no first frame.
-#[derive(Debug, thiserror::Error)]
-pub enum FirstFrameError {
-    /// The parts find no places.
-    #[error("{0}")]
-    Job(Diagnostic),
-    /// The camera fails.
-    #[error(transparent)]
-    Rig(#[from] RigFault),
-}
-
 /// Places the parts of `job` and takes a picture.
-pub fn first_frame(job: &JobSpec) -> Result<FirstFrame, FirstFrameError> {
-    let (mut rig, placed) = simulated_rig(job).map_err(FirstFrameError::Job)?;
+pub fn first_frame(job: &JobSpec) -> Result<FirstFrame, RunError> {
+    let (mut rig, placed) = simulated_rig(job)?;
     let [width, height] = job.rig.model.frame_size_px;
     let mut frame = Frame::new(width, height);
     rig.capture(&mut frame)?;

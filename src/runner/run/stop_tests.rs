@@ -159,7 +159,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     let answer = plate.interlock.stop_times().unwrap();
     assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
-    assert_eq!(stopped.report.deadline_misses, None);
+    assert_eq!(stopped.report.pacing, None);
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
 }
 
@@ -189,8 +189,8 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.stop_times().unwrap();
     assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
-    assert_eq!(stopped.report.deadline_misses, Some(1));
-    assert!(stopped.report.worst_late_frames > Some(10), "{:?}", stopped.report.worst_late_frames);
+    let pacing = stopped.report.pacing.unwrap();
+    assert!(pacing.deadline_misses == 1 && pacing.worst_late_frames > 10, "{pacing:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
 }
 
@@ -200,8 +200,9 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let stand_still = || plate.clock.ahead_ns.store(8_000_000_000, Ordering::Relaxed);
     let stalled = StopRecord::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
     let report = &stalled.report;
-    assert_eq!((report.outcome, report.deadline_misses, &report.stop), (Outcome::Completed, Some(1), &None));
-    let behind_s = report.behind_s.unwrap();
+    let pacing = report.pacing.unwrap();
+    assert_eq!((report.outcome, pacing.deadline_misses, &report.stop), (Outcome::Completed, 1, &None));
+    let behind_s = pacing.behind_s;
     assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
     assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
     assert_eq!(plate.interlock.tripped(), None);
@@ -213,7 +214,7 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let effective = std::fs::read_to_string(fast.folder().join("effective.json")).unwrap();
     let effective: Value = serde_json::from_str(&effective).unwrap();
     assert_eq!(effective["job"]["deadlines"], "strict");
-    assert_eq!(fast.report.behind_s, None, "there was no clock to keep to");
+    assert_eq!(fast.report.pacing, None, "there was no clock to keep to");
 }
 
 #[test]

@@ -4,21 +4,13 @@ use std::f64::consts::SQRT_2;
 
 use super::planner_selection::PlannerSelection;
 use super::setup::{MEASURED_SHARE, MIN_DISTANCE_M};
-use crate::config::{Diagnostic, JobSpec, TaskSpec};
+use crate::config::{Diagnostic, FIELD_SCATTER_M, JobSpec, TaskSpec, accuracy_m};
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::{DisplacementModel, Library};
 use upm_planning::planner::PlanningMethod;
 
-/// Error of a part's measured place at rest, px: 2.9 to 3.1 µm rms at 0.35 mm/px in runs on `upm-2`, its camera's noise
-/// and lens included.
-const SENSING_PX: f64 = 0.01;
 /// Longest residual displacement that every planner leaves, since shorter steps get no pulse, m.
 const LEFT_M: f64 = 0.5 * MIN_DISTANCE_M;
-/// Scatter of a part along one axis after a synthesised field, m; the library has no such figure. In runs on `upm-2`
-/// parts end 0.05 mm off at random in both axes together.
-const FIELD_SCATTER_M: f64 = 0.035e-3;
-/// Number of standard deviations of sensing and scatter that are allowed for.
-const DEVIATIONS: f64 = 3.0;
 /// Share of the tolerance to which a hold brings back a part that has drifted.
 const BROUGHT_BACK: f64 = 0.5;
 
@@ -48,9 +40,7 @@ pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64
             (if parts > 1 { SQRT_2 * LEFT_M } else { LEFT_M }, scatter_m(&library.displacement))
         }
     };
-    let camera = &job.rig.sim.camera;
-    let sensing_m = SENSING_PX * camera.position_m.z / camera.lens.focal_px;
-    let finest_m = (left_m + DEVIATIONS * sensing_m.hypot(scatter_m)) / MEASURED_SHARE;
+    let finest_m = (left_m + accuracy_m(&job.rig.sim.camera, scatter_m)) / MEASURED_SHARE;
     match job.task {
         TaskSpec::PlusSign { .. } | TaskSpec::Trajectories { .. } | TaskSpec::Arrange { .. } => Some(finest_m),
         TaskSpec::Hold { .. } => Some(finest_m.max(left_m / (BROUGHT_BACK * MEASURED_SHARE))),

@@ -1,16 +1,14 @@
-use std::borrow::Cow;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::{RunError, RunSetup, TruthInJobOrder, job_library, play};
 use crate::config::{Diagnostic, JobSpec, Origin, reason};
-use upm_control::{FrameFacts, Sink};
+use upm_control::Sink;
 use upm_core::job::{RecordingEnd, StopCause};
 use upm_core::time::StoppedClock;
 use upm_recording::{Fanout, Journal};
@@ -40,80 +38,43 @@ pub enum Verification {
     },
 }
 
-/// Reason why a run could not be repeated.
-#[derive(Debug, thiserror::Error)]
-pub enum VerifyError {
-    /// A file of the run folder is missing or unreadable.
-    #[error("{path}: {reason}")]
-    Read {
-        /// Path of the file.
-        path: String,
-        /// Cause of the failure.
-        reason: String,
-    },
-    /// The job in `effective.json` is not valid.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Job(Vec<Diagnostic>),
-    /// The job cannot be run.
-    #[error(transparent)]
-    Run(#[from] RunError),
-}
-
 /// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when the result
 /// is known or `stop` is set. A run that was stopped from outside is compared up to the stop.
-pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verification, VerifyError> {
+pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verification, RunError> {
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
     let recorded = read(&run.join("journal.jsonl"))?;
-    let library = job_library(&job).map_err(RunError::Library)?;
-    let mut setup = RunSetup::new(&job, &library).map_err(RunError::Job)?;
+    let library = job_library(&job)?;
+    let mut setup = RunSetup::new(&job, &library)?;
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
     let mut named = TruthInJobOrder::new(setup.truth());
-    let mut until = Until { stop, enough: &enough };
-    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).with(&mut until);
+    let mut end_if_stopped = |_: &mut dyn Sink, _| {
+        enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
+    };
+    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).after_frame(&mut end_if_stopped);
     play(&mut setup, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
-    let broken = |error: io::Error| VerifyError::Read { path: "journal".into(), reason: error.to_string() };
+    let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(repetition.verdict())
 }
 
-/// Ends the repetition when it is stopped.
-struct Until<'a> {
-    stop: &'a AtomicBool,
-    enough: &'a AtomicBool,
-}
-
-impl Sink for Until<'_> {
-    fn frame(&mut self, _: &FrameFacts<'_>) {
-        if self.stop.load(Ordering::Relaxed) {
-            self.enough.store(true, Ordering::Relaxed);
-        }
-    }
-}
-
-fn read(path: &Path) -> Result<String, VerifyError> {
-    let unread = |error: io::Error| {
+fn read(path: &Path) -> Result<String, Diagnostic> {
+    fs::read_to_string(path).map_err(|error| {
         let reason = format!("{} (expected a run folder, as `upm run` leaves it)", reason(&error));
-        VerifyError::Job(vec![Diagnostic::unreadable(&path.display().to_string(), reason)])
-    };
-    fs::read_to_string(path).map_err(unread)
+        Diagnostic::unreadable(&path.display().to_string(), reason)
+    })
 }
 
-fn not_of_a_run(found: &dyn std::fmt::Display) -> String {
-    format!("expected what `upm run` left in a run folder, found {found}")
-}
-
-fn effective_job(text: &str, path: &Path) -> Result<JobSpec, VerifyError> {
+fn effective_job(text: &str, path: &Path) -> Result<JobSpec, RunError> {
     let file = path.display().to_string();
-    let no_job = |reason: String| VerifyError::Read { path: file.clone(), reason };
-    let effective: Value = serde_json::from_str(text).map_err(|error| no_job(not_of_a_run(&error)))?;
-    let job = effective.get("job").ok_or_else(|| no_job("job: expected the job that ran, found nothing".into()))?;
-    let camera = effective.get("camera").cloned().unwrap_or_default();
-    let camera = serde_json::from_value(camera).map_err(|error| no_job(format!("camera: {error}")))?;
-    let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None).map_err(VerifyError::Job)?;
-    Ok(job.with_camera(camera))
+    let no_run = |error| Diagnostic::new(&file, "$", error, "what `upm run` left in a run folder");
+    let effective: Value = serde_json::from_str(text).map_err(no_run)?;
+    let job = effective.get("job").ok_or_else(|| Diagnostic::missing(&file, "job", "the job that ran"))?;
+    let camera = serde_json::from_value(effective.get("camera").cloned().unwrap_or_default());
+    let camera = camera.map_err(|error| Diagnostic::new(&file, "camera", error, "the camera of the run"))?;
+    Ok(JobSpec::from_json(&job.to_string(), &Origin::of_file(path), None)?.with_camera(camera))
 }
 
 /// Writer of the repetition's journal, one line per write, which compares it with the recorded one.
@@ -131,7 +92,7 @@ impl<'a> Repetition<'a> {
     fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
         let recorded: Vec<&str> = recorded
             .split_inclusive('\n')
-            .filter(|line| !StoredEventLine::of(line).is_some_and(|event| event.is_of_recording()))
+            .filter(|line| !event_of(line).is_some_and(|event| is_of_recording(&event)))
             .collect();
         let stop = lines_before_stop(&recorded);
         let stopped = stop.is_some();
@@ -186,38 +147,26 @@ impl Write for Repetition<'_> {
     }
 }
 
-/// An event of a journal.
-#[derive(Deserialize)]
-struct StoredEventLine<'a> {
-    #[serde(rename = "type", borrow)]
-    kind: Cow<'a, str>,
-    #[serde(borrow)]
-    code: Option<Cow<'a, str>>,
-    #[serde(borrow)]
-    outcome: Option<Cow<'a, str>>,
+/// The event in a line of a journal, if it is one.
+fn event_of(line: &str) -> Option<Value> {
+    serde_json::from_str(line).ok().filter(|line: &Value| line["type"] == "event")
 }
 
-impl<'a> StoredEventLine<'a> {
-    /// `None` if the line is not an event.
-    fn of(line: &'a str) -> Option<Self> {
-        serde_json::from_str(line).ok().filter(|line: &Self| line.kind == "event")
-    }
+/// True for an event about the end of the recording, which depends on the disk and not on the run.
+fn is_of_recording(event: &Value) -> bool {
+    event["code"].as_str().and_then(RecordingEnd::of_code).is_some()
+}
 
-    /// True for an event about the end of the recording, which depends on the disk and not on the run.
-    fn is_of_recording(&self) -> bool {
-        self.code.as_deref().and_then(RecordingEnd::of_code).is_some()
-    }
-
-    /// True for an event of a stop from outside the run.
-    fn is_external_stop(&self) -> bool {
-        self.outcome.is_some() && self.code.as_deref().and_then(StopCause::of_code).is_some_and(StopCause::is_external)
-    }
+/// True for an event of a stop from outside the run.
+fn is_external_stop(event: &Value) -> bool {
+    event["outcome"].is_string()
+        && event["code"].as_str().and_then(StopCause::of_code).is_some_and(StopCause::is_external)
 }
 
 /// Number of lines before the stop from outside; `None` for a run that was not stopped. The lines after it, the event
 /// and a cycle that never ended, have no counterpart in the repetition.
 fn lines_before_stop(journal: &[&str]) -> Option<usize> {
-    let is_stop = |&at: &usize| StoredEventLine::of(journal[at]).is_some_and(|event| event.is_external_stop());
+    let is_stop = |&at: &usize| event_of(journal[at]).is_some_and(|event| is_external_stop(&event));
     (journal.len().saturating_sub(TAIL_LINES)..journal.len()).find(is_stop)
 }
 

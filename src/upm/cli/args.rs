@@ -231,12 +231,6 @@ pub struct LocateArgs {
     /// into a subfolder for each
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
-    /// Recordings for Rerun, one for each picture: off, save, connect[=URL] or spawn
-    #[arg(long, value_name = "MODE", default_value = "off", value_parser = rerun_mode)]
-    pub rerun: RerunMode,
-    /// Folder that recordings go into
-    #[arg(long, value_name = "DIR", default_value = "runs/locate")]
-    pub out: PathBuf,
 }
 
 /// Reads a recording mode; refuses one whose recordings cannot be made.

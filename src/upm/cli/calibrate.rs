@@ -3,17 +3,18 @@ use serde_json::json;
 use super::args::{CalibrateArgs, Common};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
 use super::progress::LateProgress;
+use super::run::run_failure;
 use upm_control::calibration::{CalibrationFault, CalibrationProgress};
 use upm_core::time::MonotonicClock;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_runner::config::RigSpec;
-use upm_runner::run::{LibraryOutput, LibraryOutputFault, calibrate as calibrate_rig, calibration_params};
+use upm_runner::run::{LibraryOutput, calibrate as calibrate_rig, calibration_params};
 
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::of_files)?;
     // checked before the long measurement
-    let output = LibraryOutput::check(&args.out).map_err(not_written)?;
+    let output = LibraryOutput::check(&args.out).map_err(|error| run_failure(&error))?;
     let stop = stop_on_interrupt();
     let mut progress = LateProgress::at_once(common);
     let params = calibration_params(&rig);
@@ -24,7 +25,8 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
         Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
         Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
-    output.replace(&library, &rig).map_err(not_written)?;
+    let replaced = output.replace(&library, &rig);
+    replaced.map_err(|error| Failure { status: NOT_REACHED, ..run_failure(&error) })?;
     let summary = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
     print(common.json, &summary, || {
         print_summary(&library)?;
@@ -36,14 +38,6 @@ fn show(shown: &mut LateProgress<MonotonicClock>, progress: CalibrationProgress)
     let CalibrationProgress { stage, done, total, plate_time_s } = progress;
     let share = done as f64 / total.max(1) as f64;
     shown.show(share, || format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));
-}
-
-fn not_written(fault: LibraryOutputFault) -> Failure {
-    match fault {
-        LibraryOutputFault::NotAFile { .. } => Failure::bad_input(fault),
-        LibraryOutputFault::Write { .. } => Failure::failed(fault),
-        LibraryOutputFault::Unusable(faults) => Failure { status: NOT_REACHED, ..Failure::faults(faults) },
-    }
 }
 
 fn print_summary(library: &Library) -> Result<(), Failure> {

@@ -2,6 +2,7 @@
 
 mod canvas;
 mod doubts;
+mod maps;
 mod naming;
 mod panels;
 mod picture;
@@ -12,16 +13,15 @@ mod setup;
 mod tone;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::json;
 
 use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
+use report::Localised;
 use search::locate_picture;
 use setup::LocateSetup;
-use upm_recording::{LocalisedRecord, RerunMode};
-use upm_viewer::record_located;
 
 /// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
@@ -29,12 +29,9 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let several = args.images.len() > 1;
     let mut worst = 0;
     for (image, name) in args.images.iter().zip(names_of(&args.images)) {
-        let shown = args.stages.is_some() || args.rerun != RerunMode::Off;
-        let made = locate_picture(image, &name, args, &setting, shown).and_then(|located| {
+        let made = locate_picture(image, &name, args, &setting).and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
-            let mut written = draw((&located.found, &kinds), &name, args)?;
-            written.extend(record((&located.found, &kinds), image, &name, args)?);
-            Ok((written, located))
+            Ok((draw(&located.found, &kinds, &name, args)?, located))
         });
         match made {
             Ok((_, located)) if common.json && several => {
@@ -60,7 +57,7 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
 }
 
 /// Draws the stages if `args` request it; `kinds` are those of the parts. Returns the paths.
-fn draw((found, kinds): (&LocalisedRecord, &[&str]), name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
+fn draw(found: &Localised, kinds: &[&str], name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
     match &args.stages {
         Some(folder) => panels::write(&panels::folder_of(folder, name, args), found, kinds),
         None => Ok(Vec::new()),
@@ -78,27 +75,6 @@ fn names_of(images: &[PathBuf]) -> Vec<String> {
         name
     };
     images.iter().map(&mut free).collect()
-}
-
-/// Makes the recording called `name` if `args` request one; returns its path.
-fn record(
-    (found, kinds): (&LocalisedRecord, &[&str]),
-    image: &Path,
-    name: &str,
-    args: &LocateArgs,
-) -> Result<Option<PathBuf>, Failure> {
-    if args.rerun == RerunMode::Off {
-        return Ok(None);
-    }
-    std::fs::create_dir_all(&args.out).map_err(|error| Failure::write(&args.out, error))?;
-    let path = args.out.join(format!("{name}.rrd"));
-    let stats = record_located(&args.rerun, &path, &image.display().to_string(), found, kinds)
-        .map_err(|error| Failure::failed(format!("recording: {error}")))?;
-    let is_live = matches!(args.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
-    if is_live && (!stats.viewer_caught_up || stats.viewer_missed > 0) {
-        tracing::warn!("the viewer did not take all of it; {} is whole", path.display());
-    }
-    Ok(Some(path))
 }
 
 #[cfg(test)]

@@ -6,10 +6,11 @@ use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
 use super::output::{Failure, print_json};
+use super::run::run_failure;
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_runner::config::{JobSpec, listed};
-use upm_runner::run::{FirstFrame, FirstFrameError, first_frame};
+use upm_runner::run::{FirstFrame, first_frame};
 
 /// Supported file name extensions of pictures.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
@@ -42,10 +43,7 @@ fn of_job(path: &Path, seed: Option<u64>) -> Result<(Frame, Value), Failure> {
     if let Some(seed) = seed {
         job = job.with_seed(seed);
     }
-    let first = first_frame(&job).map_err(|error| match error {
-        FirstFrameError::Job(fault) => Failure::faults([fault]),
-        FirstFrameError::Rig(fault) => Failure::failed(fault),
-    })?;
+    let first = first_frame(&job).map_err(|error| run_failure(&error))?;
     let truth = truth(&first);
     Ok((first.frame, truth))
 }

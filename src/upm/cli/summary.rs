@@ -1,7 +1,7 @@
 use super::output::Failure;
 use super::progress::behind;
 use upm_core::job::CameraMode;
-use upm_recording::{CycleError, PathReport, PlannerReport, PredictionError, Report, Verdict};
+use upm_recording::{CycleError, PacingReport, PathReport, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -35,8 +35,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));
     }
-    if let (Some(misses), Some(worst)) = (report.deadline_misses, report.worst_late_frames) {
-        let behind = behind(report.behind_s.unwrap_or_default());
+    if let Some(PacingReport { deadline_misses: misses, worst_late_frames: worst, behind_s }) = report.pacing {
+        let behind = behind(behind_s);
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) + &behind }));
     }
     if report.laps > 0 {

@@ -8,7 +8,7 @@ use super::progress::RunProgress;
 use super::run::run_failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
-use upm_runner::run::{PacingStats, Verification, VerifyError, verify as verify_run};
+use upm_runner::run::{PacingStats, Verification, verify as verify_run};
 
 /// Most characters shown of a line that differs.
 const SHOWN: usize = 160;
@@ -24,7 +24,7 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
         return Ok(INTERRUPTED);
     }
-    let verdict = verdict.map_err(failure)?;
+    let verdict = verdict.map_err(|error| run_failure(&error))?;
     if common.json {
         print_json(&as_json(&verdict))?
     } else {
@@ -56,14 +56,6 @@ fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {
             outln!("  recorded: {}", shown(recorded))?;
             outln!("  repeated: {}", shown(repeated))
         }
-    }
-}
-
-fn failure(error: VerifyError) -> Failure {
-    match error {
-        VerifyError::Read { .. } => Failure::bad_input(error),
-        VerifyError::Job(faults) => Failure::faults(faults),
-        VerifyError::Run(error) => run_failure(&error),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The layout of a recording: four pages, the whole run on the first.
+//! The layout of a recording: three pages, the whole run on the first.
 //!
 //! Rerun's Rust builder has no setters for the bounds of a 2D view or the time span of a plot. They are ordinary
 //! properties of a view, so they are logged into the blueprint's store next to the builder's output.
@@ -28,13 +28,11 @@ use upm_planning::planner::PlanningMethod;
 const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];
 const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
 
-/// Titles of the first page's lower row, and the shares of the width that its views have.
+/// Titles of views on two pages.
 const MOTORS: &str = "Motors, counts";
-const HARMONICS: &str = "Harmonics, mm/s";
 const TO_TARGET: &str = "Distance to target, mm";
-const BELOW: [f32; 4] = [0.95, 0.8, 0.95, 1.3];
 
-/// Views of the page of errors, each with its title and its entity, in rows of [`ERROR_COLUMNS`].
+/// Views of the page of errors, each with its title and its entity.
 const ERRORS: [(&str, &str); 9] = [
     (TO_TARGET, "errors/to_target_mm"),
     ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
@@ -48,23 +46,16 @@ const ERRORS: [(&str, &str); 9] = [
 ];
 const CROSS_TRACK: &str = "errors/cross_track_mm";
 const TOTAL: &str = "plan/total_mm";
-const ERROR_COLUMNS: u32 = 3;
 
 /// Sends the layout into `stream`.
 pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(), String> {
-    let key = key(context);
-    let known = MADE.lock().get(&key).cloned();
-    let layout = match known {
-        Some(layout) => layout,
+    let (key, mut made) = (key(context), MADE.lock());
+    let layout = match made.get(&key) {
+        Some(layout) => layout.clone(),
         None => {
             let mut layout = ViewLayout::default();
             let pages = pages(&mut layout, context);
-            let layout = layout.encoded(pages)?;
-            let mut made = MADE.lock();
-            if made.len() < MOST_MADE {
-                made.insert(key, layout.clone());
-            }
-            layout
+            made.entry(key).or_insert(layout.encoded(pages)?).clone()
         }
     };
     stream.send_blueprint(layout.messages, layout.activation);
@@ -74,7 +65,6 @@ pub(super) fn send(stream: &RecordingStream, context: &RunContext) -> Result<(),
 /// Cache of layouts by their [`key`]. Making one takes three in-memory streams, which are never freed (rerun 0.36: each
 /// holds itself), so a daemon would grow by them with every job.
 static MADE: Mutex<BTreeMap<String, EncodedLayout>> = Mutex::new(BTreeMap::new());
-const MOST_MADE: usize = 64;
 
 /// A layout, encoded as messages.
 #[derive(Clone)]
@@ -92,14 +82,13 @@ pub(super) fn key(context: &RunContext) -> String {
 
 /// The pages in the order of their tabs.
 fn pages(layout: &mut ViewLayout, context: &RunContext) -> Vec<ContainerLike> {
-    vec![run(layout, context), vision(layout, context.model.frame_size_px), signals(layout), errors(layout, context)]
+    vec![run(layout, context), signals(layout), errors(layout, context)]
 }
 
 fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
-    let camera = layout.image("Camera", "camera", width, height);
-    let table = Spatial2DView::new("Table from above, mm").with_origin("table");
-    let table = layout.bounded(table, reach_mm(context), reach_mm(context));
+    let camera = layout.bounded("Camera", "camera", [0.0, width], [0.0, height]);
+    let table = layout.bounded("Table from above, mm", "table", reach_mm(context), reach_mm(context));
     let above = Horizontal::new([camera, table]).with_column_shares([1.25, 1.0]);
     let below = Horizontal::new([
         layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
@@ -107,30 +96,20 @@ fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
         layout.plot(TO_TARGET, "errors/to_target_mm", None),
         layout.log(),
     ]);
-    let below = below.with_column_shares(BELOW);
+    let below = below.with_column_shares([0.95, 0.8, 0.95, 1.3]);
     Vertical::new([above.into(), below.into()]).with_row_shares([2.0, 1.0]).with_name("Run").into()
 }
 
 /// The view of a plan: one bar per rotation, or one per harmonic of a field.
 fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
     let (name, origin) = match method {
-        PlanningMethod::SynthesizedField => (HARMONICS, "plan/harmonics_mm_s"),
+        PlanningMethod::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
     let view = BarChartView::new(name).with_origin(origin).into();
     // the title names the bars
     layout.set(&view, "PlotLegend", &PlotLegend::new().with_visible(false));
     view
-}
-
-/// The page of the localisation of table and parts in a frame of that size.
-pub(super) fn vision(layout: &mut ViewLayout, frame_size_px: [usize; 2]) -> ContainerLike {
-    let [width, height] = frame_size_px.map(|side| side as f64);
-    let frame = layout.image("Table and parts as found", "vision/frame", width, height);
-    let edges = layout.image("Edges", "vision/edges", width / 2.0, height / 2.0);
-    let hough = Spatial2DView::new("Hough votes: angle right, distance down").with_origin("vision/hough").into();
-    let disk = layout.image("Disk response", "vision/disk_response", width / 2.0, height / 2.0);
-    Grid::new([frame, edges, hough, disk]).with_grid_columns(2).with_name("Vision").into()
 }
 
 fn signals(layout: &mut ViewLayout) -> ContainerLike {
@@ -151,24 +130,20 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     };
     let shown = ERRORS.into_iter().filter(|(_, path)| shown(path));
     let views: Vec<ContainerLike> = shown.map(|(title, path)| layout.plot(title, path, None)).collect();
-    Grid::new(views).with_grid_columns(ERROR_COLUMNS).with_name("Errors and timing").into()
+    Grid::new(views).with_grid_columns(3).with_name("Errors and timing").into()
 }
 
 /// Collects properties of views while they are built.
 #[derive(Default)]
-pub(super) struct ViewLayout {
+struct ViewLayout {
     properties: Vec<(String, Vec<SerializedComponentBatch>)>,
 }
 
 impl ViewLayout {
-    fn image(&mut self, name: &str, origin: &str, width: f64, height: f64) -> ContainerLike {
-        self.bounded(Spatial2DView::new(name).with_origin(origin), [0.0, width], [0.0, height])
-    }
-
     /// A view of just this range of x and y.
-    fn bounded(&mut self, view: Spatial2DView, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    fn bounded(&mut self, name: &str, origin: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
-        let view = view.into();
+        let view = Spatial2DView::new(name).with_origin(origin).into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
         view
     }
@@ -201,11 +176,6 @@ impl ViewLayout {
         }
     }
 
-    /// Sends the pages, each a tab, into `stream`.
-    pub(super) fn send(self, stream: &RecordingStream, pages: Vec<ContainerLike>) -> Result<(), String> {
-        self.encoded(pages).map(|layout| stream.send_blueprint(layout.messages, layout.activation))
-    }
-
     fn encoded(self, pages: Vec<ContainerLike>) -> Result<EncodedLayout, String> {
         let blueprint = Blueprint::new(Tabs::new(pages))
             .with_auto_layout(false)
@@ -231,33 +201,5 @@ impl ViewLayout {
         }
         messages.extend(written.take().into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(..))));
         Ok(EncodedLayout { messages, activation })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Width of the window that titles are made for, points of the screen.
-    const WINDOW: f64 = 1280.0;
-
-    /// Width of a letter of a title, and of the symbol before it and the buttons after it, points.
-    const LETTER: f64 = 5.9;
-    const BESIDE: f64 = 125.0;
-
-    /// True if a panel of this width, points, shows the whole title.
-    fn fits(title: &str, width: f64) -> bool {
-        LETTER * title.chars().count() as f64 + BESIDE <= width
-    }
-
-    #[test]
-    fn titles_of_panels_fit_at_1280_points() {
-        let all: f32 = BELOW.iter().sum();
-        for (title, share) in [MOTORS, HARMONICS, TO_TARGET].into_iter().zip(BELOW) {
-            assert!(fits(title, WINDOW * f64::from(share / all)), "{title}");
-        }
-        for (title, _) in ERRORS {
-            assert!(fits(title, WINDOW / f64::from(ERROR_COLUMNS)), "{title}");
-        }
     }
 }

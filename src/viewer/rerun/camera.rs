@@ -1,10 +1,10 @@
+use re_sdk_types::archetypes::Points2D;
 use re_sdk_types::components::Color;
 
-use super::names::{self, Names};
 use super::paint::{self, in_half_frame};
 use super::picture;
+use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
-use super::samples::Samples;
 use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
@@ -16,49 +16,44 @@ use upm_recording::outline_px;
 
 /// The camera's view at the start of each cycle: the frame at half its size with the detections.
 pub(super) struct CameraView {
-    names: Names,
     colors: Vec<Color>,
     table: Option<Table>,
     trails: Trails,
-    halved: Vec<u8>,
 }
 
 impl CameraView {
-    pub(super) fn new(context: &RunContext) -> Self {
-        let palette = paint::palette(&context.parts);
-        let bounds = context.model.frame_size_px.map(|side| [0.0, side as f64 / 2.0]);
-        Self {
-            names: Names::of(&context.parts, palette.parts(), bounds, names::PANEL),
-            colors: paint::colors(palette.parts()),
-            table: None,
-            trails: Trails::new(context.parts.len(), 6.0),
-            halved: Vec::new(),
-        }
+    /// Logs the names of the parts, without their places.
+    pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
+        let colors = paint::colors(paint::palette(&context.parts).parts());
+        stream.log_static("camera/names", &paint::names(&context.parts, colors.clone()))?;
+        Ok(Self { colors, table: None, trails: Trails::new(context.parts.len(), 6.0) })
     }
 
     pub(super) fn localised(&mut self, stream: &RunStream, table: Table, context: &RunContext) -> LogResult {
         let outline: Vec<_> = outline_px(&table).map(in_half_frame).collect();
         stream.log("camera/table", &paint::lines([outline], paint::TRUE, 1.0))?;
-        let label = self.names.label_height();
-        TaskOverlay { root: "camera", is_static: false, place: |p_m| place(&table, p_m), label }
-            .log(stream, context)?;
+        TaskOverlay { root: "camera", is_static: false, place: |p_m| place(&table, p_m) }.log(stream, context)?;
         self.table = Some(table);
         Ok(())
     }
 
-    pub(super) fn samples(&mut self, samples: &Samples) {
-        samples.image_px.chunks(samples.parts.max(1)).for_each(|observation| self.trails.push(observation));
+    /// Adds an observation to the trails; logs it where it has a frame.
+    pub(super) fn observed(&mut self, stream: &RunStream, seen: &Observation) -> LogResult {
+        let centers_px: Vec<Vec2> = seen.tracks.iter().map(|track| track.seen.center_px).collect();
+        self.trails.push(&centers_px);
+        seen.frame.as_ref().map_or(Ok(()), |frame| self.picture(stream, frame, &seen.tracks))
     }
 
-    pub(super) fn picture(&mut self, stream: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
+    fn picture(&self, stream: &RunStream, frame: &Frame, tracks: &[Track]) -> LogResult {
         if !frame.pixels.is_empty() {
-            let image = picture::jpeg_at_half_size(frame, &mut self.halved)?;
+            let image = picture::jpeg_at_half_size(frame)?;
             stream.log("camera/image", &image.with_draw_order(-10.0))?;
         }
         let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
         let circles = paint::circles(tracks.iter().map(disc), paint::MEASURED, 1.5).with_colors(self.colors.clone());
         stream.log("camera/parts", &circles)?;
-        stream.log("camera/names", &self.names.beside(tracks.iter().map(disc)))?;
+        let places = tracks.iter().map(disc).map(paint::below);
+        stream.log("camera/names", &Points2D::update_fields().with_positions(places))?;
         let trails = paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 1.0);
         stream.log("camera/trails", &trails.with_colors(self.colors.clone()))
     }

@@ -20,7 +20,6 @@ pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 struct State {
     encoder: Option<Encoder<CountingWriter>>,
     fault: Option<String>,
-    messages: u64,
     feeds: Vec<MessageSink>,
 }
 
@@ -32,7 +31,7 @@ impl RrdFile {
         handle: RecordingHandle,
     ) -> Result<Self, String> {
         let encoder = out.map(|out| encoder(out, &handle)).transpose()?;
-        let state = State { encoder, fault: None, messages: 0, feeds };
+        let state = State { encoder, fault: None, feeds };
         Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
@@ -46,9 +45,8 @@ impl RrdFile {
         self.0.lock().feeds.clear();
     }
 
-    /// Writes the footer and closes the file; viewers are still fed. Returns bytes and messages written, or the first
-    /// failed write.
-    pub(super) fn close(&self) -> Result<(u64, u64), String> {
+    /// Writes the footer and closes the file; viewers are still fed. `Err` with the first failed write.
+    pub(super) fn close(&self) -> Result<(), String> {
         let mut state = self.0.lock();
         if let Some(mut encoder) = state.encoder.take() {
             match encoder.finish().and_then(|()| encoder.into_inner()) {
@@ -56,10 +54,7 @@ impl RrdFile {
                 Err(fault) => self.fail(&mut state, fault.to_string()),
             }
         }
-        match &state.fault {
-            Some(fault) => Err(fault.clone()),
-            None => Ok((self.1.bytes(), state.messages)),
-        }
+        state.fault.clone().map_or(Ok(()), Err)
     }
 
     /// Ends writing without a footer, which would follow an incomplete message.
@@ -73,10 +68,8 @@ impl RrdFile {
 impl LogSink for RrdFile {
     fn send(&self, message: LogMsg) {
         let mut state = self.0.lock();
-        match state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
-            Some(Ok(_)) => state.messages += 1,
-            Some(Err(fault)) => self.fail(&mut state, fault.to_string()),
-            None => {}
+        if let Some(Err(fault)) = state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
+            self.fail(&mut state, fault.to_string());
         }
         for feed in &mut state.feeds {
             feed(message.clone());

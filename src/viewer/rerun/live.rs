@@ -32,16 +32,18 @@ impl Live {
             viewer.flush_blocking(CLOSE_TIMEOUT).is_ok()
         })?;
         let fed = queue.clone();
-        let feed = Box::new(move |message| drop(fed.send(message)));
+        let feed = Box::new(move |message| {
+            fed.send(message).ok();
+        });
         Ok((Self { thread, queue }, feed))
     }
 
     /// Waits briefly for the viewer to take the remaining messages; a stuck thread is abandoned. To be called when
-    /// every [`MessageSink`] is dropped. Returns the number of lost messages, and whether the viewer has all others.
-    pub(super) fn finish(self) -> (u64, bool) {
+    /// every [`MessageSink`] is dropped. True if the viewer has all messages.
+    pub(super) fn finish(self) -> bool {
         let Self { thread, queue } = self;
-        let lost = queue.lost();
+        let is_whole = queue.lost() == 0;
         drop(queue);
-        (lost, thread.wait_within(CLOSE_TIMEOUT) == Ok(true))
+        thread.wait_within(CLOSE_TIMEOUT) == Ok(true) && is_whole
     }
 }

@@ -59,14 +59,23 @@ pub(super) fn above(p_m: Vec2) -> [f32; 2] {
     [mm_from_m(p_m.x) as f32, -mm_from_m(p_m.y) as f32]
 }
 
-/// A point of a frame (px) in a 2D view of that frame, where pixel (0, 0) covers the square from 0 to 1.
-pub(super) fn in_frame(p_px: Vec2) -> [f32; 2] {
-    [p_px.x as f32 + 0.5, p_px.y as f32 + 0.5]
+/// A point of a frame (px) in a 2D view of that frame at half its size, where pixel (0, 0) covers the square from 0 to 1.
+pub(super) fn in_half_frame(p_px: Vec2) -> [f32; 2] {
+    [p_px.x, p_px.y].map(|px| (px as f32 + 0.5) / 2.0)
 }
 
-/// A point of a frame (px) in a 2D view of that frame at half its size.
-pub(super) fn in_half_frame(p_px: Vec2) -> [f32; 2] {
-    in_frame(p_px).map(|x| x / 2.0)
+/// The names of `parts` in these colours, without their places.
+pub(super) fn names(parts: &[PartAppearance], colors: Vec<Color>) -> Points2D {
+    Points2D::update_fields()
+        .with_labels(parts.iter().map(|part| part.id.as_str()))
+        .with_show_labels(true)
+        .with_colors(colors)
+        .with_radii([thin(0.1)])
+}
+
+/// The lowest point of a disc in a view, from which the viewer hangs its name.
+pub(super) fn below(([x, y], radius): ([f32; 2], f32)) -> [f32; 2] {
+    [x, y + radius]
 }
 
 /// Dots of one colour; like all widths here the radius is in points of the screen.

@@ -1,8 +1,8 @@
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
 use super::paint;
-use super::run_stream::{LogResult, RunStream, nanos};
-use super::samples::Samples;
+use super::recorder::Observation;
+use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
@@ -46,15 +46,13 @@ impl Plots {
     }
 
     /// Logs the distance of measured from true positions.
-    pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let (frames, track_us) = samples.tracked;
+    pub(super) fn observed(&mut self, stream: &RunStream, seen: &Observation) -> LogResult {
+        let (frames, track_us) = seen.tracked;
         self.tracked = (self.tracked.0 + frames, self.tracked.1 + track_us);
-        let parts = samples.parts;
-        if parts == 0 || samples.is_empty() || samples.true_m.len() != samples.measured_m.len() {
+        if seen.true_m.is_empty() {
             return Ok(());
         }
-        let errors = distances_mm(&samples.measured_m, &samples.true_m);
-        stream.log_scalars("errors/sensing_mm", samples.at.iter().copied().map(nanos), errors, parts)
+        log_each(stream, "errors/sensing_mm", distances_mm(&seen.measured_m(), &seen.true_m))
     }
 
     /// Logs the errors at the observation that starts a cycle, and its plan.

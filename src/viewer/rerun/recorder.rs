@@ -6,17 +6,15 @@ use super::file::RrdFile;
 use super::log_view::LogView;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
-use super::samples::Samples;
 use super::signals;
 use super::table::TableView;
-use super::vision;
 use crate::types::RunContext;
-use upm_control::Milestone;
-use upm_core::background::{Queue, Receiver, RecvTimeoutError};
+use upm_core::background::{Receiver, RecvTimeoutError};
+use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
-use upm_core::time::{Clock, MonotonicClock};
-use upm_perception::vision::Track;
-use upm_recording::{CycleRecord, EventRecord, LocalisedRecord, PulseRecord};
+use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_perception::vision::{Table, Track};
+use upm_recording::{CycleRecord, EventRecord, PulseRecord};
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
 /// one series is sent because it is large, all others wait for another [`GATHER`](super::run_stream::GATHER), and so on
@@ -29,19 +27,35 @@ const LISTEN: Duration = Duration::from_millis(50);
 
 /// A message from the control loop's thread.
 pub(super) enum Message {
-    Localised(Box<LocalisedRecord>),
-    Samples(Samples),
-    Picture { frame: Frame, tracks: Vec<Track> },
+    Localised { at: PlateTime, table: Box<Table>, found: usize },
+    Observation(Box<Observation>),
     Pulse(Box<PulseRecord>),
     Cycle(Box<CycleRecord>),
     Event(EventRecord),
 }
 
+/// The parts as seen in one frame.
+pub(super) struct Observation {
+    pub(super) at: PlateTime,
+    pub(super) tracks: Vec<Track>,
+    /// True positions, m; empty on a rig without ground truth.
+    pub(super) true_m: Vec<Vec2>,
+    /// Frames tracked since the last observation, and the total time of tracking, µs.
+    pub(super) tracked: (u32, f64),
+    /// The frame, at the start of a cycle.
+    pub(super) frame: Option<Frame>,
+}
+
+impl Observation {
+    /// Measured positions, m.
+    pub(super) fn measured_m(&self) -> Vec<Vec2> {
+        self.tracks.iter().map(|track| track.seen.position_m).collect()
+    }
+}
+
 /// Inputs of the recorder thread.
 pub(super) struct RecorderInput {
     pub(super) messages: Receiver<Message>,
-    /// Queue that returns pixel buffers for reuse.
-    pub(super) pixels_back: Queue<Vec<u8>>,
     pub(super) clock: MonotonicClock,
     pub(super) file: RrdFile,
     /// True when the run waits for a recorder that lags.
@@ -57,8 +71,6 @@ pub(super) struct Recorder {
     plots: Plots,
     log_view: LogView,
     context: RunContext,
-    /// True when the early end of the recording was logged.
-    is_end_reported: bool,
 }
 
 impl Recorder {
@@ -66,20 +78,12 @@ impl Recorder {
     pub(super) fn start(file: RrdFile, context: RunContext) -> Result<Self, String> {
         let name = format!("{}, seed {}", context.name, context.seed);
         let stream = RunStream::start(file, name, |recording| blueprint::send(recording, &context))?;
-        let camera = CameraView::new(&context);
+        let camera = CameraView::start(&stream, &context)?;
         let table = TableView::start(&stream, &context)?;
         signals::start(&stream)?;
         let plots = Plots::start(&stream, &context)?;
-        Ok(Self {
-            stream,
-            cycle: 0,
-            camera,
-            table,
-            plots,
-            log_view: LogView::default(),
-            context,
-            is_end_reported: false,
-        })
+        let log_view = LogView::default();
+        Ok(Self { stream, cycle: 0, camera, table, plots, log_view, context })
     }
 
     /// Logs every message until the sender is gone. After a fault the remaining messages are discarded, so that the
@@ -92,7 +96,7 @@ impl Recorder {
             match messages.recv_timeout(LISTEN) {
                 Ok(message) if recorded.is_ok() => {
                     let fail = |fault: &String| file.handle().fail(fault.as_str());
-                    recorded = self.record(message, &input.pixels_back).inspect_err(fail);
+                    recorded = self.record(message).inspect_err(fail);
                 }
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
@@ -105,42 +109,24 @@ impl Recorder {
             }
         }
         if let Some(end) = file.handle().ended_early() {
-            recorded = recorded.and_then(|()| self.write_final_event(end.text));
+            recorded = recorded.and_then(|()| self.log_view.warn(&self.stream, end.text));
         }
         let flushed = self.stream.flush();
         recorded.and(flushed)
     }
 
-    /// Logs the reason for the end of the recording, and flushes everything logged into the file.
-    fn write_final_event(&mut self, text: String) -> LogResult {
-        if !self.is_end_reported {
-            self.is_end_reported = true;
-            self.log_view.warn(&self.stream, text)?;
-        }
-        self.stream.flush()
-    }
-
-    fn record(&mut self, message: Message, pixels_back: &Queue<Vec<u8>>) -> LogResult {
+    fn record(&mut self, message: Message) -> LogResult {
         match message {
-            Message::Localised(found) => {
-                self.stream.at(found.frame.exposed_at, self.cycle);
-                let parts = self.context.parts.iter().map(|part| (part.id.as_str(), part.kind.as_str()));
-                let (names, kinds): (Vec<&str>, Vec<&str>) = parts.unzip();
-                vision::log(&self.stream, &found, (&names, &kinds))?;
-                self.log_view.localised(&self.stream, &found, &self.context)?;
-                self.camera.localised(&self.stream, found.table, &self.context)
+            Message::Localised { at, table, found } => {
+                self.stream.at(at, self.cycle);
+                self.log_view.localised(&self.stream, &table, found, &self.context)?;
+                self.camera.localised(&self.stream, *table, &self.context)
             }
-            Message::Samples(samples) => {
-                self.camera.samples(&samples);
-                self.table.samples(&self.stream, &samples)?;
-                self.plots.samples(&self.stream, &samples)
-            }
-            Message::Picture { frame, tracks } => {
-                self.stream.at(frame.exposed_at, self.cycle);
-                let logged = self.camera.picture(&self.stream, &frame, &tracks);
-                pixels_back.send(frame.pixels).ok();
-                logged?;
-                self.table.trails(&self.stream)
+            Message::Observation(seen) => {
+                self.stream.at(seen.at, self.cycle);
+                self.camera.observed(&self.stream, &seen)?;
+                self.table.observed(&self.stream, &seen)?;
+                self.plots.observed(&self.stream, &seen)
             }
             Message::Pulse(pulse) => {
                 self.table.pulse(&self.stream, &pulse)?;
@@ -151,14 +137,11 @@ impl Recorder {
                 self.camera.wanted(&self.stream, &cycle)?;
                 self.table.cycle(&self.stream, &cycle, &self.context)?;
                 self.plots.planned(&self.stream, &cycle)?;
-                self.log_view.planned(&self.stream, &cycle, &self.context)?;
+                self.log_view.planned(&self.stream, &cycle)?;
                 self.stream.at(cycle.ended_at, cycle.index);
                 self.plots.ended(&self.stream, &cycle)?;
                 self.cycle = cycle.index + 1;
                 Ok(())
-            }
-            Message::Event(event) if matches!(event.milestone, Some(Milestone::RecordingEnded(_))) => {
-                self.write_final_event(event.text)
             }
             Message::Event(event) => {
                 self.stream.at(event.at, self.cycle);

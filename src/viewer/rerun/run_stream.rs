@@ -4,10 +4,7 @@ use std::time::Duration;
 
 use re_sdk_types::archetypes::Scalars;
 use rerun::log::{ChunkBatcherConfig, TimeColumn};
-use rerun::{
-    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializationResult, SerializedComponentColumn,
-    TimeCell,
-};
+use rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, TimeCell};
 
 use super::file::RrdFile;
 use upm_core::time::PlateTime;
@@ -80,19 +77,7 @@ impl RunStream {
         self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
-    /// Logs data of many times at once, on the timeline of plate time alone.
-    pub(super) fn log_columns(
-        &self,
-        path: &str,
-        times_ns: impl IntoIterator<Item = i64>,
-        columns: SerializationResult<impl IntoIterator<Item = SerializedComponentColumn>>,
-    ) -> LogResult {
-        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
-        let columns = columns.map_err(|e| format!("{path}: {e}"))?;
-        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
-    }
-
-    /// Logs `series` values at each of many times.
+    /// Logs `series` values at each of many times, on the timeline of plate time alone.
     pub(super) fn log_scalars(
         &self,
         path: &str,
@@ -100,11 +85,13 @@ impl RunStream {
         values: impl IntoIterator<Item = f64>,
         series: usize,
     ) -> LogResult {
-        if times_ns.len() == 0 {
+        let rows = vec![series; times_ns.len()];
+        if rows.is_empty() {
             return Ok(());
         }
-        let rows = vec![series; times_ns.len()];
-        self.log_columns(path, times_ns, Scalars::new(values).columns(rows))
+        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
+        let columns = Scalars::new(values).columns(rows).map_err(|e| format!("{path}: {e}"))?;
+        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
     }
 }
 

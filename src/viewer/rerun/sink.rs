@@ -6,19 +6,17 @@ use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
 use super::live::Live;
 use super::live_server::LiveServer;
-use super::recorder::{Message, Recorder, RecorderInput};
+use super::recorder::{Message, Observation, Recorder, RecorderInput};
 use super::run_stream::LogResult;
-use super::samples::Samples;
-use crate::types::{RecordingError, RecordingStats, RunContext};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts, Sink};
-use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, Receiver, WaitError};
+use crate::types::{RecordingError, RunContext};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts, Sink};
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_recording::{EventRecord, RecordingHandle, RecordingOptions, RecordingState, RerunMode};
 
 /// Capacity of the queue to the recorder, messages; it also limits the number of frames held.
-const QUEUE: usize = 32;
+const QUEUE: usize = 64;
 
 /// The same where the run waits for the recorder: a fraction of a second of plate time, so that a kill loses little.
 const QUEUE_OF_WAITING: usize = 8;
@@ -26,11 +24,8 @@ const QUEUE_OF_WAITING: usize = 8;
 /// Time for which [`OverflowPolicy::GiveUp`] waits at the end for a disk that lags.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Number of samples kept for trails per second of plate time.
-const SAMPLES_HZ: f64 = 15.0;
-
-/// Longest time for which samples are gathered, s of plate time.
-const GATHER_S: f64 = 0.2;
+/// Number of frames recorded per second of plate time.
+const OBSERVATIONS_HZ: f64 = 15.0;
 
 /// A sink that streams a run to Rerun. Dropping it closes the file as well, but only [`RerunSink::finish`] reports
 /// faults.
@@ -43,13 +38,13 @@ struct Running {
     /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
-    spare_pixels: Receiver<Vec<u8>>,
-    recorder: BackgroundThread<Closed>,
+    recorder: BackgroundThread<LogResult>,
     handle: RecordingHandle,
     live: Option<Live>,
     truth: Option<GroundTruthHandle>,
-    samples: Samples,
-    last_look: Option<PlateTime>,
+    /// Frames since the last one recorded, and the time of tracking them, µs.
+    tracked: (u32, f64),
+    recorded_at: Option<PlateTime>,
 }
 
 impl RerunSink {
@@ -90,35 +85,23 @@ impl RerunSink {
         let handle = if is_kept { recording_options.recording.clone() } else { RecordingHandle::default() };
         let (file, path, live) = to.start(handle.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
-        let (pixels_back, spare_pixels) = Queue::bounded(QUEUE, OverflowPolicy::GiveUp);
         let truth = context.truth.clone();
-        let samples = Samples::new(context.parts.len());
-        let input = RecorderInput { messages, pixels_back, clock, file, run_waits };
+        let input = RecorderInput { messages, clock, file, run_waits };
         let record = move || {
             let recorded = Recorder::start(input.file.clone(), context).and_then(|recorder| recorder.run(&input));
             close(&input.file, recorded)
         };
         let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
-        let running = Running {
-            path,
-            is_kept,
-            queue: Some(queue),
-            overflow,
-            spare_pixels,
-            recorder,
-            handle,
-            live,
-            truth,
-            samples,
-            last_look: None,
-        };
+        let queue = Some(queue);
+        let (tracked, recorded_at) = ((0, 0.0), None);
+        let running = Running { path, is_kept, queue, overflow, recorder, handle, live, truth, tracked, recorded_at };
         Ok(Self(Some(running)))
     }
 
-    /// Waits until everything is written and closes the file. `Err` with the first fault of the whole run; a stop of
-    /// the recording is not a fault.
-    pub fn finish(mut self) -> Result<RecordingStats, RecordingError> {
-        self.0.take().map_or(Ok(RecordingStats::default()), Running::close)
+    /// Waits until everything is written and closes the file; true if a viewer was fed and took all of it. `Err` with
+    /// the first fault of the whole run; a stop of the recording is not a fault.
+    pub fn finish(mut self) -> Result<bool, RecordingError> {
+        self.0.take().map_or(Ok(false), Running::close)
     }
 
     fn send(&mut self, message: impl FnOnce() -> Message) {
@@ -137,15 +120,14 @@ impl Drop for RerunSink {
 }
 
 impl Running {
-    fn close(mut self) -> Result<RecordingStats, RecordingError> {
-        self.send_samples();
+    fn close(mut self) -> Result<bool, RecordingError> {
         self.queue = None;
         let closed = match self.overflow {
             OverflowPolicy::Wait => self.recorder.wait(),
             OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
         };
         if !self.is_kept {
-            return Ok(RecordingStats::default());
+            return Ok(false);
         }
         let closed = closed.unwrap_or_else(|unfinished| {
             let reason = match unfinished {
@@ -155,57 +137,44 @@ impl Running {
             self.handle.fail(reason);
             Err(reason.to_owned())
         });
-        let lagged = match self.handle.state() {
-            RecordingState::Failed(reason) => Err(reason),
-            _ => Ok(()),
+        let viewer_has_all = self.live.is_some_and(Live::finish);
+        let closed = match self.handle.state() {
+            RecordingState::Failed(reason) => closed.and(Err(reason)),
+            _ => closed,
         };
-        stats(&self.path, self.live, closed.and_then(|written| lagged.map(|()| written)))
+        closed.map(|()| viewer_has_all).map_err(|reason| RecordingError::Write { path: self.path, reason })
     }
 
     /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
     /// `close`.
     fn send(&mut self, message: Message) {
         let Some(queue) = &self.queue else { return };
-        if let Err(QueueError::Full(_)) = queue.send(message) {
+        if let Err(QueueError::Full) = queue.send(message) {
             self.handle.fail("the recorder lags");
             self.queue = None;
         }
     }
 
-    fn send_samples(&mut self) {
-        if !self.samples.is_empty() {
-            let next = Samples::new(self.samples.parts);
-            let samples = std::mem::replace(&mut self.samples, next);
-            self.send(Message::Samples(samples));
-        }
-    }
-
     fn observe(&mut self, facts: &FrameFacts<'_>) {
         let at = facts.frame.exposed_at;
-        self.samples.tracked = (self.samples.tracked.0 + 1, self.samples.tracked.1 + facts.track_us);
-        let due = self.last_look.is_none_or(|last| at.secs_since(last) >= 1.0 / SAMPLES_HZ);
-        if due || facts.starts_cycle {
-            self.last_look = Some(at);
+        self.tracked = (self.tracked.0 + 1, self.tracked.1 + facts.track_us);
+        let is_due = self.recorded_at.is_none_or(|before| at.secs_since(before) >= 1.0 / OBSERVATIONS_HZ);
+        if is_due || facts.starts_cycle {
+            self.recorded_at = Some(at);
             let truth = self.truth.as_ref().map(GroundTruthHandle::read);
-            self.samples.push(at, facts.tracks, truth.as_ref());
-        }
-        let oldest = self.samples.at.first();
-        if facts.starts_cycle || oldest.is_some_and(|&oldest| at.secs_since(oldest) >= GATHER_S) {
-            self.send_samples();
-        }
-        if facts.starts_cycle {
-            let mut pixels = self.spare_pixels.try_recv().unwrap_or_default();
-            pixels.clone_from(&facts.frame.pixels);
-            let Frame { width, height, index, exposed_at, .. } = *facts.frame;
-            let frame = Frame { width, height, pixels, positions: None, index, exposed_at };
-            self.send(Message::Picture { frame, tracks: facts.tracks.to_vec() });
+            let true_m =
+                truth.iter().flat_map(|truth| &truth.parts).map(|part| part.part_in_table.position_m).collect();
+            let (tracks, tracked) = (facts.tracks.to_vec(), std::mem::take(&mut self.tracked));
+            let frame = facts.starts_cycle.then(|| facts.frame.clone());
+            self.send(Message::Observation(Box::new(Observation { at, tracks, true_m, tracked, frame })));
         }
     }
 }
 
 impl Sink for RerunSink {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.send(|| Message::Localised(Box::new(facts.into())));
+        let (at, table, found) = (facts.frame.exposed_at, facts.table.clone(), facts.detections.len());
+        self.send(|| Message::Localised { at, table: Box::new(table), found });
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
@@ -219,10 +188,7 @@ impl Sink for RerunSink {
     }
 
     fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        if let Some(running) = &mut self.0 {
-            running.send_samples();
-            running.send(Message::Cycle(Box::new(facts.into())));
-        }
+        self.send(|| Message::Cycle(Box::new(facts.into())));
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
@@ -230,42 +196,19 @@ impl Sink for RerunSink {
     }
 
     fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.send(|| Message::Event(facts.into()));
+        // the recorder itself logs the end of the recording
+        if matches!(facts.milestone, Milestone::RunEnded { .. }) {
+            self.send(|| Message::Event(facts.into()));
+        }
     }
 }
-
-/// Makes a complete recording by `log`, in the file at `path` and for the viewer of `mode`. Does nothing with
-/// [`RerunMode::Off`].
-pub(super) fn record(
-    mode: &RerunMode,
-    path: &Path,
-    log: impl FnOnce(RrdFile) -> LogResult,
-) -> Result<RecordingStats, RecordingError> {
-    if *mode == RerunMode::Off {
-        return Ok(RecordingStats::default());
-    }
-    let (file, path, live) = Destination::open(mode, path)?.start(RecordingHandle::default())?;
-    let recorded = log(file.clone());
-    stats(&path, live, close(&file, recorded))
-}
-
-/// Bytes and messages in a complete file, or the reason that it is incomplete.
-type Closed = Result<(u64, u64), String>;
 
 /// Closes `file` in any case and disconnects its viewer. `Err` with the first fault of writing it or of `recorded`.
-fn close(file: &RrdFile, recorded: LogResult) -> Closed {
+fn close(file: &RrdFile, recorded: LogResult) -> LogResult {
     if let Err(fault) = &recorded {
         file.handle().fail(fault.as_str());
     }
     let closed = file.close();
     file.disconnect();
-    closed.and_then(|written| recorded.map(|()| written))
-}
-
-/// Waits for the viewer to take the remaining messages and returns the statistics of the recording called `path`.
-fn stats(path: &Path, live: Option<Live>, closed: Closed) -> Result<RecordingStats, RecordingError> {
-    let (viewer_missed, viewer_caught_up) = live.map_or((0, false), Live::finish);
-    closed
-        .map(|(file_bytes, messages)| RecordingStats { file_bytes, messages, viewer_missed, viewer_caught_up })
-        .map_err(|reason| RecordingError::Write { path: path.to_owned(), reason })
+    closed.and(recorded)
 }

@@ -2,10 +2,9 @@ use re_sdk_types::archetypes::{Ellipses2D, Points2D};
 use re_sdk_types::components::Color;
 
 use super::field::{mean_direction, over_a_period};
-use super::names::{self, Names};
 use super::paint::{self, above, thin};
-use super::run_stream::{LogResult, RunStream, nanos};
-use super::samples::Samples;
+use super::recorder::Observation;
+use super::run_stream::{LogResult, RunStream};
 use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
@@ -32,7 +31,6 @@ const FIELD: usize = 11;
 /// The view of the table from above, mm.
 pub(super) struct TableView {
     half_side_m: f64,
-    names: Names,
     radii_mm: Vec<f32>,
     colors: Vec<Color>,
     measured: Trails,
@@ -64,55 +62,30 @@ impl TableView {
             stream.log_static("table/true", &truth.with_colors([paint::color(paint::TRUE_PART)]))?;
         }
         let trails = Trails::new(context.parts.len(), 1.5e-3);
-        let names = Names::of(&context.parts, palette.parts(), [reach_mm(context); 2], names::PANEL);
-        TaskOverlay { root: "table", is_static: true, place: above, label: names.label_height() }
-            .log(stream, context)?;
-        stream.log_static("table/names", &names.without_places())?;
-        Ok(Self {
-            half_side_m,
-            names,
-            radii_mm,
-            colors,
-            measured: trails.clone(),
-            truth: trails,
-            read_m: (0, Vec::new()),
-        })
+        TaskOverlay { root: "table", is_static: true, place: above }.log(stream, context)?;
+        stream.log_static("table/names", &paint::names(&context.parts, colors.clone()))?;
+        Ok(Self { half_side_m, radii_mm, colors, measured: trails.clone(), truth: trails, read_m: (0, Vec::new()) })
     }
 
-    pub(super) fn samples(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let parts = samples.parts;
-        if parts == 0 || samples.is_empty() {
-            return Ok(());
-        }
-        self.log_names(stream, samples)?;
-        for (path, trails, points_m) in [
-            ("table/measured", &mut self.measured, &samples.measured_m),
-            ("table/true", &mut self.truth, &samples.true_m),
-        ] {
-            if points_m.len() != parts * samples.at.len() {
-                continue;
+    /// Logs where the parts are, and their trails at the start of a cycle.
+    pub(super) fn observed(&mut self, stream: &RunStream, seen: &Observation) -> LogResult {
+        let measured_m = seen.measured_m();
+        let discs = measured_m.iter().copied().map(above).zip(self.radii_mm.iter().copied());
+        stream.log("table/names", &Points2D::update_fields().with_positions(discs.map(paint::below)))?;
+        for (path, trails, places_m) in
+            [("table/measured", &mut self.measured, &measured_m), ("table/true", &mut self.truth, &seen.true_m)]
+        {
+            if !places_m.is_empty() {
+                trails.push(places_m);
+                let centers = places_m.iter().copied().map(above);
+                stream.log(path, &Ellipses2D::update_fields().with_centers(centers))?;
             }
-            points_m.chunks_exact(parts).for_each(|observation| trails.push(observation));
-            let centers = Ellipses2D::update_fields().with_centers(points_m.iter().copied().map(above));
-            let columns = centers.columns(samples.at.iter().map(|_| parts));
-            stream.log_columns(path, samples.at.iter().copied().map(nanos), columns)?;
         }
-        Ok(())
-    }
-
-    /// Logs the names of the parts beside them.
-    fn log_names(&mut self, stream: &RunStream, samples: &Samples) -> LogResult {
-        let parts = samples.parts;
-        let mut places = Vec::with_capacity(samples.measured_m.len());
-        for observation in samples.measured_m.chunks_exact(parts) {
-            places.extend(self.names.places(observation.iter().copied().map(above).zip(self.radii_mm.iter().copied())));
-        }
-        let columns = Points2D::update_fields().with_positions(places).columns(samples.at.iter().map(|_| parts));
-        stream.log_columns("table/names", samples.at.iter().copied().map(nanos), columns)
+        if seen.frame.is_some() { self.trails(stream) } else { Ok(()) }
     }
 
     /// Logs the trails of the parts up to now.
-    pub(super) fn trails(&self, stream: &RunStream) -> LogResult {
+    fn trails(&self, stream: &RunStream) -> LogResult {
         if !self.measured.is_empty() {
             let lines = paint::lines(self.measured.strips(above), paint::MEASURED, 1.0);
             stream.log("table/trails/measured", &lines.with_colors(self.colors.clone()))?;

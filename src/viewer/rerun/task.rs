@@ -21,8 +21,6 @@ pub(super) struct TaskOverlay<'a, P> {
     pub(super) is_static: bool,
     /// Maps a point of the table, m, into the view.
     pub(super) place: P,
-    /// Height of a label in the view.
-    pub(super) label: f64,
 }
 
 impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
@@ -47,16 +45,13 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         self.put(stream, "paths", &paths.with_draw_order(-3.0))
     }
 
-    /// Rims of the bins, and their names above them.
+    /// Rims of the bins, and their names below them.
     fn bins(&self, bins: &[Bin], palette: &Palette) -> (LineStrips2D, Points2D) {
         let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(paint::FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
         let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
-        let above = |bin: &Bin| {
-            let [x, y] = (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.max_m.y));
-            [x, y - (1.2 * self.label) as f32]
-        };
-        let names = Points2D::new(bins.iter().map(above))
+        let lowest = |bin: &Bin| (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.min_m.y));
+        let names = Points2D::new(bins.iter().map(lowest))
             .with_labels(bins.iter().map(|bin| bin_label(&bin.kinds)))
             .with_show_labels(true)
             .with_radii([thin(0.1)]);

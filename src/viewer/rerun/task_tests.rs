@@ -24,13 +24,13 @@ fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> LoggedChunks 
 }
 
 /// Everything logged for an entity, as text.
-pub(super) fn logged(store: &LoggedChunks, path: &str) -> String {
+fn logged(store: &LoggedChunks, path: &str) -> String {
     let chunks = store.chunks().filter(|chunk| *chunk.entity_path() == path.into());
     chunks.map(|chunk| chunk.to_string()).collect()
 }
 
 /// The colour as Rerun's text form has it.
-pub(super) fn text_of([r, g, b]: [u8; 3]) -> String {
+fn text_of([r, g, b]: [u8; 3]) -> String {
     u32::from_be_bytes([r, g, b, 255]).to_string()
 }
 
@@ -83,13 +83,4 @@ fn a_part_has_one_colour_in_outline_trail_name_path_plot_and_target() {
         assert!(places.iter().all(Option::is_some), "{view} is without a part's colour: {logged}");
         assert!(places.is_sorted(), "{view} gives parts each other's colours: {logged}");
     }
-}
-
-#[test]
-fn many_parts_have_short_names() {
-    let store = recorded(12, |_| ());
-    let names = logged(&store, "table/names");
-    assert!(names.contains("p12") && !names.contains("penny-12"), "{names}");
-    let few = logged(&recorded(8, |_| ()), "table/names");
-    assert!(few.contains("penny-8"), "{few}");
 }

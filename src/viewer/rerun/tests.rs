@@ -8,7 +8,7 @@ use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
-use crate::{PartAppearance, RecordingError, RecordingStats, RunContext};
+use crate::{PartAppearance, RecordingError, RunContext};
 use upm_control::{EventLevel, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_fixtures::{
@@ -41,16 +41,11 @@ pub(super) fn recording_options() -> RecordingOptions {
     RecordingOptions::lossless(MonotonicClock::new())
 }
 
-fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<RecordingStats, RecordingError> {
+fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<bool, RecordingError> {
     record_run(SyntheticRun::new(2), mode, path, cycles)
 }
 
-fn record_run(
-    mut run: SyntheticRun,
-    mode: &RerunMode,
-    path: &Path,
-    cycles: usize,
-) -> Result<RecordingStats, RecordingError> {
+fn record_run(mut run: SyntheticRun, mode: &RerunMode, path: &Path, cycles: usize) -> Result<bool, RecordingError> {
     run.wall_us = 180.0;
     let mut sink = RerunSink::start(mode, path, None, context(&run), &recording_options())?;
     run.localise(&mut sink);
@@ -107,8 +102,7 @@ pub(super) fn stores(path: &Path) -> (LoggedChunks, LoggedChunks) {
 fn recording_has_every_expected_entity() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
-    let stats = record(&RerunMode::Save, &path, 4).unwrap();
-    assert_eq!(stats.file_bytes, path.metadata().unwrap().len());
+    record(&RerunMode::Save, &path, 4).unwrap();
     let (recording, blueprint) = stores(&path);
     let entities: BTreeSet<String> = recording.entities().iter().map(|path| path.to_string()).collect();
     for path in [
@@ -118,12 +112,6 @@ fn recording_has_every_expected_entity() {
         "camera/table",
         "camera/targets",
         "camera/trails",
-        "vision/frame/image",
-        "vision/edges/map",
-        "vision/hough/votes",
-        "vision/hough/peaks",
-        "vision/disk_response/map",
-        "vision/disk_response/peaks",
         "table/outline",
         "table/library",
         "table/centers",
@@ -161,7 +149,7 @@ fn recording_has_every_expected_entity() {
         chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
     let properties = |name: &str| blueprint.entities().iter().filter(|p| p.to_string().ends_with(name)).count();
-    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (5, 4));
+    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (2, 4));
 }
 
 #[test]
@@ -207,7 +195,11 @@ fn every_sample_and_every_frame_of_a_cycle_arrives() {
 #[test]
 fn recording_stays_small() {
     let folder = tempfile::tempdir().unwrap();
-    let size = |cycles| record(&RerunMode::Save, &folder.path().join("run.rrd"), cycles).unwrap().file_bytes;
+    let path = folder.path().join("run.rrd");
+    let size = |cycles| {
+        record(&RerunMode::Save, &path, cycles).unwrap();
+        path.metadata().unwrap().len()
+    };
     let a_cycle = (size(45) - size(15)) / 30;
     assert!(a_cycle < 100_000, "300 cycles of {a_cycle} bytes are more than 30 MB");
 }
@@ -218,13 +210,10 @@ fn a_frozen_viewer_delays_nothing_and_the_file_is_whole() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("rerun+http://{}/proxy", listener.local_addr().unwrap());
     let path = folder.path().join("live.rrd");
-    let stats = record(&RerunMode::Connect { url: Some(url) }, &path, 60).unwrap();
-
-    assert!(!stats.viewer_caught_up && stats.viewer_missed > 0, "{stats:?}");
-    let alone = record(&RerunMode::Save, &folder.path().join("alone.rrd"), 60).unwrap();
+    assert!(!record(&RerunMode::Connect { url: Some(url) }, &path, 60).unwrap(), "the viewer took nothing");
+    record(&RerunMode::Save, &folder.path().join("alone.rrd"), 60).unwrap();
     let rows = |path: &Path| stores(path).0.chunks().map(|chunk| chunk.num_rows()).sum::<usize>();
     assert_eq!(rows(&path), rows(&folder.path().join("alone.rrd")));
-    assert!(alone.file_bytes > 0);
 }
 
 #[test]
@@ -240,6 +229,6 @@ fn unusable_path_and_address_are_reported() {
 fn off_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
-    assert_eq!(record(&RerunMode::Off, &path, 1).unwrap(), RecordingStats::default());
+    assert!(!record(&RerunMode::Off, &path, 1).unwrap());
     assert!(!path.exists());
 }

@@ -35,36 +35,6 @@ fn a_file_of_another_kind_is_one_fault() {
 }
 
 #[test]
-fn syntax_fault_reports_line_and_column() {
-    let line = listing("{\n  \"name\": \"x\",,\n}");
-    assert!(
-        line.starts_with("bad.json: expected JSON, found a mistake: key must be a string at line 2 column 15"),
-        "{line}"
-    );
-    for (text, word) in [
-        ("", "an empty file"),
-        ("{", "the end of the file"),
-        ("{} x", "trailing"),
-        ("{\"seed\": 1e999}", "out of range"),
-        ("{\"seed\": NaN}", "expected value"),
-        ("\u{feff}{}", "expected value"),
-    ] {
-        assert!(listing(text).contains(word), "{text}: {}", listing(text));
-    }
-    assert!(listing(&"[".repeat(100_000)).contains("recursion limit"));
-}
-
-#[test]
-fn duplicate_key_is_a_fault() {
-    let text = value_of("plus-sign.json").to_string().replacen('{', "{\"seed\": 3, ", 1);
-    assert!(
-        listing(&text).contains("seed: expected each key once, found the key \"seed\" a second time"),
-        "{}",
-        listing(&text)
-    );
-}
-
-#[test]
 fn files_that_cannot_be_read_are_one_fault() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.json");

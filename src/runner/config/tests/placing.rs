@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::{job, value_of};
+use super::job;
 use crate::config::{START_GAP_M, START_MARGIN_M, place_parts};
 use upm_core::random::Streams;
 
@@ -58,16 +58,4 @@ fn friction_is_spread_as_configured() {
     let sd = (frictions.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / frictions.len() as f64).sqrt();
     // 1200 draws: standard errors 0.003 and 0.002
     assert!(mean.abs() < 0.012 && (sd - 0.1).abs() < 0.008, "{mean} {sd}");
-}
-
-#[test]
-fn no_room_is_a_fault_not_a_hang() {
-    let mut rig = value_of("rigs/upm-1.json");
-    rig["kinds"] = json!({"puck": {"diameter_mm": 45, "mass_g": 80, "thickness_mm": 2}});
-    let mut document = mixed(json!([{"kind": "puck", "count": 16}]));
-    document["rig"] = rig;
-    // the bounds admit 16, which fit side by side, but not at random positions
-    let spec = job(&document).unwrap();
-    let fault = place_parts(&spec, Streams::new(1)).unwrap_err();
-    assert_eq!(fault.path, "parts");
 }

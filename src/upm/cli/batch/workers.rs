@@ -114,7 +114,7 @@ impl SeedBatch<'_> {
             &mut watcher,
         ) {
             Ok(result) => {
-                result.warnings.iter().for_each(|warning| self.turns.note(seed, EventLevel::Error, warning));
+                result.report.warnings.iter().for_each(|warning| self.turns.note(seed, EventLevel::Error, warning));
                 SeedRun::of(&result.report, &result.folder, status_of(&result.report))
             }
             Err(error) => {

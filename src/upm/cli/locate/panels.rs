@@ -6,13 +6,15 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::canvas::Canvas;
+use super::maps::{edge_map, response_map, vote_map};
+use super::report::Localised;
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 use upm_perception::vision::{DebugImages, HoughArray};
-use upm_recording::{LocalisedRecord, edge_map, outline_px, response_map, vote_map};
+use upm_recording::outline_px;
 
 /// Largest size of the vote map, to which it is scaled down, px.
 const VOTES_PX: [usize; 2] = [720, 720];
@@ -29,10 +31,10 @@ pub(super) fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf
 }
 
 /// Writes the panels into `folder`; `kinds` are those of the parts. Returns the paths.
-pub(super) fn write(folder: &Path, found: &LocalisedRecord, kinds: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn write(folder: &Path, found: &Localised, kinds: &[&str]) -> Result<Vec<PathBuf>, Failure> {
     let size = [found.frame.width, found.frame.height];
     let overlay = overlay(found, kinds, DynamicImage::from(picture(&found.frame)).into_rgb8());
-    let response = response(found, response_map(&found.stages.disk_response, size, 1));
+    let response = response(found, response_map(&found.stages.disk_response, size));
     let mut panels = begun(&found.frame, &found.stages);
     panels.push(("4-disk-response.png", response.into()));
     panels.push(("5-overlay.png", overlay.into()));
@@ -47,7 +49,7 @@ pub(super) fn write_begun(folder: &Path, frame: &Frame, stages: &DebugImages) ->
 type Panel = (&'static str, DynamicImage);
 
 fn begun(frame: &Frame, stages: &DebugImages) -> Vec<Panel> {
-    let edges = edge_map(&stages.edges, [frame.width, frame.height], 1);
+    let edges = edge_map(&stages.edges, [frame.width, frame.height]);
     let mut panels: Vec<Panel> = vec![("1-picture.png", picture(frame).into()), ("2-edges.png", edges.into())];
     if !stages.hough.votes.is_empty() {
         panels.push(("3-hough.png", hough(&stages.hough).into()));
@@ -80,7 +82,7 @@ fn hough(votes: &HoughArray) -> RgbImage {
     canvas.image
 }
 
-fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
+fn response(found: &Localised, map: RgbImage) -> RgbImage {
     let mut canvas = Canvas::new(map);
     for part in &found.detections {
         canvas.circle(part.center_px, 5.0 * canvas.line_px, PEAK);
@@ -89,7 +91,7 @@ fn response(found: &LocalisedRecord, map: RgbImage) -> RgbImage {
 }
 
 /// Overlay of the table's outline and corners, and of each part's outline and centre in its kind's colour.
-fn overlay(found: &LocalisedRecord, kinds: &[&str], picture: RgbImage) -> RgbImage {
+fn overlay(found: &Localised, kinds: &[&str], picture: RgbImage) -> RgbImage {
     let palette = Palette::of(kinds, Ground::Dark);
     let mut canvas = Canvas::new(picture);
     for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {

@@ -10,13 +10,22 @@ use super::naming::{NamedPart, OtherDisc, RejectionReason};
 use super::scale::PlateSide;
 use super::setup::LocateSetup;
 use crate::cli::output::Failure;
+use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
-use upm_perception::vision::{ResponseMethod, Survey};
-use upm_recording::LocalisedRecord;
+use upm_perception::vision::{DebugImages, Detection, ResponseMethod, Survey, Table};
+
+/// Table and parts found in a picture.
+pub(super) struct Localised {
+    pub frame: Frame,
+    pub table: Table,
+    pub detections: Vec<Detection>,
+    /// The intermediate stages of the search.
+    pub stages: DebugImages,
+}
 
 /// Result of the search of one picture.
 pub(super) struct LocatedPicture {
-    pub found: LocalisedRecord,
+    pub found: Localised,
     /// Method of the disks' response.
     pub response: ResponseMethod,
     pub time_us: TimeUs,
@@ -36,8 +45,6 @@ pub(super) struct TimeUs {
     pub table: f64,
     /// Time to find the parts, all preparation included.
     pub parts: f64,
-    /// Time to find table and parts.
-    pub localise: f64,
     /// Time to find discs of any size, measure outlines and name them.
     pub survey: f64,
 }
@@ -47,13 +54,13 @@ impl TimeUs {
     /// after them.
     pub fn of(decode: Duration, [begun, found, done]: [Duration; 3], survey: Duration) -> Self {
         let us = |time: Duration| 1e6 * time.as_secs_f64();
-        let [table, parts, localise] = [found - begun, done - found, done - begun].map(us);
-        Self { decode: us(decode), table, parts, localise, survey: us(survey) }
+        let [table, parts] = [found - begun, done - found].map(us);
+        Self { decode: us(decode), table, parts, survey: us(survey) }
     }
 }
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
-    let LocatedPicture { found: LocalisedRecord { table, .. }, response, time_us, side, survey, .. } = located;
+    let LocatedPicture { found: Localised { table, .. }, response, time_us, side, survey, .. } = located;
     let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
     let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
     let candidates = side.candidates.iter().map(
@@ -127,7 +134,7 @@ pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
 }
 
 pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
-    let LocatedPicture { found: LocalisedRecord { table, .. }, time_us, parts, .. } = located;
+    let LocatedPicture { found: Localised { table, .. }, time_us, parts, .. } = located;
     outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::doubts::about_table;
 use super::naming::{is_near, named};
-use super::report::{LocatedPicture, TimeUs};
+use super::report::{Localised, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use super::{panels, picture};
@@ -15,18 +15,16 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
     CoinFinder, DebugImages, ResponseMethod, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
 };
-use upm_recording::LocalisedRecord;
 
 /// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
-/// `shown`. If no table is found, the stages up to there are drawn nevertheless.
+/// drawn. If no table is found, the stages up to there are drawn nevertheless.
 pub(super) fn locate_picture(
     image: &Path,
     name: &str,
     args: &LocateArgs,
     setting: &LocateSetup,
-    shown: bool,
 ) -> Result<LocatedPicture, Failure> {
-    let clock = MonotonicClock::new();
+    let (clock, shown) = (MonotonicClock::new(), args.stages.is_some());
     let picture = picture::read(image)?;
     let decode = clock.elapsed();
     if let Some(bits) = picture.bits {
@@ -59,7 +57,7 @@ pub(super) fn locate_picture(
     let times = [begun, found, found + (done - scaled)];
     let time_us = TimeUs::of(decode, times, survey_time);
     let detections = parts.iter().map(|named| named.part.clone()).collect();
-    let record = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
+    let record = Localised { frame, table, detections, stages };
     let response = finder.response_method();
     Ok(LocatedPicture { found: record, response, time_us, parts, others, survey, side })
 }

@@ -1,38 +1,33 @@
-//! The stages of localisation as pictures, shared by recordings and files.
-
-use std::ops::RangeInclusive;
+//! The stages of localisation as pictures.
 
 use image::{GrayImage, RgbImage};
 
-use upm_core::geometry::Vec2;
-use upm_perception::vision::{FloatImage, HoughArray, Table};
+use upm_perception::vision::{FloatImage, HoughArray};
 
-/// Edges in gray over a frame of `frame_size` (columns, rows), the frame shrunk by a whole factor. A tenth of the
-/// edges, the strongest, are white.
-pub fn edge_map(edges: &FloatImage, frame_size: [usize; 2], shrink: usize) -> GrayImage {
-    let map = laid_over(edges, frame_size, shrink);
+/// Edges in gray over a frame of `frame_size` (columns, rows). A tenth of the edges, the strongest, are white.
+pub(super) fn edge_map(edges: &FloatImage, frame_size: [usize; 2]) -> GrayImage {
+    let map = laid_over(edges, frame_size);
     let strong = quantile(&map.values, 0.9);
     let pixels = map.values.iter().map(|&value| (255.0 * share(value, strong)) as u8).collect();
     GrayImage::from_raw(map.width as u32, map.height as u32, pixels).unwrap_or_default()
 }
 
 /// The disk kernel's response in heat colours, from 0 to 1, over a frame as in [`edge_map`].
-pub fn response_map(response: &FloatImage, frame_size: [usize; 2], shrink: usize) -> RgbImage {
-    heat_map(&laid_over(response, frame_size, shrink), 1.0)
+pub(super) fn response_map(response: &FloatImage, frame_size: [usize; 2]) -> RgbImage {
+    heat_map(&laid_over(response, frame_size), 1.0)
 }
 
 /// Hough votes in heat colours, angles to the right and distances down.
-#[derive(Clone, Debug)]
-pub struct VoteMap {
+pub(super) struct VoteMap {
     /// The votes; rows beyond the farthest line are omitted.
-    pub picture: RgbImage,
+    pub(super) picture: RgbImage,
     /// Centres of the peaks' cells, px; the first pixel covers 0 to 1.
-    pub peaks: Vec<[f32; 2]>,
+    pub(super) peaks: Vec<[f32; 2]>,
 }
 
 /// Hough votes, shrunk to at most `most` px. The first column is an eighth of a turn before angle 0, so that the four
 /// lines of an upright table are well inside.
-pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
+pub(super) fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
     let last = hough.votes.iter().rposition(|&votes| votes > 0.0).unwrap_or(0);
     let rows = (last / hough.angles.max(1) + 1).min(hough.distances);
     let eighth = hough.angles / 8;
@@ -50,37 +45,18 @@ pub fn vote_map(hough: &HoughArray, most: [usize; 2]) -> VoteMap {
     VoteMap { picture: heat_map(&map, top), peaks: hough.peaks.iter().map(shown).collect() }
 }
 
-/// The table's rim in the picture as a closed line, px. Its sides are curved where the lens bends them.
-pub fn outline_px(table: &Table) -> impl Iterator<Item = Vec2> {
-    const STEPS: usize = 16;
-    let h = table.side_m / 2.0;
-    let corners = [(-h, h), (h, h), (h, -h), (-h, -h)].map(|(x, y)| Vec2::new(x, y));
-    (0..=4 * STEPS).map(move |i| {
-        let (from, to) = (corners[i / STEPS % 4], corners[(i / STEPS + 1) % 4]);
-        let p_m = from.lerp(&to, (i % STEPS) as f64 / STEPS as f64);
-        table.lens.image_from_ideal(table.ideal_from_table.apply(p_m))
-    })
-}
-
-/// `plane` over a frame of that size, shrunk to the largest value of every cell. One value of it may cover a square of
-/// the frame's pixels.
-fn laid_over(plane: &FloatImage, [width, height]: [usize; 2], shrink: usize) -> FloatImage {
-    if plane.width == 0 || plane.height == 0 {
-        return FloatImage { width: 0, height: 0, values: Vec::new() };
+/// `plane` over a frame of that size: one value of it may cover a square of the frame's pixels.
+fn laid_over(plane: &FloatImage, [width, height]: [usize; 2]) -> FloatImage {
+    if plane.values.is_empty() {
+        return FloatImage::default();
     }
-    let (square, shrink) = ((width / plane.width).max(1), shrink.max(1));
-    // range of values that are visible in each cell of `shrink` pixels along a side
-    let cells = |pixels: usize, values: usize| -> Vec<RangeInclusive<usize>> {
-        let value = |pixel: usize| (pixel.min(pixels - 1) / square).min(values - 1);
-        (0..pixels).step_by(shrink).map(|first| value(first)..=value(first + shrink - 1)).collect()
+    let square = (width / plane.width).max(1);
+    let value = |x: usize, y: usize| {
+        let [column, row] = [(x, plane.width), (y, plane.height)].map(|(at, size)| (at / square).min(size - 1));
+        plane.values.get(row * plane.width + column).copied().unwrap_or_default()
     };
-    let (across, down) = (cells(width, plane.width), cells(height, plane.height));
-    let largest = |rows: &RangeInclusive<usize>, columns: &RangeInclusive<usize>| {
-        let row = |y: usize| plane.values.get(y * plane.width..).and_then(|row| row.get(columns.clone()));
-        rows.clone().filter_map(row).flatten().copied().fold(0.0, f32::max)
-    };
-    let values = down.iter().flat_map(|rows| across.iter().map(|columns| largest(rows, columns))).collect();
-    FloatImage { width: across.len(), height: down.len(), values }
+    let values = (0..width * height).map(|i| value(i % width, i / width)).collect();
+    FloatImage { width, height, values }
 }
 
 /// The largest value of every cell of this many columns and rows, so that thin lines and sharp peaks survive shrinking.
@@ -138,13 +114,11 @@ mod tests {
     #[test]
     fn a_coarse_plane_covers_its_frame() {
         // 2 x 2 pixels per value; the last column and row of the frame are beyond them
-        let over = laid_over(&plane(2, 1), [5, 3], 1);
+        let over = laid_over(&plane(2, 1), [5, 3]);
         assert_eq!((over.width, over.height), (5, 3));
         assert_eq!(over.values, [0.0, 0.0, 1.0, 1.0, 1.0].repeat(3));
-        assert_eq!(laid_over(&plane(2, 1), [5, 3], 2).values, [0.0, 1.0, 1.0, 0.0, 1.0, 1.0]);
-        assert_eq!(laid_over(&plane(5, 3), [5, 3], 1), plane(5, 3));
-        assert_eq!(laid_over(&plane(5, 3), [5, 3], 2), pooled(&plane(5, 3), [2, 2]));
-        assert_eq!(laid_over(&FloatImage::default(), [5, 3], 1), FloatImage::default());
+        assert_eq!(laid_over(&plane(5, 3), [5, 3]), plane(5, 3));
+        assert_eq!(laid_over(&FloatImage::default(), [5, 3]), FloatImage::default());
     }
 
     #[test]
