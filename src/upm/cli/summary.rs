@@ -37,7 +37,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
     }
     if let (Some(misses), Some(worst)) = (report.deadline_misses, report.worst_late_frames) {
         let behind = behind(report.behind_s.unwrap_or_default());
-        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) + &behind }));
+        let missed = format!("{misses} missed, by up to {worst} frames{behind}");
+        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
     }
     if report.laps > 0 {
         rows.push(("laps", report.laps.to_string()));
@@ -87,9 +88,4 @@ fn loop_errors(report: &Report) -> impl Iterator<Item = (&'static str, String)> 
 /// The planner, the reason for it, and the alternatives on this rig.
 pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
     format!("{name}: {why}; also possible: {}", alternatives.join(", "))
-}
-
-fn missed(misses: u64, worst_frames: u64) -> String {
-    let frames = if worst_frames == 1 { "frame" } else { "frames" };
-    format!("{misses} missed, by {worst_frames} {frames} at most")
 }
