@@ -56,14 +56,6 @@ fn archives_have_the_names_that_binstall_expects() {
 }
 
 #[test]
-fn citation_names_the_version_and_the_licences_of_the_manifest() {
-    let (citation, manifest) = (text("CITATION.cff"), text("Cargo.toml"));
-    assert!(citation.lines().any(|line| line == format!("version: {}", env!("CARGO_PKG_VERSION"))), "{citation}");
-    let licences: Vec<&str> = citation.lines().filter_map(|line| line.strip_prefix("  - ")).take(2).collect();
-    assert_eq!(licences.join(" OR "), value(&manifest, "license"));
-}
-
-#[test]
 fn all_that_is_packed_is_there() {
     let plan = plan();
     let files = plan["files"].as_object().unwrap();

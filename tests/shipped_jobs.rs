@@ -11,13 +11,10 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 #[path = "figures/page.rs"]
-#[allow(dead_code)] // lists of numbers
+#[allow(dead_code)] // figures in tables
 mod page;
 
 use page::FigurePage;
-
-/// Job that is not shipped: places that leave little room between pennies.
-const DENSE: &str = "20 pennies, 22 mm apart";
 
 /// Ratios of predicted and measured time that the page of results calls usual.
 const USUAL: std::ops::RangeInclusive<f64> = 0.7..=1.4;
@@ -31,21 +28,6 @@ fn jobs() -> Vec<PathBuf> {
             && serde_json::from_str::<Value>(&std::fs::read_to_string(file).unwrap()).unwrap()["task"].is_object()
     };
     files.filter(is_job).collect()
-}
-
-/// Writes the dense job, row by row, with the seed of the shipped ones.
-fn dense_job(folder: &TempDir) -> PathBuf {
-    let place_mm = |i: u32| [22.0 * (f64::from(i % 5) - 2.0), 22.0 * (f64::from(i / 5) - 1.5)];
-    let job = json!({
-        "name": "grid-20",
-        "seed": 7,
-        "rig": Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/rigs/upm-2.json"),
-        "parts": [{"kind": "penny", "count": 20}],
-        "task": {"type": "arrange", "targets_mm": (0..20).map(place_mm).collect::<Vec<_>>()},
-    });
-    let file = folder.path().join("grid-20.json");
-    std::fs::write(&file, job.to_string()).unwrap();
-    file
 }
 
 /// JSON that `upm` prints.
@@ -66,9 +48,8 @@ struct JobResult {
 fn results() -> &'static BTreeMap<String, JobResult> {
     static RESULTS: OnceLock<BTreeMap<String, JobResult>> = OnceLock::new();
     RESULTS.get_or_init(|| {
-        let folder = TempDir::new().unwrap();
         let named = jobs().into_iter().map(|file| (format!("`{}`", file.file_stem().unwrap().display()), file));
-        let waiting = Mutex::new(named.chain([(DENSE.to_owned(), dense_job(&folder))]).collect::<Vec<_>>());
+        let waiting = Mutex::new(named.collect::<Vec<_>>());
         let done = Mutex::new(BTreeMap::new());
         let work = || {
             while let Some((name, file)) = { waiting.lock().unwrap().pop() } {
@@ -91,7 +72,7 @@ fn results() -> &'static BTreeMap<String, JobResult> {
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn shipped_jobs_complete_and_no_guard_fires() {
-    assert!(results().len() >= 19, "jobs are where they are looked for");
+    assert!(results().len() >= 23, "jobs are where they are looked for");
     for (name, JobResult { report, .. }) in results() {
         assert_eq!(report["outcome"], "completed", "{name}: {}", report["reason"]);
         // a hold whose plate is not knocked would complete without any pulse
@@ -110,16 +91,11 @@ fn dry_runs_predict_runs_as_the_results_pages_say() {
     for (name, JobResult { predicted_s, report }) in ending {
         let predicted_s = predicted_s.unwrap_or_else(|| panic!("{name} is not predicted"));
         let ratio = predicted_s / report["plate_time_s"].as_f64().unwrap();
-        eprintln!("{name}: {ratio:.2}");
         if !USUAL.contains(&ratio) {
             unusual.insert(name.trim_matches('`'));
         }
     }
     let excepted = page.text_between("Every ratio", "is within 0.7 to 1.4");
     let excepted: BTreeSet<String> = excepted.split('`').skip(1).step_by(2).map(str::to_owned).collect();
-    let mut rotations = FigurePage::open("docs/results-rotations.md");
-    let dense_s = results()[DENSE].report["plate_time_s"].as_f64().unwrap();
-    rotations.passage("(20 pennies 22 mm apart in", "s): the default", &[dense_s]);
-    rotations.assert_as_measured();
     assert!(excepted.iter().eq(unusual.iter().copied()), "docs/results.md excepts {excepted:?}, found {unusual:?}");
 }

@@ -18,6 +18,7 @@ mod args;
 mod batch;
 mod calibrate;
 mod check;
+#[cfg(feature = "daemon")]
 mod client_args;
 #[cfg(feature = "daemon")]
 mod daemon;
@@ -27,7 +28,6 @@ mod init;
 mod job_list;
 mod locate;
 mod logs;
-mod offered;
 mod output;
 mod panics;
 mod prefix;
@@ -60,11 +60,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage::answer(&error),
     };
+    let log = cli.command.log();
     #[cfg(feature = "daemon")]
-    if let Command::Serve(_) = cli.command {
-        daemon::hold_back_sigusr1();
-    }
-    let flush_guard = logs::start(cli.common, cli.command.log());
+    log.iter().for_each(|_| daemon::hold_back_sigusr1());
+    let flush_guard = logs::start(cli.common, log);
     let done = dispatch(cli);
     drop(flush_guard);
     match done {
@@ -85,10 +84,6 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),
         Command::Simulate(args) => simulate::simulate(&args, common),
-        Command::Lab { args } => Err(Failure::bad_input(format!(
-            "the lab is a program of its own: cargo run -p upm-lab -- {}",
-            args.join(" ")
-        ))),
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => verify::verify(&args, common),
         Command::Export(args) => export::export(&args, common),
@@ -96,12 +91,12 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Serve(args) => daemon::serve(&args, common),
         #[cfg(feature = "daemon")]
         Command::Client(command) => daemon::client_command(&command, common),
-        #[cfg(not(feature = "daemon"))]
-        Command::Serve(_) | Command::Client(_) => Err(features::lacking(features::DAEMON, "a command of the daemon")),
         Command::Check(args) => check::check(&args, common),
         Command::Schema(args) => schema::schema(&args),
         Command::Completions(args) => {
-            outln!("{}", offered::completions(args.shell, &mut Cli::command()).trim_end())?;
+            let mut script = Vec::new();
+            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
+            outln!("{}", String::from_utf8_lossy(&script).trim_end())?;
             Ok(0)
         }
     }

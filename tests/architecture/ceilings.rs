@@ -20,7 +20,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("scene", 915),
     ("server", 5790),
     ("sim", 3510),
-    ("upm", 5850),
+    ("upm", 4940),
     ("viewer", 2110),
 ];
 

@@ -1,6 +1,9 @@
 //! Scanner for paths in Rust sources; it assumes sources that compile.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
+
+use regex::Regex;
 
 /// A path in a source, made absolute if it starts with `super`: `crate::geometry::Vec2`.
 #[derive(Debug)]
@@ -37,62 +40,27 @@ impl Token {
     }
 }
 
-/// Tokens: names, `::` and single punctuation marks, without comments, strings and characters.
+/// Comments, strings, characters, names, `::` and single punctuation marks.
+static TOKEN: LazyLock<Regex> = LazyLock::new(|| {
+    let comment = r"//[^\n]*|/\*.*?\*/";
+    let string = r###"b?r"[^"]*"|b?r#".*?"#|b?r##".*?"##|b?"(?:\\.|[^"\\])*""###;
+    let character = r"b?'(?:\\(?:x..|u\{[^}]*\}|.)|[^'\\])'";
+    Regex::new(&format!(r"(?s){comment}|{string}|{character}|\w+|::|\S")).unwrap()
+});
+
+/// Tokens without comments, strings and characters.
 fn tokens(source: &str) -> Vec<Token> {
-    let (mut tokens, mut rest, mut line) = (Vec::new(), source, 1);
-    while let Some(c) = rest.chars().next() {
-        let hashes = rest.trim_start_matches(['b', 'r']).chars().take_while(|&c| c == '#').count();
-        let raw =
-            rest.trim_start_matches('b').strip_prefix('r').is_some_and(|r| r[hashes.min(r.len())..].starts_with('"'));
-        let name = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
-        let (length, kept) = if rest.starts_with("//") {
-            (rest.find('\n').unwrap_or(rest.len()), false)
-        } else if rest.starts_with("/*") {
-            (rest.find("*/").map_or(rest.len(), |end| end + 2), false)
-        } else if raw {
-            let start = rest.find('"').map_or(0, |i| i + 1);
-            let close = format!("\"{}", "#".repeat(hashes));
-            (rest[start..].find(&close).map_or(rest.len(), |end| start + end + close.len()), false)
-        } else if c == '"' {
-            (quoted_length(rest), false)
-        } else if c == '\'' {
-            (character_length(rest), false)
-        } else if name > 0 {
-            (name, true)
-        } else if rest.starts_with("::") {
-            (2, true)
-        } else {
-            (c.len_utf8(), !c.is_whitespace())
-        };
-        let (text, after) = rest.split_at(length);
-        if kept {
+    let (mut tokens, mut line, mut counted) = (Vec::new(), 1, 0);
+    for found in TOKEN.find_iter(source) {
+        line += source[counted..found.start()].matches('\n').count();
+        counted = found.start();
+        let text = found.as_str();
+        let is_quoted = text.len() > 1 && text.contains(['"', '\'']);
+        if !(is_quoted || text.starts_with("//") || text.starts_with("/*")) {
             tokens.push(Token { text: text.to_owned(), line });
         }
-        line += text.matches('\n').count();
-        rest = after;
     }
     tokens
-}
-
-fn quoted_length(rest: &str) -> usize {
-    let mut escaped = false;
-    for (i, c) in rest.char_indices().skip(1) {
-        match c {
-            '"' if !escaped => return i + 1,
-            _ => escaped = c == '\\' && !escaped,
-        }
-    }
-    rest.len()
-}
-
-/// Length of a character literal with its quotes; 1 for the quote of a lifetime.
-fn character_length(rest: &str) -> usize {
-    let mut chars = rest.char_indices().skip(1);
-    match (chars.next(), chars.next()) {
-        (Some((_, '\\')), Some((after, _))) => rest[after + 1..].find('\'').map_or(rest.len(), |end| after + end + 2),
-        (Some(_), Some((end, '\''))) => end + 1,
-        _ => 1,
-    }
 }
 
 /// Paths in a source, and its modules that are compiled for tests only.

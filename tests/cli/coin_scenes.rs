@@ -14,14 +14,14 @@ pub(super) struct CoinScene {
 pub(super) const PENNY: Coin = coin(Some("penny"), 19.05, 1.52, Metal::Copper);
 const BROWN_PENNY: Coin = coin(Some("penny"), 19.05, 1.52, Metal::Brown);
 const NICKEL: Coin = coin(Some("nickel"), 21.21, 1.95, Metal::Silver);
-pub(super) const DIME: Coin = coin(Some("dime"), 17.91, 1.35, Metal::Silver);
+const DIME: Coin = coin(Some("dime"), 17.91, 1.35, Metal::Silver);
 pub(super) const QUARTER: Coin = coin(Some("quarter"), 24.26, 1.75, Metal::Silver);
 const HALF_DOLLAR: Coin = coin(None, 30.61, 2.15, Metal::Silver);
 const CENT: Coin = coin(None, 16.25, 1.67, Metal::Copper);
 const EURO: Coin = coin(None, 23.25, 2.33, Metal::Brass);
 const TWO_EURO: Coin = coin(None, 25.75, 2.2, Metal::Silver);
 
-pub(super) const fn coin(name: Option<&'static str>, diameter_mm: f64, height_mm: f64, metal: Metal) -> Coin {
+const fn coin(name: Option<&'static str>, diameter_mm: f64, height_mm: f64, metal: Metal) -> Coin {
     Coin { name, diameter_mm, height_mm, metal, at_mm: [0.0; 2] }
 }
 

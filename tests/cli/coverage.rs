@@ -6,7 +6,6 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::rigs::rig;
 use super::{file, read, status};
 
 /// JSON result of `upm check` for the one library in `args`.
@@ -37,25 +36,6 @@ fn coverage_of_the_shipped_libraries_is_reported() {
             assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{said}");
         }
     }
-}
-
-#[test]
-fn a_library_of_another_rig_is_refused() {
-    let (stdout, stderr) = status(&["check", "assets/libraries/upm-1.json", "--rig", "configs/rigs/upm-2.json"], 2);
-    assert!(stdout.is_empty(), "{stdout}");
-    assert_eq!(
-        stderr.trim(),
-        "upm: assets/libraries/upm-1.json: rig: expected \"upm-2\" (run `upm calibrate` for this rig), found \"upm-1\""
-    );
-    let folder = TempDir::new().unwrap();
-    let heavier = rig(&folder, "upm-1", |rig| {
-        drop(rig.as_object_mut().unwrap().remove("library"));
-        rig["plate"]["mass_kg"] = json!(0.4);
-    });
-    let args = ["check", "assets/libraries/upm-1.json", "--rig", &heavier];
-    let (_, stderr) = status(&args, 2);
-    assert!(stderr.contains("upm-1.json: fingerprint: expected ") && stderr.contains(", found "), "{stderr}");
-    status(&["check", "assets/libraries/upm-1.json", "--rig", "no/such/rig.json"], 2);
 }
 
 #[test]

@@ -1,51 +1,78 @@
-//! Checks sample output and figures in README.md and docs against the output of the program. Commands whose figures
-//! depend on the computer (times, speeds) are left out.
+//! Figures of runs, dry runs and open-loop pulses on the pages.
 
-use std::fs;
-
-use serde_json::Value;
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{root, status};
+use super::page::FigurePage;
+use super::{file, root, run, shipped, status};
 
-fn text_of(document: &str) -> String {
-    fs::read_to_string(root().join(document)).unwrap()
+/// Header of the tables of one coin, of pictures, of the plate and of the daemon on the page of results.
+const RESULTS: &str = "| what | measured | command |";
+
+/// Runs a shipped job, altered by `change`; returns its report.
+fn report(name: &str, change: impl FnOnce(&mut Value)) -> Value {
+    let folder = TempDir::new().unwrap();
+    run(&shipped(folder.path(), name, change), &folder.path().join("out"), &[], 0).1
 }
 
-/// Asserts that the document contains each of these passages; reports all that are missing.
-fn assert_says(document: &str, passages: &[String]) {
-    let text = text_of(document);
-    let lacking: Vec<&String> = passages.iter().filter(|passage| !text.contains(passage.as_str())).collect();
-    assert!(lacking.is_empty(), "{document} does not say what the program measures:\n{lacking:#?}");
+fn number(value: &Value, pointer: &str) -> f64 {
+    value.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer} in {value}"))
 }
 
-/// `line` without the wall times.
-fn timeless(line: &str) -> &str {
-    line.split_once(", run in ").map_or(line, |(before, _)| before)
-}
-
-#[test]
-fn readme_sample_equals_the_printed_run() {
-    let readme = text_of("README.md");
-    let sample = readme.split_once("```text\n").unwrap().1.split_once("```").unwrap().0;
-    let out = TempDir::new().unwrap();
-    let args = ["run", "configs/plus-sign.json", "--quiet", "--rerun", "off", "--out", out.path().to_str().unwrap()];
-    let (stdout, _) = status(&args, 0);
-    // the name of the run folder contains the time
-    let printed = stdout.lines().filter(|line| !line.trim_start().starts_with("run folder "));
-    let (printed, sample): (Vec<&str>, Vec<&str>) =
-        (printed.map(timeless).collect(), sample.lines().map(timeless).collect());
-    assert_eq!(sample, printed);
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, f64::max)
 }
 
 #[test]
-fn run_of_the_strong_rig_has_the_figures_of_the_documents() {
-    let out = TempDir::new().unwrap();
-    let out = out.path().to_str().unwrap();
-    let args = ["run", "configs/plus-sign-upm-2.json", "--quiet", "--json", "--rerun", "off", "--out", out];
-    let report: Value = serde_json::from_str(&status(&args, 0).0).unwrap();
-    let [track_mm, time_s] = ["cross_track_rms_mm", "plate_time_s"].map(|key| report[key].as_f64().unwrap());
-    let row =
-        format!("| `upm-2`, plus-sign, one lap | {track_mm:.2} mm rms cross-track in {time_s:.0} s of plate time |");
-    assert_says("docs/results.md", &[row]);
+fn knocked_parts_go_as_far_as_the_page_of_jobs_says() {
+    // a part is brought back beyond the tolerance alone
+    let report = report("hold-4", |job| job["tolerance_mm"] = json!(100));
+    assert_eq!(report["pulses"], 1, "the probe alone: {report}");
+    let parts = report["parts"].as_array().unwrap();
+    let off_mm: Vec<f64> = parts.iter().map(|part| number(part, "/error_mm")).collect();
+    let least_mm = off_mm.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut page = FigurePage::open("docs/jobs.md");
+    page.passage("without a pulse its parts are", "mm off after 10 s", &[least_mm, largest(off_mm.into_iter())]);
+    page.assert_as_measured();
+}
+
+#[test]
+fn run_of_the_strong_rig_has_the_figures_of_the_results_page() {
+    let report = report("plus-sign-upm-2", |_| ());
+    let (track_mm, time_s) = (number(&report, "/cross_track_rms_mm"), number(&report, "/plate_time_s"));
+    let mut page = FigurePage::open("docs/results.md");
+    page.cell(RESULTS, "`upm-2`, plus-sign, one lap", "measured", &[track_mm, time_s]);
+    page.assert_as_measured();
+}
+
+/// How far one pulse carries a penny from the middle of a plate along x, mm.
+fn carried_mm(pulse: &Value) -> f64 {
+    let folder = TempDir::new().unwrap();
+    let experiment = json!({
+        "rig": root().join("configs/rigs/upm-2.json"),
+        "plate": "kinematic",
+        "parts": [{"kind": "penny", "position_mm": [0, 0]}],
+        "pulses": [pulse],
+    });
+    let experiment = file(folder.path(), "pulse.json", &experiment);
+    let (stdout, _) = status(&["simulate", experiment.to_str().unwrap(), "--json"], 0);
+    let result: Value = serde_json::from_str(&stdout).unwrap();
+    result["parts"][0]["x_mm"].as_array().unwrap().last().unwrap().as_f64().unwrap()
+}
+
+#[test]
+fn pulses_carry_a_penny_as_far_as_the_student_page_says() {
+    const SPEEDS: &str = "| `A`, m/s |";
+    let mut page = FigurePage::open("docs/student.md");
+    let columns = page.row(SPEEDS, "moved, mm").columns;
+    assert!(columns.len() > 5, "{columns:?}");
+    for column in columns.iter().skip(1) {
+        let speed_mps: f64 = column.parse().unwrap();
+        let moved_mm = carried_mm(&json!({"direction_deg": 0, "speed_mps": speed_mps, "sustain_s": 0.1}));
+        page.cell(SPEEDS, "moved, mm", column, &[moved_mm]);
+    }
+    let harmonics = json!([{"cos": [0.4, 0, 0]}, {"cos": [0.2, 0, 0]}]);
+    let back_mm = -carried_mm(&json!({"harmonics": harmonics, "sustain_s": 0.1}));
+    page.passage("and the coin goes back by", "mm.", &[back_mm]);
+    page.assert_as_measured();
 }

@@ -93,19 +93,11 @@ fn run_without_a_file_lists_the_jobs_there_are() {
     let (code, stdout, stderr) = run_in(folder.path(), &["run"]);
     assert!(code == Some(2) && stdout.is_empty(), "{stdout}");
     let line = |of: &str| stderr.lines().find(|line| line.contains(of)).unwrap_or_else(|| panic!("{of}: {stderr}"));
-    let row = line("configs/sort-8.json");
-    assert!(["4 penny, 4 quarter", "sort into 2 bins", "at most 300 s"].iter().all(|word| row.contains(word)), "{row}");
-    assert!(line("configs/hold-4.json").ends_with("  10 s"), "{stderr}");
+    assert!(line("configs/sort-8.json").ends_with("# 4 penny, 4 quarter; sort into 2 bins; at most 300 s"), "{stderr}");
     assert!(line("configs/plus-sign-endless.json").contains("no end"), "{stderr}");
     assert!(line("configs/broken.json").contains("faults: `upm check`"), "{stderr}");
     assert!(line("upm run mine.json").contains("fault"), "its rig is elsewhere: {stderr}");
     assert!(!stderr.contains("daemon.json") && !stderr.contains("simulate/"), "{stderr}");
-    let (code, stdout, _) = run_in(folder.path(), &["run", "--json"]);
-    let listed: Value = serde_json::from_str(&stdout).unwrap();
-    let jobs = listed.as_array().unwrap();
-    assert_eq!(code, Some(2));
-    let shipped = |job: &&Value| job["file"] == "configs/arrange-16.json" && job["parts"] == "16 penny";
-    assert_eq!((jobs.iter().filter(shipped).count(), jobs.len()), (1, stderr.matches("  upm run ").count()));
 }
 
 #[test]
@@ -115,26 +107,4 @@ fn run_in_an_empty_folder_suggests_init() {
     assert!(code == Some(2) && stderr.contains("`upm init`") && stderr.lines().count() == 1, "{stderr}");
     let (_, _, stderr) = run_in(folder.path(), &["run", "configs/plus-sign.json"]);
     assert!(stderr.contains("no such file") && stderr.contains("`upm init` writes it"), "{stderr}");
-}
-
-#[test]
-fn shipped_experiments_move_their_parts_as_described() {
-    let folder = begun();
-    let ends = |name: &str| {
-        let (code, stdout, stderr) = run_in(folder.path(), &["simulate", name, "--json"]);
-        assert_eq!(code, Some(0), "{stderr}");
-        let result: Value = serde_json::from_str(&stdout).unwrap();
-        let moved = |part: &Value, key: &str| {
-            let values = part[key].as_array().unwrap();
-            values.last().unwrap().as_f64().unwrap() - values[0].as_f64().unwrap()
-        };
-        let parts = result["parts"].as_array().unwrap();
-        parts.iter().map(|part| [moved(part, "x_mm"), moved(part, "y_mm")]).collect::<Vec<_>>()
-    };
-    // counter-clockwise about the centre, then clockwise about the second penny
-    let [right, top, left] = ends("configs/simulate/rotation.json")[..] else { panic!("three parts") };
-    assert!(right[1] > 1.0 && left[1] < -1.0, "{right:?} {left:?}");
-    assert!(top[0] < -1.0, "{top:?}");
-    let [left, right] = ends("configs/simulate/wave.json")[..] else { panic!("two parts") };
-    assert!(left[1] > 1.0 && right[1] > 1.0, "the translation carries both up: {left:?} {right:?}");
 }

@@ -1,20 +1,21 @@
 //! Messages of `upm locate` about discs that it does not name, and scores of the names it gives.
 
-use image::{DynamicImage, GrayImage, Luma};
+use image::{DynamicImage, Luma};
 use serde_json::Value;
 use tempfile::TempDir;
 
 use super::coin_pictures::{Coin, CoinPicture, Metal};
-use super::coin_scenes::{DIME, PENNY, QUARTER, coin, plain};
+use super::coin_scenes::{PENNY, QUARTER, plain};
 use super::status;
 
 fn saved(folder: &TempDir, picture: &CoinPicture) -> String {
-    written(folder, DynamicImage::from(picture.drawn()).into_luma8())
+    let drawn = DynamicImage::from(picture.drawn());
+    written(folder, if picture.gray { drawn.into_luma8().into() } else { drawn })
 }
 
-fn written(folder: &TempDir, picture: GrayImage) -> String {
+fn written(folder: &TempDir, picture: impl Into<DynamicImage>) -> String {
     let path = folder.path().join("picture.png");
-    picture.save(&path).unwrap();
+    picture.into().save(&path).unwrap();
     path.to_str().unwrap().to_owned()
 }
 
@@ -54,15 +55,6 @@ fn discs_of_a_kind_not_asked_for_are_reported_in_one_line_with_the_option() {
 }
 
 #[test]
-fn disc_of_no_known_size_is_reported() {
-    let folder = TempDir::new().unwrap();
-    let token = coin(None, 30.0, 2.0, Metal::Silver);
-    let picture = saved(&folder, &plain(203.2, &[(token, PLACES[0]), (PENNY, PLACES[1]), (DIME, PLACES[3])]));
-    let text = said(&picture, &SIDE);
-    assert!(text.lines().any(|line| line.starts_with("1 disc of 30.") && line.contains("no known kind")), "{text}");
-}
-
-#[test]
 fn score_falls_where_the_rim_is_off_or_half_hidden() {
     let folder = TempDir::new().unwrap();
     let larger = Coin { diameter_mm: 1.045 * PENNY.diameter_mm, ..PENNY };
@@ -90,20 +82,10 @@ fn score_falls_where_the_level_is_another_metals() {
     let coins = [PENNY, PENNY, silver, QUARTER, QUARTER];
     let picture = plain(203.2, &coins.into_iter().zip(PLACES).collect::<Vec<_>>());
     for gray in [true, false] {
-        let found = located(&saved_as(&folder, &picture, gray), &SIDE);
+        let found = located(&saved(&folder, &CoinPicture { gray, ..picture.clone() }), &SIDE);
         let [copper, silver] = [PLACES[0], PLACES[2]].map(|at| score_at(&found, at));
         assert!(copper > 0.9 && silver < 0.65, "gray {gray}: {copper} {silver}");
     }
-}
-
-fn saved_as(folder: &TempDir, picture: &CoinPicture, gray: bool) -> String {
-    let picture = CoinPicture { gray, ..picture.clone() };
-    if gray {
-        return saved(folder, &picture);
-    }
-    let path = folder.path().join("colours.png");
-    picture.drawn().save(&path).unwrap();
-    path.to_str().unwrap().to_owned()
 }
 
 #[test]
@@ -111,7 +93,6 @@ fn picture_without_parts_reports_the_discs_found() {
     let folder = TempDir::new().unwrap();
     let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
     assert!(bare.contains("no parts: the table was found, no disc was found"), "{bare}");
-    assert!(bare.contains("the plate looks bare"), "{bare}");
     // white discs on a dark plate on light ground
     let inverted = |picture: &CoinPicture| {
         let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
@@ -135,18 +116,7 @@ fn plate_side_is_determined_by_two_kinds_but_not_by_one() {
     assert!(said(&two, &[]).contains("from the ratio of the parts' sizes"));
     let one = saved(&folder, &plain(260.0, &[(QUARTER, PLACES[0]), (QUARTER, PLACES[1]), (QUARTER, PLACES[2])]));
     let text = said(&one, &[]);
-    assert!(text.contains("plate: 203.2 mm assumed; the sizes allow") && text.contains("mm for quarter"), "{text}");
-    let line = |text: &str| text.lines().find(|line| line.starts_with("plate: ")).map(str::to_owned);
-    assert_eq!(line(&said(&one, &["--kinds", "quarter"])), line(&text), "sides are those of all known kinds");
+    assert!(text.contains("plate: 203.2 mm assumed; --plate-side-mm sets it"), "{text}");
     let found = located(&one, &["--plate-side-mm", "260"]);
     assert_eq!((&found["plate"]["source"], &found["parts"][0]["kind"]), (&"given".into(), &"quarter".into()));
-}
-
-#[test]
-fn picture_without_a_table_reports_edges_and_levels() {
-    let folder = TempDir::new().unwrap();
-    let even = written(&folder, GrayImage::from_pixel(640, 480, Luma([180])));
-    let (_, stderr) = status(&["locate", &even], 1);
-    assert!(stderr.contains("no edges stand out") && stderr.contains("levels 180 to 180"), "{stderr}");
-    assert_eq!(stderr.lines().count(), 1);
 }

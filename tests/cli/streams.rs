@@ -12,27 +12,22 @@ use tempfile::TempDir;
 
 use super::{root, status, upm};
 
-/// Exit status of `upm` with these arguments, its stderr on a full disk.
-fn status_with_full_stderr(args: &[&str]) -> Option<i32> {
-    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("upm"));
-    command
-        .args(args)
-        .current_dir(root())
-        .stdout(Stdio::null())
-        .stderr(File::options().write(true).open("/dev/full").unwrap());
-    command.status().unwrap().code()
-}
-
 #[test]
-fn full_stderr_costs_no_run_its_report() {
-    let out = TempDir::new().unwrap();
-    let to = out.path().to_str().unwrap();
-    assert_eq!(
-        status_with_full_stderr(&["run", "configs/arrange-2.json", "-v", "--rerun", "off", "--out", to]),
-        Some(0)
-    );
-    let run = fs::read_dir(out.path()).unwrap().next().unwrap().unwrap().path();
+fn full_stderr_costs_no_run_its_report_and_a_run_is_found_behind_a_link() {
+    let folder = TempDir::new().unwrap();
+    let [elsewhere, out] = ["elsewhere", "runs"].map(|name| folder.path().join(name));
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_upm"));
+    command.args(["run", "configs/arrange-2.json", "-v", "--camera", "positions", "--rerun", "off", "--out"]);
+    command.arg(&elsewhere).current_dir(root()).stdout(Stdio::null());
+    command.stderr(File::options().write(true).open("/dev/full").unwrap());
+    assert!(command.status().unwrap().success());
+    let run = fs::read_dir(&elsewhere).unwrap().next().unwrap().unwrap().path();
     assert!(run.join("report.json").is_file());
+    fs::create_dir(&out).unwrap();
+    symlink(run, out.join("linked")).unwrap();
+    for name in ["last", "linked", "link"] {
+        status(&["verify", name, "--out", out.to_str().unwrap()], 0);
+    }
 }
 
 #[test]
@@ -47,17 +42,4 @@ fn names_that_are_no_text_are_taken() {
     assert_eq!(checked.status.code(), Some(0));
     let rows: Value = serde_json::from_slice(&checked.stdout).unwrap();
     assert_eq!(rows[0]["valid"], json!(true));
-}
-
-#[test]
-fn run_is_found_behind_a_link() {
-    let folder = TempDir::new().unwrap();
-    let [elsewhere, out] = ["elsewhere", "runs"].map(|name| folder.path().join(name));
-    status(&["run", "configs/arrange-2.json", "--rerun", "off", "--out", elsewhere.to_str().unwrap()], 0);
-    let run = fs::read_dir(&elsewhere).unwrap().next().unwrap().unwrap().path();
-    fs::create_dir(&out).unwrap();
-    symlink(run, out.join("linked")).unwrap();
-    for name in ["last", "linked", "link"] {
-        status(&["verify", name, "--out", out.to_str().unwrap()], 0);
-    }
 }

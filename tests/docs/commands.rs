@@ -1,7 +1,6 @@
 //! Commands of README.md, CONTRIBUTING.md, ARCHITECTURE.md and `docs/`: each is run as written, in the order of its
 //! page, in a folder that `upm init .` made. CONTRIBUTING.md says how a page marks its commands.
 
-use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
@@ -86,32 +85,4 @@ fn commands_of_the_pages_run_as_typed() {
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn commands_of_slow_pages_run_as_typed() {
     assert_runs(pages::all().into_iter().filter(is_slow));
-}
-
-/// True for inline code that is a whole command of `upm` or `upm-lab`: with an argument and without a placeholder.
-fn is_complete(code: &str) -> bool {
-    let is_placeholder = |word: &str| {
-        word.contains(['[', '…'])
-            || word.contains("...")
-            || word.as_bytes().windows(2).any(|pair| pair.iter().all(u8::is_ascii_uppercase))
-    };
-    let mut words = code.split(' ');
-    let first = match words.next() {
-        Some("upm") => words.clone().nth(1),
-        Some("upm-lab") => words.clone().next(),
-        _ => None,
-    };
-    first.is_some_and(|word| !word.starts_with('-')) && !words.any(is_placeholder)
-}
-
-#[test]
-#[ignore = "long: `cargo test -- --ignored` runs it"]
-fn complete_commands_in_the_prose_run_as_typed() {
-    let pages = pages::all();
-    let is_marked = |code: &String| pages.iter().flat_map(|page| &page.marks).any(|mark| mark.contains(code.as_str()));
-    let mut commands: BTreeSet<String> = pages.iter().flat_map(Page::codes).collect();
-    commands.retain(|code| is_complete(code) && !is_marked(code));
-    assert!(commands.len() >= 20, "commands are found: {commands:?}");
-    let script: Vec<String> = commands.into_iter().collect();
-    assert_eq!(run("inline code", &script.join("\n")).1, None);
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fast and reference vision on the same pictures in one run: times, their ratio, and how far apart the results are.
 
-usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3] [--response auto|chords|fft]
+usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3]
 
 Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside.
 Both methods get the same file and look for pennies on a plate of 203.2 mm: `upm locate --json` and `upm-lab locate --json`.
@@ -41,7 +41,7 @@ def compare(args, seed, folder):
     """A row of the table, and whether the methods find the same."""
     picture, truth = papers_scene(args.upm, seed, folder)
     lab = pathlib.Path(args.upm).with_name("upm-lab")
-    programs = {"fast": [args.upm, *SIDE, "--response", args.response], "reference": [lab]}
+    programs = {"fast": [args.upm, *SIDE], "reference": [lab]}
     ms, last = {name: [] for name in programs}, {}
     for _ in range(args.rounds):
         for name, (program, *extra) in programs.items():
@@ -60,7 +60,6 @@ def compare(args, seed, folder):
 
 def main():
     parser = parser_of(__doc__, seeds=5, rounds=3)
-    parser.add_argument("--response", default="auto", choices=["auto", "chords", "fft"])
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = [compare(args, seed, folder) for seed in range(1, args.seeds + 1)]

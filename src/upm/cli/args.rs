@@ -1,17 +1,18 @@
+#[cfg(feature = "daemon")]
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::batch::Seeds;
-use super::client_args::{ClientCommand, pace};
+#[cfg(feature = "daemon")]
+use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
-use super::offered::schemas;
-use super::run_args::{ExportArgs, RunFolderArgs};
+use super::run_args::{ExportArgs, RunFolderArgs, pace};
 use upm_core::job::{CameraMode, Pace};
-use upm_perception::vision::ResponseMethod;
 use upm_recording::{BadRerunMode, RerunMode};
+use upm_runner::config::schema_names;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
 #[derive(Parser, Debug)]
@@ -56,13 +57,6 @@ pub enum Command {
     Locate(LocateArgs),
     /// Open loop: given pulses on given parts, true trajectories out
     Simulate(SimulateArgs),
-    /// The papers' experiments, which are a program of their own
-    #[command(hide = true, disable_help_flag = true)]
-    Lab {
-        /// Arguments of that program.
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        args: Vec<String>,
-    },
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
@@ -70,13 +64,14 @@ pub enum Command {
     /// Write a run as tables: positions, targets, pulses, timings
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
+    #[cfg(feature = "daemon")]
     Serve(ServeArgs),
     /// Validate job, rig, daemon, experiment, library and trace files
     Check(CheckArgs),
     /// Print the JSON Schema of a file
     Schema(SchemaArgs),
     /// Commands sent to a daemon.
+    #[cfg(feature = "daemon")]
     #[command(flatten)]
     Client(ClientCommand),
     /// Print completions for a shell
@@ -87,6 +82,7 @@ impl Command {
     /// Log format of a command that runs as a daemon; `None` for all others.
     pub(super) fn log(&self) -> Option<LogFormat> {
         match self {
+            #[cfg(feature = "daemon")]
             Self::Serve(args) => Some(args.log),
             _ => None,
         }
@@ -105,8 +101,8 @@ pub struct InitArgs {
 }
 
 fn cameras() -> impl TypedValueParser<Value = CameraMode> {
-    let names = CameraMode::ALL.map(CameraMode::code);
-    PossibleValuesParser::new(names).map(|name| CameraMode::of_code(&name).unwrap_or_default())
+    PossibleValuesParser::new(CameraMode::ALL.map(CameraMode::code))
+        .map(|name| CameraMode::of_code(&name).unwrap_or_default())
 }
 
 /// `upm run`.
@@ -122,8 +118,8 @@ pub struct RunArgs {
     /// 1,5,9
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "job")]
     pub seeds: Option<Seeds>,
-    /// Folder that run folders are made in; a batch's summary.json and plate-time.svg go there, too, and replace those
-    /// of an earlier batch [default: runs; with --seeds a new folder in it]
+    /// Folder that run folders are made in; a batch's summary.json goes there, too, and replaces that of an earlier
+    /// batch [default: runs; with --seeds a new folder in it]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// As fast as possible, or no faster than the clock
@@ -147,6 +143,7 @@ pub struct RunArgs {
 }
 
 /// `upm serve`.
+#[cfg(feature = "daemon")]
 #[derive(Args, Debug)]
 pub struct ServeArgs {
     /// Daemon file: plates, limits, where to listen and to keep things
@@ -169,7 +166,7 @@ pub struct ServeArgs {
 /// Log format of a daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// For people; under systemd as the journal wants it.
+    /// For people.
     Text,
     /// One JSON object a line.
     Json,
@@ -224,11 +221,8 @@ pub struct LocateArgs {
     /// Parts are lighter than the plate, as white ones on black
     #[arg(long, conflicts_with = "rig")]
     pub light_parts: bool,
-    /// Method of the disks' response: auto takes the cheaper one by the sizes, which for coins is chords
-    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = response_methods())]
-    pub response: ResponseMethod,
     /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; with several pictures,
-    /// into a subfolder for each
+    /// into subfolders 1, 2 and so on
     #[arg(long, value_name = "DIR")]
     pub stages: Option<PathBuf>,
 }
@@ -238,18 +232,6 @@ fn rerun_mode(text: &str) -> Result<RerunMode, String> {
     let mode = text.parse().map_err(|error: BadRerunMode| error.to_string())?;
     upm_viewer::RerunSink::check(&mode).map_err(|error| error.to_string())?;
     Ok(mode)
-}
-
-/// Reads the method of the disks' response by its name.
-fn response_methods() -> impl TypedValueParser<Value = ResponseMethod> {
-    let methods = [
-        (ResponseMethod::Auto, "auto", "The cheaper method, by the sizes of the disks"),
-        (ResponseMethod::Chords, "chords", "Differences of running sums"),
-        (ResponseMethod::Fft, "fft", "Products of spectra"),
-    ];
-    let names = methods.map(|(_, name, help)| PossibleValue::new(name).help(help));
-    let known = move |given: &str| methods.into_iter().find(|(_, name, _)| *name == given);
-    PossibleValuesParser::new(names).map(move |given| known(&given).map_or(ResponseMethod::Auto, |(method, ..)| method))
 }
 
 /// `upm simulate`.
@@ -283,6 +265,11 @@ pub struct CheckArgs {
     pub picture: Option<PathBuf>,
 }
 
+/// The names of schemas: those of files, and of the files of a run folder.
+fn schemas() -> PossibleValuesParser {
+    PossibleValuesParser::new(schema_names().iter().copied().chain(["journal", "report"]))
+}
+
 /// `upm schema`.
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
@@ -299,7 +286,7 @@ pub struct CompletionsArgs {
     pub shell: clap_complete::Shell,
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "daemon"))]
 mod tests {
     use std::path::Path;
 

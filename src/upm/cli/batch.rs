@@ -1,26 +1,25 @@
 //! `upm run --seeds`: runs one job with many seeds on all cores and summarises the figures of all runs.
 
-mod histogram;
 mod seeds;
 mod summary;
 mod table;
 mod workers;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
 use super::args::{Common, RunArgs};
 use super::output::{Failure, INTERRUPTED, print, stop_on_interrupt};
 use super::progress::LateProgress;
 use super::run::{USUAL_OUT, load_job, utc_now};
-use histogram::plate_time_chart;
 pub use seeds::Seeds;
 use summary::BatchSummary;
 use upm_core::job::Pace;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RerunMode;
 use upm_runner::run::job_library;
-use workers::{SeedBatch, Turns};
+use workers::SeedBatch;
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names.
 pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) -> Result<u8, Failure> {
@@ -41,34 +40,20 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
     let out = args.out.clone().unwrap_or_else(in_usual);
     let interrupted = stop_on_interrupt();
     let seeds = seeds.as_slice();
-    let turns = Turns::new(seeds.len(), LateProgress::at_once(common));
+    let progress = Mutex::new(LateProgress::new(common));
     let (job, out_of_runs, interrupted) = (&job, out.clone(), &interrupted);
-    let batch = SeedBatch { job, library, seeds, out: out_of_runs, started_utc, rerun, clock, interrupted, turns };
+    let batch = SeedBatch { job, library, seeds, out: out_of_runs, started_utc, rerun, clock, interrupted, progress };
     let runs = batch.run();
     let (names, wall_time_s) = ([job.name.as_str(), &job.rig.model.name], clock.elapsed().as_secs_f64());
     let summary = BatchSummary::new(names, job.camera, seeds.len(), wall_time_s, runs);
-    let files = write(&summary, &out)?;
+    let file = out.join("summary.json");
+    std::fs::create_dir_all(&out).map_err(|error| Failure::write(&out, error))?;
+    let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)? + "\n";
+    std::fs::write(&file, text).map_err(|error| Failure::write(&file, error))?;
     print(common.json, &summary, || {
         table::lines(&summary).iter().try_for_each(|line| outln!("{line}"))?;
         outln!("  {:15} {}", "run folders", out.display())?;
-        files.iter().try_for_each(|path| outln!("  {:15} {}", "written", path.display()))
+        outln!("  {:15} {}", "written", file.display())
     })?;
     Ok(if interrupted.load(Ordering::Relaxed) { INTERRUPTED } else { summary.status() })
-}
-
-/// Writes `summary.json` and the chart of plate times; returns the paths in this order.
-fn write(summary: &BatchSummary, out: &Path) -> Result<Vec<PathBuf>, Failure> {
-    std::fs::create_dir_all(out).map_err(|error| Failure::write(out, error))?;
-    let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)? + "\n";
-    let mut files = vec![(out.join("summary.json"), text)];
-    let chart = summary.figures.get("plate_time_s").and_then(|figure| {
-        let BatchSummary { name, rig, completed, .. } = summary;
-        let title = format!("{name} on {rig}: plate time of {completed} completed runs");
-        plate_time_chart(&summary.plate_times_s(), figure.median, &title)
-    });
-    files.extend(chart.map(|chart| (out.join(format!("{}.svg", chart.name)), upm_chart::svg(&chart))));
-    for (path, text) in &files {
-        std::fs::write(path, text).map_err(|error| Failure::write(path, error))?;
-    }
-    Ok(files.into_iter().map(|(path, _)| path).collect())
 }

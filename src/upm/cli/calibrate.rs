@@ -5,7 +5,6 @@ use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt}
 use super::progress::LateProgress;
 use super::run::run_failure;
 use upm_control::calibration::{CalibrationFault, CalibrationProgress};
-use upm_core::time::MonotonicClock;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_runner::config::RigSpec;
@@ -16,7 +15,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     // checked before the long measurement
     let output = LibraryOutput::check(&args.out).map_err(|error| run_failure(&error))?;
     let stop = stop_on_interrupt();
-    let mut progress = LateProgress::at_once(common);
+    let mut progress = LateProgress::new(common);
     let params = calibration_params(&rig);
     let library = calibrate_rig(&rig, args.seed, &params, &stop, &mut |step| show(&mut progress, step));
     progress.finish();
@@ -34,7 +33,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     })
 }
 
-fn show(shown: &mut LateProgress<MonotonicClock>, progress: CalibrationProgress) {
+fn show(shown: &mut LateProgress, progress: CalibrationProgress) {
     let CalibrationProgress { stage, done, total, plate_time_s } = progress;
     let share = done as f64 / total.max(1) as f64;
     shown.show(share, || format!("plate {plate_time_s:6.1} s  {stage} {done} of {total}"));

@@ -3,7 +3,6 @@ mod picture;
 mod plan;
 mod plan_picture;
 mod plan_statistics;
-mod plan_table;
 
 use std::path::Path;
 
@@ -11,15 +10,17 @@ use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
-use super::progress::ProgressMode;
-use coverage_report::CoverageReport;
+use super::progress::LateProgress;
 use plan::PlanReport;
+use upm_chart::Chart;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
-use upm_runner::run::{PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning};
+use upm_runner::run::{
+    Coverage, PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning,
+};
 
 /// Contents of a valid file.
-struct ValidFile {
+pub(super) struct ValidFile {
     /// Description on one line.
     says: String,
     /// Coverage of a library, or the forecast of a job, if requested.
@@ -28,62 +29,65 @@ struct ValidFile {
     warnings: Vec<String>,
 }
 
-enum FileReport {
-    Coverage(CoverageReport),
-    Plan(PlanReport),
+impl ValidFile {
+    pub fn new(says: String) -> Self {
+        Self { says, report: None, warnings: Vec::new() }
+    }
+}
+
+/// Coverage of a library or forecast of a job, in the forms in which it is shown.
+struct FileReport {
+    /// Its key in the JSON output: `coverage` or `plan`.
+    key: &'static str,
+    lines: Vec<String>,
+    json: Value,
+    chart: Chart,
+    /// True if the job is predicted to fail.
+    is_failure: bool,
 }
 
 /// Contents of a file, or its faults.
-type CheckFinding = Result<ValidFile, Vec<String>>;
+pub(super) type CheckFinding = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
-    let asked = CheckRequest { rig: rig.as_ref(), plan: args.plan, progress: ProgressMode::on_stderr(common) };
     let findings: Vec<(&Path, CheckFinding)> =
-        args.files.iter().map(|path| (path.as_path(), check_file(path, asked))).collect();
+        args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args.plan, common))).collect();
     for (file, finding) in &findings {
         let Ok(ValidFile { says, report, .. }) = finding else { continue };
         let file = file.display();
-        if args.plan && !matches!(report, Some(FileReport::Plan(_))) {
+        if args.plan && report.as_ref().is_none_or(|report| report.key != "plan") {
             return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {file}, a {says}")));
         }
         if let Some(picture) = &args.picture {
             let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
-            let chart = match report.as_ref().ok_or_else(|| Failure::bad_input(line))? {
-                FileReport::Coverage(covered) => picture::coverage_chart(&covered.coverage, &covered.rig_name),
-                FileReport::Plan(planned) => plan_picture::plan_chart(planned),
-            };
-            std::fs::write(picture, upm_chart::svg(&chart)).map_err(|error| Failure::write(picture, error))?;
+            let chart = &report.as_ref().ok_or_else(|| Failure::bad_input(line))?.chart;
+            std::fs::write(picture, upm_chart::svg(chart)).map_err(|error| Failure::write(picture, error))?;
         }
     }
-    if common.json {
-        print_json(&findings.iter().map(|(path, finding)| row(path, finding)).collect::<Vec<_>>())?;
-    } else {
-        findings.iter().try_for_each(|(path, finding)| print(path, finding))?;
-    }
+    show(&findings, common)?;
     Ok(findings.iter().map(|(_, finding)| status(finding)).max().unwrap_or(0))
+}
+
+/// Prints the findings of files.
+pub(super) fn show(findings: &[(&Path, CheckFinding)], common: Common) -> Result<(), Failure> {
+    if common.json {
+        print_json(&findings.iter().map(|(path, finding)| row(path, finding)).collect::<Vec<_>>())
+    } else {
+        findings.iter().try_for_each(|(path, finding)| print(path, finding))
+    }
 }
 
 /// Exit status for the finding of a file.
 fn status(finding: &CheckFinding) -> u8 {
     match finding {
         Err(_) => BAD_INPUT,
-        Ok(ValidFile { report: Some(FileReport::Plan(plan)), .. }) if plan.verdict().is_failure() => NOT_REACHED,
+        Ok(ValidFile { report: Some(report), .. }) if report.is_failure => NOT_REACHED,
         Ok(_) => 0,
     }
-}
-
-/// Checks requested besides validity.
-#[derive(Clone, Copy)]
-struct CheckRequest<'a> {
-    /// Rig that replaces that of jobs, and that libraries must have been measured on.
-    rig: Option<&'a RigSpec>,
-    /// True to make dry runs of jobs.
-    plan: bool,
-    progress: ProgressMode,
 }
 
 fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
@@ -106,10 +110,8 @@ fn row(path: &Path, finding: &CheckFinding) -> Value {
         "says": found.map(|found| &found.says),
         "faults": finding.as_ref().err(),
     });
-    match found.and_then(|found| found.report.as_ref()) {
-        Some(FileReport::Coverage(covered)) => row["coverage"] = covered.json(),
-        Some(FileReport::Plan(planned)) => row["plan"] = planned.json(),
-        None => {}
+    if let Some(report) = found.and_then(|found| found.report.as_ref()) {
+        row[report.key] = report.json.clone();
     }
     if let Some(found) = found.filter(|found| !found.warnings.is_empty()) {
         row["warnings"] = json!(found.warnings);
@@ -121,12 +123,8 @@ fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
     match finding {
         Ok(found) => {
             outln!("{}: ok, {}", path.display(), found.says)?;
-            let lines = match &found.report {
-                Some(FileReport::Coverage(covered)) => covered.lines(),
-                Some(FileReport::Plan(planned)) => planned.lines(),
-                None => Vec::new(),
-            };
-            lines.iter().try_for_each(|line| outln!("  {line}"))?;
+            let mut lines = found.report.iter().flat_map(|report| &report.lines);
+            lines.try_for_each(|line| outln!("  {line}"))?;
             found.warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
         }
         Err(faults) => faults.iter().for_each(|fault| errln!("upm: {fault}")),
@@ -134,11 +132,12 @@ fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Validates a file as the kind that its keys indicate; a library also against the rig given.
-fn check_file(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
+/// Validates a file as the kind that its keys indicate; a library also against the rig given. Makes dry runs of a job
+/// that is to be planned.
+fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckFinding {
     let value = text_of(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
-        Some(Document::Library) => return check_library(path, asked.rig),
+        Some(Document::Library) => return check_library(path, rig),
         Some(Document::Experiment) => {
             let experiment = SimulateSpec::load(path).map_err(lines)?;
             check_simulate(&experiment).map_err(|error| vec![format!("{}: {error}", path.display())])?;
@@ -150,9 +149,9 @@ fn check_file(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
         }
         Some(Document::Daemon) => check_daemon(path)?,
         Some(Document::Rig) => check_rig(path)?,
-        Some(Document::Job) | None => return check_job(path, asked),
+        Some(Document::Job) | None => return check_job(path, rig, is_planned, common),
     };
-    Ok(ValidFile { says, report: None, warnings: Vec::new() })
+    Ok(ValidFile::new(says))
 }
 
 /// Validates a daemon file with the rigs it names and their libraries.
@@ -177,8 +176,8 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     Ok(format!("rig {}, {:.0} mm plate, {library}", rig.model.name, rig.model.plate_side_m * 1e3))
 }
 
-fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
-    let job = match asked.rig {
+fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckFinding {
+    let job = match rig {
         Some(rig) => JobSpec::load_on(path, rig),
         None => JobSpec::load(path),
     };
@@ -188,10 +187,15 @@ fn check_job(path: &Path, asked: CheckRequest<'_>) -> CheckFinding {
     let (rig, parts, planner) =
         (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::with_forecast(&job, &library));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
-    let planned =
-        asked.plan.then(|| PlanReport::of(&job, &library, planner, asked.progress)).transpose().map_err(lines_of)?;
+    let mut report = None;
+    if is_planned {
+        let mut progress = LateProgress::new(common);
+        let plan = PlanReport::of(&job, &library, planner, &mut progress).map_err(lines_of)?;
+        let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
+        report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
+    }
     let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
-    Ok(ValidFile { says, report: planned.map(FileReport::Plan), warnings })
+    Ok(ValidFile { says, report, warnings })
 }
 
 fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
@@ -201,7 +205,10 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
         return Err(lines(faults));
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
-    let report = Some(FileReport::Coverage(CoverageReport::by(&library)));
+    let coverage = Coverage::of(&library);
+    let (lines, json) = (coverage_report::lines(&coverage), coverage_report::json(&coverage));
+    let chart = picture::coverage_chart(&coverage, &library.rig);
+    let report = Some(FileReport { key: "coverage", lines, json, chart, is_failure: false });
     Ok(ValidFile { says, report, warnings: Vec::new() })
 }
 

@@ -1,53 +1,35 @@
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 
+use super::run_args::pace;
 use upm_core::job::Pace;
-
-/// The states of a job, as they are written.
-const JOB_STATES: [&str; 6] = ["queued", "running", "completed", "failed", "cancelled", "interrupted"];
+use upm_server::states::JobState;
 
 /// Commands sent to a daemon.
 #[derive(Subcommand, Debug)]
 pub enum ClientCommand {
     /// Daemon: queue a job; prints its id
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Submit(SubmitArgs),
     /// Daemon: list jobs, newest first
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Jobs(JobsArgs),
     /// Daemon: a job and what became of it
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Show(JobArgs),
     /// Daemon: follow a job until it ends
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Watch(JobArgs),
     /// Daemon: run a queued job before the others of its plate
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     RunNext(JobArgs),
     /// Daemon: take a job out of the queue, or stop it
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Cancel(JobArgs),
     /// Daemon: all plates as they are
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Plates(PlatesArgs),
     /// Daemon: emergency stop, held until a reset; without a name all plates
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Estop(EstopArgs),
     /// Daemon: end an emergency stop; the plate stays paused
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Reset(ResetArgs),
     /// Daemon: let a paused plate go on with its queue, and a paused standing job start
-    #[cfg_attr(not(feature = "daemon"), command(hide = true))]
     Resume(PlateArgs),
-}
-
-/// Reads a pace by its name.
-pub fn pace() -> impl TypedValueParser<Value = Pace> {
-    let max = PossibleValue::new(Pace::Max.code()).help("As fast as the machine can");
-    let real_time = PossibleValue::new(Pace::RealTime.code()).help("One second of plate time a second");
-    PossibleValuesParser::new([max, real_time]).map(|name| Pace::of_code(&name).unwrap_or_default())
 }
 
 /// How to reach the daemon.
@@ -92,7 +74,7 @@ pub struct SubmitArgs {
 #[derive(Args, Debug)]
 pub struct JobsArgs {
     /// Only jobs in this state
-    #[arg(long, value_name = "STATE", value_parser = PossibleValuesParser::new(JOB_STATES))]
+    #[arg(long, value_name = "STATE", value_parser = PossibleValuesParser::new(JobState::ALL.map(JobState::code)))]
     pub state: Option<String>,
     /// Most jobs listed
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
@@ -171,14 +153,4 @@ pub struct PlateArgs {
     pub plate: String,
     #[command(flatten)]
     pub daemon: DaemonArgs,
-}
-
-#[cfg(all(test, feature = "daemon"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_states_are_those_of_the_api() {
-        assert_eq!(JOB_STATES, upm_server::states::JobState::ALL.map(|state| state.code()));
-    }
 }

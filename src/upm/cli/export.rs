@@ -4,7 +4,7 @@ mod parquet_file;
 mod tables;
 
 use std::fs::{self, File};
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -17,12 +17,6 @@ use parquet_file::ParquetFile;
 use tables::{Column, POSITIONS, PULSES, TABLES, TARGETS, TIMINGS, Table};
 use upm_recording::Report;
 use upm_runner::config::reason;
-
-/// Largest report that is read, bytes; one of a thousand parts is far smaller.
-const MOST_REPORT_BYTES: u64 = 16 << 20;
-
-/// Longest line of a journal that is read, bytes; a cycle of some hundred pulses is far shorter.
-const LONGEST_LINE: u64 = 16 << 20;
 
 const EXPECTED: &str = "expected what `upm run` left in a run folder";
 
@@ -74,7 +68,7 @@ fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(|error| Failure::read_failed(&path, &error))?,
     };
-    let report = serde_json::from_reader(BufReader::new(file.take(MOST_REPORT_BYTES)));
+    let report = serde_json::from_reader(BufReader::new(file));
     report.map(Some).map_err(|error| Failure::bad_input(format!("{}: {EXPECTED}, found {error}", path.display())))
 }
 
@@ -115,16 +109,12 @@ impl TableFiles {
         let mut bytes = Vec::new();
         for number in 1.. {
             bytes.clear();
-            let read = journal.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes);
-            let read = read.map_err(|error| read_failed(path, &error))?;
+            journal.read_until(b'\n', &mut bytes).map_err(|error| read_failed(path, &error))?;
             let fault = |found: String| {
                 Failure::bad_input(format!("{}: line {number}: {EXPECTED}, found {found}", path.display()))
             };
-            if read as u64 == LONGEST_LINE && !bytes.ends_with(b"\n") {
-                return Err(fault(format!("more than {LONGEST_LINE} bytes")));
-            }
             if !bytes.ends_with(b"\n") {
-                if read > 0 {
+                if !bytes.is_empty() {
                     tracing::warn!("{}: ends in half a line: the run was killed", path.display());
                 }
                 break;
@@ -188,15 +178,10 @@ impl TableWriter {
     }
 }
 
-/// A value as text; a number as the shortest text that reads back to it.
 fn text(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),
-        Value::Number(number) => number.as_i64().map_or_else(
-            || number.as_f64().map_or_else(String::new, |number| number.to_string()),
-            |number| number.to_string(),
-        ),
         other => other.to_string(),
     }
 }

@@ -46,20 +46,10 @@ fn print_report(folder: &Path, report: &InitReport) -> Result<(), Failure> {
     }
     outln!("try:")?;
     if !folder.as_os_str().is_empty() && folder != Path::new(".") {
-        outln!("  cd {}", quoted(shown))?;
+        outln!("  cd {}", shown)?;
     }
     outln!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
     outln!("  upm run                                         # the jobs there are")?;
     outln!("  upm simulate configs/simulate/rotation.json     # given pulses, without a camera")?;
     outln!("  upm serve                                       # the daemon with its page")
-}
-
-/// Quotes a word for a shell.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+".contains(c);
-    if !word.is_empty() && !word.starts_with('-') && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("-- '{}'", word.replace('\'', "'\\''"))
-    }
 }

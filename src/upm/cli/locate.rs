@@ -1,6 +1,5 @@
 //! `upm locate`: table and parts in picture files.
 
-mod canvas;
 mod doubts;
 mod maps;
 mod naming;
@@ -12,14 +11,10 @@ mod search;
 mod setup;
 mod tone;
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
-
 use serde_json::json;
 
 use super::args::{Common, LocateArgs};
 use super::output::{Failure, print_json};
-use report::Localised;
 use search::locate_picture;
 use setup::LocateSetup;
 
@@ -28,10 +23,14 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = LocateSetup::of(args)?;
     let several = args.images.len() > 1;
     let mut worst = 0;
-    for (image, name) in args.images.iter().zip(names_of(&args.images)) {
-        let made = locate_picture(image, &name, args, &setting).and_then(|located| {
+    for (index, image) in args.images.iter().enumerate() {
+        // a subfolder where there are several pictures
+        let subfolder = if several { (index + 1).to_string() } else { String::new() };
+        let stages = args.stages.as_ref().map(|folder| folder.join(subfolder));
+        let made = locate_picture(image, stages.as_deref(), &setting).and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
-            Ok((draw(&located.found, &kinds, &name, args)?, located))
+            let written = stages.map_or(Ok(Vec::new()), |folder| panels::write(&folder, &located.found, &kinds))?;
+            Ok((written, located))
         });
         match made {
             Ok((_, located)) if common.json && several => {
@@ -54,36 +53,4 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
         }
     }
     Ok(worst)
-}
-
-/// Draws the stages if `args` request it; `kinds` are those of the parts. Returns the paths.
-fn draw(found: &Localised, kinds: &[&str], name: &str, args: &LocateArgs) -> Result<Vec<PathBuf>, Failure> {
-    match &args.stages {
-        Some(folder) => panels::write(&panels::folder_of(folder, name, args), found, kinds),
-        None => Ok(Vec::new()),
-    }
-}
-
-/// Output name of each picture: its file stem, numbered where several are equal.
-fn names_of(images: &[PathBuf]) -> Vec<String> {
-    let mut taken = BTreeSet::new();
-    let mut free = |image: &PathBuf| {
-        let stem = image.file_stem().map_or("picture".into(), |stem| stem.to_string_lossy().into_owned());
-        let numbered = (2..).map(|number: u64| format!("{stem}-{number}"));
-        let name = std::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem);
-        taken.insert(name.clone());
-        name
-    };
-    images.iter().map(&mut free).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn equal_names_are_numbered() {
-        let images = ["a/x.png", "b/x.jpg", "x-2.png", "x.png", ".."].map(PathBuf::from);
-        assert_eq!(names_of(&images), ["x", "x-2", "x-2-2", "x-3", "picture"]);
-    }
 }

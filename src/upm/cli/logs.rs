@@ -1,43 +1,28 @@
 use std::io::IsTerminal;
-use std::os::unix::fs::MetadataExt;
-use std::{env, fmt, fs, io};
+use std::{env, io};
 
+use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
-use tracing::{Event, Level, Subscriber};
 use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::filter::Targets;
-use tracing_subscriber::fmt::format::{Format, Writer};
-use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
+use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::registry::LookupSpan;
 
 use super::args::{Common, LogFormat};
 use super::panics;
-
-/// Destination and level of the log.
-#[derive(Clone, Copy, Debug)]
-struct LogSettings {
-    level: LevelFilter,
-    /// True if stderr goes to the systemd journal, which adds the time and expects levels as numbers.
-    is_journal: bool,
-    is_colored: bool,
-}
 
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
 /// returned value at the end of the process flushes its queue.
 pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGuard> {
-    let setting = LogSettings {
-        level: level(common, daemon.is_some()),
-        is_journal: is_journal(env::var("JOURNAL_STREAM").ok().as_deref(), file_of_stderr()),
-        is_colored: io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
-    };
+    let level = level(common, daemon.is_some());
+    let is_colored = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty());
     let (subscriber, flush_guard) = match daemon {
         Some(_) => {
             let (writer, flush_guard) = non_blocking(io::stderr());
-            (subscriber(daemon, setting, writer), Some(flush_guard))
+            (subscriber(daemon, level, is_colored, writer), Some(flush_guard))
         }
-        None => (subscriber(daemon, setting, io::stderr), None),
+        None => (subscriber(daemon, level, is_colored, io::stderr), None),
     };
     if tracing::subscriber::set_global_default(subscriber).is_err() {
         errln!("upm: the log was started before");
@@ -71,19 +56,6 @@ fn non_blocking(out: impl io::Write + Send + 'static) -> (NonBlocking, FlushGuar
     (writer, FlushGuard { dropped, _worker: worker })
 }
 
-/// True if stderr goes to the journal: `stream` gives its device and inode, see systemd.exec(5). They differ if stderr
-/// was redirected while the variable was inherited.
-fn is_journal(stream: Option<&str>, stderr: Option<(u64, u64)>) -> bool {
-    let stderr = stderr.map(|(device, inode)| format!("{device}:{inode}"));
-    stream.is_some() && stream == stderr.as_deref()
-}
-
-/// Device and inode of stderr.
-fn file_of_stderr() -> Option<(u64, u64)> {
-    let meta = fs::metadata("/dev/stderr").ok()?;
-    Some((meta.dev(), meta.ino()))
-}
-
 fn level(common: Common, is_daemon: bool) -> LevelFilter {
     match (common.quiet, common.verbose + u8::from(is_daemon)) {
         (true, _) => LevelFilter::ERROR,
@@ -94,11 +66,15 @@ fn level(common: Common, is_daemon: bool) -> LevelFilter {
     }
 }
 
-fn subscriber<W>(daemon: Option<LogFormat>, setting: LogSettings, writer: W) -> Box<dyn Subscriber + Send + Sync>
+fn subscriber<W>(
+    daemon: Option<LogFormat>,
+    level: LevelFilter,
+    is_colored: bool,
+    writer: W,
+) -> Box<dyn Subscriber + Send + Sync>
 where
     W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
 {
-    let LogSettings { level, is_journal, is_colored } = setting;
     let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_colored);
     // of a write that fails it would write to stderr, and panic where that fails, too
     let log = log.log_internal_errors(false);
@@ -107,9 +83,6 @@ where
         None => Box::new(log.without_time().finish().with(wanted)),
         Some(LogFormat::Json) => {
             Box::new(log.json().flatten_event(true).with_current_span(false).finish().with(wanted))
-        }
-        Some(LogFormat::Text) if is_journal => {
-            Box::new(log.event_format(ForJournal(Format::default().without_time())).finish().with(wanted))
         }
         Some(LogFormat::Text) => Box::new(log.finish().with(wanted)),
     }
@@ -121,37 +94,16 @@ fn wanted(level: LevelFilter) -> Targets {
     Targets::new().with_default(of_others).with_target("upm", level)
 }
 
-/// Format for the journal: each line begins with its level as a number in angle brackets, see sd-daemon(3).
-struct ForJournal(Format<tracing_subscriber::fmt::format::Full, ()>);
-
-impl<S, N> FormatEvent<S, N> for ForJournal
-where
-    S: Subscriber + for<'a> LookupSpan<'a>,
-    N: for<'a> FormatFields<'a> + 'static,
-{
-    fn format_event(&self, context: &FmtContext<'_, S, N>, mut writer: Writer<'_>, event: &Event<'_>) -> fmt::Result {
-        let priority = match *event.metadata().level() {
-            Level::ERROR => 3,
-            Level::WARN => 4,
-            Level::INFO => 6,
-            Level::DEBUG | Level::TRACE => 7,
-        };
-        write!(writer, "<{priority}>")?;
-        self.0.format_event(context, writer, event)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::test_buffer::TestBuffer;
     use super::*;
 
     /// Log text with messages at two levels.
-    fn logged(daemon: Option<LogFormat>, level: LevelFilter, is_journal: bool) -> String {
+    fn logged(daemon: Option<LogFormat>, level: LevelFilter) -> String {
         let page = TestBuffer::default();
         let writer = page.clone();
-        let setting = LogSettings { level, is_journal, is_colored: false };
-        let subscriber = subscriber(daemon, setting, move || writer.clone());
+        let subscriber = subscriber(daemon, level, false, move || writer.clone());
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);
             tracing::debug!("not \"told\"");
@@ -164,7 +116,7 @@ mod tests {
 
     #[test]
     fn internals_of_libraries_are_logged_at_trace_level_only() {
-        let text = |level| logged(None, level, false);
+        let text = |level| logged(None, level);
         assert!(text(LevelFilter::DEBUG).contains("not \"told\""));
         assert!(!text(LevelFilter::DEBUG).contains("internals") && !text(LevelFilter::DEBUG).contains("listening"));
         assert!(text(LevelFilter::TRACE).contains("internals") && text(LevelFilter::TRACE).contains("listening"));
@@ -172,24 +124,19 @@ mod tests {
     }
 
     #[test]
-    fn a_daemons_text_has_times_and_the_journals_has_priorities() {
-        let text = logged(Some(LogFormat::Text), LevelFilter::INFO, false);
+    fn a_daemons_text_has_times() {
+        let text = logged(Some(LogFormat::Text), LevelFilter::INFO);
         let (time, rest) = text.split_once(' ').unwrap();
         assert!(time.parse::<jiff::Timestamp>().is_ok(), "{text}");
         let first = rest.lines().next().unwrap();
         assert_eq!(first.trim_start(), "WARN upm::cli::logs::tests: deadline missed by 2 frames plate=\"left\"");
-        let journal = logged(Some(LogFormat::Text), LevelFilter::DEBUG, true);
-        let lines: Vec<&str> = journal.lines().collect();
-        assert_eq!(lines.len(), 3, "{journal}");
-        assert!(lines[0].starts_with("<4> WARN ") && lines[1].starts_with("<7>DEBUG "), "{journal}");
     }
 
     #[test]
     fn end_flushes_the_queue_of_the_log() {
         let page = TestBuffer::default();
         let (writer, flush_guard) = non_blocking(page.clone());
-        let setting = LogSettings { level: LevelFilter::INFO, is_journal: true, is_colored: false };
-        tracing::subscriber::with_default(subscriber(Some(LogFormat::Text), setting, writer), || {
+        tracing::subscriber::with_default(subscriber(Some(LogFormat::Text), LevelFilter::INFO, false, writer), || {
             (0..100).for_each(|i| tracing::info!("{i}."));
             drop(flush_guard);
         });
@@ -197,18 +144,8 @@ mod tests {
     }
 
     #[test]
-    fn the_journal_is_where_stderr_is_and_not_where_it_was() {
-        let stderr = Some((66, 12_345));
-        assert!(is_journal(Some("66:12345"), stderr));
-        for other in [None, Some(""), Some("66:1234"), Some("6:12345"), Some("66"), Some("66:12345:")] {
-            assert!(!is_journal(other, stderr), "{other:?}");
-        }
-        assert!(!is_journal(Some("66:12345"), None) && !is_journal(None, None));
-    }
-
-    #[test]
     fn each_line_is_a_json_object() {
-        let text = logged(Some(LogFormat::Json), LevelFilter::DEBUG, true);
+        let text = logged(Some(LogFormat::Json), LevelFilter::DEBUG);
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         assert_eq!(lines.len(), 3);
         assert!(lines[0]["timestamp"].as_str().unwrap().parse::<jiff::Timestamp>().is_ok());

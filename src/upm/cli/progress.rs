@@ -9,7 +9,7 @@ use upm_core::time::{Clock, MonotonicClock, PlateTime};
 use upm_runner::run::PacingStats;
 
 /// Length of a bar: progress is counted in thousandths.
-pub(super) const FULL: u64 = 1000;
+const FULL: u64 = 1000;
 
 /// Least delay against real time that is reported, s.
 const LEAST_BEHIND_S: f64 = 0.1;
@@ -22,7 +22,7 @@ const BETWEEN_LINES: Duration = Duration::from_secs(5);
 
 /// Progress of a run on stderr: a bar on a terminal, elsewhere a line now and then.
 pub(super) struct RunProgress<'a> {
-    shown: LateProgress<MonotonicClock>,
+    shown: LateProgress,
     pacing: &'a PacingStats,
     /// Conditions already reported as warnings.
     warned: Vec<Condition>,
@@ -31,7 +31,7 @@ pub(super) struct RunProgress<'a> {
 impl<'a> RunProgress<'a> {
     /// Progress of the run that `pacing` belongs to.
     pub fn new(common: Common, pacing: &'a PacingStats) -> Self {
-        Self { shown: LateProgress::at_once(common), pacing, warned: Vec::new() }
+        Self { shown: LateProgress::new(common), pacing, warned: Vec::new() }
     }
 
     pub fn finish(&self) {
@@ -77,69 +77,30 @@ pub(super) fn behind(behind_s: f64) -> String {
     if behind_s < LEAST_BEHIND_S { String::new() } else { format!(", {behind_s:.1} s behind real time") }
 }
 
-/// Output of the progress of work that may take long.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ProgressMode {
-    /// A bar, if stderr is a terminal.
-    Bar,
-    /// A line now and then, if stderr is a file or a pipe.
-    Lines,
-    /// No output.
-    Hidden,
-}
-
-impl ProgressMode {
-    /// Mode for the stderr of this process.
-    pub fn on_stderr(common: Common) -> Self {
-        Self::of(common.quiet, std::io::stderr().is_terminal())
-    }
-
-    pub fn of(quiet: bool, is_terminal: bool) -> Self {
-        match (quiet, is_terminal) {
-            (true, _) => Self::Hidden,
-            (false, true) => Self::Bar,
-            (false, false) => Self::Lines,
-        }
-    }
-}
-
-/// Progress on stderr: a bar at once, or lines for work that takes a while.
-pub(super) struct LateProgress<C> {
-    clock: C,
+/// Progress on stderr: a bar on a terminal, elsewhere lines for work that takes a while.
+pub(super) struct LateProgress {
     bar: Option<ProgressBar>,
-    /// Earliest time of the next line; `None` without lines.
-    line_from: Option<Duration>,
+    /// Clock and earliest time of the next line; `None` without lines.
+    lines: Option<(MonotonicClock, Duration)>,
 }
 
-impl LateProgress<MonotonicClock> {
-    /// Progress on the stderr of this process.
-    pub fn at_once(common: Common) -> Self {
-        Self::new(ProgressMode::on_stderr(common), MonotonicClock::new())
-    }
-}
-
-impl<C: Clock> LateProgress<C> {
-    pub fn new(mode: ProgressMode, clock: C) -> Self {
-        let line_from = (mode == ProgressMode::Lines).then(|| clock.elapsed() + LATE);
-        Self { clock, bar: (mode == ProgressMode::Bar).then(|| bar(false)), line_from }
+impl LateProgress {
+    /// Progress on the stderr of this process; none with `--quiet`.
+    pub fn new(common: Common) -> Self {
+        let is_terminal = std::io::stderr().is_terminal();
+        let lines = (!common.quiet && !is_terminal).then(|| (MonotonicClock::new(), LATE));
+        Self { bar: (!common.quiet && is_terminal).then(bar), lines }
     }
 
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
         if let Some(bar) = &self.bar {
             bar.set_position((done * FULL as f64) as u64);
             bar.set_message(message());
-        } else if let Some(line) = self.line(done, message) {
-            errln!("{line}");
+        } else if let Some((clock, from)) = &mut self.lines
+            && is_due(from, clock.elapsed())
+        {
+            errln!("{:3.0} %  {}", 100.0 * done, message());
         }
-    }
-
-    /// The line to write now; `None` while the previous one is recent.
-    fn line(&mut self, done: f64, message: impl FnOnce() -> String) -> Option<String> {
-        let now = self.clock.elapsed();
-        self.line_from.filter(|&from| now >= from)?;
-        self.line_from = Some(now + BETWEEN_LINES);
-        let share = if done.is_nan() { String::new() } else { format!("{:3.0} %  ", 100.0 * done) };
-        Some(share + &message())
     }
 
     /// Calls `write` with the bar removed from stderr.
@@ -157,10 +118,14 @@ impl<C: Clock> LateProgress<C> {
     }
 }
 
+/// True if a line is due at `now`; the next one is then due later.
+fn is_due(from: &mut Duration, now: Duration) -> bool {
+    (now >= *from).then(|| *from = now + BETWEEN_LINES).is_some()
+}
+
 /// A bar from 0 to [`FULL`] on stderr.
-pub(super) fn bar(quiet: bool) -> ProgressBar {
-    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
-    let bar = ProgressBar::with_draw_target(Some(FULL), target);
+fn bar() -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(FULL), ProgressDrawTarget::stderr_with_hz(10));
     if let Ok(style) = ProgressStyle::with_template("[{bar:30.cyan}] {percent:>3} %  {msg}") {
         bar.set_style(style.progress_chars("=> "));
     }
@@ -170,31 +135,16 @@ pub(super) fn bar(quiet: bool) -> ProgressBar {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-
     use tracing::level_filters::LevelFilter;
 
     use super::super::test_buffer::TestBuffer;
     use super::*;
 
-    struct Hand<'a>(&'a Cell<u64>);
-
-    impl Clock for Hand<'_> {
-        fn elapsed(&self) -> Duration {
-            Duration::from_millis(self.0.get())
-        }
-    }
-
     #[test]
     fn long_work_without_a_terminal_gets_a_line_after_two_seconds_and_then_every_five() {
-        let now_ms = Cell::new(500);
-        let mut progress = LateProgress::new(ProgressMode::of(false, false), Hand(&now_ms));
-        let mut lines = Vec::new();
-        for at_ms in (500..=9000).step_by(100) {
-            now_ms.set(at_ms);
-            lines.extend(progress.line(at_ms as f64 / 1e4, || format!("at {at_ms} ms")));
-        }
-        assert_eq!(lines, [" 25 %  at 2500 ms", " 75 %  at 7500 ms"]);
+        let mut from = LATE;
+        let due = (0..=9000).step_by(100).filter(|&at_ms| is_due(&mut from, Duration::from_millis(at_ms)));
+        assert_eq!(due.collect::<Vec<_>>(), [2000, 7000]);
     }
 
     #[test]
@@ -227,11 +177,5 @@ mod tests {
             [0.0, 0.09, 0.1, 8.04].map(behind),
             ["", "", ", 0.1 s behind real time", ", 8.0 s behind real time"]
         );
-    }
-
-    #[test]
-    fn quiet_hides_progress_with_a_terminal_and_without() {
-        assert_eq!([true, false].map(|terminal| ProgressMode::of(true, terminal)), [ProgressMode::Hidden; 2]);
-        assert_eq!(ProgressMode::of(false, true), ProgressMode::Bar);
     }
 }

@@ -16,7 +16,7 @@ use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, run as run
 pub(super) const USUAL_OUT: &str = "runs";
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
-    let Some(file) = &args.job else { return job_list::list(common) };
+    let Some(file) = &args.job else { return job_list::list() };
     let rerun = args.rerun.clone().unwrap_or(if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off });
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;

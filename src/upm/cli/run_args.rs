@@ -1,8 +1,11 @@
-//! Arguments of the commands on run folders.
+//! Arguments of the commands on run folders, and the pace of runs.
 
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use upm_core::job::Pace;
 
 /// Arguments of a command on a run folder.
 #[derive(Args, Debug)]
@@ -33,4 +36,10 @@ pub struct ExportArgs {
     /// Folder that the tables go into [default: RUN-tables beside the run folder]
     #[arg(long, value_name = "DIR")]
     pub to: Option<PathBuf>,
+}
+
+/// Reads a pace by its name.
+pub(super) fn pace() -> impl TypedValueParser<Value = Pace> {
+    PossibleValuesParser::new([Pace::Max, Pace::RealTime].map(Pace::code))
+        .map(|name| Pace::of_code(&name).unwrap_or_default())
 }

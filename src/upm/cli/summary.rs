@@ -36,8 +36,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
         rows.push(("planner", planner_line(planner)));
     }
     if let Some(PacingReport { deadline_misses: misses, worst_late_frames: worst, behind_s }) = report.pacing {
-        let behind = behind(behind_s);
-        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed(misses, worst) + &behind }));
+        let missed = format!("{misses} missed, by up to {worst} frames{}", behind(behind_s));
+        rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
     }
     if report.laps > 0 {
         rows.push(("laps", report.laps.to_string()));
@@ -87,9 +87,4 @@ fn loop_errors(report: &Report) -> impl Iterator<Item = (&'static str, String)> 
 /// The planner, the reason for it, and the alternatives on this rig.
 pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
     format!("{name}: {why}; also possible: {}", alternatives.join(", "))
-}
-
-fn missed(misses: u64, worst_frames: u64) -> String {
-    let frames = if worst_frames == 1 { "frame" } else { "frames" };
-    format!("{misses} missed, by {worst_frames} {frames} at most")
 }

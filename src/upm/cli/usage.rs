@@ -9,6 +9,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Error};
 
 use super::args::Cli;
+use super::features::HELP;
 use super::output::BAD_INPUT;
 use upm_runner::config::nearest;
 
@@ -79,7 +80,9 @@ fn unknown_command(error: &Error) -> String {
     let names = cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
     let suggested = first(error, ContextKind::SuggestedSubcommand);
     let meant = did_you_mean(nearest(&found, names).unwrap_or(&suggested));
-    format!("expected a command{meant}, found {found:?}; `upm --help` lists them")
+    // a build without the daemon lacks its commands
+    let lacking = if HELP.is_empty() { String::new() } else { format!(". {}", *HELP) };
+    format!("expected a command{meant}, found {found:?}; `upm --help` lists them{lacking}")
 }
 
 fn did_you_mean(word: &str) -> String {

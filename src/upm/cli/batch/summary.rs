@@ -18,7 +18,7 @@ pub(super) struct SeedRun {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub code: Option<StopCause>,
     pub reason: String,
-    /// Figures of the report by [`KEYS`]; empty if the job cannot be run with this seed.
+    /// All numbers of the report; empty if the job cannot be run with this seed.
     #[serde(flatten)]
     pub figures: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -27,32 +27,17 @@ pub(super) struct SeedRun {
     pub status: u8,
 }
 
-/// Figures of one run, as in `report.json`.
-const KEYS: [&str; 12] = [
-    "plate_time_s",
-    "wall_time_s",
-    "cycles",
-    "pulses",
-    "collisions",
-    "max_error_mm",
-    "cross_track_rms_mm",
-    "cross_track_max_mm",
-    "travel_ratio",
-    "phase_error_max",
-    "speed_asked_mm_s",
-    "speed_held_mm_s",
-];
-
 impl SeedRun {
     pub fn of(report: &Report, folder: &Path, status: u8) -> Self {
-        let figures = json!(report).as_object().cloned().unwrap_or_default();
+        let mut figures = json!(report).as_object().cloned().unwrap_or_default();
+        figures.retain(|key, value| value.is_number() && key != "seed");
         Self {
             seed: report.seed,
             outcome: report.outcome,
             verdict: report.verdict,
             code: report.stop.as_ref().map(|stop| stop.code),
             reason: report.reason.clone(),
-            figures: figures.into_iter().filter(|(key, _)| KEYS.contains(&key.as_str())).collect(),
+            figures,
             folder: Some(folder.display().to_string()),
             status,
         }
@@ -166,11 +151,6 @@ impl BatchSummary {
         }
     }
 
-    /// Plate times of the completed runs, s, in the order of the seeds.
-    pub fn plate_times_s(&self) -> Vec<f64> {
-        values(&self.runs, "plate_time_s").into_iter().map(|(time_s, _)| time_s).collect()
-    }
-
     /// Exit status of the first run that did not complete; `0` if all did.
     pub fn status(&self) -> u8 {
         self.runs.iter().map(|run| run.status).find(|&status| status != 0).unwrap_or(0)
@@ -225,7 +205,6 @@ pub(super) mod tests {
         ]);
         let counts = [summary.completed, summary.false_success, summary.failed, summary.cancelled, summary.not_started];
         assert_eq!(counts, [2, 1, 1, 1, 1]);
-        assert_eq!(summary.plate_times_s(), [30.0, 20.0]);
         assert_eq!(summary.figures["plate_time_s"].median, 25.0);
         assert_eq!(summary.figures["max_error_mm"].worst_seed, 4);
         assert!(!summary.figures.contains_key("cross_track_rms_mm"), "no run has one");

@@ -18,9 +18,8 @@ fn headline(summary: &BatchSummary) -> String {
         (summary.not_started, "not started"),
     ];
     let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
-    let noun = if *seeds == 1 { "seed" } else { "seeds" };
     let camera = if *camera == CameraMode::Positions { ", positions in place of pictures" } else { "" };
-    format!("{name} on {rig}, {seeds} {noun}{camera}: {completed} completed{}", others.collect::<String>())
+    format!("{name} on {rig}, {seeds} seeds{camera}: {completed} completed{}", others.collect::<String>())
 }
 
 fn figures(summary: &BatchSummary) -> Vec<String> {
@@ -32,8 +31,7 @@ fn figures(summary: &BatchSummary) -> Vec<String> {
         let spread = summary.figures.get(key)?;
         let shown = |value: f64| format!("{value:.decimals$}");
         let [best, worst] = [spread.best, spread.worst].map(shown);
-        let is_half = decimals == 0 && spread.median.fract() != 0.0;
-        let median = if is_half { format!("{:.1}", spread.median) } else { shown(spread.median) };
+        let median = if decimals == 0 { spread.median.to_string() } else { shown(spread.median) };
         let [best_seed, worst_seed] = [spread.best_seed, spread.worst_seed].map(|seed| format!("seed {seed}"));
         Some(format!("  {name:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}"))
     };

@@ -4,52 +4,36 @@ use serde_json::{Value, json};
 
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_planning::cor_library::Library;
 use upm_runner::run::{Coverage, WorstDirection};
 
-/// Coverage of a library and the plate it was measured on.
-pub(super) struct CoverageReport {
-    /// Name of the rig the library was measured on.
-    pub rig_name: String,
-    pub coverage: Coverage,
+/// Text output; the picture has the places one by one.
+pub(super) fn lines(coverage: &Coverage) -> Vec<String> {
+    figures(coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect()
 }
 
-impl CoverageReport {
-    /// Coverage of the plate that `library` was measured on.
-    pub fn by(library: &Library) -> Self {
-        Self { rig_name: library.rig.clone(), coverage: Coverage::of(library) }
-    }
-
-    /// Text output; the picture has the places one by one.
-    pub fn lines(&self) -> Vec<String> {
-        figures(&self.coverage).into_iter().map(|(label, text)| format!("{label:16} {text}")).collect()
-    }
-
-    /// JSON output; lengths in millimetres.
-    pub fn json(&self) -> Value {
-        let coverage = &self.coverage;
-        let weakest = coverage.weakest().map(place_json);
-        let gap = coverage
-            .gap
-            .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
-        let row =
-            |places: &[WorstDirection]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
-        json!({
-            "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
-            "centres": {
-                "inside": coverage.inside,
-                "outside": coverage.outside,
-                "translations": coverage.translations,
-            },
-            "largest_gap": gap,
-            "weakest": weakest,
-            "best_step_mm": rounded(mm(coverage.best_step_m)),
-            "out_of_reach_share": rounded(coverage.unreached_share()),
-            "out_of_reach_below_share": WorstDirection::LEAST_SHARE,
-            "never_strongest": coverage.never_strongest,
-            "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
-        })
-    }
+/// JSON output; lengths in millimetres.
+pub(super) fn json(coverage: &Coverage) -> Value {
+    let weakest = coverage.weakest().map(place_json);
+    let gap = coverage
+        .gap
+        .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
+    let row =
+        |places: &[WorstDirection]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
+    json!({
+        "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
+        "centres": {
+            "inside": coverage.inside,
+            "outside": coverage.outside,
+            "translations": coverage.translations,
+        },
+        "largest_gap": gap,
+        "weakest": weakest,
+        "best_step_mm": rounded(mm(coverage.best_step_m)),
+        "out_of_reach_share": rounded(coverage.unreached_share()),
+        "out_of_reach_below_share": WorstDirection::LEAST_SHARE,
+        "never_strongest": coverage.never_strongest,
+        "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
+    })
 }
 
 fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {

@@ -60,7 +60,7 @@ fn coarse(coverage: &Coverage) -> impl Iterator<Item = &WorstDirection> {
 }
 
 /// Double-headed arrows at the places, of the given lengths, in the direction in which one pulse moves a part least.
-pub(super) fn weakest_directions(arrows: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> Layer {
+fn weakest_directions(arrows: impl Iterator<Item = ([f64; 2], [f64; 2])>) -> Layer {
     let both_ways = arrows.flat_map(|(from, ahead)| [(from, ahead), (from, ahead.map(|along| -along))]);
     let (from, vectors): (Vec<_>, Vec<_>) = both_ways.unzip();
     Layer::new("weakest direction", Mark::Arrows { vectors }, Color::Gray, from)

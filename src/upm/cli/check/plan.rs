@@ -4,16 +4,14 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::coverage_report::{degrees, mm, place_json, rounded};
+use super::coverage_report::{degrees, mm, place_json, rounded, shown, steps};
 use super::plan_statistics::{PlanVerdict, completed, endings, limits_met, nearest, range, verdict};
-use super::plan_table::{self, spots};
-use crate::cli::progress::{LateProgress, ProgressMode};
+use crate::cli::progress::LateProgress;
 use crate::cli::summary::planner_line;
-use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
 use upm_recording::Report;
 use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
-use upm_runner::run::{ClosestApproach, Forecast, PlannerSelection, dry_run};
+use upm_runner::run::{ClosestApproach, Forecast, PartForecast, PlannerSelection, StartForecast, dry_run};
 
 pub(super) struct PlanReport {
     pub job: String,
@@ -33,9 +31,8 @@ impl PlanReport {
         job: &JobSpec,
         library: &Arc<Library>,
         planner: PlannerSelection,
-        progress: ProgressMode,
+        progress: &mut LateProgress,
     ) -> Result<Self, Diagnostic> {
-        let mut progress = LateProgress::new(progress, MonotonicClock::new());
         let forecast = dry_run(job, library, planner, &mut |at, done| {
             progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
         });
@@ -63,7 +60,7 @@ impl PlanReport {
         if forecast.fields {
             lines.push("each part alone, by single rotations of the library:".into());
         }
-        lines.extend(plan_table::lines(&forecast.parts));
+        lines.extend(part_lines(&forecast.parts));
         lines.push(format!(
             "all of it predicted by runs on the simulated plate without pixels; friction drawn with {:.0} % spread",
             100.0 * self.friction_spread
@@ -105,7 +102,7 @@ impl PlanReport {
         });
         json!({
             "planner": forecast.planner.report(),
-            "verdict": self.verdict().code(),
+            "verdict": self.verdict().text().replace(' ', "_"),
             "can_be_done": self.verdict() == PlanVerdict::CanBeDone,
             "endings": endings(&forecast.dry_runs).iter().map(ending).collect::<Vec<_>>(),
             "predicted_plate_time_s": plate_time,
@@ -126,25 +123,32 @@ impl PlanReport {
     }
 }
 
+/// Start and, where there is one, target of a part.
+fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &StartForecast)> {
+    std::iter::once(("start", &part.start)).chain(part.target.iter().map(|spot| ("target", spot)))
+}
+
+/// A line for each start and target: what one pulse does there in the weakest direction.
+fn part_lines(parts: &[PartForecast]) -> Vec<String> {
+    let wide = parts.iter().map(|part| part.id.len()).max().unwrap_or(0);
+    let line = |part: &PartForecast, name: &str, StartForecast { place, .. }: &StartForecast| {
+        let (at, direction, share) = (shown(place.position_m), degrees(place.weakest_direction), place.share);
+        let (id, steps) = (&part.id, steps(place));
+        format!("{id:wide$}  {name:6}  {at:16}  weakest {direction:3} deg, {share:.2} of the best: {steps}")
+    };
+    parts.iter().flat_map(|part| spots(part).map(|(name, spot)| line(part, name, spot)).collect::<Vec<_>>()).collect()
+}
+
 fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     let (completed, all) = (completed(&forecast.dry_runs).count(), forecast.dry_runs.len());
-    let verdict = match verdict(&forecast.dry_runs) {
-        PlanVerdict::CanBeDone => "can be done",
-        PlanVerdict::Likely => "likely done",
-        PlanVerdict::Unlikely => "unlikely",
-        PlanVerdict::CannotBeDone => "cannot be done",
-    };
+    let verdict = verdict(&forecast.dry_runs).text();
     let mut figures = vec![(verdict, format!("{completed} of {all} dry runs reach the goal"))];
     for (reason, times) in endings(&forecast.dry_runs) {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
     figures.push(("planner", planner_line(&forecast.planner.report())));
-    let median = |figure: fn(&Report) -> f64| range(&forecast.dry_runs, figure).map_or(0.0, |[_, median, _]| median);
     if let Some([least, middle, most]) = range(&forecast.dry_runs, |report| report.plate_time_s) {
-        let cycles = median(|report| report.cycles as f64);
-        let pulses = median(|report| report.pulses as f64);
-        let text =
-            format!("{middle:.1} s of plate time ({least:.1} to {most:.1}), {cycles:.0} cycles, {pulses:.0} pulses");
+        let text = format!("{middle:.1} s of plate time ({least:.1} to {most:.1})");
         figures.push(("predicted", text));
     }
     if let Some([asked_mps, held_mps]) = forecast.speed_mps {

@@ -20,13 +20,13 @@ pub(super) enum PlanVerdict {
 }
 
 impl PlanVerdict {
-    /// Stable code of the verdict.
-    pub fn code(self) -> &'static str {
+    /// The verdict in words; its stable code has `_` in place of spaces.
+    pub fn text(self) -> &'static str {
         match self {
-            Self::CanBeDone => "can_be_done",
+            Self::CanBeDone => "can be done",
             Self::Likely => "likely",
             Self::Unlikely => "unlikely",
-            Self::CannotBeDone => "cannot_be_done",
+            Self::CannotBeDone => "cannot be done",
         }
     }
 

@@ -53,17 +53,13 @@ impl Timeouts {
             .max_idle_connections(0)
             .proxy(None)
             .user_agent(concat!("upm/", env!("CARGO_PKG_VERSION")));
+        let ms = |ms| Some(Duration::from_millis(ms));
         let config = match self {
-            Self::Usual => {
-                config.timeout_connect(Some(Duration::from_secs(5))).timeout_global(Some(Duration::from_secs(60)))
+            Self::Usual => config.timeout_connect(ms(5_000)).timeout_global(ms(60_000)),
+            Self::Stop => config.timeout_connect(ms(1_000)).timeout_global(ms(1_500)),
+            Self::Stream => {
+                config.timeout_connect(ms(5_000)).timeout_recv_response(ms(15_000)).timeout_per_read(ms(15_000))
             }
-            Self::Stop => config
-                .timeout_connect(Some(Duration::from_millis(1000)))
-                .timeout_global(Some(Duration::from_millis(1500))),
-            Self::Stream => config
-                .timeout_connect(Some(Duration::from_secs(5)))
-                .timeout_recv_response(Some(Duration::from_secs(15)))
-                .timeout_per_read(Some(Duration::from_secs(15))),
         };
         config.build().new_agent()
     }
@@ -216,11 +212,9 @@ fn bearer_of(file: &Path) -> Result<String, Failure> {
     Ok(format!("Bearer {token}"))
 }
 
-/// API path of a job; text that is not an id is refused, so that it never becomes part of an address.
-pub(super) fn job_path(id: &str) -> Result<String, Failure> {
-    let is_id = id.len() == 32 && id.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
-    let wrong = || Failure::bad_input(format!("ID: expected 32 hex digits, as `upm jobs` lists them, found {id:?}"));
-    is_id.then(|| format!("/v1/jobs/{id}")).ok_or_else(wrong)
+/// API path of the job with this id.
+pub(super) fn job_path(id: &str) -> String {
+    format!("/v1/jobs/{id}")
 }
 
 /// API path of a plate.

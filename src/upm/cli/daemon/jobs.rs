@@ -33,20 +33,20 @@ fn print_line(job: &Job) -> Result<(), Failure> {
 
 pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
-    let job: Job = client.get(&job_path(&job_id(&client, &args.id)?)?)?;
+    let job: Job = client.get(&job_path(&job_id(&client, &args.id)?))?;
     print(common.json, &job, || print_job(&job, common.verbose > 0))
 }
 
 pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
-    let path = job_path(&job_id(&client, &args.id)?)?;
+    let path = job_path(&job_id(&client, &args.id)?);
     let job: Job = client.post(&format!("{path}/run-next"), "", &[])?;
     print(common.json, &job, || outln!("{}: runs next on plate {}", job.id, job.plate))
 }
 
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     let client = Client::new(&args.daemon)?;
-    let path = job_path(&job_id(&client, &args.id)?)?;
+    let path = job_path(&job_id(&client, &args.id)?);
     let job: Job = client.post(&format!("{path}/cancel"), "", &[])?;
     let state = if job.state == JobState::Running { "is being stopped" } else { job.state.code() };
     print(common.json, &job, || outln!("{}: {state}", job.id))

@@ -1,14 +1,13 @@
 use std::io::ErrorKind;
-use std::path::Path;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
 
 use jiff::Timestamp;
 use nix::sys::signal::{SigSet, Signal};
-use serde_json::{Value, json};
 
 use crate::cli::args::{Common, ServeArgs};
-use crate::cli::output::{Failure, NOT_REACHED, print_json};
+use crate::cli::check::{ValidFile, show};
+use crate::cli::output::{Failure, NOT_REACHED};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartFault, keep_files_private, prepare};
@@ -36,21 +35,10 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
 /// Reports whether the daemon would start now, in the form in which `upm check` reports on files.
 fn check(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let checked = checked(args);
-    if !common.json {
-        outln!("{}: {}", args.config.display(), checked?)?;
-        return Ok(0);
-    }
-    print_json(&row(&args.config, &checked))?;
-    Ok(checked.map_or_else(|failure| failure.status, |_| 0))
-}
-
-fn row(file: &Path, checked: &Result<String, Failure>) -> Value {
-    json!({
-        "file": file.display().to_string(),
-        "valid": checked.is_ok(),
-        "says": checked.as_ref().ok(),
-        "faults": checked.as_ref().err().map(|failure| &failure.lines),
-    })
+    let status = checked.as_ref().map_or_else(|failure| failure.status, |_| 0);
+    let finding = checked.map(ValidFile::new).map_err(|failure| failure.lines);
+    show(&[(&args.config, finding)], common)?;
+    Ok(status)
 }
 
 /// Summary on one line of a daemon that would start now.
@@ -147,6 +135,7 @@ fn status(ended: &ExitReport) -> u8 {
 #[cfg(test)]
 mod tests {
     use std::net::{SocketAddr, TcpListener};
+    use std::path::Path;
 
     use super::*;
     use crate::cli::args::LogFormat;
@@ -160,11 +149,8 @@ mod tests {
     #[test]
     fn check_reports_file_faults_and_an_address_in_use() {
         let free = "127.0.0.1:0".parse().unwrap();
-        let good = args("configs/daemon.json", free);
-        let checked_good = checked(&good);
-        let line = row(&good.config, &checked_good);
-        assert_eq!((&line["valid"], &line["faults"]), (&json!(true), &Value::Null));
-        assert!(line["says"].as_str().unwrap().starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{line}");
+        let says = checked(&args("configs/daemon.json", free)).unwrap();
+        assert!(says.starts_with("daemon on 127.0.0.1:0, plates: upm-1, "), "{says}");
 
         let other = TcpListener::bind(free).unwrap();
         let taken = other.local_addr().unwrap();
@@ -172,11 +158,7 @@ mod tests {
         assert_eq!(failure.status, NOT_REACHED, "its files are right");
         assert!(failure.lines[0].starts_with(&format!("{taken}: cannot be listened on: ")), "{failure:?}");
 
-        let bad = args("configs/plus-sign.json", free);
-        let checked_bad = checked(&bad);
-        let line = row(&bad.config, &checked_bad);
-        assert_eq!((&line["valid"], &line["says"]), (&json!(false), &Value::Null));
-        assert!(!line["faults"].as_array().unwrap().is_empty(), "{line}");
-        assert_eq!(checked_bad.err().unwrap().status, BAD_INPUT);
+        let failure = checked(&args("configs/plus-sign.json", free)).err().unwrap();
+        assert_eq!(failure.status, BAD_INPUT);
     }
 }

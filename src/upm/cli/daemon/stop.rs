@@ -27,7 +27,8 @@ pub(super) struct Stop {
     pub answer: Option<EStopped>,
     /// Error message if there is no answer.
     pub error: Option<String>,
-    pub via: Transport,
+    /// `socket` or `http`.
+    pub via: &'static str,
     pub attempts: u32,
     /// Time from the first attempt to the answer, s.
     pub wall_s: f64,
@@ -35,18 +36,13 @@ pub(super) struct Stop {
     status: u8,
 }
 
-/// Transport of the request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Transport {
-    /// The socket in the data folder.
-    Socket,
-    Http,
-}
+/// Transports of the request: the socket in the data folder, and HTTP.
+const SOCKET: &str = "socket";
+const HTTP: &str = "http";
 
 impl Stop {
     /// Result of a stop for which the daemon was asked once for all plates.
-    fn of_one_request(stop: LocalStop, via: Transport, wall_s: f64) -> Self {
+    fn of_one_request(stop: LocalStop, via: &'static str, wall_s: f64) -> Self {
         let LocalStop { plate, answer, error } = stop;
         let status = answer.as_ref().map_or(BAD_INPUT, status_of);
         Self { plate, answer, error, via, attempts: 1, wall_s, status }
@@ -60,8 +56,8 @@ fn status_of(answer: &EStopped) -> u8 {
 
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
     let clock = MonotonicClock::new();
-    let local = local_stop::stop(args).map(|stops| (stops, Transport::Socket));
-    let stops = match local.or_else(|| Some((stop_at_listener(args)?, Transport::Http))) {
+    let local = local_stop::stop(args).map(|stops| (stops, SOCKET));
+    let stops = match local.or_else(|| Some((stop_at_listener(args)?, HTTP))) {
         Some((stops, via)) => {
             let wall_s = clock.elapsed().as_secs_f64();
             stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).collect()
@@ -134,7 +130,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
         Ok(answer) => (Some(answer), None),
         Err(failure) => (None, Some(failure.lines.join("; "))),
     };
-    Stop { plate: name.to_owned(), answer, error, via: Transport::Http, attempts, wall_s, status }
+    Stop { plate: name.to_owned(), answer, error, via: HTTP, attempts, wall_s, status }
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.

@@ -1,9 +1,8 @@
 //! Messages about discs that are not parts, and about missing parts or tables.
 
 use super::naming::{OtherDisc, RejectionReason};
-use super::scale::{PlateSide, SideCandidate, SideSource};
+use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
-use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::{Survey, TableFault};
 
@@ -57,66 +56,37 @@ fn known_sizes(setting: &LocateSetup) -> String {
 }
 
 /// Basis of the plate's side where neither the command line nor a rig gives it.
-pub(super) fn about_side(side: &PlateSide, setting: &LocateSetup) -> Option<String> {
+pub(super) fn about_side(side: &PlateSide) -> Option<String> {
     let basis = match side.source {
         SideSource::Given | SideSource::Rig => return None,
-        SideSource::Parts | SideSource::TwoKinds => ", from the ratio of the parts' sizes".to_owned(),
-        SideSource::Assumed if side.candidates.is_empty() => " assumed; --plate-side-mm sets it".to_owned(),
-        SideSource::Assumed => {
-            let fit = |candidate: &SideCandidate| {
-                let kinds = setting.known_names(&candidate.kinds).join(" and ");
-                format!("{:.0} mm for {kinds}", mm_from_m(candidate.side_m))
-            };
-            let fits = side.candidates.iter().map(fit).collect::<Vec<_>>().join(", ");
-            format!(" assumed; the sizes allow {fits}; --plate-side-mm sets it")
-        }
+        SideSource::Parts | SideSource::TwoKinds => ", from the ratio of the parts' sizes",
+        SideSource::Assumed => " assumed; --plate-side-mm sets it",
     };
     Some(format!("plate: {:.1} mm{basis}", mm_from_m(side.side_m)))
 }
 
-/// Message if no part was found, with the discs that were.
-pub(super) fn no_parts_message(others: &[OtherDisc], survey: &Survey, setting: &LocateSetup) -> String {
+/// Message if no part was found, with the number of discs that were.
+pub(super) fn no_parts_message(others: &[OtherDisc], survey: &Survey) -> String {
+    let [darker, lighter] = [1.0 - survey.darkest, survey.lightest - 1.0].map(|share| 100.0 * share.max(0.0));
     let seen = match others {
-        [] => "no disc was found".to_owned(),
+        [] => format!("no disc was found; the plate is {darker:.0} % darker and {lighter:.0} % lighter in places"),
         [_] => "1 disc was found".to_owned(),
         several => format!("{} discs were found", several.len()),
     };
-    let [darker, lighter] = [1.0 - survey.darkest, survey.lightest - 1.0].map(|share| 100.0 * share.max(0.0));
-    let remedy = match () {
-        () if !others.is_empty() => "",
-        () if setting.dark_parts && lighter > 2.0 * darker.max(5.0) && !setting.has_rig() => {
-            "; --light-parts looks for parts lighter than the plate"
-        }
-        () if darker.max(lighter) < 10.0 => "; the plate looks bare",
-        () => "; --stages DIR draws the inspected stages",
-    };
-    format!(
-        "no parts: the table was found, {seen}; darkest place {darker:.0} % darker than the plate, lightest {lighter:.0} % \
-         lighter{remedy}"
-    )
+    format!("no parts: the table was found, {seen}")
 }
 
 /// Fault of the table search, with the remedy.
-pub(super) fn about_table(fault: &TableFault, frame: &Frame) -> String {
+pub(super) fn about_table(fault: &TableFault) -> String {
     let remedy = match fault {
-        TableFault::NoEdges => {
-            let level = |share: f64| quantile(&frame.pixels, share);
-            format!("levels {} to {}: plate and ground need to differ", level(0.01), level(0.99))
-        }
+        TableFault::NoEdges => "plate and ground need to differ",
         TableFault::TooFewLines { .. } | TableFault::NotASquare => {
-            "the plate's four sides need to stand out from the ground; --stages DIR draws the edges found".to_owned()
+            "the plate's four sides need to stand out from the ground; --stages DIR draws the edges found"
         }
-        TableFault::CutByFrame => "the whole plate has to be in the picture".to_owned(),
-        TableFault::SideHidden { .. } => "that side has to be in view".to_owned(),
-        TableFault::MoreThanOne => "crop the picture to one".to_owned(),
+        TableFault::CutByFrame => "the whole plate has to be in the picture",
+        TableFault::SideHidden { .. } => "that side has to be in view",
+        TableFault::MoreThanOne => "crop the picture to one",
         _ => return fault.to_string(),
     };
     format!("{fault}; {remedy}")
-}
-
-/// Gray level below which that share of the pixels is.
-fn quantile(pixels: &[u8], share: f64) -> u8 {
-    let mut levels = pixels.to_vec();
-    let index = (share * levels.len() as f64) as usize;
-    if levels.is_empty() { 0 } else { *levels.select_nth_unstable(index).1 }
 }

@@ -103,7 +103,8 @@ pub(super) fn is_near(part: &Detection, disc: &DetectedDisc) -> bool {
 
 /// Lowers the scores of coins whose tone is that of another metal.
 fn judge_tones(parts: &mut [(NamedPart, Option<&DetectedDisc>)], setting: &LocateSetup, colors: Option<&RgbImage>) {
-    if !setting.has_metals() {
+    // a rig's parts may be painted; without a rig the kinds are real coins
+    if setting.has_rig() {
         return;
     }
     let (measured, metals): (Vec<&mut NamedPart>, Vec<_>) = parts

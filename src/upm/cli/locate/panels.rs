@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, GrayImage, RgbImage};
+use image::{DynamicImage, GrayImage, Rgb, RgbImage};
+use imageproc::drawing::{draw_antialiased_line_segment_mut, draw_hollow_circle_mut};
+use imageproc::pixelops::interpolate;
 
-use super::canvas::Canvas;
 use super::maps::{edge_map, response_map, vote_map};
 use super::report::Localised;
-use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
@@ -24,11 +24,6 @@ const VOTES_WIDE_PX: u32 = 1080;
 const FOUND: [u8; 3] = [90, 225, 120];
 /// Colour of peaks, visible on yellow.
 const PEAK: [u8; 3] = [30, 130, 255];
-
-/// Folder of a picture's panels: a subfolder if there are several pictures.
-pub(super) fn folder_of(folder: &Path, name: &str, args: &LocateArgs) -> PathBuf {
-    if args.images.len() > 1 { folder.join(name) } else { folder.to_owned() }
-}
 
 /// Writes the panels into `folder`; `kinds` are those of the parts. Returns the paths.
 pub(super) fn write(folder: &Path, found: &Localised, kinds: &[&str]) -> Result<Vec<PathBuf>, Failure> {
@@ -74,36 +69,41 @@ fn hough(votes: &HoughArray) -> RgbImage {
     let map = vote_map(votes, VOTES_PX);
     let (width, height) = map.picture.dimensions();
     let larger = (VOTES_WIDE_PX / width.max(1)).max(1);
-    let mut canvas = Canvas::new(resize(&map.picture, larger * width, larger * height, FilterType::Nearest));
+    let mut picture = resize(&map.picture, larger * width, larger * height, FilterType::Nearest);
     for [x, y] in map.peaks {
-        let at = Vec2::new(f64::from(x), f64::from(y)) * f64::from(larger) - Vec2::repeat(0.5);
-        canvas.circle(at, 9.0 * f64::from(larger), FOUND);
+        circle(&mut picture, Vec2::new(f64::from(x), f64::from(y)) * f64::from(larger), 9.0 * f64::from(larger), FOUND);
     }
-    canvas.image
+    picture
 }
 
-fn response(found: &Localised, map: RgbImage) -> RgbImage {
-    let mut canvas = Canvas::new(map);
+fn response(found: &Localised, mut map: RgbImage) -> RgbImage {
     for part in &found.detections {
-        canvas.circle(part.center_px, 5.0 * canvas.line_px, PEAK);
+        circle(&mut map, part.center_px, 8.0, PEAK);
     }
-    canvas.image
+    map
 }
 
 /// Overlay of the table's outline and corners, and of each part's outline and centre in its kind's colour.
-fn overlay(found: &Localised, kinds: &[&str], picture: RgbImage) -> RgbImage {
+fn overlay(found: &Localised, kinds: &[&str], mut picture: RgbImage) -> RgbImage {
     let palette = Palette::of(kinds, Ground::Dark);
-    let mut canvas = Canvas::new(picture);
     for (a, b) in outline_px(&found.table).zip(outline_px(&found.table).skip(1)) {
-        canvas.line(a, b, FOUND);
+        let [a, b] = [a, b].map(|at| (at.x.round() as i32, at.y.round() as i32));
+        draw_antialiased_line_segment_mut(&mut picture, a, b, Rgb(FOUND), interpolate);
     }
     for corner in found.table.corners_px {
-        canvas.circle(corner, 4.0 * canvas.line_px, FOUND);
+        circle(&mut picture, corner, 8.0, FOUND);
     }
     for (part, kind) in found.detections.iter().zip(kinds) {
         let color = palette.kind(kind).unwrap_or(FOUND);
-        canvas.circle(part.center_px, part.radius_px, color);
-        canvas.circle(part.center_px, canvas.line_px, color);
+        circle(&mut picture, part.center_px, part.radius_px, color);
+        circle(&mut picture, part.center_px, 1.0, color);
     }
-    canvas.image
+    picture
+}
+
+/// Draws a circle, two pixels wide.
+fn circle(picture: &mut RgbImage, center: Vec2, radius: f64, color: [u8; 3]) {
+    let (center, radius) = ((center.x.round() as i32, center.y.round() as i32), radius.round() as i32);
+    draw_hollow_circle_mut(picture, center, radius, Rgb(color));
+    draw_hollow_circle_mut(picture, center, radius + 1, Rgb(color));
 }

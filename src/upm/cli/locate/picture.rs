@@ -17,8 +17,9 @@ const MOST_PIXELS: u64 = 64_000_000;
 /// Largest size of a file, and of its decoded pixels, bytes.
 const MOST_BYTES: u64 = 512 << 20;
 
-/// Marker of JPEG files (ITU-T T.81, Annex B).
-const END_OF_IMAGE: u8 = 0xD9;
+/// Markers of JPEG files (ITU-T T.81, Annex B).
+const START_OF_SCAN: u8 = 0xDA;
+const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
 
 /// A decoded picture, as it is searched.
 #[derive(Debug)]
@@ -68,14 +69,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
         return Err("levels of 32 bits, more than 16".into());
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
-    let turned = |mut picture: DynamicImage| {
-        picture.apply_orientation(orientation);
-        picture
-    };
-    let colors = colors(&picture).map(|colors| turned(DynamicImage::ImageRgb8(colors)).into_rgb8());
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
+    picture.apply_orientation(orientation);
+    let colors = colors(&picture);
     let (gray, bits) = gray(picture)?;
-    let gray = turned(DynamicImage::ImageLuma8(gray)).into_luma8();
     let mut frame = Frame::new(0, 0);
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
@@ -83,19 +80,15 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
 }
 
 /// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and
-/// reports no error. Bytes after the picture are ignored.
+/// reports no error. Segments before the first scan may hold a preview picture with an end of its own.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(2..).unwrap_or_default();
-    while let Some(start) = rest.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0x00 | 0xFF)) {
-        let (marker, after) = (rest[start + 1], &rest[start + 2..]);
-        let length = match (marker, after.first_chunk()) {
-            (END_OF_IMAGE, _) => return true,
-            // restart markers in a scan's data, and others without a length
-            (0x01 | 0xD0..=0xD8, _) => 0,
-            (_, Some(&[high, low])) => usize::from(u16::from_be_bytes([high, low])),
-            (_, None) => return false,
-        };
-        rest = after.get(length..).unwrap_or_default();
+    while let Some(&[0xFF, marker, high, low]) = rest.first_chunk() {
+        if marker == START_OF_SCAN {
+            return rest.windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+        rest = rest.get(length..).unwrap_or_default();
     }
     false
 }
@@ -149,5 +142,4 @@ fn narrowed(levels: &[u16]) -> (Vec<u8>, Option<u32>) {
 }
 
 #[cfg(test)]
-#[path = "picture_tests.rs"]
 mod tests;

@@ -1,8 +1,8 @@
 //! Report of a picture's table and parts, as JSON and as text.
 
 use std::path::Path;
-use std::time::Duration;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::doubts::{about_others, about_side, no_parts_message, suggestion};
@@ -38,7 +38,7 @@ pub(super) struct LocatedPicture {
 }
 
 /// Wall times of one picture, µs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct TimeUs {
     /// Time to read and decode the file.
     pub decode: f64,
@@ -47,16 +47,6 @@ pub(super) struct TimeUs {
     pub parts: f64,
     /// Time to find discs of any size, measure outlines and name them.
     pub survey: f64,
-}
-
-impl TimeUs {
-    /// Times from those of decoding and of the survey, and from the instants before the table, before the parts and
-    /// after them.
-    pub fn of(decode: Duration, [begun, found, done]: [Duration; 3], survey: Duration) -> Self {
-        let us = |time: Duration| 1e6 * time.as_secs_f64();
-        let [table, parts] = [found - begun, done - found].map(us);
-        Self { decode: us(decode), table, parts, survey: us(survey) }
-    }
 }
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
@@ -81,12 +71,7 @@ pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value 
         "parts": parts,
         "others": others,
         "contrast": { "darkest": survey.darkest, "lightest": survey.lightest },
-        "time_us": {
-            "decode": time_us.decode,
-            "table": time_us.table,
-            "parts": time_us.parts,
-            "survey": time_us.survey,
-        },
+        "time_us": time_us,
     })
 }
 
@@ -139,7 +124,7 @@ pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> 
     for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
         outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
     }
-    about_side(&located.side, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
+    about_side(&located.side).into_iter().try_for_each(|line| outln!("{line}"))?;
     outln!("parts: {}", parts.len())?;
     for NamedPart { part, doubts, .. } in parts {
         let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
@@ -148,14 +133,10 @@ pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> 
         outln!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
     if parts.is_empty() {
-        outln!("{}", no_parts_message(&located.others, &located.survey, setting))?;
+        outln!("{}", no_parts_message(&located.others, &located.survey))?;
     }
     about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
-    say_times(located, setting, *time_us)
-}
-
-fn say_times(located: &LocatedPicture, setting: &LocateSetup, time_us: TimeUs) -> Result<(), Failure> {
-    let TimeUs { decode, table, parts, survey, .. } = time_us;
+    let TimeUs { decode, table, parts, survey } = time_us;
     let [decode, table, parts, survey] = [decode, table, parts, survey].map(|us| us / 1e3);
     outln!(
         "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}, survey {survey:.1}); decoded in {decode:.1} ms",

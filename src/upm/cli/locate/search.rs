@@ -8,7 +8,6 @@ use super::report::{Localised, LocatedPicture, TimeUs};
 use super::scale::{PlateSide, SideSource};
 use super::setup::LocateSetup;
 use super::{panels, picture};
-use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
@@ -17,49 +16,47 @@ use upm_perception::vision::{
 };
 
 /// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
-/// drawn. If no table is found, the stages up to there are drawn nevertheless.
+/// drawn into `stages`. If no table is found, the stages up to there are drawn nevertheless.
 pub(super) fn locate_picture(
     image: &Path,
-    name: &str,
-    args: &LocateArgs,
+    stages: Option<&Path>,
     setting: &LocateSetup,
 ) -> Result<LocatedPicture, Failure> {
-    let (clock, shown) = (MonotonicClock::new(), args.stages.is_some());
+    let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
-    let decode = clock.elapsed();
+    let decoded = clock.elapsed();
     if let Some(bits) = picture.bits {
         tracing::info!("{}: 16-bit picture; using {bits} significant bits", image.display());
     }
     let (frame, colors) = (picture.frame, picture.colors);
-    let begun = clock.elapsed();
-    let mut stages = DebugImages::default();
-    let table = find_table(&frame, setting, shown.then_some(&mut stages))
+    let mut images = DebugImages::default();
+    let table = find_table(&frame, setting, stages.map(|_| &mut images))
         .map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
-    if let (Err(_), Some(folder)) = (&table, &args.stages) {
-        panels::write_begun(&panels::folder_of(folder, name, args), &frame, &stages)?;
+    if let (Err(_), Some(folder)) = (&table, stages) {
+        panels::write_begun(folder, &frame, &images)?;
     }
-    let table =
-        table.map_err(|fault| Failure::failed(format!("{}: {}", image.display(), about_table(&fault, &frame))))?;
+    let table = table.map_err(|fault| Failure::failed(format!("{}: {}", image.display(), about_table(&fault))))?;
     let found = clock.elapsed();
     let (table, side, surveyed) = scaled(table, &frame, setting);
     let scaled = clock.elapsed();
-    let mut finder = finder(&table, &frame, args, setting)?;
+    let size = [frame.width, frame.height];
+    let mut finder = CoinFinder::with_response(&table, size, &setting.kinds, setting.dark_parts, ResponseMethod::Auto);
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
     let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| is_near(part, disc)));
     let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
     let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());
-    if shown {
-        stages.disk_response = finder.response();
+    if stages.is_some() {
+        images.disk_response = finder.response();
     }
-    let survey_time = clock.elapsed() - done + (scaled - found);
-    let times = [begun, found, found + (done - scaled)];
-    let time_us = TimeUs::of(decode, times, survey_time);
+    let [decode, table_time, parts_time, survey_time] =
+        [decoded, found - decoded, done - scaled, clock.elapsed() - done + (scaled - found)]
+            .map(|time| 1e6 * time.as_secs_f64());
+    let time_us = TimeUs { decode, table: table_time, parts: parts_time, survey: survey_time };
     let detections = parts.iter().map(|named| named.part.clone()).collect();
-    let record = Localised { frame, table, detections, stages };
-    let response = finder.response_method();
-    Ok(LocatedPicture { found: record, response, time_us, parts, others, survey, side })
+    let found = Localised { frame, table, detections, stages: images };
+    Ok(LocatedPicture { found, response: finder.response_method(), time_us, parts, others, survey, side })
 }
 
 /// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.
@@ -99,14 +96,4 @@ fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSi
         (disc.at_m, disc.radius_m) = (disc.at_m * factor, disc.radius_m * factor);
     }
     (table, side, survey)
-}
-
-fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &LocateSetup) -> Result<CoinFinder, Failure> {
-    let (wanted, size) = (args.response, [frame.width, frame.height]);
-    let finder = CoinFinder::with_response(table, size, &setting.kinds, setting.dark_parts, wanted);
-    if wanted != ResponseMethod::Auto && finder.response_method() != wanted {
-        let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
-        return Err(Failure::bad_input(format!("--response: expected {allowed}, found chords")));
-    }
-    Ok(finder)
 }

@@ -4,7 +4,7 @@ use super::scale::SideSource;
 use crate::cli::args::LocateArgs;
 use crate::cli::output::Failure;
 use upm_core::geometry::Lens;
-use upm_core::rig::PartKind;
+use upm_core::rig::{PartKind, RigModel};
 use upm_core::signal::Frame;
 use upm_core::units::{INCH_M, m_from_mm};
 use upm_runner::config::{KindSpec, RigSpec, one_of};
@@ -27,14 +27,8 @@ pub(super) struct LocateSetup {
     /// All kinds with a name.
     pub known: Vec<PartKind>,
     pub dark_parts: bool,
-    camera: Option<RigCamera>,
-}
-
-/// Frame size and lens in a rig file, with the rig's name for faults.
-struct RigCamera {
-    rig: String,
-    frame_size_px: [usize; 2],
-    lens: Lens,
+    /// The rig, with the size and the lens of its camera.
+    rig: Option<RigModel>,
 }
 
 impl LocateSetup {
@@ -47,7 +41,7 @@ impl LocateSetup {
             kinds: chosen(&args.kinds, &kinds)?,
             known: chosen(&[], &kinds)?,
             dark_parts: model.dark_parts,
-            camera: Some(RigCamera { rig: model.name, frame_size_px: model.frame_size_px, lens: model.lens }),
+            rig: Some(model),
         })
     }
 
@@ -62,16 +56,11 @@ impl LocateSetup {
         };
         let coins = RigSpec::upm_1().map_err(Failure::faults)?.kinds;
         let (kinds, known) = (chosen(&args.kinds, &coins)?, chosen(&[], &coins)?);
-        Ok(Self { plate_side, kinds, known, dark_parts: !args.light_parts, camera: None })
+        Ok(Self { plate_side, kinds, known, dark_parts: !args.light_parts, rig: None })
     }
 
     pub(super) fn has_rig(&self) -> bool {
-        self.camera.is_some()
-    }
-
-    /// True without a rig: the kinds are then real coins, whose metal can be judged. A rig's parts may be painted.
-    pub(super) fn has_metals(&self) -> bool {
-        !self.has_rig()
+        self.rig.is_some()
     }
 
     /// Names of some of the known kinds.
@@ -91,16 +80,16 @@ impl LocateSetup {
 
     /// Lenses through which `frame` may have been taken, the most likely first: the rig's, or ideal ones.
     pub(super) fn lenses(&self, frame: &Frame) -> Result<Vec<Lens>, String> {
-        let Some(camera) = &self.camera else {
+        let Some(rig) = &self.rig else {
             let lens = |focal_sides| Lens::centered([frame.width, frame.height], focal_sides);
             return Ok(FOCAL_SIDES.map(lens).into());
         };
-        let [width, height] = camera.frame_size_px;
+        let [width, height] = rig.frame_size_px;
         if [frame.width, frame.height] != [width, height] {
-            let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &camera.rig);
+            let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &rig.name);
             return Err(format!("expected {width}x{height} px from the camera of rig {rig}, found {found}"));
         }
-        Ok(vec![camera.lens])
+        Ok(vec![rig.lens])
     }
 }
 

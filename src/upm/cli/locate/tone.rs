@@ -24,7 +24,6 @@ const AROUND: [f64; 3] = [1.2, 1.3, 1.4];
 pub(super) enum Metal {
     Copper,
     Silver,
-    Neither,
 }
 
 /// Metal of a coin with this name.
@@ -40,17 +39,18 @@ pub(super) fn metal_of(kind: &str) -> Option<Metal> {
 pub(super) fn contradicted(named: &[(Option<Metal>, &DetectedDisc)], colors: Option<&RgbImage>) -> Vec<bool> {
     match colors {
         Some(colors) => {
-            named.iter().map(|(metal, disc)| metal.is_some_and(|m| m != seen_metal(colors, disc))).collect()
+            named.iter().map(|(metal, disc)| metal.is_some() && *metal != seen_metal(colors, disc)).collect()
         }
         None => by_level(named),
     }
 }
 
-fn seen_metal(colors: &RgbImage, disc: &DetectedDisc) -> Metal {
+/// Metal that a disc shows; `None` for brass.
+fn seen_metal(colors: &RgbImage, disc: &DetectedDisc) -> Option<Metal> {
     match warmth(colors, disc) {
-        warmth if warmth > COPPER => Metal::Copper,
-        warmth if warmth < SILVER => Metal::Silver,
-        _ => Metal::Neither,
+        warmth if warmth > COPPER => Some(Metal::Copper),
+        warmth if warmth < SILVER => Some(Metal::Silver),
+        _ => None,
     }
 }
 
@@ -85,7 +85,7 @@ fn by_level(named: &[(Option<Metal>, &DetectedDisc)]) -> Vec<bool> {
         let (own, other) = match metal {
             Some(Metal::Copper) => (copper, silver),
             Some(Metal::Silver) => (silver, copper),
-            _ => return false,
+            None => return false,
         };
         let alike = (own - other).abs() < SAME_LEVEL && *metal == Some(Metal::Copper);
         let nearer = (disc.level - own).abs() > (disc.level - other).abs() + SAME_LEVEL;
@@ -134,7 +134,7 @@ mod tests {
                 Rgb([0, 1, 2].map(|c| (white[c] * share[c]) as u8))
             });
             let metals = [30.0, 90.0, 150.0].map(|at| seen_metal(&colors, &disc(at, 0.6)));
-            assert_eq!(metals, [Metal::Copper, Metal::Silver, Metal::Neither], "{white:?}");
+            assert_eq!(metals, [Some(Metal::Copper), Some(Metal::Silver), None], "{white:?}");
         }
     }
 

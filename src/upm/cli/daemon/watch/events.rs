@@ -17,11 +17,11 @@ pub(super) struct ReceivedEvent {
 }
 
 /// Parser of server-sent events.
-pub(super) struct EventCounts<R> {
+pub(super) struct EventReader<R> {
     lines: BufReader<R>,
 }
 
-impl<R: Read> EventCounts<R> {
+impl<R: Read> EventReader<R> {
     pub fn new(stream: R) -> Self {
         Self { lines: BufReader::new(stream) }
     }

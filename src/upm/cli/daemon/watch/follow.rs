@@ -2,13 +2,13 @@ use std::io::Read;
 use std::thread;
 use std::time::Duration;
 
-use super::events::{EventCounts, ReceivedEvent};
+use super::events::{EventReader, ReceivedEvent};
 use super::job_display::job_of;
 use crate::cli::daemon::client::{Client, ClientRefusal};
 
 /// Rest before the first attempt to reconnect, and the longest rest between two.
-const FIRST_REST: Duration = Duration::from_millis(250);
-const LONGEST_REST: Duration = Duration::from_secs(5);
+const FIRST_REST: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 250 });
+const LONGEST_REST: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 5000 });
 
 /// Number of attempts to reconnect before giving up, about two minutes.
 const MOST_RESTS: u32 = 28;
@@ -29,41 +29,29 @@ pub(super) struct StreamFollower {
     path: String,
     /// Last id received; reconnecting asks for the journal from there on.
     last: Option<u64>,
-    stream: Option<EventCounts<Box<dyn Read + Send>>>,
+    stream: Option<EventReader<Box<dyn Read + Send>>>,
+    /// True once the job has ended or the stream was refused.
     has_ended: bool,
-    is_given_up: bool,
     /// Attempts to reconnect since the last message; `None` before the first connection.
     rests: Option<u32>,
-    first_rest: Duration,
-    longest_rest: Duration,
 }
 
 impl StreamFollower {
     /// Follower of the events at `path` from byte `after` of the journal on; `None` for its end.
     pub fn new(client: Client, path: String, after: Option<u64>) -> Self {
-        let (stream, rests) = (None, None);
-        let (first_rest, longest_rest) = (FIRST_REST, LONGEST_REST);
-        let (has_ended, is_given_up) = (false, false);
-        Self { client, path, last: after, stream, has_ended, is_given_up, rests, first_rest, longest_rest }
-    }
-
-    /// Follower with shorter rests, for tests.
-    #[cfg(test)]
-    pub fn stalled(self) -> Self {
-        let rest = Duration::from_millis(1);
-        Self { first_rest: rest, longest_rest: rest, ..self }
+        Self { client, path, last: after, stream: None, has_ended: false, rests: None }
     }
 
     /// The next message; `None` once the job has ended and every event was returned, or after [`StreamItem::Refused`].
     pub fn next(&mut self) -> Option<StreamItem> {
-        if self.is_given_up {
-            return None;
-        }
         if self.stream.is_none() {
+            if self.has_ended {
+                return None;
+            }
             match self.connect() {
                 Ok(stream) => self.stream = Some(stream),
                 Err(refusal) => {
-                    self.is_given_up = true;
+                    self.has_ended = true;
                     return Some(StreamItem::Refused(refusal));
                 }
             }
@@ -78,16 +66,16 @@ impl StreamFollower {
     }
 
     /// Connects; retries once there has been a connection.
-    fn connect(&mut self) -> Result<EventCounts<Box<dyn Read + Send>>, ClientRefusal> {
+    fn connect(&mut self) -> Result<EventReader<Box<dyn Read + Send>>, ClientRefusal> {
         loop {
             if let Some(rests) = &mut self.rests {
-                thread::sleep((self.first_rest * 2u32.saturating_pow(*rests)).min(self.longest_rest));
+                thread::sleep((FIRST_REST * 2u32.saturating_pow(*rests)).min(LONGEST_REST));
                 *rests += 1;
             }
             match self.client.stream(&self.path, self.last) {
                 Ok(stream) => {
                     self.rests.get_or_insert(0);
-                    return Ok(EventCounts::new(stream));
+                    return Ok(EventReader::new(stream));
                 }
                 Err(refusal) if refusal.may_pass() && self.rests.is_some_and(|rests| rests < MOST_RESTS) => {}
                 Err(refusal) => return Err(refusal),

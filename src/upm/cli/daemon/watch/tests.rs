@@ -1,14 +1,14 @@
 use serde_json::{Value, json};
 
-use super::events::{EventCounts, ReceivedEvent};
+use super::events::{EventReader, ReceivedEvent};
 use super::follow::{StreamFollower, StreamItem};
-use super::job_display::{line_of, note_of};
+use super::job_display::line_of;
 use crate::cli::daemon::client::testing::{Canned, FakeServer, JOB, events, job, problem};
 use crate::cli::daemon::client::{Client, ClientRefusal};
 use upm_server::states::JobState;
 
 fn read(text: &str) -> Vec<ReceivedEvent> {
-    let mut stream = EventCounts::new(text.as_bytes());
+    let mut stream = EventReader::new(text.as_bytes());
     std::iter::from_fn(|| stream.next().unwrap()).collect()
 }
 
@@ -19,7 +19,7 @@ fn event(id: Option<u64>, kind: &str, data: Value) -> ReceivedEvent {
 /// All messages about a job whose stream the server serves.
 fn heard(server: &FakeServer, after: Option<u64>) -> Vec<StreamItem> {
     let client = Client::at(&server.url).unwrap();
-    let mut follower = StreamFollower::new(client, format!("/v1/jobs/{JOB}/events"), after).stalled();
+    let mut follower = StreamFollower::new(client, format!("/v1/jobs/{JOB}/events"), after);
     std::iter::from_fn(|| follower.next()).take(1000).collect()
 }
 
@@ -44,7 +44,7 @@ fn events_are_parsed_per_the_sse_standard() {
     assert_eq!(read("id: 8\ndata: 1\n"), [], "an event without its empty line is cut short");
     assert_eq!(read("id: 8\ndata: 1\n\nid: 9\nevent"), [event(Some(8), "message", json!(1))]);
     assert_eq!(read("event: odd\ndata: not json\n\n"), [event(None, "odd", Value::Null)]);
-    assert!(EventCounts::new(std::io::repeat(b'x')).next().is_err(), "a line without end is not kept");
+    assert!(EventReader::new(std::io::repeat(b'x')).next().is_err(), "a line without end is not kept");
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn each_event_is_shown_in_one_line() {
     let note = |level: &str| json!({"type": "event", "at_s": 2, "level": level, "text": "t"});
     assert_eq!(line(note("error")).unwrap(), "plate    2.0 s  error: t");
     assert_eq!(line(note("info")), None);
-    assert_eq!(note_of(&event(None, "message", note("warning"))).unwrap(), "plate    2.0 s  warning: t");
+    assert_eq!(line(note("warning")).unwrap(), "plate    2.0 s  warning: t");
     let running = event(None, "job", json!(job(JobState::Running)));
     assert!(line_of(&running).unwrap().ends_with(": running"), "{:?}", line_of(&running));
     assert_eq!(line_of(&event(None, "job", json!({"job": 1}))), None, "what cannot be understood is passed over");
