@@ -7,7 +7,7 @@ use super::shaken::{BarePlate, steady_motion};
 use super::{LabFault, LabRig};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
-use upm_perception::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
+use upm_perception::estimation::{AccelerometerPair, Coefficients, fit_twist, force_sign};
 
 /// Half width of the null, in the sine of the phase, within which either sign is correct.
 const NULL: f64 = 0.0175;
@@ -25,18 +25,16 @@ pub(super) struct SignStats {
 /// the sign of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle.
 pub(super) fn force_signs(lab: &LabRig, plate: &mut BarePlate, count: u32) -> Result<SignStats, LabFault> {
     let mut rng = Streams::new(lab.seed).stream("force signs");
-    let response = response(lab);
+    let (response, sensors) = (response(lab), AccelerometerPair::exact(lab.model.accelerometer_in_plate_m));
     let mut signs = SignStats { tried: 0, right: 0 };
     while signs.tried < count {
         let drive = random_drive(lab, &mut rng);
         let Some(truth) = true_sign(&drive, &response) else { continue };
         let trace = plate.play(&drive)?;
-        let unreadable = |fault| LabFault::Trace { what: "random drive".into(), fault };
-        let window = sustain_window(&trace, &drive.envelope, drive.base_radps).map_err(unreadable)?;
-        let channels = accelerations_mps2(&trace, &window).map_err(unreadable)?;
-        let [x1, ..] = fit_channels(&window, &channels, drive.base_radps).map_err(unreadable)?;
+        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
+            .map_err(|fault| LabFault::Trace { what: "random drive".into(), fault })?;
         signs.tried += 1;
-        signs.right += u32::from(force_sign(&x1.coefficients) == truth);
+        signs.right += u32::from(force_sign(&fit.accel_mps2[0]) == truth);
     }
     Ok(signs)
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fast and reference vision on the same pictures in one run: times, their ratio, and how far apart the results are.
 
-usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3] [--response auto|chords|fft] [--json]
+usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3] [--json]
 
 Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both methods get the
 same file and looks for pennies on a plate of 203.2 mm: `upm locate --json` and `upm-lab locate --json`. Times are `time_us.table + time_us.parts`, from the
@@ -53,7 +53,6 @@ def main():
     parser.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--response", default="auto", choices=["auto", "chords", "fft"])
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
     lab = pathlib.Path(args.upm).with_name("upm-lab")
@@ -65,7 +64,7 @@ def main():
             render = [lab, "scene", "papers", "--seed", str(seed), "--out", picture, "--truth", truth]
             subprocess.run(render, capture_output=True, check=True)
             truth = json.loads(truth.read_text())
-            programs = {"fast": [args.upm, *SIDE, "--response", args.response], "reference": [lab]}
+            programs = {"fast": [args.upm, *SIDE], "reference": [lab]}
             times, last, survey_ms = {name: [] for name in programs}, {}, []
             for _ in range(args.rounds):
                 for name, (program, *extra) in programs.items():
@@ -74,7 +73,7 @@ def main():
                     times[name].append((time_us["table"] + time_us["parts"]) / 1e3)
                     survey_ms += [time_us["survey"] / 1e3] if name == "fast" else []
             ms = {name: statistics.median(values) for name, values in times.items()}
-            row = {"seed": seed, "response": last["fast"]["response"], "ratio": ms["reference"] / ms["fast"]}
+            row = {"seed": seed, "ratio": ms["reference"] / ms["fast"]}
             for name, result in last.items():
                 row[name] = {
                     "ms": ms[name],
@@ -89,11 +88,11 @@ def main():
     if args.json:
         print(json.dumps(rows))
         return 0 if good else 1
-    print("seed  response   fast: ms  survey ms  corner px  part px   reference: ms  corner px  part px   apart px   ratio")
+    print("seed   fast: ms  survey ms  corner px  part px   reference: ms  corner px  part px   apart px   ratio")
     for row in rows:
         fast, reference = row["fast"], row["reference"]
         print(
-            f"{row['seed']:4}  {row['response']:8} {fast['ms']:10.2f} {row['survey_ms']:10.2f} {fast['corner_px']:10.3f} {fast['part_px']:8.3f}"
+            f"{row['seed']:4}  {fast['ms']:10.2f} {row['survey_ms']:10.2f} {fast['corner_px']:10.3f} {fast['part_px']:8.3f}"
             f" {reference['ms']:15.0f} {reference['corner_px']:10.3f} {reference['part_px']:8.3f}"
             f" {row['apart_px']:10.3f} {row['ratio']:7.0f}"
         )

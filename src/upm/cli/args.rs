@@ -1,7 +1,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::batch::Seeds;
@@ -10,7 +10,6 @@ use super::features::{HELP, VERSION};
 use super::offered::schemas;
 use super::run_args::{ExportArgs, RunFolderArgs};
 use upm_core::job::{CameraMode, Pace};
-use upm_perception::vision::ResponseMethod;
 use upm_recording::{BadRerunMode, RerunMode};
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
@@ -224,9 +223,6 @@ pub struct LocateArgs {
     /// Parts are lighter than the plate, as white ones on black
     #[arg(long, conflicts_with = "rig")]
     pub light_parts: bool,
-    /// Method of the disks' response: auto takes the cheaper one by the sizes, which for coins is chords
-    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = response_methods())]
-    pub response: ResponseMethod,
     /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; with several pictures,
     /// into a subfolder for each
     #[arg(long, value_name = "DIR")]
@@ -244,18 +240,6 @@ fn rerun_mode(text: &str) -> Result<RerunMode, String> {
     let mode = text.parse().map_err(|error: BadRerunMode| error.to_string())?;
     upm_viewer::RerunSink::check(&mode).map_err(|error| error.to_string())?;
     Ok(mode)
-}
-
-/// Reads the method of the disks' response by its name.
-fn response_methods() -> impl TypedValueParser<Value = ResponseMethod> {
-    let methods = [
-        (ResponseMethod::Auto, "auto", "The cheaper method, by the sizes of the disks"),
-        (ResponseMethod::Chords, "chords", "Differences of running sums"),
-        (ResponseMethod::Fft, "fft", "Products of spectra"),
-    ];
-    let names = methods.map(|(_, name, help)| PossibleValue::new(name).help(help));
-    let known = move |given: &str| methods.into_iter().find(|(_, name, _)| *name == given);
-    PossibleValuesParser::new(names).map(move |given| known(&given).map_or(ResponseMethod::Auto, |(method, ..)| method))
 }
 
 /// `upm simulate`.

@@ -13,7 +13,7 @@ use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
-    CoinFinder, DebugImages, ResponseMethod, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
+    CoinFinder, DebugImages, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
 };
 use upm_recording::LocalisedRecord;
 
@@ -45,7 +45,8 @@ pub(super) fn locate_picture(
     let found = clock.elapsed();
     let (table, side, surveyed) = scaled(table, &frame, setting);
     let scaled = clock.elapsed();
-    let mut finder = finder(&table, &frame, args, setting)?;
+    let size = [frame.width, frame.height];
+    let mut finder = CoinFinder::new(&table, size, &setting.kinds, setting.dark_parts);
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
@@ -60,8 +61,7 @@ pub(super) fn locate_picture(
     let time_us = TimeUs::of(decode, times, survey_time);
     let detections = parts.iter().map(|named| named.part.clone()).collect();
     let record = LocalisedRecord { frame, table, detections, stages, localise_us: time_us.localise };
-    let response = finder.response_method();
-    Ok(LocatedPicture { found: record, response, time_us, parts, others, survey, side })
+    Ok(LocatedPicture { found: record, time_us, parts, others, survey, side })
 }
 
 /// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.
@@ -101,14 +101,4 @@ fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSi
         (disc.at_m, disc.radius_m) = (disc.at_m * factor, disc.radius_m * factor);
     }
     (table, side, survey)
-}
-
-fn finder(table: &Table, frame: &Frame, args: &LocateArgs, setting: &LocateSetup) -> Result<CoinFinder, Failure> {
-    let (wanted, size) = (args.response, [frame.width, frame.height]);
-    let finder = CoinFinder::with_response(table, size, &setting.kinds, setting.dark_parts, wanted);
-    if wanted != ResponseMethod::Auto && finder.response_method() != wanted {
-        let allowed = "fft or auto: a disk of these kinds is too large for the chords' sums";
-        return Err(Failure::bad_input(format!("--response: expected {allowed}, found chords")));
-    }
-    Ok(finder)
 }
