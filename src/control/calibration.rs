@@ -29,139 +29,95 @@ mod resonance;
 mod session;
 mod steering;
 
-use std::sync::atomic::AtomicBool;
-
-use session::CalibrationSession;
 use steering::SteeringMotion;
-use upm_core::rig::{Rig, RigModel};
-use upm_planning::cor_library::{Entry, Library};
+use upm_core::rig::RigModel;
+use upm_planning::cor_library::{Entry, FieldResponse, Library};
 
 pub use axes::Axes;
 pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
 pub use params::{CalibrationParams, CalibrationProgress};
 pub use resonance::AxisResonance;
+pub use session::CalibrationSession;
 
 /// A rig whose fastest motion exceeds the gentle speed by this factor also gets separate gentle motions.
 const STRONG: f64 = 2.0;
 
-/// Measures the response of the axes of `rig` with the accelerometers alone. Motors are at zero when this returns.
-///
-/// # Errors
-/// [`CalibrationFault::Rig`] when the rig refuses or fails, [`CalibrationFault::Stopped`] once `stop` is set, and
-/// [`CalibrationFault::Trace`] when a trace cannot be read. A channel, coil or axis that fails its check is
-/// [`CalibrationFault::Channel`], [`CalibrationFault::NotRigid`], [`CalibrationFault::Coil`],
-/// [`CalibrationFault::Coupled`], [`CalibrationFault::Still`] or [`CalibrationFault::Resonance`].
-pub fn measure_axes(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    params: &CalibrationParams,
-    stop: &AtomicBool,
-    progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Axes, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|session| axes::measure(session, params))
-}
+impl CalibrationSession<'_> {
+    /// Measures the response of the rig's axes with the accelerometers alone.
+    ///
+    /// # Errors
+    /// [`CalibrationFault::Rig`] when the rig refuses or fails, [`CalibrationFault::Stopped`] once the session is
+    /// stopped, and [`CalibrationFault::Trace`] when a trace cannot be read. A channel, coil or axis that fails its
+    /// check is [`CalibrationFault::Channel`], [`CalibrationFault::NotRigid`], [`CalibrationFault::Coil`],
+    /// [`CalibrationFault::Coupled`], [`CalibrationFault::Still`] or [`CalibrationFault::Resonance`].
+    pub fn axes(mut self, params: &CalibrationParams) -> Result<Axes, CalibrationFault> {
+        axes::measure(&mut self, params)
+    }
 
-/// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
-/// Motors are at zero when this returns.
-///
-/// # Errors
-/// As [`measure_axes`]; [`CalibrationFault::Singular`] when the axes do not move the plate independently.
-pub fn steer(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    params: &CalibrationParams,
-    stop: &AtomicBool,
-    progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|session| {
-        let axes = axes::measure(session, params)?;
-        let entries = steering::measure(session, &axes, params, &wanted(&axes, model, params))?;
+    /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
+    ///
+    /// # Errors
+    /// As [`Self::axes`]; [`CalibrationFault::Singular`] when the axes do not move the plate independently.
+    pub fn steer(mut self, params: &CalibrationParams) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
+        let axes = axes::measure(&mut self, params)?;
+        let motions = wanted(&axes, self.model, params);
+        let entries = steering::measure(&mut self, &axes, params, &motions)?;
         Ok((axes, entries))
-    })
-}
+    }
 
-/// Measures the plate's response to the synthesised motions of `rig` with the accelerometers alone; `None` where the
-/// rig makes none. Motors are at zero when this returns.
-///
-/// # Errors
-/// As [`measure_axes`].
-pub fn measure_fields(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    params: &CalibrationParams,
-    stop: &AtomicBool,
-    progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Option<upm_planning::cor_library::FieldResponse>, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|session| {
-        axes::measure(session, params)?;
-        fields::measure(session)
-    })
-}
+    /// Measures the plate's response to the synthesised motions of the rig with the accelerometers alone; `None` where
+    /// the rig makes none.
+    ///
+    /// # Errors
+    /// As [`Self::axes`].
+    pub fn fields(mut self, params: &CalibrationParams) -> Result<Option<FieldResponse>, CalibrationFault> {
+        axes::measure(&mut self, params)?;
+        fields::measure(&mut self)
+    }
 
-/// Measures the resonances of `rig`'s axes x, y and spin with the accelerometers alone; `None` where its longest
-/// sustain is too short to resolve them. Motors are at zero when this returns.
-///
-/// # Errors
-/// As [`measure_axes`].
-pub fn measure_resonances(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    params: &CalibrationParams,
-    stop: &AtomicBool,
-    progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|session| {
-        axes::measure(session, params)?;
-        resonance::measure(session)
-    })
-}
+    /// Measures the resonances of the rig's axes x, y and spin with the accelerometers alone; `None` where its longest
+    /// sustain is too short to resolve them.
+    ///
+    /// # Errors
+    /// As [`Self::axes`].
+    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+        axes::measure(&mut self, params)?;
+        resonance::measure(&mut self)
+    }
 
-/// Runs the full calibration of `rig` and returns its library. Motors are at zero when this returns.
-///
-/// # Errors
-/// As [`steer`], and when table or coins are not found or are lost. [`CalibrationFault::TooWeak`] when the strongest
-/// pulse moves no coin; [`CalibrationFault::StepChanged`] or [`CalibrationFault::Changed`] when the closing pulses
-/// differ from the opening ones.
-pub fn calibrate(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    fingerprint: &str,
-    params: &CalibrationParams,
-    stop: &AtomicBool,
-    progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Library, CalibrationFault> {
-    CalibrationSession::new(rig, model, stop, progress).work(|session| measure(session, fingerprint, params))
-}
-
-fn measure(
-    session: &mut CalibrationSession<'_>,
-    fingerprint: &str,
-    params: &CalibrationParams,
-) -> Result<Library, CalibrationFault> {
-    let half_side_m = 0.5 * session.model.plate_side_m;
-    let axes = axes::measure(session, params)?;
-    let plate = resonance::measure(session)?.as_ref().map(AxisResonance::plate_response);
-    session.plate = plate.unwrap_or_default();
-    let mut library = Library {
-        rig: session.model.name.clone(),
-        fingerprint: fingerprint.to_owned(),
-        motor_arrangement: session.model.motor_arrangement,
-        plate_side_m: session.model.plate_side_m,
-        base_radps: session.model.base_radps,
-        attack_s: session.model.attack_s,
-        rest_s: session.model.rest_s,
-        accelerometer_gain: axes.accelerometer_gain,
-        shapes: axes.shapes,
-        entries: steering::measure(session, &axes, params, &displacement::motions(half_side_m, params.gentle_mps))?,
-        displacement: Default::default(),
-        fields: None,
-        plate,
-    };
-    library.displacement = displacement::measure(session, &library, params)?;
-    library.entries = steering::measure(session, &axes, params, &wanted(&axes, session.model, params))?;
-    library.fields = fields::measure(session)?;
-    closing::check(session, &axes)?;
-    Ok(library)
+    /// Runs the full calibration of the rig and returns its library.
+    ///
+    /// # Errors
+    /// As [`Self::steer`], and when table or coins are not found or are lost. [`CalibrationFault::TooWeak`] when the
+    /// strongest pulse moves no coin; [`CalibrationFault::StepChanged`] or [`CalibrationFault::Changed`] when the
+    /// closing pulses differ from the opening ones.
+    pub fn library(mut self, fingerprint: &str, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
+        let (model, session) = (self.model, &mut self);
+        let axes = axes::measure(session, params)?;
+        let plate = resonance::measure(session)?.as_ref().map(AxisResonance::plate_response);
+        session.plate = plate.unwrap_or_default();
+        let motions = displacement::motions(0.5 * model.plate_side_m, params.gentle_mps);
+        let mut library = Library {
+            rig: model.name.clone(),
+            fingerprint: fingerprint.to_owned(),
+            motor_arrangement: model.motor_arrangement,
+            plate_side_m: model.plate_side_m,
+            base_radps: model.base_radps,
+            attack_s: model.attack_s,
+            rest_s: model.rest_s,
+            accelerometer_gain: axes.accelerometer_gain,
+            shapes: axes.shapes,
+            entries: steering::measure(session, &axes, params, &motions)?,
+            displacement: Default::default(),
+            fields: None,
+            plate,
+        };
+        library.displacement = displacement::measure(session, &library, params)?;
+        library.entries = steering::measure(session, &axes, params, &wanted(&axes, model, params))?;
+        library.fields = fields::measure(session)?;
+        closing::check(session, &axes)?;
+        Ok(library)
+    }
 }
 
 /// The motions of a library for a rig with these axes.

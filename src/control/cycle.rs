@@ -34,7 +34,7 @@ const CAUTIOUS_STEP_M: f64 = 2e-3;
 const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
 
-/// The devices and flags that a run works with.
+/// The devices and flags that a run or a calibration works with.
 pub struct RunIo<'a> {
     /// The plate.
     pub rig: &'a mut dyn Rig,
@@ -64,30 +64,23 @@ pub struct FinalState {
 }
 
 /// Runs `task` to its end. Motors are at zero when this returns, also after an error.
-pub fn run(devices: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
-    let RunIo { rig, model, sink, clock, stop, give_way } = devices;
-    let mut open = || {
+pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
+    let open = |io: &mut RunIo<'_>| {
         let planner = match PulsePlanner::new(params.method, library, params.planner) {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
-        let guards = params.guards.clone();
-        Continue((planner, Perception::open(rig, model, &params.kinds, &params.parts, guards, sink, clock, stop)?))
+        Continue((planner, Perception::open(io, &params.kinds, &params.parts, params.guards.clone())?))
     };
-    let finish = match open() {
+    let finish = match open(&mut io) {
         Continue((planner, perception)) => {
             let mut cycle = ControlCycle {
-                rig: &mut *rig,
-                model,
-                sink: &mut *sink,
-                clock,
-                stop,
-                give_way,
+                planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
+                io: &mut io,
                 library,
                 task,
                 params,
                 perception,
-                planning: Planning::new(params, library, planner, 0.5 * model.plate_side_m),
                 conditions: Conditions::default(),
                 played: false,
                 wanted: None,
@@ -103,21 +96,16 @@ pub fn run(devices: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, para
         }
         Break(ending) => FinalState { ending, ..FinalState::default() },
     };
-    rig.stop();
+    io.rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
     let RunEnd { outcome, cause, reason } = &finish.ending;
     let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
-    sink.milestone(&MilestoneFacts { at: rig.now(), level, milestone, text: reason });
+    io.sink.milestone(&MilestoneFacts { at: io.rig.now(), level, milestone, text: reason });
     finish
 }
 
-struct ControlCycle<'a> {
-    rig: &'a mut dyn Rig,
-    model: &'a RigModel,
-    sink: &'a mut dyn Sink,
-    clock: &'a dyn Clock,
-    stop: &'a AtomicBool,
-    give_way: &'a AtomicBool,
+struct ControlCycle<'a, 'io> {
+    io: &'a mut RunIo<'io>,
     library: &'a Arc<Library>,
     task: &'a mut dyn Task,
     params: &'a ControlParams,
@@ -140,15 +128,15 @@ struct ControlCycle<'a> {
     is_cautious: bool,
 }
 
-impl ControlCycle<'_> {
+impl ControlCycle<'_, '_> {
     fn until_end(&mut self) -> FinalState {
-        let mut last_pulse_at = self.rig.now();
+        let mut last_pulse_at = self.io.rig.now();
         self.task.first_seen(&self.perception.positions_m());
         let mut observe = self.observe_at_rest();
         let ending = loop {
             observe = match observe {
                 // the last cycle is over here, its parts seen at rest
-                Continue(_) if self.give_way.load(Ordering::Relaxed) => {
+                Continue(_) if self.io.give_way.load(Ordering::Relaxed) => {
                     break RunEnd::gave_way(self.params.endless && self.makes_progress());
                 }
                 Continue(observed) => self.once(observed, &mut last_pulse_at),
@@ -157,8 +145,8 @@ impl ControlCycle<'_> {
         };
         // a stopped run ends in the middle: its repetition goes on, and reports no end there
         if !ending.is_external() {
-            self.conditions.end_run(self.rig.now(), self.sink);
-            self.perception.end_run(self.rig.now(), self.sink);
+            self.conditions.end_run(self.io.rig.now(), self.io.sink);
+            self.perception.conditions.end_run(self.io.rig.now(), self.io.sink);
         }
         let lost = if self.is_part_lost() { self.perception.missing_parts() } else { Vec::new() };
         FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
@@ -166,16 +154,16 @@ impl ControlCycle<'_> {
 
     /// One cycle, from an observation at rest to the next, whose positions it returns.
     fn once(&mut self, observed: Vec<Vec2>, last_pulse_at: &mut PlateTime) -> OrEnd<Vec<Vec2>> {
-        if self.perception.take_relocated() {
+        if std::mem::take(&mut self.perception.relocated) {
             // a mirrored or late picture may look like a knock: the probe tells them apart
             self.check_limits()?;
             self.probe()?;
             return self.observe_at_rest();
         }
-        let started = self.clock.elapsed();
+        let started = self.io.clock.elapsed();
         let observed_at = self.perception.seen_at();
         let wanted = self.task.next(observed_at, &observed);
-        self.sink.setpoints(observed_at, &wanted);
+        self.io.sink.setpoints(observed_at, &wanted);
         let is_first = self.wanted.replace(wanted.clone()).is_none();
         if wanted.done {
             return self.finish(wanted.phase);
@@ -195,21 +183,21 @@ impl ControlCycle<'_> {
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
             return Break(self.planning.no_progress(&wanted, &observed));
         }
-        let planning = self.clock.elapsed();
+        let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
-        let plan_us = (self.clock.elapsed() - planning).as_secs_f64() * 1e6;
+        let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
         if let Some((part, by_m)) = plan.corridor_excess {
             let reason = format!("{} leaves its corridor by {:.2} mm", self.params.id(part), mm_from_m(by_m));
             self.warn(Condition::CorridorLeft { part }, reason);
         }
-        self.conditions.end_cycle(self.rig.now(), self.sink);
-        self.perception.end_cycle(self.rig.now(), self.sink);
+        self.conditions.end_cycle(self.io.rig.now(), self.io.sink);
+        self.perception.conditions.end_cycle(self.io.rig.now(), self.io.sink);
         self.played = !plan.pulses.is_empty() && !plan.continues;
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
             self.check_limits()?;
             self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
-            *last_pulse_at = self.rig.now();
+            *last_pulse_at = self.io.rig.now();
             self.search_missing()?;
             if self.perception.invalidates_plan() {
                 break;
@@ -221,17 +209,17 @@ impl ControlCycle<'_> {
         if plan.pulses.is_empty() {
             // a task that advances by time alone asks for no pulse, nor does one without end whose parts have arrived
             if wanted.progress > self.furthest || self.planning.rests_without_end(&wanted, &result) {
-                (self.furthest, *last_pulse_at) = (wanted.progress, self.rig.now());
+                (self.furthest, *last_pulse_at) = (wanted.progress, self.io.rig.now());
             }
-            if self.rig.now() - *last_pulse_at > STALLED_S {
+            if self.io.rig.now() - *last_pulse_at > STALLED_S {
                 let blocking_part = self.planning.blocking_part(&wanted, &result);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {blocking_part}");
                 return Break(RunEnd::failed_because(StopCause::NoProgress, reason));
             }
             return Continue(result);
         }
-        let cycle_us = (self.clock.elapsed() - started).as_secs_f64() * 1e6;
-        self.sink.cycle(&CycleFacts {
+        let cycle_us = (self.io.clock.elapsed() - started).as_secs_f64() * 1e6;
+        self.io.sink.cycle(&CycleFacts {
             index: self.index,
             observed_at,
             observed_m: &observed,
@@ -250,16 +238,16 @@ impl ControlCycle<'_> {
     fn plan(&mut self, observed: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
         self.check_stop()?;
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
-        let Self { planning, conditions, rig, sink, stop, params, .. } = self;
+        let Self { planning, conditions, io, params, .. } = self;
         planning.plan(self.index, wanted, &whole, |plan, is_part| {
             if let Some(condition) = Condition::of_plan(&plan.status).filter(|_| !is_part) {
                 let reason = || {
                     let why = no_plan_reason(&plan.status, params.method, |part| params.id(part));
                     format!("steps are cut short or made one part at a time, because {why}")
                 };
-                conditions.note(rig.now(), condition, reason, *sink);
+                conditions.note(io.rig.now(), condition, reason, io.sink);
             }
-            check_stop(stop)
+            check_stop(io.stop)
         })
     }
 
@@ -294,16 +282,16 @@ impl ControlCycle<'_> {
     }
 
     fn warn(&mut self, condition: Condition, reason: String) {
-        self.conditions.note(self.rig.now(), condition, || reason, self.sink);
+        self.conditions.note(self.io.rig.now(), condition, || reason, self.io.sink);
     }
 
     fn check_stop(&self) -> OrEnd {
-        check_stop(self.stop)
+        check_stop(self.io.stop)
     }
 
     /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
     fn search_missing(&mut self) -> OrEnd {
-        if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.stopped_pulse() {
+        if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.motors_stopped {
             self.observe_at_rest()?;
         }
         Continue(())
@@ -313,7 +301,7 @@ impl ControlCycle<'_> {
     fn observe_at_rest(&mut self) -> OrEnd<Vec<Vec2>> {
         loop {
             self.check_stop()?;
-            let at_rest = self.perception.observe(self.rig, FramePurpose::Cycle, self.sink, self.clock)?;
+            let at_rest = self.perception.observe(self.io, FramePurpose::Cycle)?;
             if at_rest && self.perception.frames_missing() == 0 {
                 return Continue(self.perception.positions_m());
             }

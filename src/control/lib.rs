@@ -24,5 +24,5 @@ pub use facts::{
 };
 pub use guards::Guards;
 pub use params::ControlParams;
-pub use perception::{ExpectedPart, FramePurpose, Perception};
+pub use perception::ExpectedPart;
 pub use run_end::RunEnd;

@@ -6,7 +6,6 @@ mod scene;
 mod settling;
 
 use std::ops::ControlFlow::{Break, Continue};
-use std::sync::atomic::AtomicBool;
 
 use self::first_observation::find_table;
 use self::naming::name_parts;
@@ -16,11 +15,11 @@ use super::condition::Condition;
 use super::conditions::Conditions;
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::run_end::{OrEnd, RunEnd, flow};
-use super::{FrameFacts, LocalisedFacts, Sink};
+use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::{Lens, Vec2};
-use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::rig::{PartKind, Rig};
 use upm_core::signal::Frame;
-use upm_core::time::{Clock, PlateTime};
+use upm_core::time::PlateTime;
 use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
 
 pub use self::naming::ExpectedPart;
@@ -60,7 +59,7 @@ pub enum FramePurpose {
 /// both.
 pub struct Perception {
     frame: Frame,
-    table: Table,
+    pub(crate) table: Table,
     tracker: Tracker,
     scene: SceneMonitor,
     guards: Guards,
@@ -71,8 +70,8 @@ pub struct Perception {
     blind_after_s: f64,
     /// Time since which nothing can be seen, and the reason.
     blind: Option<(PlateTime, UnusableFrame)>,
-    /// True when the current pulse was silenced.
-    motors_stopped: bool,
+    /// True when the last pulse was silenced because the view, or a part, was lost.
+    pub(crate) motors_stopped: bool,
     /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
     still_from: PlateTime,
     still_by: PlateTime,
@@ -86,40 +85,31 @@ pub struct Perception {
     frame_hz: f64,
     /// Number of consecutive frames that show a part off the plate.
     off_plate: u32,
-    /// True when the table was located anew since the last pulse began.
-    relocated: bool,
+    /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
+    pub(crate) relocated: bool,
     /// Expected place of each part when it is next seen at rest, and the tolerance, m.
     expected_m: Vec<(Vec2, f64)>,
-    delay: DelayGuard,
+    pub(crate) delay: DelayGuard,
     stillness: StillnessGuard,
-    conditions: Conditions,
+    pub(crate) conditions: Conditions,
 }
 
 impl Perception {
     /// Captures frames until the table is found, waiting while a hand or darkness may hide it, then finds the parts and
     /// names them.
-    #[allow(clippy::too_many_arguments)] // the rig with its figures, and the run's sink and flags
-    pub fn open(
-        rig: &mut dyn Rig,
-        model: &RigModel,
-        kinds: &[PartKind],
-        parts: &[ExpectedPart],
-        guards: Guards,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-        stop: &AtomicBool,
-    ) -> OrEnd<Self> {
+    pub fn open(io: &mut RunIo<'_>, kinds: &[PartKind], parts: &[ExpectedPart], guards: Guards) -> OrEnd<Self> {
+        let model = io.model;
         let [width, height] = model.frame_size_px;
         let mut frame = Frame::new(width, height);
-        let (table, started) = find_table(rig, model, &mut frame, &guards, sink, clock, stop)?;
+        let (table, started) = find_table(io, &mut frame, &guards)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
         let detections = name_parts(found, kinds, parts, guards.has_code("part_count"))?;
-        let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
-        sink.localised(&LocalisedFacts { frame: &frame, table: &table, detections: &detections, localise_us });
-        let places_m = detections.clone().into_iter().map(|detection| detection.position_m);
+        let localise_us = (io.clock.elapsed() - started).as_secs_f64() * 1e6;
+        io.sink.localised(&LocalisedFacts { frame: &frame, table: &table, detections: &detections, localise_us });
+        let expected_m = detections.iter().map(|detection| (detection.position_m, REACH_M)).collect();
         let mut scene = SceneMonitor::new(&table, model, kinds);
-        scene.see_first(&frame, rig.now());
+        scene.see_first(&frame, io.rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
         Continue(Self {
             frame,
@@ -144,7 +134,7 @@ impl Perception {
             frame_hz: model.frame_hz,
             off_plate: 0,
             relocated: false,
-            expected_m: places_m.map(|place_m| (place_m, REACH_M)).collect(),
+            expected_m,
             delay: DelayGuard::new(model.frame_hz),
             stillness: StillnessGuard::default(),
             conditions: Conditions::default(),
@@ -156,21 +146,15 @@ impl Perception {
     ///
     /// # Errors
     /// The ending of a run whose view stays lost.
-    pub fn observe(
-        &mut self,
-        rig: &mut dyn Rig,
-        purpose: FramePurpose,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-    ) -> OrEnd<bool> {
-        flow(rig.capture(&mut self.frame))?;
+    pub fn observe(&mut self, io: &mut RunIo<'_>, purpose: FramePurpose) -> OrEnd<bool> {
+        flow(io.rig.capture(&mut self.frame))?;
         let swing_px = self.scene.swing_px(&self.frame);
         if swing_px.is_some_and(|px| px > SWINGS_PX) {
             self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
         }
-        let at_rest = self.frame.exposed_at - rig.settled_at().max(self.still_from) >= self.half_exposure_s;
-        let start = clock.elapsed();
-        let stale = self.stale(rig.now(), swing_px);
+        let at_rest = self.frame.exposed_at - io.rig.settled_at().max(self.still_from) >= self.half_exposure_s;
+        let start = io.clock.elapsed();
+        let stale = self.stale(io.rig.now(), swing_px);
         if stale.is_some() {
             self.tracker.miss();
         } else {
@@ -183,9 +167,9 @@ impl Perception {
         };
         let swing_px = swing_px.filter(|_| blind.is_none());
         self.delay.frame(self.frame.exposed_at.secs(), swing_px);
-        let track_us = (clock.elapsed() - start).as_secs_f64() * 1e6;
+        let track_us = (io.clock.elapsed() - start).as_secs_f64() * 1e6;
         let is_plain = at_rest && blind.is_none() && matches!(place, PlateInImage::Same) && self.foreign == 0;
-        sink.frame(&FrameFacts {
+        io.sink.frame(&FrameFacts {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
             driving: !at_rest,
@@ -193,23 +177,23 @@ impl Perception {
             starts_cycle: is_plain && purpose == FramePurpose::Cycle,
             track_us,
         });
-        self.settle_blind(blind, rig, sink)?;
+        self.settle_blind(blind, io)?;
         if blind.is_none() && at_rest {
-            self.settle_foreign(sink)?;
-            self.settle_place(&place, sink, clock)?;
+            self.settle_foreign(io.sink)?;
+            self.settle_place(&place, io)?;
         }
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
         let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.frame_hz;
         // a time stamp in the future must not stop the count
-        self.observed_at = self.observed_at.max(self.frame.exposed_at.min(rig.now()));
+        self.observed_at = self.observed_at.max(self.frame.exposed_at.min(io.rig.now()));
         self.missing = match (self.frames_missing(), swing_px) {
             (0, _) => (0.0, 0),
             (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),
             (_, None) => self.missing,
         };
         if is_plain {
-            self.check_jumps(sink)?;
+            self.check_jumps(io.sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
         }
         Continue(is_plain)
@@ -228,8 +212,8 @@ impl Perception {
     }
 
     /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
-    fn settle_blind(&mut self, blind: Option<UnusableFrame>, rig: &mut dyn Rig, sink: &mut dyn Sink) -> OrEnd {
-        let now = rig.now();
+    fn settle_blind(&mut self, blind: Option<UnusableFrame>, io: &mut RunIo<'_>) -> OrEnd {
+        let now = io.rig.now();
         let Some(why) = blind else {
             if let Some((_, UnusableFrame::Dark | UnusableFrame::Hidden)) = self.blind.take() {
                 // the plate's appearance behind a hand is unreliable
@@ -243,8 +227,8 @@ impl Perception {
         let (since, _) = *self.blind.get_or_insert((blind_from, why));
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
-            self.stop_motors(rig);
-            self.conditions.note(now, why.condition(), || why.reason(), sink);
+            self.stop_motors(io.rig);
+            self.conditions.note(now, why.condition(), || why.reason(), io.sink);
         }
         if for_s > why.longest_s() {
             let reason = format!("{} for {for_s:.1} s", why.reason());
@@ -255,7 +239,7 @@ impl Perception {
 
     fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
         let at = self.frame.exposed_at;
-        match self.scene.foreign_m().filter(|_| self.foreign >= FOREIGN) {
+        match self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) {
             Some(at_m) => {
                 let at_mm = at_m * 1e3;
                 let reason =
@@ -276,24 +260,9 @@ impl Perception {
         }
     }
 
-    /// True when the last pulse was silenced because the view, or a part, was lost.
-    pub fn stopped_pulse(&self) -> bool {
-        self.motors_stopped
-    }
-
     /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
     pub fn invalidates_plan(&self) -> bool {
         (self.motors_stopped || self.relocated) && self.guards.has_code("stale_plan")
-    }
-
-    /// Reports the end of every condition of the camera that held until now to `sink`.
-    pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        self.conditions.end_run(at, sink);
-    }
-
-    /// Ends a cycle for the conditions of the camera.
-    pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        self.conditions.end_cycle(at, sink);
     }
 
     /// Last seen positions of the parts, m, in the order of the job.

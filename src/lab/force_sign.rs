@@ -8,7 +8,7 @@ use super::sweep::{Progress, parallel};
 use super::{LabFault, LabRig};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
-use upm_perception::estimation::{Coefficients, accelerations_mps2, fit_channels, force_sign, sustain_window};
+use upm_perception::estimation::{AccelerometerPair, Coefficients, fit_twist, force_sign};
 
 /// Half width of the null, in the sine of the phase, within which either sign is correct.
 const NULL: f64 = 0.0175;
@@ -23,7 +23,7 @@ const DRIVES: usize = 500;
 /// the number of wrong signs.
 pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) -> Result<usize, LabFault> {
     let mut rng = Streams::new(lab.seed).stream("force signs");
-    let response = response(lab);
+    let (response, sensors) = (response(lab), AccelerometerPair::exact(lab.model.accelerometer_in_plate_m));
     let draw = || {
         let drive = random_drive(lab, &mut rng);
         true_sign(&drive, &response).map(|truth| (drive, truth))
@@ -35,11 +35,9 @@ pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) ->
         let mut wrong = 0;
         for (drive, truth) in *share {
             let trace = plate.play(drive)?;
-            let unreadable = |fault| LabFault::Trace { what: "random drive".into(), fault };
-            let window = sustain_window(&trace, &drive.envelope, drive.base_radps).map_err(unreadable)?;
-            let channels = accelerations_mps2(&trace, &window).map_err(unreadable)?;
-            let [x1, ..] = fit_channels(&window, &channels, drive.base_radps).map_err(unreadable)?;
-            wrong += usize::from(force_sign(&x1.coefficients) != *truth);
+            let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
+                .map_err(|fault| LabFault::Trace { what: "random drive".into(), fault })?;
+            wrong += usize::from(force_sign(&fit.accel_mps2[0]) != *truth);
         }
         Ok::<_, LabFault>(wrong)
     });

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Complex;
 
 use super::{LabFault, LabRig};
-use upm_control::calibration::{self, Axes, AxisResonance, CalibrationFault, CalibrationParams};
+use upm_control::calibration::{Axes, AxisResonance, CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
@@ -49,23 +49,25 @@ impl BarePlate {
 
     /// The axes' response as determined by calibration.
     pub fn axes(&mut self) -> Result<Axes, LabFault> {
-        let params = CalibrationParams::full(Vec::new(), Vec::new());
-        let found =
-            calibration::measure_axes(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
-        found.map_err(lab_fault)
+        self.calibrated(|session, params| session.axes(params))
     }
 
     /// The resonances of x, y and spin as determined by calibration; `None` where the sustain is too short.
     pub fn resonances(&mut self) -> Result<Option<[AxisResonance; 3]>, LabFault> {
-        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
-        calibration::measure_resonances(&mut self.rig, &self.model, &params, &stop, &mut |_| ()).map_err(lab_fault)
+        self.calibrated(|session, params| session.resonances(params))
     }
 
     /// The axes and every motion of the library as determined by calibration.
     pub fn steer(&mut self) -> Result<(Axes, Vec<Entry>), LabFault> {
-        let params = CalibrationParams::full(Vec::new(), Vec::new());
-        let found = calibration::steer(&mut self.rig, &self.model, &params, &AtomicBool::new(false), &mut |_| ());
-        found.map_err(lab_fault)
+        self.calibrated(|session, params| session.steer(params))
+    }
+
+    fn calibrated<T>(
+        &mut self,
+        measure: impl FnOnce(CalibrationSession<'_>, &CalibrationParams) -> Result<T, CalibrationFault>,
+    ) -> Result<T, LabFault> {
+        let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
+        measure(CalibrationSession::new(&mut self.rig, &self.model, &stop, &mut |_| ()), &params).map_err(lab_fault)
     }
 }
 

@@ -6,7 +6,6 @@ mod classifier;
 mod coins;
 #[cfg(test)]
 mod coins_tests;
-mod convolution;
 mod disk;
 mod edges;
 mod hough;
@@ -17,7 +16,6 @@ mod plate_watch;
 #[cfg(test)]
 mod plate_watch_tests;
 mod quad;
-mod response;
 mod rim;
 mod run_length_sums;
 mod sampling;
@@ -39,7 +37,6 @@ mod types;
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_table, locate_table_in_stages};
 pub use plate_watch::{ForeignPart, PlateOccupancy, PlateWatch};
-pub use response::ResponseMethod;
 pub use survey::{seen_radius_m, survey};
 pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;

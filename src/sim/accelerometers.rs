@@ -9,12 +9,13 @@ use upm_core::signal::{AccelTrace, CHANNELS};
 
 /// The sensors, with an offset and a gain error per channel, and the trace of the last pulse.
 #[derive(Clone, Debug)]
-pub struct Accelerometers {
+pub(crate) struct Accelerometers {
     params: AccelerometerParams,
     bias_mps2: [f64; CHANNELS],
     gain: [f64; CHANNELS],
     noise: Rng,
-    trace: AccelTrace,
+    /// Trace of the last pulse.
+    pub trace: AccelTrace,
     /// Samples not yet taken in this pulse.
     pending: usize,
 }
@@ -70,11 +71,6 @@ impl Accelerometers {
         }
     }
 
-    /// Trace of the last pulse.
-    pub fn trace(&self) -> &AccelTrace {
-        &self.trace
-    }
-
     fn sample(&mut self, from: &PlateMotion, to: &PlateMotion, along: f64) {
         let place = self.params.position_m;
         let felt = [place, -place].map(|p| from.proper_acceleration_at(p).lerp(&to.proper_acceleration_at(p), along));
@@ -121,7 +117,7 @@ mod tests {
             let at = |t: f64| accelerated(10.0 * t, 0.0, 10.0 * t);
             sensors.observe(from, &at(from), to, &at(to));
         }
-        sensors.trace().clone()
+        sensors.trace.clone()
     }
 
     #[test]
@@ -156,7 +152,7 @@ mod tests {
         assert!(sensors.gain.windows(2).all(|g| g[0] != g[1]));
         sensors.start(2.0);
         sensors.observe(0.0, &accelerated(10.0, 0.0, 0.0), 2.0, &accelerated(10.0, 0.0, 0.0));
-        let trace = sensors.trace();
+        let trace = sensors.trace;
         let shown: Vec<f64> = trace.counts[0].iter().map(|&c| f64::from(c) * trace.mps2_per_count).collect();
         let mean = shown.iter().sum::<f64>() / shown.len() as f64;
         let sd = (shown.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / shown.len() as f64).sqrt();

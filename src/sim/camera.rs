@@ -56,7 +56,7 @@ mod tests;
 mod tiles;
 mod view;
 
-use super::CameraParams;
+use super::{CameraParams, PartParams};
 use coverage::PixelCoverage;
 use disc::DiscOutline;
 use edge::Blur;
@@ -69,28 +69,26 @@ use upm_core::random::Rng;
 use upm_core::signal::Frame;
 use view::CameraProjection;
 
-pub use disc::DiscShape;
-
 /// Scene at one instant of an exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     /// Pose of the plate relative to its rest position.
     pub plate_in_table: Pose,
-    /// Pose of every part, in the order of the camera's shapes; `None` for one that fell off the plate.
+    /// Pose of every part, in the order of the camera's parts; `None` for one that fell off the plate.
     pub parts_in_table: Vec<Option<Pose>>,
 }
 
 /// Synthetic camera. Frames depend only on its parameters, its generator and the sequence of calls.
 #[derive(Clone, Debug)]
-pub struct Camera {
-    params: CameraParams,
+pub(crate) struct Camera {
+    pub params: CameraParams,
     view: CameraProjection,
     grid: TileGrid,
     blur: Blur,
     sub_exposure_params: SubExposureParams,
     light: Illumination,
     plate: PlateOutline,
-    parts: Vec<DiscOutline>,
+    pub parts: Vec<DiscOutline>,
     stale: DirtyTiles,
     /// Coverage by plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
     painted: Vec<[[f32; 2]; LANES]>,
@@ -104,9 +102,9 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera above a square plate of `plate_side_m` and parts of the given shapes; all noise comes from `noise`. Its
+    /// A camera above a square plate of `plate_side_m` and `parts`; all noise comes from `noise`. Its
     /// position must be above plate and parts.
-    pub fn new(params: CameraParams, plate_side_m: f64, discs: Vec<DiscShape>, noise: Rng) -> Self {
+    pub fn new(params: CameraParams, plate_side_m: f64, parts: Vec<PartParams>, noise: Rng) -> Self {
         let view = CameraProjection::new(&params);
         let grid = TileGrid::new(&view, params.size_px);
         let blur = Blur::new(&params);
@@ -117,7 +115,7 @@ impl Camera {
         Self {
             light: Illumination::new(&params),
             plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
-            parts: discs.into_iter().map(DiscOutline::new).collect(),
+            parts: parts.into_iter().map(DiscOutline::new).collect(),
             noise: Noise::new(&params, noise, params.size_px[0]),
             clean: vec![0; tiles * AREA],
             sd: vec![0; tiles * AREA],
@@ -130,16 +128,6 @@ impl Camera {
             painted: vec![[[f32::NAN; 2]; LANES]; tiles],
             coverage: [PixelCoverage::none(), PixelCoverage::none()],
         }
-    }
-
-    /// Parameters with which the camera was built.
-    pub fn params(&self) -> &CameraParams {
-        &self.params
-    }
-
-    /// The shape of part `index`.
-    pub fn disc(&self, index: usize) -> Option<DiscShape> {
-        self.parts.get(index).map(DiscOutline::shape)
     }
 
     /// True projection of a table point `height_m` above the plate, px; includes lens distortion.

@@ -20,7 +20,8 @@ pub(super) struct Contacts {
     params: ContactParams,
     step_s: f64,
     in_contact: Vec<bool>,
-    touches: u64,
+    /// Contacts begun so far.
+    pub touches: u64,
     /// Lower bound of all gaps, m.
     clearance_m: f64,
 }
@@ -29,11 +30,6 @@ impl Contacts {
     pub fn new(params: &ContactParams, parts: usize, step_s: f64) -> Self {
         let pairs = parts * parts.saturating_sub(1) / 2;
         Self { params: *params, step_s, in_contact: vec![false; pairs], touches: 0, clearance_m: 0.0 }
-    }
-
-    /// Contacts begun so far.
-    pub fn touches(&self) -> u64 {
-        self.touches
     }
 
     /// Resolves contacts, if any gap can have closed, after a step in which no part moved farther than `moved_m`.

@@ -1,5 +1,5 @@
-//! Faults that begin and end within a run. [`Faulty`] adds faults of wiring and cameras to any rig; faults of the plant
-//! itself are set on the simulated rig through [`FaultyPlant`]. A run without faults is unchanged.
+//! Faults that begin and end within a run. [`Faulty`] adds faults of wiring and cameras to the simulated rig; faults of the plant
+//! itself are set on its parts. A run without faults is unchanged.
 
 mod draw;
 mod faulty;
@@ -10,5 +10,6 @@ mod trace;
 
 pub use draw::drawn_faults;
 pub use faulty::Faulty;
-pub use plant::{CoilFaults, FaultyPlant, Oil, PlantChange, PlantFaults, SeenDisc};
+pub(crate) use picture::SeenDisc;
+pub(crate) use plant::{CoilFaults, Oil, PlantFaults};
 pub use spec::{FaultKind, FaultSpec, FaultyComponent, ValueRange};

@@ -5,7 +5,7 @@ use upm_core::time::PlateTime;
 #[derive(Debug, Default)]
 pub(super) struct InterlockPort {
     guard: Option<InterlockGuard>,
-    driving: bool,
+    pub(super) driving: bool,
     cut: bool,
 }
 
@@ -32,10 +32,6 @@ impl InterlockPort {
         self.guard.as_ref().map_or(Ok(()), |guard| guard.energize()).map_err(RigFault::Stopped)?;
         self.driving = true;
         Ok(())
-    }
-
-    pub(super) fn is_driving(&self) -> bool {
-        self.driving
     }
 
     /// Reports a step at `now` to the interlock; true when the motors must be cut in it.

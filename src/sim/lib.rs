@@ -16,12 +16,10 @@ mod plate;
 mod pump_tests;
 mod simulated_rig;
 
-pub use accelerometers::Accelerometers;
-pub use camera::{Camera, DiscShape, Snapshot};
-pub use motors::{Motors, forces_of_wrench, wrench_of_forces};
+use camera::{Camera, Snapshot};
 pub use open_loop::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
 pub use parts::{PartMotion, Parts};
 pub use plant::Plant;
-pub use plate::{PlateMotion, ShakenPlate, Wrench};
+pub use plate::{PlateMotion, Wrench};
 pub use simulated_rig::SimRig;

@@ -12,7 +12,7 @@ use upm_core::signal::{Drive, MOTORS};
 
 /// Four voice coils with their amplifiers.
 #[derive(Clone, Debug)]
-pub struct Motors {
+pub(crate) struct Motors {
     params: MotorParams,
     step_s: f64,
     low_pass: LowPass,
@@ -177,12 +177,12 @@ impl Motors {
 }
 
 /// The wrench of forces (N, order of [`upm_core::signal::Motor::ALL`]) of motors around the plate (Eq. 7).
-pub fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
+pub(crate) fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
     Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
 }
 
 /// The weakest forces of motors around the plate with the given wrench: the inverse of Eq. 7.
-pub fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
+pub(crate) fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
     let (half, turn) = (wrench.force_n * 0.5, wrench.torque_nm / (4.0 * lever_arm_m));
     [half.x - turn, -half.x - turn, half.y + turn, -half.y + turn]
 }

@@ -107,7 +107,7 @@ impl Parts {
 
     /// Number of touches between parts so far.
     pub fn collisions(&self) -> u64 {
-        self.contacts.touches()
+        self.contacts.touches
     }
 
     /// Largest `sqrt(v² + (R ω)²)` of a part in the last step, m/s: a lower bound of its fastest rim point.
@@ -135,7 +135,7 @@ impl Parts {
     }
 
     /// Replaces all present faults by `faults`: parts that are taken off vanish, those put back return.
-    pub fn set_faults(&mut self, faults: &PlantFaults) {
+    pub(crate) fn set_faults(&mut self, faults: &PlantFaults) {
         for (part, body) in self.bodies.iter_mut().enumerate() {
             match (faults.removed.contains(&part), body.taken_from) {
                 (true, None) if body.motion.on_plate => {

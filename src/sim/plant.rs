@@ -1,7 +1,7 @@
 //! Everything that moves, stepped together: motors, plate, parts, accelerometers. The camera is separate.
 
 use super::accelerometers::Accelerometers;
-use super::faults::{PlantChange, PlantFaults};
+use super::faults::PlantFaults;
 use super::interlock_port::InterlockPort;
 use super::motors::Motors;
 use super::parts::{PartMotion, Parts};
@@ -25,14 +25,15 @@ pub struct Plant {
     step_s: f64,
     half_side_m: f64,
     now_ns: u64,
-    motors: Motors,
-    plate: ShakenPlate,
-    parts: Parts,
+    pub(crate) motors: Motors,
+    pub(crate) plate: ShakenPlate,
+    pub(crate) parts: Parts,
     accelerometers: Accelerometers,
     motion: PlateMotion,
     reaction: Wrench,
     pulse_steps: u64,
-    still: bool,
+    /// True when nothing moves or will move without a new command.
+    pub(crate) still: bool,
 }
 
 impl Plant {
@@ -83,7 +84,7 @@ impl Plant {
             if cut {
                 self.stop();
             }
-            if port.is_driving() && (cut || self.motors.is_idle()) {
+            if port.driving && (cut || self.motors.is_idle()) {
                 port.motors_off(self.now());
             }
             if self.still {
@@ -108,11 +109,6 @@ impl Plant {
         }
     }
 
-    /// True when nothing moves or will move without a new command.
-    pub fn is_still(&self) -> bool {
-        self.still
-    }
-
     /// The plate's present motion.
     pub fn plate(&self) -> &PlateMotion {
         &self.motion
@@ -124,40 +120,25 @@ impl Plant {
     }
 
     /// Replaces all present faults by `faults`.
-    pub fn set_faults(&mut self, faults: &PlantFaults) {
+    pub(crate) fn set_faults(&mut self, faults: &PlantFaults) {
         self.motors.set_faults(&faults.coils);
         self.plate.detune(if faults.resonance > 0.0 { faults.resonance } else { 1.0 });
         self.parts.set_faults(faults);
         self.still = false;
     }
 
-    /// Applies a sudden change now.
-    pub fn change(&mut self, change: PlantChange) {
-        match change {
-            PlantChange::Moved { part, by_m } => self.parts.shift(part, by_m),
-            PlantChange::Swapped(parts) => self.parts.exchange(parts),
-            PlantChange::Bumped(by_m) => self.plate.bump(by_m),
-        }
-        self.still = false;
-    }
-
     /// Trace of the accelerometers over the last pulse, up to now.
     pub fn trace(&self) -> &AccelTrace {
-        self.accelerometers.trace()
+        &self.accelerometers.trace
     }
 
     /// Poses at `time`, which must be within the last step.
-    pub fn snapshot_at(&self, time: PlateTime, snapshot: &mut Snapshot) {
+    pub(crate) fn snapshot_at(&self, time: PlateTime, snapshot: &mut Snapshot) {
         let before_s = self.now().secs_since(time).min(self.step_s);
         snapshot.plate_in_table = self.motion.pose_before(before_s);
         snapshot.parts_in_table.clear();
         let pose = |part: &PartMotion| part.on_plate.then(|| part.pose_before(before_s));
         snapshot.parts_in_table.extend(self.parts.motions().map(pose));
-    }
-
-    #[cfg(test)]
-    pub(super) fn motors(&self) -> &Motors {
-        &self.motors
     }
 
     fn barely_moves(&self) -> bool {
@@ -210,9 +191,9 @@ mod tests {
         plant.advance_to(PlateTime::from_nanos(7_200_000_000_010_001), port);
         assert_eq!(plant.now().nanos(), 7_200_000_000_050_000);
         plant.play(drive());
-        assert!(!plant.is_still());
+        assert!(!plant.still);
         plant.advance_to(plant.now() + 60.0, port);
-        assert!(plant.is_still());
+        assert!(plant.still);
     }
 
     #[test]
@@ -225,7 +206,7 @@ mod tests {
             let x_m = |plant: &Plant| plant.parts().motions().next().unwrap().part_in_table.position_m.x;
             let before_m = x_m(&plant);
             plant.advance_to(PlateTime::from_secs(0.5), &mut InterlockPort::default());
-            (x_m(&plant) - before_m, plant.is_still())
+            (x_m(&plant) - before_m, plant.still)
         };
         let (moved_m, still) = after_half_a_second(1e-3);
         assert!((moved_m - 0.021).abs() < 1e-3 && !still, "{moved_m}");

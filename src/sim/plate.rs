@@ -86,7 +86,7 @@ impl PlateMotion {
 
 /// The plate's state.
 #[derive(Clone, Debug)]
-pub struct ShakenPlate {
+pub(crate) struct ShakenPlate {
     params: PlateParams,
     step_s: f64,
     axes: [Oscillator; 3],

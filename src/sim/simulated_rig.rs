@@ -1,12 +1,12 @@
 //! The simulated rig behind the hardware boundary: the plant under a camera, its truth visible only through a probe.
 
 mod exposure;
-mod faults;
 
 use self::exposure::{EXPOSURE_SNAPSHOTS, Exposure, MIDDLE};
+use super::faults::{PlantFaults, SeenDisc};
 use super::interlock_port::InterlockPort;
-use super::{Camera, DiscShape, PartParams, Plant, SimParams, Snapshot};
-use upm_core::geometry::Pose;
+use super::{Camera, PartParams, Plant, SimParams, Snapshot};
+use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Interlock, Rig, RigFault, RigModel};
@@ -21,7 +21,7 @@ const LONGEST_PULSE_S: f64 = 600.0;
 #[derive(Debug)]
 pub struct SimRig {
     model: RigModel,
-    plant: Plant,
+    pub(crate) plant: Plant,
     camera: Camera,
     probe: GroundTruthHandle,
     /// Noise of positions in place of pictures; `None` where the camera takes pictures.
@@ -38,10 +38,7 @@ pub struct SimRig {
 impl SimRig {
     /// A rig at rest with `parts` on its plate. Control sees `model`; the simulation uses `params`.
     pub fn new(model: RigModel, params: SimParams, parts: Vec<(PartParams, Pose)>, streams: Streams) -> Self {
-        let discs = parts
-            .iter()
-            .map(|(part, _)| DiscShape { radius_m: part.radius_m, thickness_m: part.thickness_m })
-            .collect();
+        let discs = parts.iter().map(|(part, _)| *part).collect();
         let rig = Self {
             model,
             plant: Plant::new(&params, &parts, &streams),
@@ -72,9 +69,25 @@ impl SimRig {
         self.port.attach(&interlock, self.now())
     }
 
-    /// The true camera, for publishing ground truth.
-    pub fn camera(&self) -> &Camera {
-        &self.camera
+    /// True projection of a table point `height_m` above the plate, px, lens distortion included.
+    pub fn image_from_table(&self, p_m: Vec2, height_m: f64) -> Vec2 {
+        self.camera.image_from_table(p_m, height_m)
+    }
+
+    /// Replaces all present faults by `faults`.
+    pub(crate) fn set_faults(&mut self, faults: &PlantFaults) {
+        self.plant.set_faults(faults);
+        self.exposure_factor = if faults.exposure > 0.0 { faults.exposure } else { 1.0 };
+    }
+
+    /// Image of a part of the first kind at `place_m`; `None` without parts.
+    pub(crate) fn seen_disc(&self, place_m: Vec2) -> Option<SeenDisc> {
+        let disc = &self.camera.parts.first()?.shape;
+        let at = |p_m: Vec2| self.camera.image_from_table(p_m, disc.thickness_m);
+        let center_px = at(place_m);
+        let radius_px = (at(place_m + Vec2::new(disc.radius_m, 0.0)) - center_px).norm();
+        let [_, _, level] = self.camera.params.levels;
+        Some(SeenDisc { center_px, radius_px, level })
     }
 
     /// A handle on the ground truth at the middle of the last exposure.
@@ -160,9 +173,9 @@ impl Rig for SimRig {
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
         self.stop_if_tripped()?;
-        let exposure = Exposure::next(self.camera.params(), self.exposure_factor, self.now(), self.last_frame);
+        let exposure = Exposure::next(&self.camera.params, self.exposure_factor, self.now(), self.last_frame);
         self.advance_to(exposure.opens);
-        let taken = if self.plant.is_still() {
+        let taken = if self.plant.still {
             self.advance_to(exposure.middle);
             self.plant.snapshot_at(exposure.middle, &mut self.exposure[0]);
             self.publish(exposure.middle, 0.0);
@@ -205,7 +218,7 @@ impl Rig for SimRig {
 
     fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
         let lease_ends = self.now() + Interlock::LEASE_S;
-        if !self.port.is_driving() || until <= lease_ends {
+        if !self.port.driving || until <= lease_ends {
             self.advance_to(until);
             return self.stop_if_tripped();
         }

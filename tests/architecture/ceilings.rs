@@ -7,21 +7,21 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
-    ("chart", 860),
-    ("control", 4450),
-    ("core", 2430),
-    ("fixtures", 420),
+    ("chart", 870),
+    ("control", 4290),
+    ("core", 2390),
+    ("fixtures", 370),
     ("lab", 7100),
-    ("perception", 5420),
-    ("planning", 6790),
+    ("perception", 5080),
+    ("planning", 6720),
     ("qp", 90),
-    ("recording", 1650),
-    ("runner", 5620),
-    ("scene", 915),
-    ("server", 5790),
-    ("sim", 3510),
-    ("upm", 4940),
-    ("viewer", 2110),
+    ("recording", 1530),
+    ("runner", 5540),
+    ("scene", 920),
+    ("server", 5030),
+    ("sim", 3450),
+    ("upm", 5010),
+    ("viewer", 1670),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

@@ -84,8 +84,7 @@ fn the_result_is_as_the_contract_has_it() {
     let folder = TempDir::new().unwrap();
     let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
     assert_found(&found);
-    assert_eq!(keys(&found), ["contrast", "others", "parts", "plate", "response", "table", "time_us"]);
-    assert_eq!(found["response"], "chords");
+    assert_eq!(keys(&found), ["contrast", "others", "parts", "plate", "table", "time_us"]);
     assert_eq!(keys(&found["table"]), ["corners_px", "rotation_deg", "side_px"]);
     assert_eq!(keys(&found["time_us"]), ["decode", "parts", "survey", "table"]);
     assert_eq!(keys(&found["plate"]), ["candidates", "side_mm", "source"]);

@@ -5,8 +5,7 @@ use nalgebra::{Complex, Matrix3};
 use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
-use super::session::CalibrationSession;
-use super::{CalibrationFault, CalibrationParams, MiswiredChannel};
+use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
 use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
@@ -171,19 +170,4 @@ fn mended(shape: AxisShape, response: &AxisPhasors, speed: f64) -> AxisShape {
     let force_second = Complex::from(0.5 * speed) * old_second.phasor() / response.second;
     let new = [force_first, force_second].map(Harmonic::from_phasor);
     if new.iter().all(|harmonic| harmonic.cos.is_finite() && harmonic.sin.is_finite()) { AxisShape(new) } else { shape }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn mending_inverts_the_response() {
-        let gain = [Complex::from_polar(0.9, -1.7), Complex::from_polar(0.4, -1.2)];
-        let response = AxisPhasors { first: gain[0], second: gain[1] * Complex::i() };
-        let AxisShape(mended) = mended(AxisShape::FREE_MASS, &response, 0.7);
-        let velocity: Vec<Complex<f64>> = mended.iter().zip(gain).map(|(&h, gain)| h.phasor() * gain).collect();
-        assert!((velocity[0] - Complex::new(0.0, -0.7)).norm() < 1e-12);
-        assert!((velocity[1] - Complex::new(0.35, 0.0)).norm() < 1e-12);
-    }
 }

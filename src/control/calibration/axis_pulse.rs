@@ -1,5 +1,4 @@
-use super::CalibrationFault;
-use super::session::CalibrationSession;
+use super::{CalibrationFault, CalibrationSession};
 use upm_core::signal::{CHANNELS, Drive};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 

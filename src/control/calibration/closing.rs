@@ -1,8 +1,7 @@
 use super::axes::Axes;
 use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::CoilGains;
-use super::session::CalibrationSession;
-use super::{CalibrationFault, RigComponent};
+use super::{CalibrationFault, CalibrationSession, RigComponent};
 use upm_core::signal::CHANNELS;
 use upm_perception::estimation::Coefficients;
 

@@ -6,11 +6,9 @@ use super::super::facts::Sink;
 use super::super::guards::Guards;
 use super::super::perception::{FramePurpose, Perception};
 use super::super::run_end::into_result;
-use super::session::CalibrationSession;
 use super::steering::SteeringMotion;
-use super::{CalibrationFault, CalibrationParams};
+use super::{CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::time::StoppedClock;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::{DisplacementModel, Entry, Library};
 
@@ -58,18 +56,8 @@ pub(super) fn measure(
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
-    let (kinds, coins) = (&params.kinds, &params.coins);
     let guards = Guards::without("parts_jumped");
-    let opened = Perception::open(
-        session.rig,
-        session.model,
-        kinds,
-        coins,
-        guards,
-        &mut SilentSink,
-        &StoppedClock,
-        session.stop,
-    );
+    let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
     let mut perception = into_result(opened)?;
     let (sustain_s, opening) = choose_sustains(session, &mut perception, library, params)?;
     let motions = library.entries.len();
@@ -182,7 +170,7 @@ fn pulse(
     session.rig.play(&if reversed { drive.reversed() } else { drive })?;
     while session.rig.now() < session.rig.settled_at() {
         session.stop_check()?;
-        into_result(perception.observe(session.rig, FramePurpose::Pulse, &mut SilentSink, &StoppedClock))?;
+        into_result(perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Pulse))?;
     }
     let after = observe_at_rest(session, perception)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
@@ -200,8 +188,7 @@ fn observe_at_rest(
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
         session.stop_check()?;
-        let is_at_rest =
-            into_result(perception.observe(session.rig, FramePurpose::Cycle, &mut SilentSink, &StoppedClock))?;
+        let is_at_rest = into_result(perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Cycle))?;
         if is_at_rest && perception.frames_missing() == 0 {
             return Ok(perception.positions_m());
         }

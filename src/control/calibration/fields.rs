@@ -1,7 +1,6 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use super::CalibrationFault;
-use super::session::CalibrationSession;
+use super::{CalibrationFault, CalibrationSession};
 use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_perception::estimation::{MAX_PERIODS, TwistFit};

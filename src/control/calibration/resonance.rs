@@ -5,8 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, Vector3};
 
-use super::CalibrationFault;
-use super::session::CalibrationSession;
+use super::{CalibrationFault, CalibrationSession};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
@@ -155,33 +154,4 @@ fn axis_force(arrangement: MotorArrangement, drive: &Drive, axis: usize) -> Vec<
     let signs = arrangement.turned(around);
     let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
     (0..drive.motors[0].len()).map(phasor).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn period_is_whole_samples_within_the_sustain() {
-        for (period_s, sample_hz, samples) in [(0.3, 5000.0, 1500.0), (0.05, 4410.0, 220.0), (0.1, 2999.9, 299.0)] {
-            let found = TAU / base_radps(period_s, sample_hz) * sample_hz;
-            assert!((found - samples).abs() < 1e-6, "{found} {samples}");
-            assert!(found / sample_hz <= period_s + 1e-9);
-        }
-    }
-
-    #[test]
-    fn axis_force_inverts_the_motor_split() {
-        for axis in 0..3 {
-            let wanted = Complex::new(30.0, -4.0 * axis as f64);
-            let counts = Vector3::from_fn(|i, _| if i == axis { wanted } else { Complex::default() });
-            let motors = motor_harmonics(&counts).map(|harmonic| vec![harmonic]);
-            let drive = Drive { base_radps: 20.0, motors, ..Drive::default() };
-            for other in 0..3 {
-                let found = axis_force(MotorArrangement::Around, &drive, other)[0];
-                let expected = if other == axis { wanted } else { Complex::default() };
-                assert!((found - expected).norm() < 1e-9);
-            }
-        }
-    }
 }

@@ -3,8 +3,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Vector3;
 
 use super::axes::Axes;
-use super::session::CalibrationSession;
-use super::{CalibrationFault, CalibrationParams};
+use super::{CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::MotorArrangement;
 use upm_planning::cor_library::Entry;
@@ -120,22 +119,4 @@ fn translations(n: usize) -> impl Iterator<Item = Twist> {
         let angle = 0.5 * TAU * i as f64 / n as f64;
         Twist::new(angle.cos(), angle.sin(), 0.0)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn amplitudes_add_up_to_the_axes() {
-        let [x1, x2, y1, y2] = amplitudes(MotorArrangement::Around, Vector3::new(100.0, -60.0, 400.0)).map(f64::from);
-        assert_eq!([x1 - x2, y1 - y2, (y1 + y2) - (x1 + x2)], [100.0, -60.0, 400.0]);
-    }
-
-    #[test]
-    fn a_scaled_twist_does_not_miss() {
-        let wanted = Twist::about(Vec2::new(0.05, -0.02), 1.0);
-        assert!(miss(&(wanted * 7.0), &wanted, 0.1).norm() < 1e-12);
-        assert!(miss(&Twist::about(Vec2::new(0.06, -0.02), 3.0), &wanted, 0.1).norm() > 1e-3);
-    }
 }

@@ -11,11 +11,11 @@ use upm_core::job::StopCause;
 /// How often the goal may seem reached without a second observation confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
 
-impl ControlCycle<'_> {
+impl ControlCycle<'_, '_> {
     pub(super) fn check_limits(&mut self) -> OrEnd {
         self.check_stop()?;
         let limit_s = self.params.time_limit_s;
-        if self.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
+        if self.io.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
             let reason = format!("plate time limit of {limit_s} s reached");
             return Break(if !self.params.endless {
                 RunEnd::failed_because(StopCause::TimeLimit, reason)
@@ -47,7 +47,7 @@ impl ControlCycle<'_> {
 
     fn observations_agree(&mut self) -> OrEnd<bool> {
         let confirms = self.params.guards.has_code("two_looks");
-        Continue(!confirms || self.perception.confirm(self.rig, self.sink, self.clock, self.stop)?)
+        Continue(!confirms || self.perception.confirm(self.io)?)
     }
 
     /// Ends the run as completed if two more observations, with the table located anew, confirm the goal; otherwise the

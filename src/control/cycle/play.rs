@@ -18,7 +18,7 @@ use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twis
 use upm_planning::cor_library::Library;
 use upm_planning::planner::PlannedPulse;
 
-impl ControlCycle<'_> {
+impl ControlCycle<'_, '_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `purpose` is the purpose of that
     /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
@@ -26,19 +26,19 @@ impl ControlCycle<'_> {
             Ok(drive) => drive,
             Err(reason) => return Break(RunEnd::failed(reason)),
         };
-        let started_at = self.rig.now();
+        let started_at = self.io.rig.now();
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
         self.perception.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
-        flow(self.rig.play(&drive))?;
+        flow(self.io.rig.play(&drive))?;
         let followed = self.follow(purpose);
-        let trace = self.rig.trace();
+        let trace = self.io.rig.trace();
         let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.perception.positions_m();
         let all_seen = all_seen && self.perception.frames_missing() == 0;
-        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.stopped_pulse());
+        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.motors_stopped);
         let positions = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulsePositions {
             before_m: &before_m,
             after_m: &after_m,
@@ -47,7 +47,7 @@ impl ControlCycle<'_> {
         });
         // the repetition of a stopped run does not stop
         if !is_stopped(&followed) {
-            self.sink.pulse(&PulseFacts {
+            self.io.sink.pulse(&PulseFacts {
                 cycle: self.index,
                 started_at,
                 planned,
@@ -75,7 +75,7 @@ impl ControlCycle<'_> {
             });
             self.warn_of_slow_parts();
         }
-        if self.perception.stopped_pulse() {
+        if self.perception.motors_stopped {
             return Continue(());
         }
         let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
@@ -85,7 +85,7 @@ impl ControlCycle<'_> {
     /// Tracks the parts until a frame shows everything at rest.
     pub(super) fn follow(&mut self, purpose: FramePurpose) -> OrEnd {
         loop {
-            let at_rest = self.perception.observe(self.rig, purpose, self.sink, self.clock)?;
+            let at_rest = self.perception.observe(self.io, purpose)?;
             if at_rest {
                 return Continue(());
             }
@@ -93,7 +93,7 @@ impl ControlCycle<'_> {
             self.check_lost()?;
             if 2 * self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames {
                 // a part blurred by motion becomes visible once the plate is still
-                self.perception.stop_motors(self.rig);
+                self.perception.stop_motors(self.io.rig);
             }
         }
     }
@@ -140,10 +140,10 @@ impl ControlCycle<'_> {
         sensors: &'a AccelerometerPair,
         went: Option<PulseOutcome>,
     ) -> PulseReading<'a> {
-        let (went, swing) = if self.perception.is_relocated() {
+        let (went, swing) = if self.perception.relocated {
             (None, SwingVerdict::Unclear)
         } else {
-            (went, self.perception.swing_seen())
+            (went, self.perception.delay.swing_seen())
         };
         PulseReading { fit, sensors, went, swing }
     }
@@ -159,7 +159,7 @@ impl ControlCycle<'_> {
             self.warn(condition, reason);
             if !self.is_cautious {
                 let text = "steps are shorter from now on: coils or accelerometers are in doubt";
-                self.sink.event(self.rig.now(), EventLevel::Warning, text);
+                self.io.sink.event(self.io.rig.now(), EventLevel::Warning, text);
             }
             self.is_cautious = true;
         }
@@ -181,7 +181,7 @@ impl ControlCycle<'_> {
     }
 
     pub(super) fn sensors(&self) -> AccelerometerPair {
-        AccelerometerPair { position_m: self.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
+        AccelerometerPair { position_m: self.io.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
     }
 
     /// Expected swing of the plate in a pulse; `None` where the library does not give it.
@@ -194,8 +194,8 @@ impl ControlCycle<'_> {
         PlateSwing {
             wave,
             envelope: drive.envelope,
-            half_side_m: 0.5 * self.model.plate_side_m,
-            px_per_m: self.perception.px_per_m(),
+            half_side_m: 0.5 * self.io.model.plate_side_m,
+            px_per_m: self.perception.table.mean_px_per_m(),
         }
     }
 

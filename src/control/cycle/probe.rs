@@ -16,19 +16,19 @@ use upm_planning::planner::{FieldPulse, PlannedPulse};
 /// Largest number of probes in a row until one is tracked to its end.
 const MOST_PROBES: usize = 3;
 
-impl ControlCycle<'_> {
+impl ControlCycle<'_, '_> {
     /// Plays the probe, if the library has one, until one is tracked to its end, and judges it.
     pub(super) fn probe(&mut self) -> OrEnd {
         let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
         let Some((mut drive, coils)) = probe else { return Continue(()) };
-        drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.model.max_sustain_s);
+        drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
             if !self.perception.invalidates_plan() {
                 return self.judge_probe(&expected, &fit);
             }
-            if !self.perception.stopped_pulse() {
+            if !self.perception.motors_stopped {
                 // the camera's view of the swing is lost; the readings of coils and channels are not
                 let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
                 self.report(found)?;
@@ -45,15 +45,15 @@ impl ControlCycle<'_> {
             follows: Follows::Displacement,
             sustain_s: drive.envelope.sustain_s,
         });
-        let (started_at, before_m) = (self.rig.now(), self.perception.positions_m());
+        let (started_at, before_m) = (self.io.rig.now(), self.perception.positions_m());
         self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
-        flow(self.rig.play(drive))?;
+        flow(self.io.rig.play(drive))?;
         let followed = self.follow(FramePurpose::Pulse);
-        let trace = self.rig.trace();
+        let trace = self.io.rig.trace();
         let fit = fit_wave(&trace, &drive.envelope, drive.base_radps, 1, &self.sensors()).map(PlateFit::Wave);
         // the repetition of a stopped run does not stop
         if !is_stopped(&followed) {
-            self.sink.pulse(&PulseFacts {
+            self.io.sink.pulse(&PulseFacts {
                 cycle: self.index,
                 started_at,
                 planned: &planned,

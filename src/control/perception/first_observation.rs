@@ -1,19 +1,16 @@
 //! The first observation: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
 
 use std::ops::ControlFlow::{Break, Continue};
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use super::scene::HAND_S;
-use crate::Sink;
+use crate::RunIo;
 use crate::condition::Condition;
 use crate::conditions::Conditions;
 use crate::guards::Guards;
 use crate::run_end::{OrEnd, RunEnd, check_stop, flow};
 use upm_core::geometry::Vec2;
-use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::Frame;
-use upm_core::time::Clock;
 use upm_perception::vision::{Table, locate_table};
 
 /// Sampling points across the plate for the check of the exposure.
@@ -22,34 +19,26 @@ const ACROSS: usize = 24;
 const BESIDE: f64 = 1.06;
 
 /// Captures frames until one shows the table. Returns the table and the time at which the search began.
-pub(super) fn find_table(
-    rig: &mut dyn Rig,
-    model: &RigModel,
-    frame: &mut Frame,
-    guards: &Guards,
-    sink: &mut dyn Sink,
-    clock: &dyn Clock,
-    stop: &AtomicBool,
-) -> OrEnd<(Table, Duration)> {
+pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards) -> OrEnd<(Table, Duration)> {
     let mut why = String::new();
     let mut conditions = Conditions::default();
-    let since = rig.now();
+    let since = io.rig.now();
     let gives_up = guards.has(Condition::TableMissing);
-    while why.is_empty() || !gives_up || rig.now().secs_since(since) < HAND_S {
-        check_stop(stop)?;
-        flow(rig.capture(frame))?;
-        let started = clock.elapsed();
-        match locate_table(frame, &model.lens, model.plate_side_m) {
+    while why.is_empty() || !gives_up || io.rig.now().secs_since(since) < HAND_S {
+        check_stop(io.stop)?;
+        flow(io.rig.capture(frame))?;
+        let started = io.clock.elapsed();
+        match locate_table(frame, &io.model.lens, io.model.plate_side_m) {
             Ok(table) if !is_overexposed(frame, &table) => {
-                conditions.end_run(frame.exposed_at, sink);
+                conditions.end_run(frame.exposed_at, io.sink);
                 return Continue((table, started));
             }
             Ok(_) => why = "the plate or the ground is overexposed".to_owned(),
             Err(fault) => why = fault.to_string(),
         }
         let reason = || format!("no table in the camera's frames: {why}");
-        conditions.note(frame.exposed_at, Condition::TableMissing, reason, sink);
-        conditions.end_cycle(frame.exposed_at, sink);
+        conditions.note(frame.exposed_at, Condition::TableMissing, reason, io.sink);
+        conditions.end_cycle(frame.exposed_at, io.sink);
     }
     Break(RunEnd::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
 }

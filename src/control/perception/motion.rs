@@ -6,7 +6,7 @@ use super::scene::UnusableFrame;
 use super::{Perception, REACH_M};
 use crate::Sink;
 use crate::condition::Condition;
-use crate::guards::{PictureLag, PlateSwing, StaleReason, SwingVerdict};
+use crate::guards::{PictureLag, PlateSwing, StaleReason};
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -33,26 +33,6 @@ impl Perception {
             self.delay.begin(at.secs(), swing);
         }
         (self.motors_stopped, self.relocated) = (false, false);
-    }
-
-    /// Pixels per metre on the plate.
-    pub fn px_per_m(&self) -> f64 {
-        self.table.mean_px_per_m()
-    }
-
-    /// How the frames of the last pulse show the planned swing of the plate.
-    pub(crate) fn swing_seen(&self) -> SwingVerdict {
-        self.delay.swing_seen()
-    }
-
-    /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
-    pub fn is_relocated(&self) -> bool {
-        self.relocated
-    }
-
-    /// True once after the table was located anew, unless a pulse has begun since.
-    pub fn take_relocated(&mut self) -> bool {
-        std::mem::take(&mut self.relocated)
     }
 
     /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.

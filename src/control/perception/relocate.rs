@@ -1,16 +1,14 @@
 //! Repeated localisation of table and parts: after a knock, and before a task counts as completed.
 
 use std::ops::ControlFlow::{Break, Continue};
-use std::sync::atomic::AtomicBool;
 
 use super::naming::match_parts;
 use super::settling::{PlateInImage, SWING_S};
 use super::{FramePurpose, Perception, TABLE_OBSERVATIONS};
 use crate::condition::Condition;
 use crate::run_end::{OrEnd, RunEnd, check_stop};
-use crate::{ConfirmedFacts, LocalisedFacts, Sink};
+use crate::{ConfirmedFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
-use upm_core::rig::Rig;
 use upm_core::time::Clock;
 use upm_perception::vision::{CoinFinder, Detection, Table, Tracker, locate_table};
 
@@ -36,15 +34,6 @@ pub(super) struct Relocated {
     table: Table,
     found: Vec<Detection>,
     localise_us: f64,
-}
-
-/// Reason for a repeated localisation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Relocation {
-    /// The plate was seen elsewhere and may still swing.
-    Knocked,
-    /// The plate has swung out since.
-    SwungOut,
 }
 
 /// True when the corners of `table` are as far apart as those of `before`. Knocks of camera or plate preserve these
@@ -75,10 +64,10 @@ impl Perception {
     }
 
     /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
-    pub(super) fn settle_place(&mut self, place: &PlateInImage, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
+    pub(super) fn settle_place(&mut self, place: &PlateInImage, io: &mut RunIo<'_>) -> OrEnd {
         let corner_px = match *place {
             PlateInImage::Elsewhere { corner_px } => corner_px,
-            PlateInImage::SwungOut => return self.locate_swung_out(sink, clock),
+            PlateInImage::SwungOut => return self.locate_swung_out(io),
             PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
                 self.displaced = 0;
                 return Continue(());
@@ -97,9 +86,9 @@ impl Perception {
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
         let reason = || format!("the plate has moved in the picture {by}; it is located anew");
-        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
-        match self.locate(clock) {
-            Ok(found) => self.relocate(found, Relocation::Knocked, sink),
+        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, io.sink);
+        match self.locate(io.clock) {
+            Ok(found) => self.relocate(found, true, io.sink),
             Err(fault) if self.displaced > MOVED + TABLE_OBSERVATIONS as u32 => Break(RunEnd::guarded(
                 Condition::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
@@ -109,16 +98,16 @@ impl Perception {
     }
 
     /// Locates table and parts once more when the plate has swung out from the knock that caused the last localisation.
-    fn locate_swung_out(&mut self, sink: &mut dyn Sink, clock: &dyn Clock) -> OrEnd {
+    fn locate_swung_out(&mut self, io: &mut RunIo<'_>) -> OrEnd {
         self.displaced = 0;
-        match self.locate(clock) {
-            Ok(found) => self.relocate(found, Relocation::SwungOut, sink),
+        match self.locate(io.clock) {
+            Ok(found) => self.relocate(found, false, io.sink),
             Err(_) => Continue(()),
         }
     }
 
-    /// Continues with a table that was located anew.
-    fn relocate(&mut self, located: Relocated, after: Relocation, sink: &mut dyn Sink) -> OrEnd {
+    /// Continues with a table that was located anew, on a plate that may still swing where it `swings`.
+    fn relocate(&mut self, located: Relocated, swings: bool, sink: &mut dyn Sink) -> OrEnd {
         let Relocated { table, found, localise_us } = located;
         let count = found.len();
         let mut before: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
@@ -145,7 +134,6 @@ impl Perception {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
-        let swings = after == Relocation::Knocked;
         self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
         self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
         (self.table, self.displaced) = (table, 0);
@@ -159,16 +147,10 @@ impl Perception {
     ///
     /// # Errors
     /// As [`Perception::observe`].
-    pub fn confirm(
-        &mut self,
-        rig: &mut dyn Rig,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-        stop: &AtomicBool,
-    ) -> OrEnd<bool> {
-        self.let_swing_out(rig, sink, clock, stop)?;
+    pub fn confirm(&mut self, io: &mut RunIo<'_>) -> OrEnd<bool> {
+        self.let_swing_out(io)?;
         for _ in 0..CONFIRMING_LOOKS {
-            let located = self.locate_at_rest(rig, sink, clock, stop)?;
+            let located = self.locate_at_rest(io)?;
             let corners = located.table.corners_px.iter().zip(&self.table.corners_px);
             let off_px = corners.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             let tracked: Vec<Detection> = self.tracker.tracks().iter().map(|track| track.seen.clone()).collect();
@@ -176,11 +158,11 @@ impl Perception {
             if let Some((parts, part_m)) = same.filter(|_| off_px < SAME_CORNER_PX) {
                 let parts_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
                 let at = self.frame.exposed_at;
-                sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
+                io.sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
             } else {
                 let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
-                self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, sink);
-                self.relocate(located, Relocation::Knocked, sink)?;
+                self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, io.sink);
+                self.relocate(located, true, io.sink)?;
                 return Continue(false);
             }
         }
@@ -188,38 +170,32 @@ impl Perception {
     }
 
     /// Waits until the plate is still in the picture, for at most the time a plate that was not knocked takes.
-    fn let_swing_out(&mut self, rig: &mut dyn Rig, sink: &mut dyn Sink, clock: &dyn Clock, stop: &AtomicBool) -> OrEnd {
-        let until = rig.settled_at().max(self.frame.exposed_at) + SWING_S;
+    fn let_swing_out(&mut self, io: &mut RunIo<'_>) -> OrEnd {
+        let until = io.rig.settled_at().max(self.frame.exposed_at) + SWING_S;
         // a swinging plate passes its rest position for a moment
         let mut still = 0;
-        while rig.now() < until && still < STILL_LOOKS {
-            check_stop(stop)?;
-            self.observe(rig, FramePurpose::Pulse, sink, clock)?;
+        while io.rig.now() < until && still < STILL_LOOKS {
+            check_stop(io.stop)?;
+            self.observe(io, FramePurpose::Pulse)?;
             still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
         }
         Continue(())
     }
 
-    fn locate_at_rest(
-        &mut self,
-        rig: &mut dyn Rig,
-        sink: &mut dyn Sink,
-        clock: &dyn Clock,
-        stop: &AtomicBool,
-    ) -> OrEnd<Relocated> {
+    fn locate_at_rest(&mut self, io: &mut RunIo<'_>) -> OrEnd<Relocated> {
         let mut last = None;
         for _ in 0..TABLE_OBSERVATIONS {
-            while !self.observe(rig, FramePurpose::Pulse, sink, clock)? {
-                check_stop(stop)?;
+            while !self.observe(io, FramePurpose::Pulse)? {
+                check_stop(io.stop)?;
             }
-            match self.locate(clock) {
+            match self.locate(io.clock) {
                 Ok(located) => return Continue(located),
                 Err(fault) => last = Some(fault),
             }
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_OBSERVATIONS} frames{why}");
-        self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), sink);
+        self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), io.sink);
         Break(RunEnd::guarded(Condition::TableMissing, reason))
     }
 }

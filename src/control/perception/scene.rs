@@ -79,7 +79,8 @@ pub(super) struct SceneMonitor {
     freshness: Freshness,
     table: TableWatch,
     plate: PlateWatch,
-    foreign_m: Option<Vec2>,
+    /// Place of a foreign object in the newest frame, m.
+    pub(super) foreign_m: Option<Vec2>,
     settling: Settling,
 }
 
@@ -152,11 +153,6 @@ impl SceneMonitor {
     /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.
     pub(super) fn swing_px(&self, frame: &Frame) -> Option<f64> {
         self.table.check(frame).corner_px()
-    }
-
-    /// Place of a foreign object in the newest frame, m.
-    pub(super) fn foreign_m(&self) -> Option<Vec2> {
-        self.foreign_m
     }
 
     /// Takes over the table that was located anew in `frame`, on a plate that may swing.

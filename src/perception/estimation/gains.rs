@@ -13,7 +13,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::harmonics::Coefficients;
+use super::Coefficients;
 use upm_core::geometry::Vec2;
 use upm_core::signal::CHANNELS;
 

@@ -7,8 +7,9 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
+use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
-use upm_core::signal::MISSING_SAMPLE;
+use upm_core::signal::{CHANNELS, MISSING_SAMPLE};
 
 const R1_M: Vec2 = Vec2::new(0.09, 0.085);
 const SENSORS: AccelerometerPair = AccelerometerPair { position_m: R1_M, gain: [1.0; CHANNELS] };

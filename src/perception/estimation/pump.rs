@@ -11,8 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, Vector3};
 
-use super::harmonics::Coefficients;
-use super::{AxisPhasors, PumpWaveQuality};
+use super::{AxisPhasors, Coefficients, PumpWaveQuality};
 use upm_core::geometry::Twist;
 
 /// Sign of the mean friction force on a part at rest under acceleration c1, s1, c2, s2: 1, -1, or 0 on the null
@@ -109,43 +108,11 @@ fn along(z: &Vector3<Complex<f64>>, direction: &Vector3<f64>) -> Complex<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimation::{axis_phasors, velocity_mps};
+    use crate::estimation::axis_phasors;
     use proptest::prelude::*;
-    use rand::RngExt;
-    use upm_core::random::Streams;
     use upm_core::signal::TwistWave;
 
     const ARM_M: f64 = 0.12;
-
-    /// Mean of the sign of a velocity over one cycle: the direction of Coulomb friction on a part at rest.
-    fn mean_sign(v: &[f64; 4]) -> f64 {
-        const STEPS: u32 = 4000;
-        let sign_at = |i: u32| {
-            let a = TAU * (f64::from(i) + 0.5) / f64::from(STEPS);
-            (v[0] * a.cos() + v[1] * a.sin() + v[2] * (2.0 * a).cos() + v[3] * (2.0 * a).sin()).signum()
-        };
-        (0..STEPS).map(sign_at).sum::<f64>() / f64::from(STEPS)
-    }
-
-    #[test]
-    fn force_sign_is_that_of_the_friction_averaged_over_a_cycle() {
-        let mut rng = Streams::new(3).stream("drives");
-        let (mut tried, mut wrong) = (0, 0);
-        while tried < 10_000 {
-            let accel: [f64; 4] = std::array::from_fn(|_| rng.random_range(-30.0..30.0));
-            let [c1, s1, c2, s2] = accel;
-            let sense = 2.0 * s1 * c1 * c2 + s2 * (s1 * s1 - c1 * c1);
-            let size = (c1 * c1 + s1 * s1) * c2.hypot(s2);
-            let truth = mean_sign(&velocity_mps(&accel, 300.0));
-            // The null itself: a phase within 1° of it, or a mean below the sum's own resolution.
-            if sense.abs() < 0.0175 * size || truth.abs() < 1e-3 {
-                continue;
-            }
-            tried += 1;
-            wrong += u32::from(force_sign(&accel) != truth.signum());
-        }
-        assert!(wrong <= 10, "{wrong} of {tried} signs are wrong");
-    }
 
     fn delayed_pump(amplitude: Twist, start_rad: f64) -> [AxisPhasors; 3] {
         let turn = |z: Complex<f64>, k: f64| z * Complex::from_polar(1.0, -k * start_rad);

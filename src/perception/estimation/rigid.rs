@@ -15,23 +15,3 @@ pub fn twist_from_corners(v1_mps: Vec2, v2_mps: Vec2, r1_m: Vec2) -> Twist {
         spin_radps: (v1_mps - v2_mps).dot(&perp(r1_m)) / (2.0 * r1_m.norm_squared()),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn known_motions_are_read_back(
-            cx in -0.3..0.3f64, cy in -0.3..0.3f64, spin in prop_oneof![-8.0..-0.1f64, 0.1..8.0f64],
-            rx in 0.02..0.2f64, ry in -0.2..0.2f64,
-        ) {
-            let (center, r1) = (Vec2::new(cx, cy), Vec2::new(rx, ry));
-            let twist = Twist::about(center, spin);
-            let read = twist_from_corners(twist.velocity_at(r1), twist.velocity_at(-r1), r1);
-            prop_assert!((read.spin_radps - spin).abs() < 1e-12);
-            prop_assert!((read.center_of_rotation().unwrap() - center).norm() < 1e-12);
-        }
-    }
-}

@@ -3,6 +3,9 @@ use nalgebra::Complex;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
 
+/// Acceleration coefficients c1, s1, c2, s2 of one channel (Eq. 12), m/s².
+pub type Coefficients = [f64; 4];
+
 /// Positions of the accelerometers, and their channels' readings for a true 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelerometerPair {

@@ -1,5 +1,10 @@
-//! Least-squares fit of all harmonics of a synthesised motion. Bias and the plate's own resonance are absorbed by a
-//! polynomial that is discarded, as with the two harmonics of a rotation.
+//! Least-squares fit of all harmonics of a pulse: two of a rotation, more of a synthesised motion.
+//!
+//! A polynomial is fitted with the harmonics and discarded: it takes up the sensor's bias and the plate's own resonance
+//! (10-20 Hz, slowly decaying) excited by the attack. Otherwise they leak into the coefficients. Measured on simulated
+//! plates with resonances of 11, 14 and 17 Hz, damping ratio 0.1, 60 Hz drive, attack 10 ms, three periods: 2.1 % of
+//! the first harmonic without a polynomial, 2.0 % with degree 2, 0.1 % with degree 4, 0.01 % with degree 6, which makes
+//! the coefficients 1.3 times as noisy.
 
 use std::f64::consts::TAU;
 
@@ -22,8 +27,10 @@ const DEGREES_A_PERIOD: usize = 2;
 ///
 /// # Errors
 ///
-/// As [`fit_twist`](super::fit_twist); [`FitFault::Unreadable`] also for fewer than 4 samples to the period of the
-/// highest harmonic.
+/// As [`sustain_window`] and [`accelerations_mps2`]; [`FitFault::CutShort`] for a trace that ends within the sustain
+/// and [`FitFault::TooWeak`] for a motion below [`WEAKEST_MPS2`]. [`FitFault::Unreadable`] also for sensors without a
+/// distance between them, for gains that are not above 0, for harmonics that cannot be told from drift, and for fewer
+/// than 4 samples to the period of the highest harmonic.
 pub fn fit_wave(
     trace: &AccelTrace,
     envelope: &Envelope,

@@ -1,7 +1,7 @@
 use nalgebra::Matrix2;
 
 use super::disk::DiskKernel;
-use super::rim::{RimFinder, RimFit, RimGuess};
+use super::rim::{RimFinder, RimFit};
 use super::sampling::Sampler;
 use super::{Detection, Table};
 use upm_core::geometry::Vec2;
@@ -37,8 +37,7 @@ impl PartClassifier {
         foot_m: Vec2,
         reach_px: f64,
     ) -> Option<RimFit> {
-        let PartKind { radius_m, thickness_m, .. } = *self.kinds.get(kind)?;
-        self.rim.fit::<N>(sampler, table, &RimGuess { foot_m, radius_m, thickness_m, reach_px })
+        self.rim.fit::<N>(sampler, table, self.kinds.get(kind)?, foot_m, reach_px)
     }
 
     /// Foot of a part of `kind` whose outline is centred at `center_px`.

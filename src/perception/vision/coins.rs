@@ -2,8 +2,8 @@ use super::binned::{BinnedImage, UNITS};
 use super::classifier::{LEAST_SCORE, PartClassifier, kernel_radius_px, overlap, reach_px};
 use super::disk::DiskKernel;
 use super::outline::PlateCells;
-use super::response::{DiskResponder, ResponseMethod};
 use super::rim::RimFit;
+use super::run_length_sums::RunLengthSums;
 use super::sampling::Sampler;
 use super::shading::Shading;
 use super::{Detection, FloatImage, Table};
@@ -40,11 +40,11 @@ pub struct CoinFinder {
     classifier: PartClassifier,
     /// Disk of each kind, px.
     disks: Vec<DiskKernel>,
-    /// Reach of each kind's disk, cells.
-    reaches: Vec<f64>,
+    /// Disk of each kind, cells.
+    binned: Vec<DiskKernel>,
     frame_size: [usize; 2],
     plate: PlateCells,
-    responder: DiskResponder,
+    sums: RunLengthSums,
     inverse: Vec<f32>,
     responses: Vec<Vec<f32>>,
     /// Highest of the last responses.
@@ -70,17 +70,6 @@ impl CoinFinder {
     /// For frames of `frame_size` (columns, rows), these kinds of parts, `dark_parts` where parts are darker than the
     /// plate. Kernels take the plate's mean scale.
     pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
-        Self::with_response(table, frame_size, kinds, dark_parts, ResponseMethod::Auto)
-    }
-
-    /// As [`Self::new`], with a given method for the disks' response.
-    pub fn with_response(
-        table: &Table,
-        frame_size: [usize; 2],
-        kinds: &[PartKind],
-        dark_parts: bool,
-        method: ResponseMethod,
-    ) -> Self {
         let scale = table.mean_px_per_m();
         let radii: Vec<f64> = kinds.iter().map(|kind| kernel_radius_px(table, kind, scale)).collect();
         let bin = bin_for(table, frame_size, &radii);
@@ -92,10 +81,10 @@ impl CoinFinder {
             table: table.clone(),
             classifier: PartClassifier::new(kinds, dark_parts),
             disks: radii.iter().map(|&radius| DiskKernel::new(radius)).collect(),
-            reaches: binned.iter().map(|disk| disk.reach() as f64).collect(),
             frame_size,
             plate,
-            responder: DiskResponder::new(width, height, binned, method),
+            sums: RunLengthSums::new(width, height, &binned),
+            binned,
             inverse: vec![0.0; width],
             responses: vec![vec![0.0; width * height]; kinds.len()],
             strongest: 0.0,
@@ -115,8 +104,8 @@ impl CoinFinder {
         }
         let picture = BinnedImage::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
         self.load_darkness(&picture);
-        for (kind, response) in self.responses.iter_mut().enumerate() {
-            self.responder.respond(kind, response);
+        for (disk, response) in self.binned.iter().zip(&mut self.responses) {
+            self.sums.respond(disk, response);
             self.strongest =
                 response.iter().fold(self.strongest, |best, &value| if value > best { value } else { best });
         }
@@ -127,11 +116,6 @@ impl CoinFinder {
         let found: Vec<CandidatePart> =
             candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
         self.agreed(found)
-    }
-
-    /// The method the response is computed by: [`ResponseMethod::Chords`] or [`ResponseMethod::Fft`].
-    pub fn response_method(&self) -> ResponseMethod {
-        self.responder.method()
     }
 
     /// The last response of kind 0, over the whole frame, relative to the strongest response of any kind (at least
@@ -151,11 +135,11 @@ impl CoinFinder {
 
     /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.
     fn load_darkness(&mut self, picture: &BinnedImage) {
-        let Self { plate, classifier, responder, inverse, .. } = self;
+        let Self { plate, classifier, sums, inverse, .. } = self;
         let shading = Shading::fit(picture, plate, classifier.dark_parts);
         let sign = if classifier.dark_parts { 1.0f32 } else { -1.0 };
         let unit = 1.0 / f32::from(UNITS);
-        responder.load(|row, darkness| {
+        sums.load(|row, darkness| {
             darkness.fill(0.0);
             let Some(&(from, to)) = plate.spans.get(row).filter(|_| row < picture.height) else { return };
             shading.inverse_row(row, inverse);
@@ -170,7 +154,7 @@ impl CoinFinder {
     fn candidates(&self) -> Vec<DiskCandidate> {
         let mut peaks = Vec::new();
         for (kind, response) in self.responses.iter().enumerate() {
-            let near = (0.4 * self.reaches[kind]).max(1.0);
+            let near = (0.4 * self.binned[kind].reach() as f64).max(1.0);
             let mut own = self.peaks(kind, response);
             own.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.cell.cmp(&b.cell)));
             let mut kept: Vec<DiskCandidate> = Vec::new();

@@ -11,7 +11,8 @@ pub(super) struct DiskKernel {
     /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry also that of
     /// columns.
     half: Vec<usize>,
-    area: usize,
+    /// Number of cells.
+    pub(super) area: usize,
 }
 
 impl DiskKernel {
@@ -27,11 +28,6 @@ impl DiskKernel {
     /// Cells from the middle to the last row.
     pub(super) fn reach(&self) -> usize {
         self.half.len() - 1
-    }
-
-    /// Number of cells.
-    pub(super) fn area(&self) -> usize {
-        self.area
     }
 
     /// Half chord `dy` rows off the middle, `None` beyond the disk.
@@ -131,17 +127,9 @@ impl DiskKernel {
     }
 }
 
-/// End point of a climb.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LocalMaximum {
-    pub(super) x: usize,
-    pub(super) y: usize,
-    /// The vertex of the parabolas through the last place and its neighbours, px.
-    pub(super) vertex_px: Vec2,
-}
-
 /// Climbs from the place nearest `(x, y)` to neighbouring ones as long as the disk there is darker (lighter when not
-/// `dark`), `most_steps` at most. `None` where the disk does not fit the frame.
+/// `dark`), `most_steps` at most; the vertex of the parabolas through the last place and its neighbours, px. `None`
+/// where the disk does not fit the frame.
 pub(super) fn hill_climb(
     disk: &DiskKernel,
     frame: &Frame,
@@ -149,7 +137,7 @@ pub(super) fn hill_climb(
     y: i64,
     dark: bool,
     most_steps: usize,
-) -> Option<LocalMaximum> {
+) -> Option<Vec2> {
     let sign = if dark { -1 } else { 1 };
     let (mut x, mut y) = disk.fitted(frame, x, y)?;
     for steps in 0.. {
@@ -172,8 +160,7 @@ pub(super) fn hill_climb(
             () => along_x,
         };
         if next == (x, y) || steps >= most_steps {
-            let vertex_px = Vec2::new(x as f64 + vertex(columns), y as f64 + vertex(rows));
-            return Some(LocalMaximum { x, y, vertex_px });
+            return Some(Vec2::new(x as f64 + vertex(columns), y as f64 + vertex(rows)));
         }
         (x, y) = next;
     }
@@ -215,10 +202,10 @@ mod tests {
         fn steps_and_sums_agree_with_the_plain_sum(radius in 0.5..9.0f64, x in 12usize..28, y in 12usize..20, seed in 0usize..999) {
             let (disk, frame) = (DiskKernel::new(radius), frame(41, 33, seed));
             let values: Vec<f32> = frame.pixels.iter().map(|&p| f32::from(p)).collect();
-            let plain = |x, y| (f64::from(disk.mean_under(&values, 41, 33, x, y)) * disk.area() as f64).round() as i64;
+            let plain = |x, y| (f64::from(disk.mean_under(&values, 41, 33, x, y)) * disk.area as f64).round() as i64;
             let here = disk.sum(&frame, x, y);
             prop_assert_eq!(here, plain(x, y));
-            prop_assert!((disk.mean(&frame, x, y) * disk.area() as f64 - here as f64).abs() < 1e-6);
+            prop_assert!((disk.mean(&frame, x, y) * disk.area as f64 - here as f64).abs() < 1e-6);
             let [left, right] = disk.step_columns(&frame, x, y).map(i64::from);
             let [up, down] = disk.step_rows(&frame, x, y).map(i64::from);
             prop_assert_eq!([here + left, here + right], [plain(x - 1, y), plain(x + 1, y)]);

@@ -18,6 +18,7 @@ use self::ring::{PerRay, Rays, ring_quantile, sum};
 use super::Table;
 use super::sampling::{Sampler, rise_nearest_middle, share_of_rise};
 use upm_core::geometry::Vec2;
+use upm_core::rig::PartKind;
 
 /// Least contrast between part and plate, levels.
 const LEAST_CONTRAST: f32 = 10.0;
@@ -31,17 +32,6 @@ const LEAST_FAR: f32 = 4.0;
 const LEAST_SD_PX: f64 = 0.02;
 /// Error of the centre from pixels and their sampling in a noiseless picture, px.
 const SAMPLING_SD_PX: f64 = 0.003;
-
-/// Start values of a rim search.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RimGuess {
-    /// Estimated foot of the part, m.
-    pub(super) foot_m: Vec2,
-    pub(super) radius_m: f64,
-    pub(super) thickness_m: f64,
-    /// Distance from the estimated rim within which it is searched, px.
-    pub(super) reach_px: f64,
-}
 
 /// A circle fitted to a rim.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,15 +103,23 @@ impl RimFinder {
         Self { rays: Rays::new(), sign: if dark_parts { 1.0 } else { -1.0 } }
     }
 
-    /// Fits the rim near `guess` from `N` samples along each ray; `None` when too few rays agree on a circle.
-    pub(super) fn fit<const N: usize>(&self, sampler: &Sampler, table: &Table, guess: &RimGuess) -> Option<RimFit> {
-        let radius = guess.radius_m;
-        let (shift, growth) = table.parallax(guess.foot_m, guess.thickness_m);
+    /// Fits the rim of a part of `kind` whose foot is near `foot_m` from `N` samples along each ray, over `reach_px` to
+    /// both sides of the expected rim; `None` when too few rays agree on a circle.
+    pub(super) fn fit<const N: usize>(
+        &self,
+        sampler: &Sampler,
+        table: &Table,
+        kind: &PartKind,
+        foot_m: Vec2,
+        reach_px: f64,
+    ) -> Option<RimFit> {
+        let radius = kind.radius_m;
+        let (shift, growth) = table.parallax(foot_m, kind.thickness_m);
         let (offset, swell) = outline(shift / radius, growth);
-        let origin_m = guess.foot_m + offset * radius;
+        let origin_m = foot_m + offset * radius;
         let map = LocalMap::new(table, origin_m, radius)?;
         let radius_px = map.radius_px();
-        let reach = guess.reach_px / radius_px;
+        let reach = reach_px / radius_px;
         if !(radius_px > 1.0 && reach < 0.9) {
             return None;
         }
@@ -150,7 +148,7 @@ impl RimFinder {
         let circle = self.rays.circle(&radii, &crossings.present, -offset, (LEAST_SD_PX / radius_px) as f32)?;
 
         let foot_m = origin_m + circle.center * radius;
-        let (shift, growth) = table.parallax(foot_m, guess.thickness_m);
+        let (shift, growth) = table.parallax(foot_m, kind.thickness_m);
         let (offset, swell) = outline(shift / radius, growth);
         let level_shift = levels.variance * (step / crossings.slope).powi(2);
         let covariance = circle.covariance * (circle.variance + level_shift);

@@ -1,19 +1,20 @@
 //! Convolution of a rectangle with a solid disk by running sums: each chord of the disk contributes one difference of a
-//! row's running sum. Integer arithmetic, hence exact; the fastest method for disks of few cells.
-//! Equation sheet, section 7.
+//! row's running sum. Integer arithmetic, hence exact. Equation sheet, section 7.
 
 use super::disk::DiskKernel;
 
-/// Integer that represents a value of 1.
+/// Integer that represents a value of 1 for disks of up to [`FULL_AREA`] cells, whose sums then fit 31 bits; a smaller
+/// one does for larger disks.
 const ONE: f32 = 65_535.0;
-/// Largest disk whose sum fits 31 bits, cells.
-pub(super) const LARGEST_AREA: usize = 32_000;
+const FULL_AREA: usize = 32_000;
 
 /// Running sums of the rows of a rectangle, and scratch.
 pub(super) struct RunLengthSums {
     width: usize,
     /// Zero cells to the left and right of each row.
     margin: usize,
+    /// Integer that represents a value of 1.
+    one: f32,
     /// Row by row, `width + 2 margin + 1` sums each: at every place that of all cells to the left.
     sums: Vec<u32>,
     row: Vec<u32>,
@@ -21,12 +22,15 @@ pub(super) struct RunLengthSums {
 }
 
 impl RunLengthSums {
-    /// For rectangles of `width` by `height` cells and disks that reach `reach` cells from their middle.
-    pub(super) fn new(width: usize, height: usize, reach: usize) -> Self {
+    /// For rectangles of `width` by `height` cells and these disks.
+    pub(super) fn new(width: usize, height: usize, disks: &[DiskKernel]) -> Self {
+        let margin = disks.iter().map(DiskKernel::reach).max().unwrap_or(0);
+        let area = disks.iter().map(|disk| disk.area).fold(FULL_AREA, usize::max);
         Self {
             width,
-            margin: reach,
-            sums: vec![0; (width + 2 * reach + 1) * height],
+            margin,
+            one: ONE * (FULL_AREA as f32 / area as f32),
+            sums: vec![0; (width + 2 * margin + 1) * height],
             row: vec![0; width],
             values: vec![0.0; width],
         }
@@ -43,15 +47,14 @@ impl RunLengthSums {
             fill(y, &mut self.values);
             let mut sum = 0u32;
             for (to, &value) in sums[margin + 1..].iter_mut().zip(&self.values) {
-                sum += (value * ONE + 0.5) as i32 as u32;
+                sum += (value * self.one + 0.5) as i32 as u32;
                 *to = sum;
             }
             sums[margin + width + 1..].fill(sum);
         }
     }
 
-    /// Mean of the loaded values under `disk`, of at most [`LARGEST_AREA`] cells, at every cell; 0 beyond the
-    /// rectangle.
+    /// Mean of the loaded values under `disk`, one of those of [`Self::new`], at every cell; 0 beyond the rectangle.
     pub(super) fn respond(&mut self, disk: &DiskKernel, out: &mut [f32]) {
         let (width, margin) = (self.width, self.margin);
         if width == 0 {
@@ -59,7 +62,7 @@ impl RunLengthSums {
         }
         let stride = width + 2 * margin + 1;
         let height = self.sums.len() / stride;
-        let scale = 1.0 / (ONE * disk.area() as f32);
+        let scale = 1.0 / (self.one * disk.area as f32);
         for (y, target) in out.chunks_exact_mut(width).take(height).enumerate() {
             self.row.fill(0);
             for dy in 0..=disk.reach() {
@@ -90,5 +93,34 @@ fn add_pair(row: &mut [u32], above: (&[u32], &[u32]), below: (&[u32], &[u32])) {
     let ends = above.0.iter().zip(above.1).zip(below.0.iter().zip(below.1));
     for (sum, ((a, b), (c, d))) in row.iter_mut().zip(ends) {
         *sum = sum.wrapping_add(b.wrapping_sub(*a)).wrapping_add(d.wrapping_sub(*c));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn means_equal_the_direct_sum(
+            width in 1usize..70, height in 1usize..70, radii in proptest::collection::vec(0.3..20.0f64, 1..4),
+            large in proptest::option::of(110.0..150.0f64), seed in 0u32..1000,
+        ) {
+            let values: Vec<f32> =
+                (0..width * height).map(|i| ((i as u32 ^ seed).wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
+            let disks: Vec<DiskKernel> = radii.into_iter().chain(large).map(DiskKernel::new).collect();
+            let mut sums = RunLengthSums::new(width, height, &disks);
+            sums.load(|y, row| row.copy_from_slice(&values[y * width..][..width]));
+            let mut found = vec![0.0; width * height];
+            for disk in &disks {
+                sums.respond(disk, &mut found);
+                for (i, found) in found.iter().enumerate() {
+                    let direct = disk.mean_under(&values, width, height, i % width, i / width);
+                    prop_assert!((found - direct).abs() < 1e-4, "{found}, directly {direct} at {i} of {width} x {height}");
+                }
+            }
+        }
     }
 }

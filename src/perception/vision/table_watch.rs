@@ -189,12 +189,7 @@ impl TableWatch {
         let sampler = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size)?;
         let levels = self.profiles.map(|Profile { center_px, outward, .. }| {
             let (from, to) = (center_px + outward * MIDDLE, center_px - outward * MIDDLE);
-            sampler.along::<SAMPLES>(from, to).unwrap_or_else(|| {
-                std::array::from_fn(|k| {
-                    let p = from.lerp(&to, k as f64 / (SAMPLES as f64 - 1.0));
-                    sampler.at(p.x, p.y)
-                })
-            })
+            sampler.profile::<SAMPLES>(from, to)
         });
         let outside = |levels: &[f32; SAMPLES]| (levels[0] + levels[1]) / 2.0;
         let inside = |levels: &[f32; SAMPLES]| (levels[SAMPLES - 1] + levels[SAMPLES - 2]) / 2.0;

@@ -66,13 +66,8 @@ impl Tracker {
 
     /// Tracks the parts in the next frame. In a frame of another size nothing is seen.
     pub fn track(&mut self, frame: &Frame) {
-        self.frames += 1;
+        self.step();
         self.observations.fill(None);
-        let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
-        for motion in &mut self.motions {
-            motion.step();
-            motion.keep_within(Vec2::zeros(), last);
-        }
         if let Some(found) = self.localizer.measured(frame) {
             self.assign_observations(found);
         } else if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
@@ -94,12 +89,17 @@ impl Tracker {
 
     /// Skips a frame that shows nothing current.
     pub fn miss(&mut self) {
+        self.step();
+        self.tracks.iter_mut().for_each(|track| track.frames_unseen = track.frames_unseen.saturating_add(1));
+    }
+
+    /// Predicts all parts one frame ahead.
+    fn step(&mut self) {
         self.frames += 1;
         let last = Vec2::new(self.frame_size[0] as f64 - 1.0, self.frame_size[1] as f64 - 1.0);
-        for (motion, track) in self.motions.iter_mut().zip(&mut self.tracks) {
+        for motion in &mut self.motions {
             motion.step();
-            motion.keep_within(Vec2::zeros(), last);
-            track.frames_unseen = track.frames_unseen.saturating_add(1);
+            motion.place_px = motion.place_px.sup(&Vec2::zeros()).inf(&last);
         }
     }
 

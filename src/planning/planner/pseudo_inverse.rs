@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::types::largest_step_m;
 use super::{Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use crate::cor_library::{Entry, Library};
 use upm_core::geometry::Vec2;
@@ -43,17 +44,13 @@ impl PseudoInverse {
     /// factor where the longest is too long, and so is each rotation that is too long. The prediction uses the ideal
     /// field.
     pub fn plan(&mut self, parts: &[PartState]) -> Plan {
-        if parts.iter().any(|part| !part.position_m.iter().chain(&part.step_m).all(|v| v.is_finite())) {
-            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()), &[]);
+        if let Some(status) = self.params.nothing_to_plan(parts) {
+            return status.into();
         }
         if self.planned_for.replace(parts.len()) != Some(parts.len()) {
             self.fixed_centers = fixed_centers(&self.library, self.params.half_side_m, 2 * parts.len());
         }
-        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
-        if largest_m < 0.5 * self.params.min_distance_m {
-            return ended(PlanStatus::NothingToDo, &[]);
-        }
-        let mut plan = ended(PlanStatus::Infeasible(Limit::Unreachable), &[]);
+        let mut plan = Plan::from(PlanStatus::Infeasible(Limit::Unreachable));
         for centers in self.fixed_centers.iter().filter(|centers| !centers.is_empty()) {
             plan = match self.distances_m(centers, parts) {
                 Ok(distances_m) => self.sequence(centers, parts, &distances_m),
@@ -75,8 +72,7 @@ impl PseudoInverse {
             entry.zip(part).map_or(0.0, |(entry, part)| entry.pump.direction_at(part.position_m)[row % 2])
         };
         let phi = DMatrix::from_fn(2 * parts.len(), centers.len(), unit_field);
-        let longest_m = parts.iter().map(|part| part.step_m.norm()).fold(LONGEST_M, f64::max);
-        let scale = LONGEST_M / longest_m;
+        let scale = LONGEST_M / largest_step_m(parts).max(LONGEST_M);
         let steps = parts.iter().flat_map(|part| [scale * part.step_m.x, scale * part.step_m.y]);
         let steps_m = DVector::from_iterator(2 * parts.len(), steps);
         let svd = phi.svd(true, true);

@@ -15,6 +15,11 @@ pub struct PartState {
     pub gain: f64,
 }
 
+/// The longest step of any part, m.
+pub(super) fn largest_step_m(parts: &[PartState]) -> f64 {
+    parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max)
+}
+
 /// Method by which motions are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlanningMethod {
@@ -44,6 +49,20 @@ pub struct PlannerParams {
     pub exposure_s: f64,
     /// Longest sustain, s.
     pub max_sustain_s: f64,
+}
+
+impl PlannerParams {
+    /// The status of a plan without pulses for `parts` that need none or whose numbers are none.
+    pub(super) fn nothing_to_plan(&self, parts: &[PartState]) -> Option<PlanStatus> {
+        let finite = |p: &PartState| {
+            let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
+            numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
+        };
+        if !parts.iter().all(finite) {
+            return Some(PlanStatus::SolverFailed("a part's position is not finite".into()));
+        }
+        (largest_step_m(parts) < 0.5 * self.min_distance_m).then_some(PlanStatus::NothingToDo)
+    }
 }
 
 /// One pulse of a plan.
@@ -149,4 +168,11 @@ pub struct Plan {
     pub continues: bool,
     /// The part that is predicted to leave its corridor most, and by how much, m; `None` where all keep it.
     pub corridor_excess: Option<(usize, f64)>,
+}
+
+impl From<PlanStatus> for Plan {
+    /// A plan without pulses.
+    fn from(status: PlanStatus) -> Self {
+        Self { status, ..Self::default() }
+    }
 }

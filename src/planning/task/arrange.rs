@@ -43,7 +43,7 @@ impl Task for Arrange {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let ArrangeParams { half_side_m, motions, discs, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
-        let steering = self.steering.take().filter(|steering| steering.seen_m().len() == of);
+        let steering = self.steering.take().filter(|steering| steering.seen_m.len() == of);
         let begin =
             || PathFollower::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));

@@ -46,7 +46,7 @@ impl Task for Hold {
 
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let of = parts_in_table_m.len();
-        if self.steering.as_ref().is_none_or(|steering| steering.seen_m().len() != of) {
+        if self.steering.as_ref().is_none_or(|steering| steering.seen_m.len() != of) {
             self.first_seen(parts_in_table_m);
         }
         let Some(steering) = &mut self.steering else { return Setpoints::default() };
@@ -63,7 +63,7 @@ impl Task for Hold {
             false => "holding every part".into(),
         };
         Setpoints {
-            subgoals_m: if self.correcting { steering.subgoals_m() } else { steering.seen_m().to_vec() },
+            subgoals_m: if self.correcting { steering.subgoals_m() } else { steering.seen_m.clone() },
             targets_m: steering.targets_m(),
             phase,
             progress: (held_s / duration_s).clamp(0.0, 1.0),

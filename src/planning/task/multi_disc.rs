@@ -7,40 +7,22 @@ pub(super) const ROUNDING_M: f64 = 1e-9;
 /// Gap between rims and the plate's edge, m. A part that is already nearer may stay as near.
 const EDGE_GAP_M: f64 = 1.5e-3;
 
-/// Straight motion of one part while the others move straight too, all in step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SynchronousMove {
-    pub(super) from_m: Vec2,
-    pub(super) to_m: Vec2,
-}
-
-impl SynchronousMove {
-    /// A part at rest at `at_m`.
-    pub(super) fn rest(at_m: Vec2) -> Self {
-        Self { from_m: at_m, to_m: at_m }
+/// True when the centres of two parts that move straight and in step never come nearer than `least_m`, or than they are
+/// at the beginning.
+pub(super) fn keep_apart(a: &Segment, b: &Segment, least_m: f64) -> bool {
+    let from = a.from - b.from;
+    let by = a.to - b.to - from;
+    let closing = -from.dot(&by);
+    if closing <= 0.0 {
+        return true;
     }
-
-    /// Least distance of the centres during the motion, m.
-    pub(super) fn nearest_m(&self, other: &SynchronousMove) -> f64 {
-        Segment { from: self.from_m - other.from_m, to: self.to_m - other.to_m }.distance(Vec2::zeros())
-    }
-
-    /// True when the centres never come nearer than `least_m`, or than they are at the beginning.
-    pub(super) fn keeps_from(&self, other: &SynchronousMove, least_m: f64) -> bool {
-        let from = self.from_m - other.from_m;
-        let by = self.to_m - other.to_m - from;
-        let closing = -from.dot(&by);
-        if closing <= 0.0 {
-            return true;
-        }
-        let by_squared = by.norm_squared();
-        let nearest = if closing < by_squared {
-            from.norm_squared() - closing * closing / by_squared
-        } else {
-            (from + by).norm_squared()
-        };
-        nearest >= (least_m - ROUNDING_M).powi(2) || nearest >= from.norm_squared() - ROUNDING_M * least_m
-    }
+    let by_squared = by.norm_squared();
+    let nearest = if closing < by_squared {
+        from.norm_squared() - closing * closing / by_squared
+    } else {
+        (from + by).norm_squared()
+    };
+    nearest >= (least_m - ROUNDING_M).powi(2) || nearest >= from.norm_squared() - ROUNDING_M * least_m
 }
 
 /// Discs on a square plate, each with its target.
@@ -48,7 +30,8 @@ impl SynchronousMove {
 pub(super) struct MultiDiscProblem {
     discs: Vec<PartOutline>,
     half_side_m: f64,
-    targets_m: Vec<Vec2>,
+    /// Target of each disc, m.
+    pub(super) targets_m: Vec<Vec2>,
 }
 
 impl MultiDiscProblem {
@@ -63,10 +46,6 @@ impl MultiDiscProblem {
 
     pub(super) fn len(&self) -> usize {
         self.discs.len()
-    }
-
-    pub(super) fn targets_m(&self) -> &[Vec2] {
-        &self.targets_m
     }
 
     /// Least allowed distance of the centres of two parts with `gap_m` between rims, m; less where their targets
@@ -88,9 +67,9 @@ impl MultiDiscProblem {
         to_m: &'a [Vec2],
         gap_m: f64,
     ) -> impl Iterator<Item = (usize, usize)> + 'a {
-        let step = |i: usize| SynchronousMove { from_m: from_m[i], to_m: to_m[i] };
+        let step = |i: usize| Segment { from: from_m[i], to: to_m[i] };
         let pairs = (0..self.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
-        pairs.filter(move |&(a, b)| !step(a).keeps_from(&step(b), self.least_m(a, b, gap_m)))
+        pairs.filter(move |&(a, b)| !keep_apart(&step(a), &step(b), self.least_m(a, b, gap_m)))
     }
 
     /// True when all can move in step without coming nearer than `gap_m`, or than they are.
@@ -111,25 +90,26 @@ mod tests {
     proptest! {
         #[test]
         fn steps_are_judged_as_many_moments_are(a in (point(), point()), b in (point(), point()), least_m in 0.01..0.1f64) {
-            let (a, b) = (SynchronousMove { from_m: a.0, to_m: a.1 }, SynchronousMove { from_m: b.0, to_m: b.1 });
-            let at = |step: &SynchronousMove, t: f64| step.from_m + t * (step.to_m - step.from_m);
+            let (a, b) = (Segment { from: a.0, to: a.1 }, Segment { from: b.0, to: b.1 });
+            let at = |step: &Segment, t: f64| step.from + t * (step.to - step.from);
             let moments = (0..=4000).map(|k| f64::from(k) / 4000.0);
             let nearest_m = moments.map(|t| (at(&a, t) - at(&b, t)).norm()).fold(f64::INFINITY, f64::min);
-            let needed_m = least_m.min((a.from_m - b.from_m).norm());
+            let needed_m = least_m.min((a.from - b.from).norm());
             let (from, by) = (at(&a, 0.0) - at(&b, 0.0), at(&a, 1.0) - at(&b, 1.0) - (at(&a, 0.0) - at(&b, 0.0)));
             prop_assume!((nearest_m - needed_m).abs() > 1e-4 || from.dot(&by) > 0.0);
-            prop_assert_eq!(a.keeps_from(&b, least_m), nearest_m >= needed_m);
-            prop_assert_eq!(b.keeps_from(&a, least_m), nearest_m >= needed_m);
+            prop_assert_eq!(keep_apart(&a, &b, least_m), nearest_m >= needed_m);
+            prop_assert_eq!(keep_apart(&b, &a, least_m), nearest_m >= needed_m);
         }
     }
 
     #[test]
     fn close_discs_may_stay_close_but_not_approach() {
         let [a, b] = [Vec2::zeros(), Vec2::new(0.02, 0.0)];
-        let go = |from: Vec2, by: Vec2| SynchronousMove { from_m: from, to_m: from + by };
+        let go = |from: Vec2, by: Vec2| Segment { from, to: from + by };
+        let rest = go(b, Vec2::zeros());
         let up = Vec2::new(0.0, 0.01);
-        assert!(go(a, up).keeps_from(&go(b, up), 0.05) && go(a, -up).keeps_from(&SynchronousMove::rest(b), 0.05));
-        assert!(!go(a, Vec2::new(1e-4, 0.0)).keeps_from(&SynchronousMove::rest(b), 0.05));
+        assert!(keep_apart(&go(a, up), &go(b, up), 0.05) && keep_apart(&go(a, -up), &rest, 0.05));
+        assert!(!keep_apart(&go(a, Vec2::new(1e-4, 0.0)), &rest, 0.05));
         let discs = vec![PartOutline { kind: 0, radius_m: 0.01 }; 2];
         let problem = MultiDiscProblem::new(discs, 0.1, vec![a, b + Vec2::new(0.0015, 0.0)]);
         assert!(

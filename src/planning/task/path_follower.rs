@@ -64,7 +64,7 @@ pub(super) struct PathFollower {
     /// Index of each part's place.
     place_of: Vec<usize>,
     /// Latest position of each part, m.
-    seen_m: Vec<Vec2>,
+    pub(super) seen_m: Vec<Vec2>,
     /// Remaining stages, m: positions of all parts; from each to the next they move straight and in step.
     stages_m: Vec<Vec<Vec2>>,
     /// Distance of the parts from the present stage when it became the present one, root mean square, m.
@@ -195,11 +195,6 @@ impl PathFollower {
         }
     }
 
-    /// Latest position of each part, m.
-    pub(super) fn seen_m(&self) -> &[Vec2] {
-        &self.seen_m
-    }
-
     /// Distance of each part from its place, m.
     pub(super) fn distances_m(&self) -> impl Iterator<Item = f64> {
         self.seen_m.iter().zip(&self.place_of).map(|(seen_m, &place)| (seen_m - self.places_m[place]).norm())
@@ -237,7 +232,7 @@ impl PathFollower {
             return;
         }
         let problem = self.problem(&better);
-        if self.stages_m.len() < 2 || problem.is_clear(&self.seen_m, problem.targets_m(), PLANNED_GAP_M) {
+        if self.stages_m.len() < 2 || problem.is_clear(&self.seen_m, &problem.targets_m, PLANNED_GAP_M) {
             self.place_of = better;
             self.stages_m.clear();
         }

@@ -87,7 +87,7 @@ impl<'a> PrioritizedPlanner<'a> {
     /// Order of precedence with the fewest conflicts of straight routes first, so that parts with a free one keep it.
     fn first_order(&self) -> Vec<usize> {
         let mut conflicts = vec![0; self.problem.len()];
-        for (a, b) in self.problem.conflicts(self.starts_m, self.problem.targets_m(), PLANNED_GAP_M) {
+        for (a, b) in self.problem.conflicts(self.starts_m, &self.problem.targets_m, PLANNED_GAP_M) {
             conflicts[a] += 1;
             conflicts[b] += 1;
         }
@@ -116,7 +116,7 @@ impl<'a> PrioritizedPlanner<'a> {
                 (0..self.problem.len()).filter(|&other| other != part).map(obstacle).collect();
             let query = PathQuery {
                 start_m: self.starts_m[part],
-                target_m: self.problem.targets_m()[part],
+                target_m: self.problem.targets_m[part],
                 reach_m: self.problem.reach_m(part),
                 obstacles: &obstacles,
                 pitch_m,
@@ -138,13 +138,13 @@ impl<'a> PrioritizedPlanner<'a> {
 
     /// Moments that the longest straight route takes.
     fn moments(&self, pitch_m: f64) -> usize {
-        let ways = self.starts_m.iter().zip(self.problem.targets_m()).map(|(start, target)| (target - start).norm());
+        let ways = self.starts_m.iter().zip(&self.problem.targets_m).map(|(start, target)| (target - start).norm());
         (ways.fold(0.0, f64::max) / pitch_m).ceil() as usize
     }
 
     /// Declares a part blocked: of those that failed to find a route, the one furthest from its target.
     fn mark_farthest_blocked(&mut self) {
-        let way_m = |part: usize| (self.problem.targets_m()[part] - self.starts_m[part]).norm();
+        let way_m = |part: usize| (self.problem.targets_m[part] - self.starts_m[part]).norm();
         let left = (0..self.problem.len()).filter(|part| !self.blocked.contains(part));
         let furthest = left.max_by(|&a, &b| self.failed[a].cmp(&self.failed[b]).then(way_m(a).total_cmp(&way_m(b))));
         self.blocked.extend(furthest);

@@ -1,7 +1,7 @@
 use pathfinding::prelude::astar;
 
-use super::multi_disc::{ROUNDING_M, SynchronousMove};
-use upm_core::geometry::Vec2;
+use super::multi_disc::{ROUNDING_M, keep_apart};
+use upm_core::geometry::{Segment, Vec2};
 
 /// Cost of a move along x or y by one pitch.
 const STRAIGHT: u32 = 10;
@@ -23,9 +23,9 @@ pub(super) struct MovingObstacle<'a> {
 }
 
 impl MovingObstacle<'_> {
-    fn step(&self, moment: usize) -> SynchronousMove {
+    fn step(&self, moment: usize) -> Segment {
         let at = |moment: usize| self.way_m.get(moment).or(self.way_m.last()).copied().unwrap_or_default();
-        SynchronousMove { from_m: at(moment), to_m: at(moment + 1) }
+        Segment { from: at(moment), to: at(moment + 1) }
     }
 }
 
@@ -51,7 +51,7 @@ impl PathQuery<'_> {
         let share = |k: usize| (k.saturating_sub(wait) as f64 / moments.max(1) as f64).min(1.0);
         let at = |k: usize| self.start_m.lerp(&self.target_m, share(k));
         let end = wait + moments.max(1);
-        let free = (0..end).all(|k| self.is_free(k, SynchronousMove { from_m: at(k), to_m: at(k + 1) }));
+        let free = (0..end).all(|k| self.is_free(k, Segment { from: at(k), to: at(k + 1) }));
         (free && end >= self.free_from()).then(|| (0..=end).map(at).collect())
     }
 
@@ -71,19 +71,18 @@ impl PathQuery<'_> {
 
     /// First moment from which no obstacle comes near the target.
     fn free_from(&self) -> usize {
-        let rest = SynchronousMove::rest(self.target_m);
         let free_from = |obstacle: &MovingObstacle<'_>| {
-            let near = |moment: &usize| rest.nearest_m(&obstacle.step(*moment)) < obstacle.least_m - ROUNDING_M;
+            let near = |moment: &usize| obstacle.step(*moment).distance(self.target_m) < obstacle.least_m - ROUNDING_M;
             let last = (0..obstacle.way_m.len()).rev().find(near);
             last.map_or(0, |moment| if moment + 1 < obstacle.way_m.len() { moment + 1 } else { usize::MAX })
         };
         self.obstacles.iter().filter(|obstacle| obstacle.gone_from == usize::MAX).map(free_from).max().unwrap_or(0)
     }
 
-    fn is_free(&self, moment: usize, step: SynchronousMove) -> bool {
+    fn is_free(&self, moment: usize, step: Segment) -> bool {
         self.obstacles
             .iter()
-            .all(|other| moment >= other.gone_from || step.keeps_from(&other.step(moment), other.least_m))
+            .all(|other| moment >= other.gone_from || keep_apart(&step, &other.step(moment), other.least_m))
     }
 
     fn moves(&self, cell: SpaceTimeCell, moment: usize) -> Vec<((SpaceTimeCell, usize), u32)> {
@@ -96,7 +95,7 @@ impl PathQuery<'_> {
             .chain(wait)
             .filter(|(to, _)| {
                 let to_m = self.place_m(*to);
-                self.is_on_plate(from_m, to_m) && self.is_free(moment, SynchronousMove { from_m, to_m })
+                self.is_on_plate(from_m, to_m) && self.is_free(moment, Segment { from: from_m, to: to_m })
             })
             .map(|(to, cost)| ((to, moment + 1), cost))
             .collect()

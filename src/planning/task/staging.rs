@@ -1,6 +1,6 @@
-use super::multi_disc::{MultiDiscProblem, ROUNDING_M, SynchronousMove};
+use super::multi_disc::{MultiDiscProblem, ROUNDING_M, keep_apart};
 use super::routes::{PLANNED_GAP_M, PathSet, PrioritizedPlanner};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Segment, Vec2};
 use upm_core::random::Rng;
 
 /// Cost of one more stage, as an equivalent length, m.
@@ -26,8 +26,8 @@ pub(super) struct StagedPaths {
 /// The stages from `starts_m` to the problem's targets: a single one where all can go straight, else the best of a few
 /// routes round each other.
 pub(super) fn find_stages(problem: &MultiDiscProblem, starts_m: &[Vec2], rng: &mut Rng) -> StagedPaths {
-    if problem.is_clear(starts_m, problem.targets_m(), PLANNED_GAP_M) {
-        return StagedPaths { places_m: vec![problem.targets_m().to_vec()], ..StagedPaths::default() };
+    if problem.is_clear(starts_m, &problem.targets_m, PLANNED_GAP_M) {
+        return StagedPaths { places_m: vec![problem.targets_m.clone()], ..StagedPaths::default() };
     }
     let mut search = PrioritizedPlanner::new(problem, starts_m);
     let mut best = stages(problem, search.routes(rng));
@@ -69,8 +69,8 @@ fn straighten_between(problem: &MultiDiscProblem, routes: &mut PathSet, part: us
         let least_m = problem.least_m(part, other, PLANNED_GAP_M);
         let others_m = &routes.ways_m[other];
         (from..to).all(|k| {
-            let step = SynchronousMove { from_m: at(k), to_m: at(k + 1) };
-            step.keeps_from(&SynchronousMove { from_m: others_m[k], to_m: others_m[k + 1] }, least_m)
+            let other = Segment { from: others_m[k], to: others_m[k + 1] };
+            keep_apart(&Segment { from: at(k), to: at(k + 1) }, &other, least_m)
         })
     });
     if free {

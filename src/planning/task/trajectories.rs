@@ -207,7 +207,7 @@ impl Task for Trajectories {
         if elapsed_s > 0.0 {
             self.cycle_s = 0.5 * (self.cycle_s + elapsed_s);
         }
-        let mut approach = match self.approach.take().filter(|approach| approach.seen_m().len() == of) {
+        let mut approach = match self.approach.take().filter(|approach| approach.seen_m.len() == of) {
             Some(approach) => approach,
             None => self.begin(parts_in_table_m),
         };
@@ -223,7 +223,7 @@ impl Task for Trajectories {
             Setpoints { progress: 0.0, ..approach.wanted("to the first waypoints", there) }
         } else {
             approach.see(parts_in_table_m);
-            self.on_paths(now, approach.seen_m(), if begins { 0.0 } else { elapsed_s })
+            self.on_paths(now, &approach.seen_m, if begins { 0.0 } else { elapsed_s })
         };
         self.approach = Some(approach);
         wanted

@@ -100,7 +100,7 @@ impl RigidMotionProblem<'_> {
     /// other, the one with the least effort after optimisation.
     pub(super) fn stages(&self, rng: &mut Rng) -> StagedPaths {
         let still = RigidRotation::default();
-        let nearest = RigidRotation::between(self.starts_m, self.problem.targets_m());
+        let nearest = RigidRotation::between(self.starts_m, &self.problem.targets_m);
         let mut frames = vec![nearest, still];
         if nearest.angle_rad.abs() > EITHER_WAY_RAD {
             frames.push(nearest.other_way_round());
@@ -141,20 +141,20 @@ impl RigidMotionProblem<'_> {
     /// Least effort of straight paths in the frame of all parts and of those by way of drawn-out targets, ignoring
     /// collisions.
     pub(super) fn straight_effort(&self) -> f64 {
-        let frame = RigidRotation::between(self.starts_m, self.problem.targets_m());
+        let frame = RigidRotation::between(self.starts_m, &self.problem.targets_m);
         let straight = effort_of(&self.straight_in(&frame), self.effort);
         self.through_drawn_out().map(|(cost, _)| cost).fold(straight, f64::min)
     }
 
     /// Paths by way of the drawn-out targets that leave room, each with its effort.
     fn through_drawn_out(&self) -> impl Iterator<Item = (f64, JointPath)> {
-        drawn_out(self.problem.targets_m()).filter_map(|layout_m| self.through(&layout_m))
+        drawn_out(&self.problem.targets_m).filter_map(|layout_m| self.through(&layout_m))
     }
 
     /// Path straight to `layout_m` in the frame of all parts and straight on from there, with its effort; `None` where
     /// that leaves no room.
     fn through(&self, layout_m: &[Vec2]) -> Option<(f64, JointPath)> {
-        let targets_m = self.problem.targets_m();
+        let targets_m = &self.problem.targets_m;
         let inside = |(part, at): (usize, &Vec2)| at.amax() < self.problem.reach_m(part);
         if !layout_m.iter().enumerate().all(inside) || !self.problem.is_clear(layout_m, targets_m, PLANNED_GAP_M) {
             return None;
@@ -204,16 +204,16 @@ impl RigidMotionProblem<'_> {
     }
 
     fn straight_in(&self, frame: &RigidRotation) -> JointPath {
-        let ends_m = self.problem.targets_m().iter().map(|&target| frame.undo(target));
+        let ends_m = self.problem.targets_m.iter().map(|&target| frame.undo(target));
         let ways_m: Vec<Vec<Vec2>> = self.starts_m.iter().zip(ends_m).map(|(&start, end)| vec![start, end]).collect();
         self.in_table(frame, &ways_m)
     }
 
     /// Paths round each other in a frame that cannot be crossed straight.
     fn round_each_other_in(&self, frame: &RigidRotation, rng: &mut Rng) -> Vec<JointPath> {
-        let ends_m = self.problem.targets_m().iter().map(|&target| frame.undo(target)).collect();
+        let ends_m = self.problem.targets_m.iter().map(|&target| frame.undo(target)).collect();
         let framed = self.problem.with_targets(ends_m);
-        if framed.is_clear(self.starts_m, framed.targets_m(), PLANNED_GAP_M) {
+        if framed.is_clear(self.starts_m, &framed.targets_m, PLANNED_GAP_M) {
             return Vec::new();
         }
         let mut search = PrioritizedPlanner::new(&framed, self.starts_m);
@@ -247,7 +247,7 @@ impl RigidMotionProblem<'_> {
             };
             way_m.push(ways_m.iter().enumerate().map(at).collect());
         }
-        way_m.push(self.problem.targets_m().to_vec());
+        way_m.push(self.problem.targets_m.clone());
         way_m
     }
 }

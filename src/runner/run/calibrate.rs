@@ -2,7 +2,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::config::RigSpec;
 use upm_control::ExpectedPart;
-use upm_control::calibration::{self, CalibrationFault, CalibrationParams, CalibrationProgress};
+use upm_control::calibration::{CalibrationFault, CalibrationParams, CalibrationProgress, CalibrationSession};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -29,7 +29,7 @@ pub fn calibrate(
     progress: &mut dyn FnMut(CalibrationProgress),
 ) -> Result<Library, CalibrationFault> {
     let mut simulated = simulated(rig, seed)?;
-    calibration::calibrate(&mut simulated, &rig.model, &rig.fingerprint, params, stop, progress)
+    CalibrationSession::new(&mut simulated, &rig.model, stop, progress).library(&rig.fingerprint, params)
 }
 
 /// The simulated rig with pennies on it.
@@ -204,8 +204,9 @@ mod tests {
         rig.model.frame_size_px = [1, 1];
         let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
         let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(1));
-        let fields =
-            calibration::measure_fields(&mut simulated, &rig.model, &params, &stop, &mut |_| ()).unwrap().unwrap();
+        let mut quiet = |_| ();
+        let session = CalibrationSession::new(&mut simulated, &rig.model, &stop, &mut quiet);
+        let fields = session.fields(&params).unwrap().unwrap();
         assert_eq!(fields.twist_from_counts.len(), 8);
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let small = Library::load(&folder.join("tests/golden/small-library.json")).unwrap();
@@ -249,8 +250,9 @@ mod tests {
             rig.model.frame_size_px = [1, 1];
             let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
             let mut simulated = SimRig::new(rig.model.clone(), rig.sim.clone(), Vec::new(), Streams::new(seed));
-            let found = calibration::measure_resonances(&mut simulated, &rig.model, &params, &stop, &mut |_| ());
-            for (axis, found) in found.unwrap().unwrap().iter().enumerate() {
+            let mut quiet = |_| ();
+            let session = CalibrationSession::new(&mut simulated, &rig.model, &stop, &mut quiet);
+            for (axis, found) in session.resonances(&params).unwrap().unwrap().iter().enumerate() {
                 let (natural_hz, ratio) = (rig.sim.plate.resonance_hz[axis], rig.sim.plate.damping_ratio[axis]);
                 let off = found.fit.natural_radps / (TAU * natural_hz) - 1.0;
                 assert!(off.abs() < 0.03, "{name} axis {axis}: off by {off}: {:?}", found.fit);

@@ -49,7 +49,7 @@ pub fn first_frame(job: &JobSpec) -> Result<FirstFrame, RunError> {
     let [width, height] = job.rig.model.frame_size_px;
     let mut frame = Frame::new(width, height);
     rig.capture(&mut frame)?;
-    let seen_px = |p_m: Vec2| rig.camera().image_from_table(p_m, 0.0);
+    let seen_px = |p_m: Vec2| rig.image_from_table(p_m, 0.0);
     let h = 0.5 * job.rig.model.plate_side_m;
     let corners_px = [[-h, h], [h, h], [h, -h], [-h, -h]].map(|[x, y]| seen_px(Vec2::new(x, y)));
     let truth = rig.probe().read();

@@ -52,23 +52,3 @@ impl PixelCoverage {
         if self.even[block].is_nan() { self.each[block] } else { [self.even[block]; LANES] }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn even_and_uneven_shares_add_up_alike() {
-        let mut coverage = PixelCoverage::none();
-        coverage.add_everywhere(0.25);
-        assert_eq!((coverage.even(3), coverage.of_block(3)), (0.25, [0.25; LANES]));
-        coverage.uneven(3)[7] += 0.5;
-        coverage.add(3, 0.125);
-        let mut wanted = [0.375; LANES];
-        wanted[7] = 0.875;
-        assert!(coverage.even(3).is_nan());
-        assert_eq!((coverage.of_block(3), coverage.even(4)), (wanted, 0.25));
-        coverage.clear();
-        assert_eq!((coverage.even(3), coverage.of_block(3)), (0.0, [0.0; LANES]));
-    }
-}

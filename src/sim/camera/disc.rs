@@ -6,21 +6,13 @@ use super::edge::{Blur, REACH, edge_spread, inverse_sqrt};
 use super::exposure::{SubExposure, SubExposureParams};
 use super::tiles::{F32Lanes, LANES, Pixels, Tile, TileBox, TileGrid};
 use super::view::CameraProjection;
+use crate::PartParams;
 use upm_core::geometry::{Pose, Vec2, cross};
-
-/// Shape of a part as the camera sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DiscShape {
-    /// Radius of its outline, m.
-    pub radius_m: f64,
-    /// Height above the plate, m.
-    pub thickness_m: f64,
-}
 
 /// One part's outline during an exposure.
 #[derive(Clone, Debug)]
-pub(super) struct DiscOutline {
-    shape: DiscShape,
+pub(crate) struct DiscOutline {
+    pub(crate) shape: PartParams,
     shown: Vec<SubExposure>,
     next: Vec<SubExposure>,
     silhouettes: Vec<Silhouette>,
@@ -54,13 +46,9 @@ struct Silhouette {
 
 impl DiscOutline {
     /// Outline of a part that has no position yet.
-    pub(super) fn new(shape: DiscShape) -> Self {
+    pub(super) fn new(shape: PartParams) -> Self {
         let (shown, next, silhouettes) = (Vec::new(), Vec::new(), Vec::new());
         Self { shape, shown, next, silhouettes, tiles: TileBox::default() }
-    }
-
-    pub(super) fn shape(&self) -> DiscShape {
-        self.shape
     }
 
     /// Sets the part's positions for a new exposure, none when it is hidden. Calls `stale` with every tile whose
@@ -120,7 +108,7 @@ impl DiscOutline {
 }
 
 impl Silhouette {
-    fn new(shape: &DiscShape, sub_exposure: &SubExposure, view: &CameraProjection) -> Self {
+    fn new(shape: &PartParams, sub_exposure: &SubExposure, view: &CameraProjection) -> Self {
         let foot_m = sub_exposure.pose.position_m;
         let (top_m, magnification) = view.shadow(foot_m, shape.thickness_m);
         let (lean_m, growth_m) = (top_m - foot_m, (magnification - 1.0) * shape.radius_m);

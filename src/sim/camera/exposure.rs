@@ -93,32 +93,3 @@ pub(super) fn moments(samples: impl ExactSizeIterator<Item = Vector3<f64>> + Clo
     });
     (mean, spread)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const GRAIN: SubExposureParams = SubExposureParams { blur_m: 2e-4, arm_m: 0.1 };
-
-    fn sub_exposures(step_m: f64, count: usize) -> Vec<SubExposure> {
-        let mut out = Vec::new();
-        let pose = |k: usize| Pose { position_m: Vec2::new(0.01 + step_m * k as f64, 0.0), heading_rad: 0.0 };
-        GRAIN.sub_exposures((0..count).map(pose), &mut out);
-        out
-    }
-
-    #[test]
-    fn mean_and_variance_of_the_motion_are_kept() {
-        for (step_m, count, parts) in [(3e-5, 8, 1), (8e-5, 8, 2), (1.6e-4, 8, 4), (4e-4, 8, 8), (1.2e-4, 5, 3)] {
-            let cut = sub_exposures(step_m, count);
-            assert_eq!(cut.len(), parts, "{step_m}");
-            let mean = cut.iter().map(|g| g.weight * g.pose.position_m.x).sum::<f64>();
-            let second = |g: &SubExposure| g.weight * (g.spread[(0, 0)] + (g.pose.position_m.x - mean).powi(2));
-            let variance = cut.iter().map(second).sum::<f64>();
-            let n = count as f64;
-            assert!((mean - 0.01 - step_m * (n - 1.0) / 2.0).abs() < 2e-7);
-            assert!((variance / (step_m * step_m * (n * n - 1.0) / 12.0) - 1.0).abs() < 0.02);
-            assert!((cut.iter().map(|g| g.weight).sum::<f64>() - 1.0).abs() < 1e-12);
-        }
-    }
-}

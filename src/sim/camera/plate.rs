@@ -38,7 +38,7 @@ struct TileAtRest {
 impl TileAtRest {
     fn new(tile: &Tile, blur: &Blur, half_side_m: f64) -> Self {
         let to_edge_m = (half_side_m - tile.center_m.amax()).abs();
-        let reach_m = tile.radius_bound_m() + REACH * blur.bound_m(tile);
+        let reach_m = tile.radius_bound_m + REACH * blur.bound_m(tile);
         Self { clear_m: to_edge_m - reach_m, arm_m: tile.center_m.norm() }
     }
 }

@@ -32,7 +32,7 @@ impl Camera {
             else {
                 continue;
             };
-            let shape = part.shape();
+            let shape = &part.shape;
             let position_m = |snapshot: &Snapshot| pose_in(snapshot).unwrap_or(pose).position_m;
             let center_px = mean(&|snapshot| self.view.image_from_table(position_m(snapshot), shape.thickness_m));
             let error_px =

@@ -1,7 +1,7 @@
 //! Reference picture by brute force: rays against solid cylinders and the square, 16 × 16 per pixel, convolved with the
 //! Gaussian and the pixel's square; and the camera's deviation from it.
 
-use super::scenes::{self, PENNY, PLATE_M};
+use super::scenes::{self, PLATE_M};
 use super::*;
 use upm_core::random::Streams;
 
@@ -15,7 +15,7 @@ pub(super) struct ReferencePicture {
     pub(super) levels: Vec<f64>,
 }
 
-pub(super) fn camera(params: &CameraParams, discs: &[DiscShape]) -> Camera {
+pub(super) fn camera(params: &CameraParams, discs: &[PartParams]) -> Camera {
     Camera::new(*params, PLATE_M, discs.to_vec(), Streams::new(1).stream("camera"))
 }
 
@@ -40,7 +40,7 @@ impl Camera {
 
 /// Gray level of the surface that the ray through an image point hits. The ray passes over the plate's plane from `low`
 /// to the point where it is `thickness` high; it hits a cylinder when that section comes within a radius of the axis.
-fn level_hit(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot, px: Vec2) -> f64 {
+fn level_hit(camera: &Camera, discs: &[PartParams], snapshot: &Snapshot, px: Vec2) -> f64 {
     let [ground, plate, part] = camera.params.levels;
     let Some(low) = camera.view.table_from_image(px) else { return ground };
     let eye = camera.params.position_m;
@@ -71,7 +71,7 @@ fn footprint(blur_px: f64) -> Vec<f64> {
     (0..count).map(|k| weight(k) / sum).collect()
 }
 
-fn reference(camera: &Camera, discs: &[DiscShape], snapshot: &Snapshot) -> ReferencePicture {
+fn reference(camera: &Camera, discs: &[PartParams], snapshot: &Snapshot) -> ReferencePicture {
     let [width, height] = camera.params.size_px;
     let (columns, rows) = (width + 2 * MARGIN, height + 2 * MARGIN);
     let weights = footprint(camera.params.blur_px);
@@ -131,8 +131,8 @@ fn scene(parts: &[[f64; 2]]) -> Snapshot {
 
 #[test]
 fn pictures_agree_with_rays() {
-    let tall = DiscShape { radius_m: 6e-3, thickness_m: 12e-3 };
-    let discs = [PENNY, tall, PENNY];
+    let tall = PartParams { radius_m: 6e-3, thickness_m: 12e-3, ..PartParams::PENNY };
+    let discs = [PartParams::PENNY, tall, PartParams::PENNY];
     for (blur_px, tolerance) in [(0.5, 1.3), (1.3, 2.0)] {
         let mut params = scenes::small();
         params.blur_px = blur_px;
@@ -149,9 +149,10 @@ fn coins_and_edges_are_where_rays_put_them() {
     for levels in [[12.0, 220.0, 35.0], [0.0, 120.0, 240.0]] {
         let mut params = scenes::small();
         (params.shading, params.levels) = (0.0, levels);
-        let mut camera = camera(&params, &[PENNY]);
+        let mut camera = camera(&params, &[PartParams::PENNY]);
         let snapshot = scene(&[[0.0722, 0.0781]]);
-        let (ours, exact) = (camera.shown(std::slice::from_ref(&snapshot)), reference(&camera, &[PENNY], &snapshot));
+        let (ours, exact) =
+            (camera.shown(std::slice::from_ref(&snapshot)), reference(&camera, &[PartParams::PENNY], &snapshot));
         for [dark, bright] in [[levels[0], levels[1]], [levels[1], levels[2]]] {
             let (level, step) = ((dark + bright) / 2.0, (dark - bright).abs() / 4.0);
             let (ours, exact) = (ours.crossings(level, step), exact.crossings(level, step / 2.0));

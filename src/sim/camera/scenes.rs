@@ -3,14 +3,11 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-use super::{CameraParams, DiscShape};
+use super::CameraParams;
 use upm_core::geometry::{Lens, Vec2};
 
 /// Side of the plate in all scenes, m.
 pub(super) const PLATE_M: f64 = 0.2032;
-
-/// A US penny.
-pub(super) const PENNY: DiscShape = DiscShape { radius_m: 9.525e-3, thickness_m: 1.52e-3 };
 
 /// The whole plate in 1280 × 1024, 4.4 px per millimetre.
 pub(super) fn full() -> CameraParams {

@@ -3,11 +3,11 @@
 use proptest::prelude::*;
 
 use super::reference::{camera, pose};
-use super::scenes::{self, PENNY, PLATE_M};
+use super::scenes::{self, PLATE_M};
 use super::*;
 use upm_core::random::Streams;
 
-const TALL: DiscShape = DiscShape { radius_m: 6e-3, thickness_m: 12e-3 };
+const TALL: PartParams = PartParams { radius_m: 6e-3, thickness_m: 12e-3, ..PartParams::PENNY };
 
 fn snapshot(plate: Pose, parts: &[Vec2]) -> Snapshot {
     let parts_in_table = parts.iter().map(|p| Some(pose(p.x, p.y, 0.0))).collect();
@@ -35,10 +35,10 @@ proptest! {
     #[test]
     fn the_clean_picture_depends_on_the_exposure_alone(exposures in prop::collection::vec(exposure(), 1..5)) {
         let params = scenes::small();
-        let mut used = camera(&params, &[PENNY, TALL]);
+        let mut used = camera(&params, &[PartParams::PENNY, TALL]);
         for exposure in &exposures {
             used.shown(exposure);
-            let mut fresh = camera(&params, &[PENNY, TALL]);
+            let mut fresh = camera(&params, &[PartParams::PENNY, TALL]);
             fresh.shown(exposure);
             let at = used.clean.iter().zip(&fresh.clean).position(|(a, b)| a != b);
             prop_assert!(at.is_none(), "differs in pixel {:?}", at.map(|k| (k % 160, k / 160)));
@@ -51,7 +51,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
     #[test]
     fn bounds_of_tiles_are_not_seen(params in scenes::any(), x in -0.1..0.1f64, y in -0.1..0.1f64, turn in -0.4..0.4f64) {
-        let discs = [PENNY, TALL];
+        let discs = [PartParams::PENNY, TALL];
         let exposure = [snapshot(pose(x, y, turn), &[Vec2::new(x, y), Vec2::new(x + 0.09, y - 0.09)])];
         let mut bounded = camera(&params, &discs);
         bounded.shown(&exposure);
@@ -68,7 +68,7 @@ proptest! {
 fn an_exposure_is_the_mean_of_its_snapshots() {
     for step_m in [1e-6, 3e-5, 7e-5, 1.2e-4, 3e-4] {
         let params = scenes::small();
-        let mut camera = camera(&params, &[PENNY, TALL]);
+        let mut camera = camera(&params, &[PartParams::PENNY, TALL]);
         let at = |k: usize| {
             let s = step_m * k as f64;
             let parts = [Vec2::new(0.07 + s, 0.08 - 0.5 * s), Vec2::new(0.088, 0.066 + s)];
@@ -92,7 +92,7 @@ fn frames_follow_from_seed_and_calls() {
     let exposure = [snapshot(Pose::IDENTITY, &[Vec2::new(0.08, 0.08)])];
     let frames = |seed| {
         let noise = Streams::new(seed).stream("camera");
-        let mut camera = Camera::new(params, PLATE_M, vec![PENNY], noise);
+        let mut camera = Camera::new(params, PLATE_M, vec![PartParams::PENNY], noise);
         let mut frames = [Frame::new(0, 0), Frame::new(7, 9)];
         frames.iter_mut().for_each(|frame| camera.render(&exposure, frame));
         frames
@@ -107,7 +107,7 @@ fn frames_follow_from_seed_and_calls() {
 #[test]
 fn fallen_and_missing_parts_are_not_seen() {
     let params = scenes::small();
-    let mut camera = camera(&params, &[PENNY]);
+    let mut camera = camera(&params, &[PartParams::PENNY]);
     let empty = camera.shown(&[snapshot(Pose::IDENTITY, &[])]);
     let off = |camera: &mut Camera, plate, x_m| {
         camera.shown(&[snapshot(plate, &[Vec2::new(x_m, 0.08)])]).farthest_from(&empty)

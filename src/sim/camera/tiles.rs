@@ -34,7 +34,7 @@ pub(super) struct Tile {
     /// Table coordinates of the tile's centre, m.
     pub(super) center_m: Vec2,
     /// Upper bound of the distance of its pixels from the centre, m; infinite where none is known.
-    radius_bound_m: f64,
+    pub(super) radius_bound_m: f64,
     /// Covariance on the table of a point that has unit variance in the image, m²/px²: J Jᵀ with
     /// J the Jacobian of table by image coordinates.
     pub(super) px_covariance_m2: Matrix2<f64>,
@@ -73,11 +73,6 @@ impl Tile {
     #[cfg(test)]
     pub(super) fn is_known(&self) -> bool {
         self.pixels.get().is_some()
-    }
-
-    /// Upper bound of the distance of the farthest pixel from the centre, m.
-    pub(super) fn radius_bound_m(&self) -> f64 {
-        self.radius_bound_m
     }
 
     /// The distance of the farthest pixel from the centre, m, or an upper bound of it that is also below `enough_m`.
@@ -195,41 +190,5 @@ impl TileBox {
     pub(super) fn indices(self, columns: usize) -> impl Iterator<Item = usize> {
         (self.rows[0]..self.rows[1])
             .flat_map(move |row| (self.columns[0]..self.columns[1]).map(move |column| row * columns + column))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::scenes;
-    use super::*;
-    use proptest::prelude::*;
-
-    fn tiles(params: &super::super::CameraParams) -> (CameraProjection, Vec<Tile>) {
-        let view = CameraProjection::new(params);
-        let grid = TileGrid::new(&view, params.size_px);
-        (view, grid.tiles)
-    }
-
-    proptest! {
-        #[test]
-        fn no_pixel_is_beyond_the_bound(params in scenes::any()) {
-            let (view, tiles) = tiles(&params);
-            for tile in tiles {
-                let (bound_m, exact_m) = (tile.radius_bound_m(), tile.pixels(&view).radius_m);
-                prop_assert!(exact_m <= bound_m, "{exact_m} m, bound {bound_m} m");
-                prop_assert_eq!(tile.radius_m(&view, bound_m), exact_m);
-            }
-        }
-    }
-
-    #[test]
-    fn radius_bound_beyond_the_horizon_is_infinite() {
-        let mut params = scenes::small();
-        params.tilt_rad = [1.55, 0.0, 0.0];
-        let (view, tiles) = tiles(&params);
-        let blind = |tile: &Tile| tile.pixels(&view).x_m.iter().flatten().any(|x_m| *x_m == NOWHERE_M as f32);
-        let blind: Vec<&Tile> = tiles.iter().filter(|tile| blind(tile)).collect();
-        assert!((10..tiles.len()).contains(&blind.len()));
-        assert!(blind.iter().all(|tile| tile.radius_bound_m().is_infinite()));
     }
 }

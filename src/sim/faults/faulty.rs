@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use rand_pcg::rand_core::Rng as _;
 
-use super::plant::{FaultyPlant, Oil, PlantChange, PlantFaults};
+use super::plant::{Oil, PlantFaults};
 use super::{FaultKind, FaultSpec, FaultyComponent, picture, trace};
+use crate::{Plant, SimRig};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Rig, RigFault};
@@ -29,8 +30,8 @@ type Picture = (Vec<u8>, Option<MeasuredPositions>);
 ///
 /// Faults take effect where time passes: one of the plant with the first frame or pulse at or after its onset, one of
 /// the camera with the first exposure, one of an accelerometer with the first sample.
-pub struct Faulty<'a, R> {
-    rig: &'a mut R,
+pub struct Faulty<'a> {
+    rig: &'a mut SimRig,
     faults: Vec<FaultSpec>,
     /// True for a one-time fault that has happened.
     done: Vec<bool>,
@@ -47,9 +48,9 @@ pub struct Faulty<'a, R> {
     shown: Option<Picture>,
 }
 
-impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
+impl<'a> Faulty<'a> {
     /// `rig` with `faults`; `wait` waits for the given wall time.
-    pub fn new(rig: &'a mut R, faults: &[FaultSpec], streams: Streams, wait: &'a dyn Fn(Duration)) -> Self {
+    pub fn new(rig: &'a mut SimRig, faults: &[FaultSpec], streams: Streams, wait: &'a dyn Fn(Duration)) -> Self {
         let lag = |fault: &FaultSpec| {
             let is_late = fault.component == FaultyComponent::Camera && fault.kind == FaultKind::Late;
             if is_late { fault.values[0] as usize } else { 0 }
@@ -88,15 +89,11 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     fn settle_plant(&mut self) {
         let now = self.rig.now();
         for i in 0..self.faults.len() {
-            if now >= self.faults[i].from
-                && !self.done[i]
-                && let Some(change) = change_of(&self.faults[i])
-            {
-                self.done[i] = true;
-                self.rig.change(change);
+            if now >= self.faults[i].from && !self.done[i] {
+                self.done[i] = change(&mut self.rig.plant, &self.faults[i]);
             }
         }
-        let mut plant = plant_faults(self.held(now), self.rig.parts());
+        let mut plant = plant_faults(self.held(now), self.rig.plant.parts().len());
         for i in 0..self.faults.len() {
             let fault = self.faults[i];
             if fault.kind == FaultKind::Chatter && fault.holds(now) && self.draw() < fault.values[0] {
@@ -203,7 +200,7 @@ impl<'a, R: Rig + FaultyPlant> Faulty<'a, R> {
     }
 }
 
-impl<R: Rig + FaultyPlant> Rig for Faulty<'_, R> {
+impl Rig for Faulty<'_> {
     fn now(&self) -> PlateTime {
         self.rig.now()
     }
@@ -269,14 +266,18 @@ fn place_m(fault: &FaultSpec) -> Vec2 {
     Vec2::new(m_from_mm(fault.values[0]), m_from_mm(fault.values[1]))
 }
 
-/// The sudden change that `fault` makes; `None` for faults of another kind.
-fn change_of(fault: &FaultSpec) -> Option<PlantChange> {
+/// Makes the sudden change of `fault` to the plant; false for faults of another kind.
+fn change(plant: &mut Plant, fault: &FaultSpec) -> bool {
     match (fault.component, fault.kind) {
-        (FaultyComponent::Part(part), FaultKind::Moved) => Some(PlantChange::Moved { part, by_m: place_m(fault) }),
-        (FaultyComponent::Parts, _) => fault.pair().map(PlantChange::Swapped),
-        (_, FaultKind::Bumped) => Some(PlantChange::Bumped(place_m(fault))),
-        _ => None,
+        (FaultyComponent::Part(part), FaultKind::Moved) => plant.parts.shift(part, place_m(fault)),
+        (FaultyComponent::Parts, FaultKind::Swapped) => {
+            fault.pair().into_iter().for_each(|pair| plant.parts.exchange(pair))
+        }
+        (_, FaultKind::Bumped) => plant.plate.bump(place_m(fault)),
+        _ => return false,
     }
+    plant.still = false;
+    true
 }
 
 fn coils_of(component: FaultyComponent) -> std::ops::Range<usize> {

@@ -2,7 +2,6 @@
 
 use rand_pcg::rand_core::Rng as _;
 
-use super::plant::SeenDisc;
 use upm_core::geometry::Vec2;
 use upm_core::random::Rng;
 use upm_core::signal::Frame;
@@ -22,6 +21,15 @@ pub(super) fn cover(frame: &mut Frame, share: f64) {
             *pixel = HAND + ((x * 7 + y * 13) % 16) as u8;
         }
     }
+}
+
+/// A disc as the camera sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SeenDisc {
+    pub center_px: Vec2,
+    pub radius_px: f64,
+    /// Its gray level.
+    pub level: f64,
 }
 
 /// Paints a disc over the scene, with a rim as soft as one pixel.

@@ -23,7 +23,7 @@ fn driving() -> (SimRig, Interlock) {
 
 fn one_step(rig: &mut SimRig) -> Wrench {
     rig.advance_to(rig.now() + STEP_S);
-    rig.plant.motors().wrench()
+    rig.plant.motors.wrench()
 }
 
 proptest! {
@@ -62,7 +62,7 @@ proptest! {
         let answer = interlock.stop_times().unwrap();
         prop_assert!((answer.motors_off_at - left_at - Interlock::LEASE_S).abs() <= STEP_S, "{answer:?} from {left_at}");
         prop_assert!(rig.settled_at() - answer.motors_off_at <= LONG.rest_s + 1e-9);
-        prop_assert_eq!(rig.plant.motors().wrench(), Wrench::default());
+        prop_assert_eq!(rig.plant.motors.wrench(), Wrench::default());
     }
 }
 
@@ -86,7 +86,7 @@ fn a_lease_runs_out_without_an_interlock_too() {
     let mut rig = rig(1);
     rig.play(&long_drive()).unwrap();
     assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::Lease)));
-    assert_eq!(rig.plant.motors().wrench(), Wrench::default());
+    assert_eq!(rig.plant.motors.wrench(), Wrench::default());
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
     // the step in progress when the trip was set, and one whose start the other thread had not seen yet; the scheduler
     // may let any number of steps pass between the request and the trip
     assert!(answer.motors_off_at - tripped_by <= 2.0 * STEP_S + 1e-12, "{answer:?} {tripped_by:?}");
-    assert_eq!(rig.plant.motors().wrench(), Wrench::default());
+    assert_eq!(rig.plant.motors.wrench(), Wrench::default());
 }
 
 #[test]

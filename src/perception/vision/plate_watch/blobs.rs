@@ -68,13 +68,13 @@ impl Blobs {
     pub(super) fn new(grid: &CellGrid, radii_m: [f64; 2], excused_m: f64) -> Self {
         let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / grid.sample_m2());
         Self {
-            stride: grid.stride(),
+            stride: grid.stride,
             states: vec![BORDER; grid.len()],
             queue: Vec::with_capacity(grid.len()),
             small: Vec::with_capacity(MOST_SMALL),
             one_part: one_part.ceil() as usize,
             part: [((LEAST_SHARE * fewest) as usize).max(LEAST_SAMPLES), (MOST_PARTS * one_part).ceil() as usize],
-            reach: ((2.0 * excused_m + radii_m[0]) / grid.spacing_m()).ceil() as usize + 1,
+            reach: ((2.0 * excused_m + radii_m[0]) / grid.spacing_m).ceil() as usize + 1,
         }
     }
 

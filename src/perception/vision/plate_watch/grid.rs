@@ -15,8 +15,9 @@ const NONE: u32 = u32::MAX;
 /// sample, so that every sample has eight neighbours.
 pub(super) struct CellGrid {
     /// Places along a side, the ring included.
-    stride: usize,
-    spacing_m: f64,
+    pub(super) stride: usize,
+    /// Distance between neighbours, m.
+    pub(super) spacing_m: f64,
     /// The first pixel of each sample.
     pixels: Vec<u32>,
 }
@@ -44,16 +45,6 @@ impl CellGrid {
     /// Number of places, those without a sample included.
     pub(super) fn len(&self) -> usize {
         self.pixels.len()
-    }
-
-    /// Places along a side.
-    pub(super) fn stride(&self) -> usize {
-        self.stride
-    }
-
-    /// Distance between neighbours, m.
-    pub(super) fn spacing_m(&self) -> f64 {
-        self.spacing_m
     }
 
     /// Area of one sample's grid cell, m².

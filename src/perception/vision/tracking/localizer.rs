@@ -85,8 +85,8 @@ impl PartLocalizer {
         let seen = &view.tracks.get(i)?.seen;
         let disk = self.disks.get(seen.kind)?;
         let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
-        let peak = hill_climb(disk, view.frame, x, y, self.classifier.dark_parts, disk.reach())?;
-        let climbed = self.recognise(view, i, peak.vertex_px, expected);
+        let peak_px = hill_climb(disk, view.frame, x, y, self.classifier.dark_parts, disk.reach())?;
+        let climbed = self.recognise(view, i, peak_px, expected);
         if climbed.as_ref().is_some_and(|detection| detection.agreeing >= PLAIN_RAYS) {
             return climbed;
         }
@@ -200,8 +200,9 @@ impl PartLocalizer {
                 continue;
             }
             tried.push(place);
-            let peak = hill_climb(disk, view.frame, x as i64, y as i64, self.classifier.dark_parts, 4 * disk.reach())?;
-            let found = self.recognise(view, i, peak.vertex_px, &still);
+            let peak_px =
+                hill_climb(disk, view.frame, x as i64, y as i64, self.classifier.dark_parts, 4 * disk.reach())?;
+            let found = self.recognise(view, i, peak_px, &still);
             if let Some(detection) = found.filter(|detection| !self.is_taken(detection.part.center_px, kind, taken)) {
                 return Some(detection);
             }

@@ -63,11 +63,6 @@ impl MotionModel {
         let left = 1.0 - place / total;
         self.variance = [place * left, both * left, (velocity - both * both / total).max(0.0)];
     }
-
-    /// Clamps the position to the rectangle from `first` to `last`.
-    pub(super) fn keep_within(&mut self, first: Vec2, last: Vec2) {
-        self.place_px = self.place_px.sup(&first).inf(&last);
-    }
 }
 
 #[cfg(test)]

@@ -7,63 +7,33 @@ use upm_core::geometry::{Segment, Vec2};
 /// Slack below which a limit counts as kept, m.
 const ROUNDING_M: f64 = 1e-7;
 
-/// One linear limit on the steps of one or two parts: `normal · (u_a - u_b) <= room`; `b` is missing for an edge.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct HalfSpace {
-    normal: Vec2,
-    part: usize,
-    other: Option<usize>,
-    /// Right-hand side, m; never negative: a limit that is already broken may stay so but not get worse.
-    pub room_m: f64,
-    /// The limit that this is linearised from.
-    pub limit: Limit,
-}
-
-impl HalfSpace {
-    /// Distance by which flat steps `u` break the limit, m; negative when they keep it.
-    pub fn excess_m(&self, steps_m: &[f64]) -> f64 {
-        let of = |part: usize| self.normal.x * steps_m[2 * part] + self.normal.y * steps_m[2 * part + 1];
-        of(self.part) - self.other.map_or(0.0, of) - self.room_m
-    }
-}
-
-/// The linear limits around `parts` that steps of up to `reach_m` can meet.
-///
-/// `tighter_m` is kept on top of the parameters' distances, as an allowance for the error of linearisation.
-pub(super) fn half_spaces(parts: &[PartState], params: &PlannerParams, reach_m: f64, tighter_m: f64) -> Vec<HalfSpace> {
-    let mut found = Vec::new();
+/// The limit that flat steps break most, to first order; `None` when they keep all. A limit that is already broken may
+/// stay so but not get worse.
+pub(super) fn most_violated(parts: &[PartState], params: &PlannerParams, steps_m: &[f64]) -> Option<Limit> {
+    let step_m = |part: usize| Vec2::new(steps_m[2 * part], steps_m[2 * part + 1]);
+    let mut worst = (0.0, None);
+    let mut note = |excess_m: f64, limit: Limit| {
+        if excess_m > worst.0 {
+            worst = (excess_m, Some(limit));
+        }
+    };
     for (i, part) in parts.iter().enumerate() {
-        let bound = edge_bound_m(part, params);
         for normal in [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()] {
-            let room_m = bound - normal.dot(&part.position_m);
-            if room_m < reach_m {
-                let room_m = (room_m - 0.25 * tighter_m).max(0.0);
-                found.push(HalfSpace { normal, part: i, other: None, room_m, limit: Limit::Edge { part: i } });
-            }
+            let room_m = edge_bound_m(part, params) - normal.dot(&part.position_m);
+            note(normal.dot(&step_m(i)) - room_m.max(0.0), Limit::Edge { part: i });
         }
     }
     for (i, a) in parts.iter().enumerate() {
         for (j, b) in parts.iter().enumerate().skip(i + 1) {
             let apart = b.position_m - a.position_m;
-            let distance = apart.norm();
-            let room_m = distance - a.radius_m - b.radius_m - params.separation_m;
-            if room_m < 2.0 * reach_m && distance > 0.0 {
-                let limit = Limit::Separation { parts: [i, j] };
-                let room_m = (room_m - tighter_m).max(0.0);
-                found.push(HalfSpace { normal: apart / distance, part: i, other: Some(j), room_m, limit });
+            if let Some(normal) = apart.try_normalize(0.0) {
+                let room_m = apart.norm() - a.radius_m - b.radius_m - params.separation_m;
+                let excess_m = normal.dot(&step_m(i)) - normal.dot(&step_m(j)) - room_m.max(0.0);
+                note(excess_m, Limit::Separation { parts: [i, j] });
             }
         }
     }
-    found
-}
-
-/// The limit that the wanted steps break most; `None` when they keep all.
-pub(super) fn most_violated(half_spaces: &[HalfSpace], steps_m: &[f64]) -> Option<Limit> {
-    let worst = half_spaces.iter().map(|h| (h.excess_m(steps_m), h.limit)).fold(None, |worst, (excess, limit)| {
-        let beaten = worst.is_some_and(|(most, _)| excess <= most);
-        if beaten || excess <= 0.0 { worst } else { Some((excess, limit)) }
-    });
-    worst.map(|(_, limit)| limit)
+    worst.1
 }
 
 fn edge_bound_m(part: &PartState, params: &PlannerParams) -> f64 {
@@ -144,11 +114,10 @@ mod tests {
     fn a_limit_that_is_broken_may_stay_but_not_get_worse() {
         let over = penny(Vec2::new(HALF_SIDE_M, 0.0), Vec2::zeros());
         let near = penny(Vec2::new(HALF_SIDE_M - 2.0 * PENNY_M, 0.0), Vec2::zeros());
-        let limits = half_spaces(&[over, near], &params(), 0.005, 0.0);
-        assert!(limits.iter().all(|limit| limit.room_m >= 0.0), "staying is always allowed");
-        assert_eq!(most_violated(&limits, &[0.0; 4]), None);
-        assert_eq!(most_violated(&limits, &[0.001, 0.0, 0.0, 0.0]), Some(Limit::Edge { part: 0 }));
-        assert_eq!(most_violated(&limits, &[-0.001, 0.0, 0.001, 0.0]), Some(Limit::Separation { parts: [0, 1] }));
+        let violated = |steps_m: &[f64]| most_violated(&[over, near], &params(), steps_m);
+        assert_eq!(violated(&[0.0; 4]), None);
+        assert_eq!(violated(&[0.001, 0.0, 0.0, 0.0]), Some(Limit::Edge { part: 0 }));
+        assert_eq!(violated(&[-0.001, 0.0, 0.001, 0.0]), Some(Limit::Separation { parts: [0, 1] }));
         let clearances = Clearances::of(&[over, near], &params());
         let at = [over.position_m, near.position_m];
         let broken_by = |after_m: &[Vec2]| clearances.broken_after(&at, &at, after_m, 0.0);

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use super::harmonic_basis::HarmonicBasis;
-use super::limits::{Clearances, half_spaces, most_violated};
+use super::limits::{Clearances, most_violated};
 use super::motor_effort::MotorEffort;
 use super::optimizer::{Iterate, RolloutPool, ShootingProblem};
 use super::rollout::{Rollout, RolloutDisc};
@@ -115,16 +115,8 @@ impl FieldPlanner {
     /// Plans one cycle: a pulse that gives every part as much of its step as one pulse can, and keeps those with a
     /// corridor near its middle.
     pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
-        let finite = |p: &PartState| {
-            let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
-            numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
-        };
-        if !parts.iter().all(finite) {
-            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()));
-        }
-        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
-        if largest_m < 0.5 * self.params.min_distance_m {
-            return ended(PlanStatus::NothingToDo);
+        if let Some(status) = self.params.nothing_to_plan(parts) {
+            return status.into();
         }
         let rms_m = (parts.iter().map(|p| p.step_m.norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
         self.judge_last(parts, rms_m);
@@ -137,7 +129,7 @@ impl FieldPlanner {
                 Err(AttemptFailed { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
             }
         }
-        ended(PlanStatus::Infeasible(stopped_by))
+        PlanStatus::Infeasible(stopped_by).into()
     }
 
     /// Decides whether the last motion is a good start: not when most of the remaining distance is that motion's own
@@ -242,9 +234,7 @@ impl FieldPlanner {
             return Ok(iterate);
         }
         // a detour is acceptable only when the destination itself is allowed
-        let largest_m = free.steps_m.as_slice().chunks_exact(2).map(|step| step[0].hypot(step[1])).fold(0.0, f64::max);
-        let nearby = half_spaces(parts, &self.params, largest_m + self.params.separation_m, 0.0);
-        match most_violated(&nearby, free.steps_m.as_slice()) {
+        match most_violated(parts, &self.params, free.steps_m.as_slice()) {
             Some(limit) => Err(limit),
             None if penalties.is_empty() => Err(Limit::Unreachable),
             None => Ok(iterate),
@@ -349,8 +339,4 @@ impl FieldPlanner {
         };
         parts.iter().map(disc).collect()
     }
-}
-
-fn ended(status: PlanStatus) -> Plan {
-    Plan { status, ..Plan::default() }
 }

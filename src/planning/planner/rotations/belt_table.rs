@@ -30,20 +30,21 @@ const KEPT: usize = 4;
 /// Displacements of a part from rest by the speed amplitude of its belt, the plate's spin and the sustain.
 #[derive(Clone, Debug)]
 pub(super) struct BeltTable {
-    grid: BeltGrid,
+    pub(super) grid: BeltGrid,
     /// `[speed][sustain][spin]`.
     travels: Vec<[Travel; LANES]>,
 }
 
 /// The nodes of a table and the pump and friction at them: everything that the computed displacements depend on.
 #[derive(Clone, Debug, PartialEq)]
-struct BeltGrid {
+pub(super) struct BeltGrid {
     pump: Pump,
     friction: f64,
     first_ln: f64,
     step_ln: f64,
     spin_radps: [f64; LANES],
-    sustains: usize,
+    /// Number of sustains, from 0.
+    pub(super) sustains: usize,
 }
 
 /// Displacements at the nodes of a grid: `[speed][sustain][spin]`.
@@ -112,11 +113,6 @@ impl BeltTable {
     /// Time between the table's sustains, s.
     pub fn sustain_step_s(&self) -> f64 {
         self.grid.pump.sustain_step_s()
-    }
-
-    /// Number of sustains in the table, from 0.
-    pub fn sustains(&self) -> usize {
-        self.grid.sustains
     }
 
     /// The slowest belt in the table, m/s.

@@ -10,44 +10,25 @@ const LEVELS_M: [f64; 13] =
     [25e-3, 16e-3, 10e-3, 7e-3, 5e-3, 3.5e-3, 2.5e-3, 1.7e-3, 1.2e-3, 0.8e-3, 0.55e-3, 0.35e-3, 0.24e-3];
 
 /// Lengths and centres of the candidate pulses of a sequence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum PulseScale {
-    /// Pulses up to the length of the steps: least time.
-    Coarse,
-    /// Between the two: fine pulses move parts a third as far in the same time.
-    Medium,
-    /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together
-    /// nearly cancel, and the second-order terms of long pulses exceed the remainder.
-    Fine,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PulseScale {
+    /// Longest candidates, relative to the root mean square of the steps: long pulses span little more than rigid
+    /// motions, and the parts of them that cancel cost more than they move.
+    longest: f64,
+    /// Shortest candidates, and the length up to which candidates are always offered, m.
+    shortest_m: (f64, f64),
+    /// Least distance of a centre from a part, in radii: a nearer one spins the part more than it moves it.
+    nearest_radii: f64,
 }
 
 impl PulseScale {
-    /// Longest candidates, relative to the root mean square of the steps: long pulses span little more than rigid
-    /// motions, and the parts of them that cancel cost more than they move.
-    fn longest(self) -> f64 {
-        match self {
-            Self::Coarse => 1.4,
-            Self::Medium => 0.6,
-            Self::Fine => 0.35,
-        }
-    }
-
-    /// Shortest candidates, and the length up to which candidates are always offered, m.
-    fn shortest_m(self) -> (f64, f64) {
-        match self {
-            Self::Coarse => (0.7e-3, 1.3e-3),
-            Self::Medium => (0.4e-3, 0.9e-3),
-            Self::Fine => (0.2e-3, 0.4e-3),
-        }
-    }
-
-    /// Least distance of a centre from a part, in radii: a nearer one spins the part more than it moves it.
-    fn nearest_radii(self) -> f64 {
-        match self {
-            Self::Coarse => 0.8,
-            Self::Medium | Self::Fine => 0.0,
-        }
-    }
+    /// Pulses up to the length of the steps: least time.
+    pub const COARSE: Self = Self { longest: 1.4, shortest_m: (0.7e-3, 1.3e-3), nearest_radii: 0.8 };
+    /// Between the two: fine pulses move parts a third as far in the same time.
+    pub const MEDIUM: Self = Self { longest: 0.6, shortest_m: (0.4e-3, 0.9e-3), nearest_radii: 0.0 };
+    /// Pulses much shorter than the steps, and centres among the parts. Pulses that separate parts close together
+    /// nearly cancel, and the second-order terms of long pulses exceed the remainder.
+    pub const FINE: Self = Self { longest: 0.35, shortest_m: (0.2e-3, 0.4e-3), nearest_radii: 0.0 };
 }
 
 /// Exact displacements of pulses on all parts, in mm, with their times.
@@ -70,9 +51,9 @@ impl DisplacementMatrix {
         (rms_m, scale): (f64, PulseScale),
     ) -> Self {
         let discs = parts.iter().map(|part| (part.position_m, part.radius_m));
-        let usable = motion_set.usable(discs, scale.nearest_radii());
-        let (shortest_m, always_m) = scale.shortest_m();
-        let longest_m = (scale.longest() * rms_m).max(always_m);
+        let usable = motion_set.usable(discs, scale.nearest_radii);
+        let (shortest_m, always_m) = scale.shortest_m;
+        let longest_m = (scale.longest * rms_m).max(always_m);
         let mut columns = Self { rows: 2 * parts.len(), ..Self::default() };
         for level_m in LEVELS_M.into_iter().filter(|&level_m| shortest_m <= level_m && level_m <= longest_m) {
             for &dial in &usable {

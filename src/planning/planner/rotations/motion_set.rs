@@ -187,7 +187,7 @@ fn settings(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Dia
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
     let weaker = (0..AMPLITUDES)
         .map(|k| DialSetting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
-    let longer = (1..=(table.sustains() - 1) / 2)
+    let longer = (1..=(table.grid.sustains - 1) / 2)
         .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
     let distance_m = |setting: DialSetting| {
         let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);

@@ -8,6 +8,7 @@ use super::refine::{Refined, corridor_excess};
 use super::rollout::SequenceRollout;
 use super::subgoals::Clearance;
 use crate::cor_library::Library;
+use crate::planner::types::largest_step_m;
 use crate::planner::{Corridor, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_core::geometry::Vec2;
 
@@ -30,7 +31,7 @@ const TIGHTER: f64 = 0.8;
 /// Sequences tried in one cycle, each with finer pulses than the one before. Those beyond the scales have the finest,
 /// and go half as far as the one before or, where the steps are small (root mean square), leave less of them.
 const ATTEMPTS: usize = 6;
-const SCALES: [PulseScale; 3] = [PulseScale::Coarse, PulseScale::Medium, PulseScale::Fine];
+const SCALES: [PulseScale; 3] = [PulseScale::COARSE, PulseScale::MEDIUM, PulseScale::FINE];
 const SMALL_M: f64 = 2e-3;
 const TIGHTEN: f64 = 0.4;
 /// A sequence that leaves more than this fraction is tried again, with finer pulses or over a shorter distance.
@@ -118,17 +119,9 @@ impl RotationPlanner {
     /// Plans one cycle: the next pulses of a sequence that brings every part nearer to its target. Parts with a
     /// corridor keep to it along the whole sequence where they can.
     pub fn plan(&mut self, parts: &[PartState], corridors: &[Option<Corridor>]) -> Plan {
-        let finite = |p: &PartState| {
-            let numbers = [p.position_m.x, p.position_m.y, p.step_m.x, p.step_m.y, p.radius_m, p.gain];
-            numbers.iter().all(|v| v.is_finite()) && p.gain > 0.0
-        };
-        if !parts.iter().all(finite) {
-            return ended(PlanStatus::SolverFailed("a part's position is not finite".into()));
-        }
-        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
-        if largest_m < 0.5 * self.params.min_distance_m {
+        if let Some(status) = self.params.nothing_to_plan(parts) {
             self.running = None;
-            return ended(PlanStatus::NothingToDo);
+            return status.into();
         }
         let targets_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
         let room = Clearance::of(parts, &targets_m, &self.params, corridors);
@@ -137,7 +130,7 @@ impl RotationPlanner {
         }
         match self.new_sequence(parts, &targets_m, &room) {
             Ok(candidate) => self.play(candidate, targets_m, &room, false),
-            Err(limit) => ended(PlanStatus::Infeasible(limit)),
+            Err(limit) => PlanStatus::Infeasible(limit).into(),
         }
     }
 
@@ -181,8 +174,7 @@ impl RotationPlanner {
     fn new_sequence(&mut self, parts: &[PartState], targets_m: &[Vec2], room: &Clearance) -> Result<Sequence, Limit> {
         let usual_m = self.usual_m(parts.len());
         let mut reach_m = self.reach_m.unwrap_or(usual_m).min(usual_m);
-        let largest_m = parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max);
-        let mut share = (reach_m / largest_m).min(1.0);
+        let mut share = (reach_m / largest_step_m(parts)).min(1.0);
         let (mut best, mut limit): (Option<Sequence>, _) = (None, Limit::Unreachable);
         let mut tightened = 1.0;
         for attempt in 0..ATTEMPTS {
@@ -393,8 +385,4 @@ fn safe(refined: &Refined, room: &Clearance) -> usize {
 fn rms_m(steps_m: impl ExactSizeIterator<Item = Vec2>) -> f64 {
     let count = steps_m.len().max(1) as f64;
     (steps_m.map(|step| step.norm_squared()).sum::<f64>() / count).sqrt()
-}
-
-fn ended(status: PlanStatus) -> Plan {
-    Plan { status, ..Plan::default() }
 }

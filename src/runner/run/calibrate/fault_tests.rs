@@ -108,7 +108,7 @@ fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64)
     (rig.model.motor_arrangement, rig.sim.motors.arrangement) = (arrangement, arrangement);
     let mut altered = AlteredRig { rig: simulated(&rig, 1).unwrap(), from_s, alteration, last: None };
     let stop = AtomicBool::new(false);
-    calibration::calibrate(&mut altered, &rig.model, &rig.fingerprint, &params, &stop, &mut |_| ())
+    CalibrationSession::new(&mut altered, &rig.model, &stop, &mut |_| ()).library(&rig.fingerprint, &params)
 }
 
 fn refusal(alteration: Alteration, from_s: f64) -> CalibrationFault {
@@ -170,7 +170,8 @@ fn coils_far_off_their_nominal_force_are_refused() {
     rig.model.newtons_per_count *= 1.6;
     let mut simulated = simulated(&rig, 1).unwrap();
     let stop = AtomicBool::new(false);
-    let fault = calibration::calibrate(&mut simulated, &rig.model, "", &params, &stop, &mut |_| ()).unwrap_err();
+    let made = CalibrationSession::new(&mut simulated, &rig.model, &stop, &mut |_| ()).library("", &params);
+    let fault = made.unwrap_err();
     assert!(matches!(fault, CalibrationFault::Coil { fault: CoilFault::Gain { .. }, .. }), "{fault}");
 }
 

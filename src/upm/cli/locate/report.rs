@@ -12,7 +12,7 @@ use super::setup::LocateSetup;
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
-use upm_perception::vision::{DebugImages, Detection, ResponseMethod, Survey, Table};
+use upm_perception::vision::{DebugImages, Detection, Survey, Table};
 
 /// Table and parts found in a picture.
 pub(super) struct Localised {
@@ -26,8 +26,6 @@ pub(super) struct Localised {
 /// Result of the search of one picture.
 pub(super) struct LocatedPicture {
     pub found: Localised,
-    /// Method of the disks' response.
-    pub response: ResponseMethod,
     pub time_us: TimeUs,
     /// The parts of `found`, with the doubts about each.
     pub parts: Vec<NamedPart>,
@@ -50,14 +48,13 @@ pub(super) struct TimeUs {
 }
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
-    let LocatedPicture { found: Localised { table, .. }, response, time_us, side, survey, .. } = located;
+    let LocatedPicture { found: Localised { table, .. }, time_us, side, survey, .. } = located;
     let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
     let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
     let candidates = side.candidates.iter().map(
         |candidate| json!({ "side_mm": mm_from_m(candidate.side_m), "kinds": setting.known_names(&candidate.kinds) }),
     );
     json!({
-        "response": if *response == ResponseMethod::Fft { "fft" } else { "chords" },
         "table": {
             "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
             "side_px": table.side_px,

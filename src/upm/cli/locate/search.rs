@@ -12,7 +12,7 @@ use crate::cli::output::Failure;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_perception::vision::{
-    CoinFinder, DebugImages, ResponseMethod, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
+    CoinFinder, DebugImages, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
 };
 
 /// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
@@ -40,7 +40,7 @@ pub(super) fn locate_picture(
     let (table, side, surveyed) = scaled(table, &frame, setting);
     let scaled = clock.elapsed();
     let size = [frame.width, frame.height];
-    let mut finder = CoinFinder::with_response(&table, size, &setting.kinds, setting.dark_parts, ResponseMethod::Auto);
+    let mut finder = CoinFinder::new(&table, size, &setting.kinds, setting.dark_parts);
     let detections = finder.find(&frame);
     let done = clock.elapsed();
     // discs that only the part finder found are measured as well
@@ -56,7 +56,7 @@ pub(super) fn locate_picture(
     let time_us = TimeUs { decode, table: table_time, parts: parts_time, survey: survey_time };
     let detections = parts.iter().map(|named| named.part.clone()).collect();
     let found = Localised { frame, table, detections, stages: images };
-    Ok(LocatedPicture { found, response: finder.response_method(), time_us, parts, others, survey, side })
+    Ok(LocatedPicture { found, time_us, parts, others, survey, side })
 }
 
 /// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.

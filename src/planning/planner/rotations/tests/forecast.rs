@@ -4,7 +4,6 @@ use proptest::prelude::*;
 
 use super::motion_set;
 use crate::planner::fixture::{library, mm, penny, scene};
-use crate::planner::friction::friction_of;
 use crate::planner::pump::{Discs, LANES, Pump};
 use crate::planner::rotations::motion_set::{DialSetting, LibraryMotion, Pulse};
 use crate::planner::rotations::rollout::{SequenceRollout, Slopes};
@@ -43,22 +42,6 @@ fn a_slow_belt_carries_at_half_its_amplitude() {
 fn a_plate_too_gentle_for_friction_carries_nothing() {
     // the plate's acceleration stays below μ g: no slip at all
     assert!(travels_m([0.002; LANES], 40)[0].abs() < 1e-5);
-}
-
-#[test]
-fn friction_is_found_again_from_a_table_that_it_made() {
-    let mut made = (*library()).clone();
-    let pump = Pump::of(&made);
-    made.displacement.sustain_s = (0..26).map(|k| k as f64 * 3.0 * pump.sustain_step_s()).collect();
-    let row = |&speed: &f64| -> Vec<f64> {
-        let discs =
-            Discs { speed_mps: [speed; LANES], spin_radps: [0.0; LANES], friction: [0.24; LANES], radius_m: 0.0 };
-        let ends = pump.travels(&[discs], 76).remove(0);
-        (0..26).map(|k| ends[3 * k][0].along_m.max(0.0)).collect()
-    };
-    made.displacement.distance_m = made.displacement.speed_mps.iter().map(row).collect();
-    let found = friction_of(&made).unwrap();
-    assert!((found - 0.24).abs() < 0.002, "{found}");
 }
 
 fn motion(twist: Twist, amplitude: f64, sustain_s: f64, reversed: bool) -> LibraryMotion {

@@ -37,7 +37,7 @@ proptest! {
     #[test]
     fn counts_are_feasible_and_no_column_pays_more(count in 1usize..7, fine: bool, seed in 0u64..1000) {
         let (motion_set, parts) = (motion_set(), scene(count, 4e-3, seed));
-        let scale = if fine { PulseScale::Fine } else { PulseScale::Coarse };
+        let scale = if fine { PulseScale::FINE } else { PulseScale::COARSE };
         let columns = DisplacementMatrix::all(&motion_set, &parts, &room(&parts), (4e-3, scale));
         let steps_mm = steps_mm(&parts);
         let length_mm = steps_mm.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -58,7 +58,7 @@ proptest! {
         let (motion_set, parts) = (motion_set(), scene(count, 3e-3, seed));
         let goal_m: Vec<Vec2> = parts.iter().map(|part| part.position_m + part.step_m).collect();
         let room = Clearance::of(&parts, &goal_m, &params(), &[]);
-        let columns = DisplacementMatrix::all(&motion_set, &parts, &room, (3e-3, PulseScale::Coarse));
+        let columns = DisplacementMatrix::all(&motion_set, &parts, &room, (3e-3, PulseScale::COARSE));
         let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
         let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
         let first = Refined::of(&motion_set, used.collect(), &parts, &goal_m, &room);
