@@ -4,8 +4,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use serde_json::{Value, json};
+use std::process::Command;
 use tempfile::TempDir;
 
 #[path = "cli/batch.rs"]
@@ -48,7 +48,7 @@ mod shapes;
 mod streams;
 
 fn upm() -> Command {
-    let mut command = Command::cargo_bin("upm").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_upm"));
     command.current_dir(root());
     command
 }
@@ -111,7 +111,7 @@ fn replayed_run_is_shown_by_a_viewer_that_listens_on_the_loopback() {
     fs::set_permissions(&viewer, fs::Permissions::from_mode(0o755)).unwrap();
     let recording = folder.path().join("run.rrd");
     fs::write(&recording, "RRF2").unwrap();
-    upm().arg("replay").arg(folder.path()).env("PATH", folder.path()).assert().success();
+    assert!(upm().arg("replay").arg(folder.path()).env("PATH", folder.path()).output().unwrap().status.success());
     assert_eq!(fs::read_to_string(seen).unwrap(), format!("--bind 127.0.0.1 {}\n", recording.display()));
 }
 

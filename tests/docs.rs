@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use assert_cmd::Command;
+use std::process::Command;
 
 #[cfg(all(feature = "daemon", target_os = "linux"))]
 #[path = "docs/commands.rs"]
@@ -89,7 +89,7 @@ fn script_of(command: &str) -> Option<&str> {
 
 /// Output of `upm COMMAND --help`; empty where there is no such command.
 fn help_of(command: &str) -> String {
-    let output = Command::cargo_bin("upm").unwrap().args([command, "--help"]).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_upm")).args([command, "--help"]).output().unwrap();
     if output.status.success() { String::from_utf8(output.stdout).unwrap() } else { String::new() }
 }
 

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
+use std::process::Command;
 
 const FEATURES: [(&str, bool); 2] = [("rerun", cfg!(feature = "rerun")), ("daemon", cfg!(feature = "daemon"))];
 
@@ -15,7 +15,7 @@ fn root() -> PathBuf {
 
 /// Runs `upm`; returns exit status, stdout and stderr.
 fn upm(args: &[&str]) -> (i32, String, String) {
-    let output = Command::cargo_bin("upm").unwrap().current_dir(root()).args(args).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_upm")).current_dir(root()).args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }

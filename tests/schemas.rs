@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use serde_json::Value;
+use std::process::Command;
 use upm::config::{Document, schema_names};
 
 fn root() -> &'static Path {
@@ -19,7 +19,7 @@ fn schemas() -> PathBuf {
 }
 
 fn upm(args: &[&str]) -> Command {
-    let mut command = Command::cargo_bin("upm").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_upm"));
     command.args(args).current_dir(root());
     command
 }

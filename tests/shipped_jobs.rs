@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 use std::thread;
 
-use assert_cmd::Command;
 use serde_json::{Value, json};
+use std::process::Command;
 use tempfile::TempDir;
 
 #[path = "figures/page.rs"]
@@ -32,7 +32,7 @@ fn jobs() -> Vec<PathBuf> {
 
 /// JSON that `upm` prints.
 fn printed(args: &[&str]) -> Value {
-    let output = Command::cargo_bin("upm").unwrap().args(args).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_upm")).args(args).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
     serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{args:?}: {error}: {stderr}"))
 }

@@ -104,15 +104,6 @@ def check_deletion(checks, page, daemon):
     checks.soon("and no longer", lambda: not writing.is_visible(), 15)
 
 
-def check_live(checks, page):
-    address = "rerun+http://127.0.0.1:9876/proxy"
-    told = lambda answer: {"plates": [{**plate, "live": address} for plate in answer["plates"]], "stop_listen": None}
-    page.route("**/v1/plates", lambda route: route.fulfill(json=told(route.fetch().json())))
-    link = card(page, "upm-2").locator(".live a")
-    checks.soon("the address for Rerun is a link", lambda: link.get_attribute("href") == address)
-    page.unroute_all(behavior="wait")
-
-
 def check_device(checks, browser, daemon):
     """Keys and times on another device than this one."""
     tabs = browser.new_context(timezone_id="Asia/Kolkata")

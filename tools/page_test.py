@@ -21,7 +21,7 @@ from common import ROOT, enter_venv, parser_of
 from page_checks import Checks, card, fill_job, queue, state
 from page_daemon import BAD_JOB, SLOW_JOB, PageDaemon
 from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
-from page_order import check_deletion, check_device, check_file, check_live, check_pen, check_token
+from page_order import check_deletion, check_device, check_file, check_pen, check_token
 from page_plate import check_causes, check_sights
 from page_scripts import CLEARANCE_JS, CONTRAST_JS, MARKED_JS, PLACES_JS
 
@@ -341,7 +341,6 @@ def main():
         check_file(checks, page, daemon, pathlib.Path(folder()))
         for check in [check_pen, check_deletion]:
             check(checks, page, daemon)
-        check_live(checks, page)
         check_device(checks, browser, daemon)
         for check in [check_open_job, check_hidden_tab, check_tabs, check_long_queue]:
             check(checks, page, daemon)

@@ -48,8 +48,6 @@ export class PlateCard {
     this.standing = text('p', 'standing');
     this.queue = text('ol', 'queue');
     this.facts = text('p', 'facts');
-    this.liveLink = el('a');
-    this.live = el('p', { class: 'live', hidden: true }, 'Rerun: ', this.liveLink);
     this.says = el('p', { class: 'why', role: 'alert' });
     this.resume = button('Resume', () => this.ask(ofPlate(name, '/resume')), { class: 'go' });
     this.cancel = this.cancelOf(null);
@@ -59,7 +57,7 @@ export class PlateCard {
     const head = el('div', { class: 'card-head' }, title, stopOne);
     const drawing = el('div', { class: 'drawing' }, this.view.root, this.age, this.legend);
     const sights = el('div', { class: 'sights' }, drawing, this.camera.root);
-    const says = [this.says, this.standing, this.facts, this.live];
+    const says = [this.says, this.standing, this.facts];
     const rest = [this.why, this.remedy, this.conditions, this.doing, this.reset.root, this.queue, this.actions, ...says];
     this.root = el('article', { class: 'card panel', 'aria-label': `Plate ${name}` }, head, sights, ...rest);
   }
@@ -90,9 +88,6 @@ export class PlateCard {
     const late = counted(plate.deadline_misses || 'No', 'deadline missed', 'deadlines missed');
     const behind = plate.behind_s < LEAST_BEHIND_S ? '' : ` · ${plate.behind_s.toFixed(1)} s behind real time`;
     setText(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s`);
-    show(this.live, plate.live !== null);
-    setText(this.liveLink, plate.live ?? '');
-    this.liveLink.href = plate.live ?? '';
     this.tick();
   }
 

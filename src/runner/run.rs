@@ -47,7 +47,7 @@ use upm_recording::{
     BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{LiveServer, PathAppearance, RerunSink, RunContext};
+use upm_viewer::{PathAppearance, RerunSink, RunContext};
 
 use end_facts::{add_write_failure, ending, verdict};
 use folder::TruthLog;
@@ -83,8 +83,6 @@ pub struct RunOptions {
     pub real_time: bool,
     /// Writers of the journal and the recording.
     pub recording_options: RecordingOptions,
-    /// Live stream that shows the run, with or without a recording.
-    pub live: Option<LiveServer>,
 }
 
 /// Report of an ended run, with its folder.
@@ -289,7 +287,7 @@ fn start_recording(
         truth: Some(setup.truth()),
     };
     let path = folder.path().join("run.rrd");
-    let sink = RerunSink::start(&options.rerun, &path, options.live.as_ref(), context, &options.recording_options);
+    let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
     sink.map_err(|error| RunError::Recording(error.to_string()))
 }
 

@@ -1,6 +1,5 @@
 //! Stand-ins with the interface of this crate, for a build without Rerun.
 
-use std::io;
 use std::path::Path;
 
 use upm_control::Sink;
@@ -21,7 +20,6 @@ impl RerunSink {
     pub fn start(
         mode: &RerunMode,
         _path: &Path,
-        _live: Option<&LiveServer>,
         _context: RunContext,
         _keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
@@ -35,22 +33,6 @@ impl RerunSink {
 }
 
 impl Sink for RerunSink {}
-
-/// Stand-in for a live stream, without values.
-#[derive(Clone, Debug)]
-pub enum LiveServer {}
-
-impl LiveServer {
-    /// Always fails with [`io::ErrorKind::Unsupported`].
-    pub fn start(_port: Option<u16>, _history_bytes: u64) -> io::Result<Self> {
-        Err(io::Error::new(io::ErrorKind::Unsupported, "this build was made without the feature `rerun`"))
-    }
-
-    /// The address of the stream.
-    pub fn uri(&self) -> &str {
-        match *self {}
-    }
-}
 
 fn refuse(mode: &RerunMode) -> Result<(), RecordingError> {
     match mode {

@@ -1,4 +1,4 @@
-//! Recordings of runs for the Rerun viewer, in files and as live streams.
+//! Recordings of runs for the Rerun viewer, in files and to viewers.
 //!
 //! The feature `rerun` adds the Rerun SDK. Without it this crate has the same interface and makes no recordings;
 //! [`BUILT_IN`] reports which it is. No code outside this crate checks the feature.
@@ -12,9 +12,9 @@ mod types;
 pub use types::{PartAppearance, PathAppearance, RecordingError, RunContext};
 
 #[cfg(not(feature = "rerun"))]
-pub use absent::{LiveServer, RerunSink};
+pub use absent::RerunSink;
 #[cfg(feature = "rerun")]
-pub use rerun::{LiveServer, RerunSink};
+pub use rerun::RerunSink;
 
 /// True if this build can make recordings.
 pub const BUILT_IN: bool = cfg!(feature = "rerun");

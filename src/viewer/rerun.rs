@@ -4,7 +4,7 @@
 //! them. The file never has gaps: when the queue is full, either the control loop waits or the recording ends there as
 //! failed. A file that a killed process left opens up to its last whole message. A viewer gets a copy of the file's
 //! messages through a separate thread and queue; when it lags or is absent, messages to it are dropped and counted, and
-//! the run never waits. Viewers that connect by themselves are served by a [`LiveServer`].
+//! the run never waits.
 //!
 //! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `table` (from
 //! above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`, `log`. Rerun's 2D views have y down; `table` is logged with y negated, so that y is up.
@@ -15,9 +15,6 @@ mod destination;
 mod field;
 mod file;
 mod live;
-mod live_server;
-#[cfg(test)]
-mod live_tests;
 mod log_view;
 mod paint;
 mod picture;
@@ -36,5 +33,4 @@ mod task_tests;
 mod tests;
 mod trails;
 
-pub use live_server::LiveServer;
 pub use sink::RerunSink;

@@ -4,13 +4,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use serde_json::{Value, json};
+use std::process::Command;
 use tempfile::TempDir;
 
 /// Runs `upm-lab` in the repository's folder, expects this exit status, returns stdout and stderr.
 fn status(args: &[&str], expected: i32) -> (String, String) {
-    let mut command = Command::cargo_bin("upm-lab").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_upm-lab"));
     let output = command.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let (stdout, stderr) = (text(output.stdout), text(output.stderr));
@@ -41,7 +41,7 @@ fn an_experiment_leaves_its_files_and_its_figures() {
     let out = folder.path().join("a/b");
     // in a folder without files of the project
     let run = |args: &[&str]| {
-        let mut command = Command::cargo_bin("upm-lab").unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_upm-lab"));
         let output = command.current_dir(folder.path()).args(["-q"]).args(args).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));

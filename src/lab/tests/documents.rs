@@ -5,8 +5,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use assert_cmd::Command;
 use serde_json::Value;
+use std::process::Command;
 use tempfile::TempDir;
 
 #[path = "../../../tests/figures/page.rs"]
@@ -26,7 +26,7 @@ impl Figures {
     /// Runs `upm-lab` with these arguments.
     fn of(args: &[&str]) -> Self {
         let out = TempDir::new().unwrap();
-        let mut command = Command::cargo_bin("upm-lab").unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_upm-lab"));
         command.current_dir(root()).args(args).args(["--json", "--out", out.path().to_str().unwrap()]);
         let output = command.output().unwrap();
         assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -89,7 +89,15 @@ fn pictures_of_the_student_page_are_those_that_the_program_draws() {
         ("two-parts", &["two-parts-ideal"]),
     ];
     for (experiment, pictures) in drawn {
-        Command::cargo_bin("upm-lab").unwrap().current_dir(folder.path()).arg(experiment).assert().success();
+        assert!(
+            Command::new(env!("CARGO_BIN_EXE_upm-lab"))
+                .current_dir(folder.path())
+                .arg(experiment)
+                .output()
+                .unwrap()
+                .status
+                .success()
+        );
         for picture in pictures {
             let shipped = root().join(format!("assets/student/{picture}.svg"));
             let drawn = fs::read_to_string(folder.path().join(format!("runs/lab/{picture}.svg"))).unwrap();

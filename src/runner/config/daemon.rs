@@ -7,6 +7,7 @@ use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
 use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
 use upm_core::job::Pace;
+use upm_recording::RerunMode;
 
 /// Validated daemon file: plates, limits and folders of a daemon.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +41,8 @@ pub struct DaemonSpec {
     pub min_free_bytes: u64,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
-    /// Memory limit of a live stream for the Rerun viewer, bytes; `None` for no live streams.
-    pub live_history_bytes: Option<u64>,
+    /// Destination of the runs' recordings; `None` for a file where this build can record.
+    pub rerun: Option<RerunMode>,
     /// True to accept jobs with simulated faults.
     pub allow_faults: bool,
 }
@@ -57,8 +58,6 @@ pub struct PlateSpec {
     pub library: PathBuf,
     /// Key that names the library's file, for faults.
     pub library_key: String,
-    /// Port of its live stream; `None` for any free port.
-    pub live_port: Option<u16>,
     /// Job that runs whenever the plate's queue is empty.
     pub standing: Option<StandingSpec>,
 }
@@ -94,6 +93,7 @@ impl DaemonSpec {
         let data = file_of("data", &file.data);
         let token_file = file.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = file.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
+        let rerun = file.rerun.as_ref().and_then(|text| rerun_of(text, faults));
         check_ports(&file, faults);
         Some(Self {
             file: origin.file.clone(),
@@ -110,7 +110,7 @@ impl DaemonSpec {
             keep: file.keep,
             min_free_bytes: file.disk.min_free_bytes,
             watchdog: file.watchdog,
-            live_history_bytes: file.live.rerun.then_some(file.live.history_bytes),
+            rerun,
             allow_faults: file.allow_faults,
         })
     }
@@ -157,7 +157,7 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
             None => None,
         };
-        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, live_port: plate.live_port, standing })
+        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, standing })
     };
     let plates: Vec<Option<PlateSpec>> = entries.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()
@@ -253,13 +253,13 @@ fn check_ports(file: &DaemonFile, faults: &mut Diagnostics) {
     if let Some(found) = stop.filter(|port| *port != 0 && stop == listen) {
         faults.push(Path::root().key("stop_listen"), found, "a port that nothing else here has");
     }
-    for (i, plate) in file.plates.iter().enumerate().filter(|(_, plate)| plate.live_port.is_some()) {
-        let before = file.plates.iter().take(i).any(|before| before.live_port == plate.live_port);
-        let at = Path::root().key("plates").index(i).key("live_port");
-        let found = plate.live_port.unwrap_or_default();
-        let is_own = [listen, stop].contains(&plate.live_port);
-        faults.require(!before && !is_own, &at, found, "a port that nothing else here has");
-    }
+}
+
+/// The destination of recordings in `text`: a daemon starts no viewer.
+fn rerun_of(text: &str, faults: &mut Diagnostics) -> Option<RerunMode> {
+    let mode = text.parse().ok().filter(|mode| *mode != RerunMode::Spawn);
+    faults.require(mode.is_some(), Path::root().key("rerun"), quoted(text), "one of off, save, connect, connect=URL");
+    mode
 }
 
 #[cfg(test)]

@@ -65,9 +65,10 @@ pub(crate) struct DaemonFile {
     /// When a plate is stopped because something is wrong.
     #[serde(default)]
     pub(crate) watchdog: WatchdogSpec,
-    /// Live streams for the Rerun viewer.
-    #[serde(default)]
-    pub(crate) live: LiveStreams,
+    /// Recordings of runs for Rerun: `off`, `save`, or `connect=URL`, which also shows each run in the viewer that
+    /// listens there while it lasts (`connect` alone: on this machine). Left out: `save` where this build can record.
+    #[schemars(length(min = 1, max = 4096))]
+    pub(crate) rerun: Option<String>,
     /// True to take jobs with `faults`, which make the simulated rig fail on purpose.
     #[serde(default)]
     pub(crate) allow_faults: bool,
@@ -97,9 +98,6 @@ pub(crate) struct PlateEntry {
     /// COR library in place of the rig's: a path relative to this file.
     #[schemars(length(min = 1, max = 4096))]
     pub(crate) library: Option<String>,
-    /// Port of its live stream on 127.0.0.1, which no token covers. Left out: any free one.
-    #[schemars(range(min = 1))]
-    pub(crate) live_port: Option<u16>,
     /// Job that runs whenever the plate's queue is empty, and gives way between two cycles to any job that comes.
     pub(crate) standing_job: Option<StandingEntry>,
 }
@@ -185,25 +183,5 @@ pub struct WatchdogSpec {
 impl Default for WatchdogSpec {
     fn default() -> Self {
         Self { hung: Duration::from_secs(30), no_part_s: 0.5, blocked: Duration::from_secs(30) }
-    }
-}
-
-/// Live streams for the Rerun viewer, one of Rerun's servers for each plate. They ask for no token, and so are on the
-/// loopback alone and only while the daemon is, too.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct LiveStreams {
-    /// Whether there are any. Any program on this machine could reach them, and so could any page in a browser on it.
-    pub(crate) rerun: bool,
-    /// Memory limit of a server for what it keeps for later viewers, MB of 10⁶ bytes. It counts about half of the
-    /// memory that it takes.
-    #[serde(rename = "history_mb", with = "units::megabytes")]
-    #[schemars(with = "f64", range(min = 1.0, max = 10_000.0))]
-    pub(crate) history_bytes: u64,
-}
-
-impl Default for LiveStreams {
-    fn default() -> Self {
-        Self { rerun: false, history_bytes: 8_000_000 }
     }
 }

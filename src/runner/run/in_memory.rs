@@ -167,7 +167,6 @@ mod tests {
             rerun: RerunMode::Off,
             real_time: false,
             recording_options: RecordingOptions::lossless(MonotonicClock::new()),
-            live: None,
         };
         let mut sink = MemorySink::default();
         let stop = AtomicBool::new(false);

@@ -34,7 +34,6 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     let recording_options = RecordingOptions::lossless(clock);
     let recording = recording_options.recording.clone();
     let options = RunOptions {
-        live: None,
         out: out.to_owned(),
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Save,

@@ -13,7 +13,6 @@ use upm_recording::{RecordingOptions, RerunMode};
 /// Options of a run below `out` without a recording, at full speed.
 pub(super) fn options(out: &TempDir) -> RunOptions {
     RunOptions {
-        live: None,
         out: out.path().to_owned(),
         started_utc: "20260101T000000Z".into(),
         rerun: RerunMode::Off,

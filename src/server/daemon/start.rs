@@ -1,5 +1,5 @@
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -10,7 +10,7 @@ use jiff::Timestamp;
 use tokio_util::sync::CancellationToken;
 
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops, LocalStopAnswer};
-use super::prepare::Prepared;
+use super::prepare::{Prepared, rerun_of};
 use super::recovery_log;
 use super::systemd::{self, WatchdogPing};
 use crate::api::{DaemonState, app, liveness_failures};
@@ -70,13 +70,10 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Faults of listening now on its own addresses and on those of the live streams; empty when all are free. Binds
-    /// each address for a moment.
+    /// Faults of listening now on its addresses; empty when all are free. Binds each for a moment.
     pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
-        let ports = spec.plates.iter().filter_map(|plate| plate.live_port);
-        let live = ports.filter(|_| live_history_of(spec).is_some()).map(|port| (Ipv4Addr::LOCALHOST, port).into());
         let own = std::iter::once(spec.listen).chain(spec.stop_listen);
-        own.chain(live).filter_map(|address| listener_at(address).err()).collect()
+        own.filter_map(|address| listener_at(address).err()).collect()
     }
 
     /// Binds its ports, opens the store, recovers the state that the previous daemon left and creates the plates.
@@ -116,10 +113,9 @@ impl Daemon {
             store: Arc::clone(&store),
             latches: spec.data.join("latch"),
             clock,
-            record: upm_viewer::BUILT_IN,
+            rerun: rerun_of(&spec),
             watchdog: spec.watchdog,
             min_free_bytes: spec.min_free_bytes,
-            live_history_bytes: live_history_of(&spec),
             allow_faults: spec.allow_faults,
             pace: spec.pace,
         };
@@ -238,24 +234,17 @@ fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
 }
 
-/// Memory limit of a live stream, bytes; `None` for no live streams. Live streams have no authentication, so there are
-/// none where other machines reach the daemon.
-fn live_history_of(spec: &DaemonSpec) -> Option<u64> {
-    spec.live_history_bytes.filter(|_| spec.listen.ip().is_loopback())
-}
-
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
     use std::path::Path;
 
     use super::*;
 
-    fn spec_at(listen: SocketAddr, live_port: u16) -> DaemonSpec {
+    fn spec_at(listen: SocketAddr, stop_listen: SocketAddr) -> DaemonSpec {
         let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json");
         let mut spec = DaemonSpec::load(&file).unwrap();
-        spec.listen = listen;
-        spec.plates[0].live_port = Some(live_port);
-        spec.live_history_bytes = Some(8_000_000);
+        (spec.listen, spec.stop_listen) = (listen, Some(stop_listen));
         spec
     }
 
@@ -263,7 +252,7 @@ mod tests {
     fn addresses_in_use_are_reported() {
         let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let (first, second) = (taken(), taken());
-        let [listen, live] = [&first, &second].map(|listener| listener.local_addr().unwrap());
+        let [listen, stop] = [&first, &second].map(|listener| listener.local_addr().unwrap());
         let refused = |spec: &DaemonSpec| -> Vec<SocketAddr> {
             let address = |fault| match fault {
                 StartFault::Listen(address, error) if error.kind() == io::ErrorKind::AddrInUse => address,
@@ -271,9 +260,9 @@ mod tests {
             };
             Daemon::refused_addresses(spec).into_iter().map(address).collect()
         };
-        let mut spec = spec_at(listen, live.port());
-        assert_eq!(refused(&spec), [listen, live]);
-        spec.live_history_bytes = None;
+        let mut spec = spec_at(listen, stop);
+        assert_eq!(refused(&spec), [listen, stop]);
+        spec.stop_listen = None;
         assert_eq!(refused(&spec), [listen]);
         spec.listen.set_port(0);
         assert!(refused(&spec).is_empty());

@@ -59,7 +59,6 @@ fn spec(data: &Path) -> DaemonSpec {
     let mut spec = DaemonSpec::load(&file).unwrap();
     spec.data = data.to_owned();
     spec.listen = "127.0.0.1:0".parse().unwrap();
-    spec.live_history_bytes = None;
     spec.queue = 3;
     spec.watchdog = PATIENT;
     // these tests are about submitted jobs

@@ -5,6 +5,7 @@ use crate::states::PauseCause;
 use crate::store::{Pace, Store};
 use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
+use upm_recording::RerunMode;
 use upm_runner::config::{PlateSpec, WatchdogSpec};
 
 /// Settings of one plate.
@@ -29,14 +30,12 @@ pub struct SharedServices {
     pub latches: PathBuf,
     /// The daemon's clock.
     pub clock: MonotonicClock,
-    /// False to make no recordings.
-    pub record: bool,
+    /// Destination of the runs' recordings.
+    pub rerun: RerunMode,
     /// Limits at which the watchdog stops a plate.
     pub watchdog: WatchdogSpec,
     /// Standing jobs wait while fewer bytes than this are free on the disk.
     pub min_free_bytes: u64,
-    /// Memory limit of a live stream, bytes; `None` for no live streams.
-    pub live_history_bytes: Option<u64>,
     /// True to accept jobs that make the simulated rig fail on purpose.
     pub allow_faults: bool,
     /// Pace of the runs of standing jobs.

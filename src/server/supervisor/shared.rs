@@ -18,7 +18,6 @@ use upm_core::time::{Clock, MonotonicClock};
 use upm_core::units::mm_from_m;
 use upm_recording::RecordingState;
 use upm_runner::run::ExternalStop;
-use upm_viewer::LiveServer;
 
 /// One plate, shared by its threads and its callers.
 #[derive(Debug)]
@@ -35,8 +34,6 @@ pub struct PlateHandle {
     /// True once the daemon is shutting down.
     pub(super) ending: AtomicBool,
     pub(super) preview: FramePreview,
-    /// The live stream of its runs.
-    pub(super) live: Option<LiveServer>,
     /// The standing job.
     pub(super) standing: Option<Standing>,
     /// The cause of the plate's pause; `None` when it is not paused.
@@ -154,7 +151,6 @@ impl PlateHandle {
                 Some(RecordingState::Writing { bytes }) => Some(bytes as f64 * 1e-6),
                 _ => None,
             },
-            live: self.live.as_ref().map(|live| live.uri().to_owned()),
             estops: self.emergency_stop.count.load(Ordering::Relaxed),
             recording,
             ..plate

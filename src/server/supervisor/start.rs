@@ -18,7 +18,6 @@ use super::{PlateHandle, PlateSetup, SharedServices};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::{PlateSpec, WatchdogSpec};
-use upm_viewer::LiveServer;
 
 /// Longest time since the last check of a watchdog that is alive.
 const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
@@ -110,35 +109,18 @@ fn watch(plates: &[Arc<PlateHandle>], spec: WatchdogSpec, clock: MonotonicClock,
     }
 }
 
-/// The live stream of a plate, if one is configured. The plate also works without it.
-fn live(spec: &PlateSpec, around: &SharedServices) -> Option<LiveServer> {
-    let history_bytes = around.live_history_bytes?;
-    let fault = match LiveServer::start(spec.live_port, history_bytes) {
-        Ok(live) => {
-            tracing::info!(plate = spec.name, "live stream at {}", live.uri());
-            return Some(live);
-        }
-        Err(fault) => fault,
-    };
-    let port = spec.live_port.map_or_else(|| "any port".to_owned(), |port| format!("port {port}"));
-    tracing::error!(plate = spec.name, "there is no live stream on {port}: {fault}");
-    None
-}
-
 /// A plate without a job, and its thread.
 fn start_plate(
     PlateSetup { spec, known, library, paused }: PlateSetup,
     around: &SharedServices,
 ) -> io::Result<Arc<PlateHandle>> {
-    let SharedServices { clock, record, min_free_bytes, allow_faults, pace, .. } = *around;
-    let live = live(&spec, around);
+    let SharedServices { clock, min_free_bytes, allow_faults, pace, .. } = *around;
     let rules = JobRules { plate: spec.name.clone(), rig: spec.rig, library, allow_faults };
     let standing = spec.standing.map(|standing| Standing::new(&standing, pace, &rules)).transpose()?;
     let job = CurrentJob::default();
     let latch = Latch::open(&around.latches, &spec.name, known)?;
     let interlock = Interlock::timed(Arc::new(clock));
     let plate = Arc::new(PlateHandle {
-        live,
         clock,
         worker: OnceLock::new(),
         rules,
@@ -156,7 +138,7 @@ fn start_plate(
         idled: AtomicU64::new(0),
         name: spec.name,
     });
-    let worker = PlateWorker { shared: Arc::clone(&plate), clock, record, min_free_bytes };
+    let worker = PlateWorker { shared: Arc::clone(&plate), clock, rerun: around.rerun.clone(), min_free_bytes };
     let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
     let worker = thread.spawn(move || worker.work())?;
     plate.worker.get_or_init(|| worker);

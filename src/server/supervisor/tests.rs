@@ -14,7 +14,7 @@ use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
 use upm_fixtures::wait::{eventually, eventually_true};
 use upm_planning::cor_library::Library;
-use upm_recording::RecordingState;
+use upm_recording::{RecordingState, RerunMode};
 use upm_runner::config::{PlateSpec, RigSpec, StandingSpec, WatchdogSpec};
 
 const LONG: Duration = Duration::from_secs(60);
@@ -53,7 +53,6 @@ impl TestPlates {
             rig: RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap(),
             library: Default::default(),
             library_key: String::new(),
-            live_port: None,
             standing: self.standing.clone(),
         };
         let paused = paused.map(|why| PauseCause::new("test", why, "none"));
@@ -62,10 +61,9 @@ impl TestPlates {
             store: Arc::clone(&self.store),
             latches: self.folder.path().join("latch"),
             clock: MonotonicClock::new(),
-            record: false,
+            rerun: RerunMode::Off,
             watchdog: WATCHDOG,
             min_free_bytes: 0,
-            live_history_bytes: None,
             allow_faults: self.allow_faults,
             pace: Pace::Max,
         };

@@ -70,8 +70,6 @@ pub struct Plate {
     /// Size of the recording being written, MB; null while none is.
     #[serde(default)]
     pub recording_mb: Option<f64>,
-    /// Address for a Rerun viewer on this machine; null where there is no live stream.
-    pub live: Option<String>,
     /// Emergency stops since the daemon started.
     #[serde(skip)]
     pub estops: u64,

@@ -33,8 +33,8 @@ const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 pub(super) struct PlateWorker {
     pub shared: Arc<PlateHandle>,
     pub clock: MonotonicClock,
-    /// False to make no recordings.
-    pub record: bool,
+    /// Destination of the runs' recordings.
+    pub rerun: RerunMode,
     /// Free bytes below which the standing job waits.
     pub min_free_bytes: u64,
 }
@@ -157,7 +157,7 @@ impl PlateWorker {
         let options = RunOptions {
             out: shared.store.runs().to_owned(),
             started_utc: String::new(),
-            rerun: if self.record { RerunMode::Save } else { RerunMode::Off },
+            rerun: self.rerun.clone(),
             real_time,
             // a plate with deadlines to meet does not wait for a slow disk: its recording ends and the run goes on;
             // when the journal cannot keep up, the run ends
@@ -173,7 +173,6 @@ impl PlateWorker {
                 has_clock: real_time,
                 clock: self.clock,
             },
-            live: shared.live.clone(),
         };
         let (stop, interlock, pacing) = (&shared.job.end_run, &shared.emergency_stop.interlock, &shared.job.pacing);
         let never = AtomicBool::new(false);

@@ -1,15 +1,22 @@
-use std::io::IsTerminal;
-use std::{env, io};
+use std::io::{IsTerminal, Write};
+use std::time::Duration;
+use std::{env, io, thread};
 
 use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
-use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 
 use super::args::{Common, LogFormat};
 use super::panics;
+use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
+
+/// Lines of a daemon's log that may wait for its reader.
+const LINES: usize = 1024;
+/// Time for which the end of the program waits for that reader, and the number of its attempts to queue the end.
+const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
+const ATTEMPTS: u32 = 50;
 
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
@@ -19,8 +26,8 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
     let is_colored = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty());
     let (subscriber, flush_guard) = match daemon {
         Some(_) => {
-            let (writer, flush_guard) = non_blocking(io::stderr());
-            (subscriber(daemon, level, is_colored, writer), Some(flush_guard))
+            let (lines, flush_guard) = non_blocking(io::stderr());
+            (subscriber(daemon, level, is_colored, move || lines.clone()), Some(flush_guard))
         }
         None => (subscriber(daemon, level, is_colored, io::stderr), None),
     };
@@ -35,25 +42,52 @@ pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGu
 
 /// On drop, logs how many lines were dropped, and flushes the queue of the log, for about a second at most.
 pub(super) struct FlushGuard {
-    dropped: ErrorCounter,
-    _worker: WorkerGuard,
+    lines: LineQueue,
+    writer: Option<BackgroundThread<()>>,
 }
 
 impl Drop for FlushGuard {
     fn drop(&mut self) {
-        let lost = self.dropped.dropped_lines();
+        let lost = self.lines.0.lost();
         if lost > 0 {
             tracing::warn!("{lost} lines of the log were lost");
+        }
+        // a reader that is only slow makes room for the end
+        let ends = (0..ATTEMPTS).any(|_| {
+            let is_queued = self.lines.0.send(None).is_ok();
+            if !is_queued {
+                thread::sleep(FLUSH_TIMEOUT / ATTEMPTS);
+            }
+            is_queued
+        });
+        if let Some(writer) = self.writer.take().filter(|_| ends) {
+            writer.wait_within(FLUSH_TIMEOUT).ok();
         }
     }
 }
 
-/// Log writer that never blocks: a thread writes the lines to `out`. When its queue is full, lines are dropped and
-/// counted.
-fn non_blocking(out: impl io::Write + Send + 'static) -> (NonBlocking, FlushGuard) {
-    let (writer, worker) = NonBlockingBuilder::default().buffered_lines_limit(1024).thread_name("log").finish(out);
-    let dropped = writer.error_counter();
-    (writer, FlushGuard { dropped, _worker: worker })
+/// Log writer that never blocks: lines that find its queue full are lost and counted. `None` ends the log.
+#[derive(Clone, Debug)]
+struct LineQueue(Queue<Option<Vec<u8>>>);
+
+impl Write for LineQueue {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        self.0.send(Some(line.to_owned())).ok();
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A queue of lines that a thread writes to `out`.
+fn non_blocking(mut out: impl io::Write + Send + 'static) -> (LineQueue, FlushGuard) {
+    let (queue, waiting) = Queue::bounded(LINES, OverflowPolicy::GiveUp);
+    let write = move || waiting.iter().map_while(|line| line).for_each(|line: Vec<u8>| drop(out.write_all(&line)));
+    let writer = BackgroundThread::start("log", false, write).ok();
+    let lines = LineQueue(queue);
+    (lines.clone(), FlushGuard { lines, writer })
 }
 
 fn level(common: Common, is_daemon: bool) -> LevelFilter {
@@ -135,7 +169,8 @@ mod tests {
     #[test]
     fn end_flushes_the_queue_of_the_log() {
         let page = TestBuffer::default();
-        let (writer, flush_guard) = non_blocking(page.clone());
+        let (lines, flush_guard) = non_blocking(page.clone());
+        let writer = move || lines.clone();
         tracing::subscriber::with_default(subscriber(Some(LogFormat::Text), LevelFilter::INFO, false, writer), || {
             (0..100).for_each(|i| tracing::info!("{i}."));
             drop(flush_guard);

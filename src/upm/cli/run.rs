@@ -28,7 +28,6 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         rerun,
         real_time,
         recording_options: RecordingOptions { has_clock: real_time, ..RecordingOptions::lossless(clock) },
-        live: None,
     };
     let stop = stop_on_interrupt();
     let pacing = PacingStats::default();

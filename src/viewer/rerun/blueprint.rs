@@ -74,7 +74,7 @@ struct EncodedLayout {
 }
 
 /// Everything that the layout depends on, as one text.
-pub(super) fn key(context: &RunContext) -> String {
+fn key(context: &RunContext) -> String {
     let RunContext { model, method, .. } = context;
     let paths = if context.paths.is_empty() { "no paths" } else { "paths" };
     format!("{method:?}, {paths}, frame {:?} px, plate {} m", model.frame_size_px, model.plate_side_m)

@@ -8,47 +8,39 @@ use rerun::external::re_uri::ProxyUri;
 
 use super::file::RrdFile;
 use super::live::{Live, MessageSink};
-use super::live_server::LiveServer;
 use crate::types::RecordingError;
 use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
 
-/// Destination of a recording: a file, and feeds of viewers.
+/// Destination of a recording: a file, and a viewer if there is one.
 pub(super) struct Destination {
-    pub(super) out: Option<Box<dyn Write + Send>>,
+    out: Box<dyn Write + Send>,
     path: PathBuf,
     viewer: Option<Live>,
-    feeds: Vec<MessageSink>,
+    feed: Option<MessageSink>,
 }
 
 impl Destination {
-    /// Creates the file at `path`, unless `mode` is off, and opens the viewer of `mode`, if it has one.
+    /// Creates the file at `path` and opens the viewer of `mode`, if it has one.
     pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
         let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
         let (viewer, feed) = live.unzip();
-        let create = || -> std::io::Result<Box<dyn Write + Send>> { Ok(Box::new(File::create(path)?)) };
-        let out = (*mode != RerunMode::Off).then(create).transpose();
+        let out = File::create(path);
         let out = out.map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self { out, path: path.to_owned(), viewer, feeds: feed.into_iter().collect() })
-    }
-
-    /// Adds `live` as a destination; `layout` gives everything that the layout depends on.
-    pub(super) fn and_live(mut self, live: Option<&LiveServer>, layout: impl FnOnce() -> String) -> Self {
-        self.feeds.extend(live.map(|live| live.feed(layout())));
-        self
+        Ok(Self { out: Box::new(out), path: path.to_owned(), viewer, feed })
     }
 
     /// A destination whose file is one at `path` behind `wrap`.
     #[cfg(test)]
     pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
-        let out: Box<dyn Write + Send> = Box::new(wrap(File::create(path).unwrap()));
-        Self { out: Some(out), path: path.to_owned(), viewer: None, feeds: Vec::new() }
+        let out = Box::new(wrap(File::create(path).unwrap()));
+        Self { out, path: path.to_owned(), viewer: None, feed: None }
     }
 
     /// Starts the file. Also returns its path for errors and the feeder of the viewer.
     pub(super) fn start(self, handle: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
-        let Self { out, path, viewer, feeds } = self;
-        match RrdFile::new(out, feeds, handle) {
+        let Self { out, path, viewer, feed } = self;
+        match RrdFile::new(out, feed, handle) {
             Ok(file) => Ok((file, path, viewer)),
             Err(reason) => Err(RecordingError::Write { path, reason }),
         }

@@ -11,7 +11,7 @@ use rerun::sink::{LogSink, SinkFlushError};
 use super::live::MessageSink;
 use upm_recording::RecordingHandle;
 
-/// The `.rrd` file as Rerun's log sink, or viewers alone. Unlike Rerun's file sink it keeps the first failed write,
+/// The `.rrd` file as Rerun's log sink. Unlike Rerun's file sink it keeps the first failed write,
 /// reports it at once on its handle, and returns a result when it is closed. Every message is one write, so a killed
 /// process loses nothing written so far.
 #[derive(Clone)]
@@ -20,18 +20,17 @@ pub(super) struct RrdFile(Arc<Mutex<State>>, RecordingHandle);
 struct State {
     encoder: Option<Encoder<CountingWriter>>,
     fault: Option<String>,
-    feeds: Vec<MessageSink>,
+    feed: Option<MessageSink>,
 }
 
 impl RrdFile {
-    /// A sink that writes to `out`, unbuffered; every message also goes to all `feeds`.
+    /// A sink that writes to `out`, unbuffered; every message also goes to `feed`.
     pub(super) fn new(
-        out: Option<Box<dyn Write + Send>>,
-        feeds: Vec<MessageSink>,
+        out: Box<dyn Write + Send>,
+        feed: Option<MessageSink>,
         handle: RecordingHandle,
     ) -> Result<Self, String> {
-        let encoder = out.map(|out| encoder(out, &handle)).transpose()?;
-        let state = State { encoder, fault: None, feeds };
+        let state = State { encoder: Some(encoder(out, &handle)?), fault: None, feed };
         Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
@@ -40,12 +39,12 @@ impl RrdFile {
         &self.1
     }
 
-    /// Disconnects all viewers.
+    /// Disconnects the viewer.
     pub(super) fn disconnect(&self) {
-        self.0.lock().feeds.clear();
+        self.0.lock().feed = None;
     }
 
-    /// Writes the footer and closes the file; viewers are still fed. `Err` with the first failed write.
+    /// Writes the footer and closes the file; a viewer is still fed. `Err` with the first failed write.
     pub(super) fn close(&self) -> Result<(), String> {
         let mut state = self.0.lock();
         if let Some(mut encoder) = state.encoder.take() {
@@ -71,8 +70,8 @@ impl LogSink for RrdFile {
         if let Some(Err(fault)) = state.encoder.as_mut().map(|encoder| encoder.append(&message)) {
             self.fail(&mut state, fault.to_string());
         }
-        for feed in &mut state.feeds {
-            feed(message.clone());
+        if let Some(feed) = &mut state.feed {
+            feed(message);
         }
     }
 

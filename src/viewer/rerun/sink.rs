@@ -1,11 +1,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::blueprint;
 use super::destination::{Destination, parse_address, thread_fault};
 use super::file::RrdFile;
 use super::live::Live;
-use super::live_server::LiveServer;
 use super::recorder::{Message, Observation, Recorder, RecorderInput};
 use super::run_stream::LogResult;
 use crate::types::{RecordingError, RunContext};
@@ -33,8 +31,6 @@ pub struct RerunSink(Option<Running>);
 
 struct Running {
     path: PathBuf,
-    /// True when there is a file.
-    is_kept: bool,
     /// `None` once the recorder was abandoned.
     queue: Option<Queue<Message>>,
     overflow: OverflowPolicy,
@@ -56,20 +52,17 @@ impl RerunSink {
         }
     }
 
-    /// Starts recording into `path` and to `live`. With [`RerunMode::Off`] there is no file; without a live stream as
-    /// well, this sink does nothing.
+    /// Starts recording into `path`, and to the viewer of `mode`. With [`RerunMode::Off`] this sink does nothing.
     pub fn start(
         mode: &RerunMode,
         path: &Path,
-        live: Option<&LiveServer>,
         context: RunContext,
         recording_options: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
-        if *mode == RerunMode::Off && live.is_none() {
+        if *mode == RerunMode::Off {
             return Ok(Self(None));
         }
-        let to = Destination::open(mode, path)?.and_live(live, || blueprint::key(&context));
-        Self::into_destination(to, context, recording_options)
+        Self::into_destination(Destination::open(mode, path)?, context, recording_options)
     }
 
     /// Starts recording into `to`.
@@ -80,9 +73,7 @@ impl RerunSink {
     ) -> Result<Self, RecordingError> {
         let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *recording_options;
         let run_waits = overflow != OverflowPolicy::GiveUp;
-        // without a file there is no recording that could fail or be stopped
-        let is_kept = to.out.is_some();
-        let handle = if is_kept { recording_options.recording.clone() } else { RecordingHandle::default() };
+        let handle = recording_options.recording.clone();
         let (file, path, live) = to.start(handle.clone())?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let truth = context.truth.clone();
@@ -94,7 +85,7 @@ impl RerunSink {
         let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
         let queue = Some(queue);
         let (tracked, recorded_at) = ((0, 0.0), None);
-        let running = Running { path, is_kept, queue, overflow, recorder, handle, live, truth, tracked, recorded_at };
+        let running = Running { path, queue, overflow, recorder, handle, live, truth, tracked, recorded_at };
         Ok(Self(Some(running)))
     }
 
@@ -126,9 +117,6 @@ impl Running {
             OverflowPolicy::Wait => self.recorder.wait(),
             OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
         };
-        if !self.is_kept {
-            return Ok(false);
-        }
         let closed = closed.unwrap_or_else(|unfinished| {
             let reason = match unfinished {
                 WaitError::Hangs => "the disk hangs",

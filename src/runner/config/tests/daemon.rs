@@ -37,13 +37,14 @@ fn defaults_are_those_of_the_shipped_file() {
     let shipped = DaemonSpec::load(&shipped("daemon.json")).unwrap();
     assert_eq!(spec.default_plate.as_deref(), Some("only"));
     assert_eq!((&spec.keep, &spec.watchdog, spec.queue), (&shipped.keep, &shipped.watchdog, shipped.queue));
-    assert_eq!((spec.min_free_bytes, spec.live_history_bytes), (500_000_000, None));
+    assert_eq!((spec.min_free_bytes, &spec.rerun), (500_000_000, &None));
     assert_eq!(spec.listen, shipped.listen);
     let mut two = least;
     two["plates"].as_array_mut().unwrap().push(json!({"name": "other", "rig": "rigs/upm-2.json"}));
-    set(&mut two, "/live", json!({"rerun": true}));
+    set(&mut two, "/rerun", json!("connect=rerun+http://10.0.0.2:9876/proxy"));
     let spec = daemon(&two).unwrap();
-    assert_eq!((spec.default_plate, spec.live_history_bytes), (None, Some(8_000_000)));
+    let url = "rerun+http://10.0.0.2:9876/proxy".to_owned();
+    assert_eq!((spec.default_plate, spec.rerun), (None, Some(RerunMode::Connect { url: Some(url) })));
 }
 
 #[test]
@@ -55,12 +56,13 @@ fn every_fault_is_reported_with_its_path() {
         "listen": "localhost:8750",
         "plates": [
             {"name": "..", "rig": "rigs/upm-9.json"},
-            {"name": "a", "rig": inline, "live_port": 9000},
-            {"name": "A", "rig": "rigs/upm-2.json", "live_port": 9000},
+            {"name": "a", "rig": inline},
+            {"name": "A", "rig": "rigs/upm-2.json"},
         ],
         "default_plate": "b",
         "hosts": ["lab.example.org", "lab:80", "http://x", ""],
         "stop_listen": "8751",
+        "rerun": "spawn",
     });
     let wanted = "listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"localhost:8750\"
 stop_listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"8751\"
@@ -72,7 +74,7 @@ default_plate: expected one of .., a, A (did you mean a?), found \"b\"
 hosts[1]: expected a host name or IP address without a port like lab.example.org, found \"lab:80\"
 hosts[2]: expected a host name or IP address without a port like lab.example.org, found \"http://x\"
 hosts[3]: expected a host name or IP address without a port like lab.example.org, found \"\"
-plates[2].live_port: expected a port that nothing else here has, found 9000";
+rerun: expected one of off, save, connect, connect=URL, found \"spawn\"";
     let rigs = shipped("rigs").display().to_string();
     assert_eq!(daemon(&document).unwrap_err().join("\n"), wanted.replace("RIGS", &rigs));
 }

@@ -1,20 +1,6 @@
-//! Pictures and live streams of a plate.
+//! Pictures of a plate.
 
 use super::*;
-
-#[test]
-fn plate_has_its_own_live_stream_if_configured() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open_with(None, |around| around.live_history_bytes = Some(16 << 20));
-    let plate = plates.get("one").unwrap();
-    let live = plate.snapshot().live.unwrap();
-    let address = live.strip_prefix("rerun+http://").and_then(|rest| rest.strip_suffix("/proxy")).unwrap();
-    assert!(address.starts_with("127.0.0.1:") && std::net::TcpStream::connect(address).is_ok(), "{live}");
-    let id = test_plates.submit(plate, TWO_COINS, Pace::Max);
-    let ended = test_plates.ended(&id);
-    assert_eq!((ended.state, ended.recording), (JobState::Completed, RecordingStatus::None), "no file comes of it");
-    assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
-}
 
 #[test]
 fn pictures_are_made_on_request() {

@@ -65,7 +65,6 @@ impl SeedBatch<'_> {
             rerun: self.rerun.clone(),
             real_time: false,
             recording_options: RecordingOptions::lossless(self.clock),
-            live: None,
         };
         let stop = AtomicBool::new(false);
         let mut watcher = BatchWatcher { batch: self, seed, stop: &stop };
