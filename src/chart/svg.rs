@@ -135,7 +135,8 @@ impl ChartLayout {
     }
 }
 
-/// Numbers at the ticks of an axis: multiples of the least step of 1, 2 or 5 times a power of ten that are not too many.
+/// Numbers at the ticks of an axis: multiples of the least step of 1, 2 or 5 times a power of ten that are not too
+/// many.
 fn ticks([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     let decade = 10f64.powf(((high - low) / MOST_TICKS).log10().floor());
     let ends = |step: f64| [(low / step).ceil(), (high / step).floor()];

@@ -4,7 +4,7 @@ mod probe;
 
 use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use super::condition::{Condition, no_plan_reason};
 use super::conditions::Conditions;
@@ -14,11 +14,10 @@ use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
-use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, Sink};
+use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
-use upm_core::rig::{Rig, RigModel};
-use upm_core::time::{Clock, PlateTime};
+use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::Plan;
@@ -33,22 +32,6 @@ const CAUTIOUS_STEP_M: f64 = 2e-3;
 /// it no longer is.
 const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
-
-/// The devices and flags that a run or a calibration works with.
-pub struct RunIo<'a> {
-    /// The plate.
-    pub rig: &'a mut dyn Rig,
-    /// The rig's nominal figures.
-    pub model: &'a RigModel,
-    /// Receives the facts.
-    pub sink: &'a mut dyn Sink,
-    /// Wall clock, for timings only.
-    pub clock: &'a dyn Clock,
-    /// Flag set from outside to stop the run at once.
-    pub stop: &'a AtomicBool,
-    /// Flag set from outside to end the run between two cycles.
-    pub give_way: &'a AtomicBool,
-}
 
 /// Ending of a run and the state of its parts then.
 #[derive(Clone, Debug, Default, PartialEq)]

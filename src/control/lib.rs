@@ -15,9 +15,10 @@ mod planning;
 mod progress;
 mod pulse_planner;
 mod run_end;
+mod run_io;
 
 pub use condition::{Condition, ConditionChange};
-pub use cycle::{FinalState, RunIo, run};
+pub use cycle::{FinalState, run};
 pub use facts::{
     ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
     PulseFacts, PulsePositions, Sink,
@@ -26,3 +27,4 @@ pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;
 pub use run_end::RunEnd;
+pub use run_io::RunIo;

@@ -26,14 +26,16 @@ use extract::Api;
 
 pub(crate) use health::liveness_failures;
 pub(crate) use state::DaemonState;
+#[cfg(test)]
+pub(crate) use state::EVENT_STREAMS;
 
 pub use crate::store::Job;
 pub use crate::supervisor::{LayoutPartView, LayoutPathView, LayoutView, Plate};
-pub use events::{EVENT_STREAMS, JOB_EVENT};
+pub use events::JOB_EVENT;
 pub use types::{Checked, EStopped, JobsPage, JobsQuery, Plates, ResetRequest};
 
-/// The complete API of `daemon` as a router, layers included. Needs no socket. `stop` ends event streams, as it ends the
-/// server.
+/// The complete API of `daemon` as a router, layers included. Needs no socket. `stop` ends event streams, as it ends
+/// the server.
 pub(crate) fn app(daemon: Arc<DaemonState>, tokens: &Arc<Tokens>, stop: CancellationToken) -> Router {
     let mut document = OpenApi::default();
     let routes = routes::routes(tokens);

@@ -1,5 +1,5 @@
-//! Faults that begin and end within a run. [`Faulty`] adds faults of wiring and cameras to the simulated rig; faults of the plant
-//! itself are set on its parts. A run without faults is unchanged.
+//! Faults that begin and end within a run. [`Faulty`] adds faults of wiring and cameras to the simulated rig; faults of
+//! the plant itself are set on its parts. A run without faults is unchanged.
 
 mod draw;
 mod faulty;

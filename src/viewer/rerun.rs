@@ -7,7 +7,8 @@
 //! the run never waits.
 //!
 //! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `table` (from
-//! above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`, `log`. Rerun's 2D views have y down; `table` is logged with y negated, so that y is up.
+//! above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`, `log`. Rerun's 2D views have y down;
+//! `table` is logged with y negated, so that y is up.
 
 mod blueprint;
 mod camera;
@@ -16,6 +17,7 @@ mod field;
 mod file;
 mod live;
 mod log_view;
+mod observation;
 mod paint;
 mod picture;
 mod plots;

@@ -40,7 +40,7 @@ impl<'a> CalibrationSession<'a> {
         Self { rig, model, sensors, plate: PlateResponse::default(), stop, progress }
     }
 
-    /// What perception works with, without a sink and a clock.
+    /// The devices that perception works with, without a sink and a clock.
     pub(super) fn io<'s>(&'s mut self, sink: &'s mut dyn Sink) -> RunIo<'s> {
         static NEVER: AtomicBool = AtomicBool::new(false);
         RunIo { rig: self.rig, model: self.model, sink, clock: &StoppedClock, stop: self.stop, give_way: &NEVER }

@@ -166,7 +166,8 @@ fn sums_at(waves: [&Vec<Harmonic>; MOTORS], sin_cos: (f64, f64)) -> [f64; MOTORS
     summed(waves, sin_cos, |_, harmonic, (sin, cos)| harmonic.cos * cos + harmonic.sin * sin)
 }
 
-/// Sum over harmonics k of `term(k, harmonic, (sin kwt, cos kwt))` of each wave: sines and cosines are made once for all.
+/// Sum over harmonics k of `term(k, harmonic, (sin kwt, cos kwt))` of each wave, with sines and cosines made once for
+/// all.
 #[inline]
 fn summed(
     waves: [&Vec<Harmonic>; MOTORS],

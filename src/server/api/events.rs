@@ -28,9 +28,6 @@ const LAST_EVENT_ID: &str = "Last-Event-ID";
 /// Name of the events whose data is the job, as `GET /v1/jobs/ID` has it. Other events are lines of the journal.
 pub const JOB_EVENT: &str = "job";
 
-/// Most event streams at once.
-pub const EVENT_STREAMS: usize = 256;
-
 /// Longest silence on an event stream.
 const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
 
@@ -90,8 +87,8 @@ struct JobWatcher {
 }
 
 impl JobWatcher {
-    /// The next event; `None` at the end of the stream. Without an answer of the store the client comes back and goes on
-    /// after the last line it has.
+    /// The next event; `None` at the end of the stream. Without an answer of the store the client comes back and goes
+    /// on after the last line it has.
     async fn next(&mut self) -> Option<Event> {
         loop {
             if let Some(journal) = &mut self.journal
@@ -150,7 +147,7 @@ struct Journal {
     file: BufReader<File>,
     /// Offset after the last line that was sent.
     offset: u64,
-    /// What was read of the line after it.
+    /// Bytes read of the line after it.
     rest: Vec<u8>,
 }
 

@@ -44,8 +44,8 @@ pub(super) struct Api {
 pub(super) const CHECKS: usize = 2;
 
 impl Api {
-    /// The answer of `work`, which may wait for the disk. The work gets a test of whether the client still waits, and is
-    /// left out when it does not.
+    /// The answer of `work`, which may wait for the disk. The work gets a test of whether the client still waits, and
+    /// is left out when it does not.
     pub async fn blocking<T: Send + 'static>(
         &self,
         work: impl FnOnce(&DaemonState, &dyn Fn() -> bool) -> Result<T, Problem> + Send + 'static,

@@ -45,8 +45,8 @@ pub(super) async fn list(State(api): ApiState) -> Json<Plates> {
     Json(Plates { plates, stop_listen: api.daemon.spec.stop_listen.map(|address| address.to_string()) })
 }
 
-/// Stops a plate. The motors are cut before anything is awaited. What confirms it has its own thread: all others may
-/// wait for the disk.
+/// Stops a plate. The motors are cut before anything is awaited. Its confirmation has a thread of its own: all
+/// others may wait for the disk.
 pub(super) async fn estop(
     State(api): ApiState,
     FromPath(plate): OnePlate,

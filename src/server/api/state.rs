@@ -6,7 +6,6 @@ use axum::http::StatusCode;
 use parking_lot::Mutex;
 use tokio::sync::Semaphore;
 
-use super::events::EVENT_STREAMS;
 use super::health::Observed;
 use super::types::EStopped;
 use crate::http::{Caller, Problem};
@@ -15,6 +14,9 @@ use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetFault};
 use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::DaemonSpec;
+
+/// Most event streams at once.
+pub(crate) const EVENT_STREAMS: usize = 256;
 
 /// State from which the API is served.
 #[derive(Debug)]

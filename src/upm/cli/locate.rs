@@ -25,8 +25,8 @@ pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let mut worst = 0;
     for (index, image) in args.images.iter().enumerate() {
         // a subfolder where there are several pictures
-        let subfolder = if several { (index + 1).to_string() } else { String::new() };
-        let stages = args.stages.as_ref().map(|folder| folder.join(subfolder));
+        let stages = args.stages.clone();
+        let stages = stages.map(|folder| if several { folder.join((index + 1).to_string()) } else { folder });
         let made = locate_picture(image, stages.as_deref(), &setting).and_then(|located| {
             let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
             let written = stages.map_or(Ok(Vec::new()), |folder| panels::write(&folder, &located.found, &kinds))?;

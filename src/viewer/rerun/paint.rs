@@ -59,7 +59,8 @@ pub(super) fn above(p_m: Vec2) -> [f32; 2] {
     [mm_from_m(p_m.x) as f32, -mm_from_m(p_m.y) as f32]
 }
 
-/// A point of a frame (px) in a 2D view of that frame at half its size, where pixel (0, 0) covers the square from 0 to 1.
+/// A point of a frame (px) in a 2D view of that frame at half its size, where pixel (0, 0) covers the square from 0 to
+/// 1.
 pub(super) fn in_half_frame(p_px: Vec2) -> [f32; 2] {
     [p_px.x, p_px.y].map(|px| (px as f32 + 0.5) / 2.0)
 }

@@ -4,16 +4,15 @@ use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
 use super::log_view::LogView;
+use super::observation::Observation;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
 use super::signals;
 use super::table::TableView;
 use crate::types::RunContext;
 use upm_core::background::{Receiver, RecvTimeoutError};
-use upm_core::geometry::Vec2;
-use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_perception::vision::{Table, Track};
+use upm_perception::vision::Table;
 use upm_recording::{CycleRecord, EventRecord, PulseRecord};
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
@@ -32,25 +31,6 @@ pub(super) enum Message {
     Pulse(Box<PulseRecord>),
     Cycle(Box<CycleRecord>),
     Event(EventRecord),
-}
-
-/// The parts as seen in one frame.
-pub(super) struct Observation {
-    pub(super) at: PlateTime,
-    pub(super) tracks: Vec<Track>,
-    /// True positions, m; empty on a rig without ground truth.
-    pub(super) true_m: Vec<Vec2>,
-    /// Frames tracked since the last observation, and the total time of tracking, µs.
-    pub(super) tracked: (u32, f64),
-    /// The frame, at the start of a cycle.
-    pub(super) frame: Option<Frame>,
-}
-
-impl Observation {
-    /// Measured positions, m.
-    pub(super) fn measured_m(&self) -> Vec<Vec2> {
-        self.tracks.iter().map(|track| track.seen.position_m).collect()
-    }
 }
 
 /// Inputs of the recorder thread.
