@@ -14,7 +14,7 @@ use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
-use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, RunIo, Sink};
+use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, RunIo};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;

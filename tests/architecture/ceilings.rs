@@ -16,12 +16,12 @@ const CEILINGS: [(&str, usize); 15] = [
     ("planning", 6720),
     ("qp", 90),
     ("recording", 1530),
-    ("runner", 5540),
+    ("runner", 5520),
     ("scene", 920),
-    ("server", 5030),
+    ("server", 5010),
     ("sim", 3450),
-    ("upm", 5010),
-    ("viewer", 1670),
+    ("upm", 5040),
+    ("viewer", 1520),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

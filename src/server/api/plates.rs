@@ -39,7 +39,10 @@ type OnePlate = FromPath<PlatePath>;
 
 /// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
 pub(super) async fn list(State(api): ApiState) -> Json<Plates> {
-    let counted = api.blocking(|daemon, _| Ok(daemon.count_jobs()));
+    let counted = api.blocking(|daemon, _| {
+        daemon.count_jobs();
+        Ok(())
+    });
     timeout(COUNTED_WITHIN, counted).await.ok();
     let plates = api.daemon.plates.iter().map(|plate| api.daemon.plate_now(plate)).collect();
     Json(Plates { plates, stop_listen: api.daemon.spec.stop_listen.map(|address| address.to_string()) })

@@ -17,7 +17,7 @@ use super::worker::PlateWorker;
 use super::{PlateHandle, PlateSetup, SharedServices};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::{PlateSpec, WatchdogSpec};
+use upm_runner::config::WatchdogSpec;
 
 /// Longest time since the last check of a watchdog that is alive.
 const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);

@@ -67,7 +67,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     let (_folder, path) = place();
     let mut run = SyntheticRun::new(2);
     run.snow();
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context(&run), &recording_options()).unwrap();
     // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&path, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.observe(&mut sink, false, true);
@@ -82,7 +82,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
 fn cut_recording_is_read_up_to_the_cut() {
     let (_folder, path) = place();
     let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context(&run), &recording_options).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context(&run), &recording_options).unwrap();
     run.cycle(&mut sink);
     assert!(matches!(recording_options.recording.state(), RecordingState::Writing { bytes } if bytes > 0));
     sink.finish().unwrap();

@@ -16,7 +16,7 @@ fn recorded(parts: usize, change: impl FnOnce(&mut RunContext)) -> LoggedChunks 
     let mut run = SyntheticRun::new(parts);
     let mut context = context(&run);
     change(&mut context);
-    let mut sink = RerunSink::start(&RerunMode::Save, &path, None, context, &recording_options()).unwrap();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context, &recording_options()).unwrap();
     run.localise(&mut sink);
     (0..2).for_each(|_| run.cycle(&mut sink));
     sink.finish().unwrap();

@@ -47,7 +47,7 @@ fn record(mode: &RerunMode, path: &Path, cycles: usize) -> Result<bool, Recordin
 
 fn record_run(mut run: SyntheticRun, mode: &RerunMode, path: &Path, cycles: usize) -> Result<bool, RecordingError> {
     run.wall_us = 180.0;
-    let mut sink = RerunSink::start(mode, path, None, context(&run), &recording_options())?;
+    let mut sink = RerunSink::start(mode, path, context(&run), &recording_options())?;
     run.localise(&mut sink);
     for _ in 0..cycles {
         run.cycle(&mut sink);

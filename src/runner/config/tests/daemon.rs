@@ -44,7 +44,7 @@ fn defaults_are_those_of_the_shipped_file() {
     set(&mut two, "/rerun", json!("connect=rerun+http://10.0.0.2:9876/proxy"));
     let spec = daemon(&two).unwrap();
     let url = "rerun+http://10.0.0.2:9876/proxy".to_owned();
-    assert_eq!((spec.default_plate, spec.rerun), (None, Some(RerunMode::Connect { url: Some(url) })));
+    assert_eq!((spec.default_plate, spec.rerun), (None, Some(upm_recording::RerunMode::Connect { url: Some(url) })));
 }
 
 #[test]
