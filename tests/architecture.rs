@@ -87,7 +87,7 @@ fn page_names_files_and_items_that_exist() {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let texts = FILES.iter().map(|(_, text)| text.as_str()).chain([include_str!("../Cargo.toml")]);
     let words: BTreeSet<&str> = texts.flat_map(|text| text.split(|c| !is_word(c))).collect();
-    // the end of a source's path or folder is enough: `fields/seeds` is `src/planner/fields/seeds.rs`
+    // the end of a source's path or folder is enough: `fields/seeds` is `src/planning/planner/fields/seeds.rs`
     let is_source = |path: &str| FILES.iter().any(|(file, _)| file.contains(&format!("/{path}")));
     let exists = |name: &str| match name.trim_end_matches('/') {
         path if path.contains('/') || path.contains('.') => root().join(path).exists() || is_source(path),

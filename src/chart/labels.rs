@@ -16,8 +16,7 @@ const OUTSIDE: f64 = 40.0;
 /// Cost of any overlap, however small.
 const OVERLAP_COST: f64 = 8.0;
 
-/// Cost of changing to another side of the disc, and of a distance of one label height from it.
-const SIDE_CHANGE_COST: f64 = 0.4;
+/// Cost of a distance of one label height from the disc.
 const DISTANCE_COST: f64 = 0.6;
 
 /// A round part with the label to be placed beside it; y points down.
@@ -36,15 +35,13 @@ pub struct LabelledDisc {
 pub struct LabelPlace {
     /// Middle of the label.
     pub center: [f64; 2],
-    /// Number of the direction from its disc.
-    pub direction: usize,
 }
 
 /// Places of the labels of `parts`, each as near to its disc as it can be without covering a disc or another label, and
-/// within `bounds`, from and to along x and y. A label keeps the side that it has in `before` unless another is better.
-pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2], before: &[LabelPlace]) -> Vec<LabelPlace> {
+/// within `bounds`, from and to along x and y.
+pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec<LabelPlace> {
     let mut placed: Vec<LabelPlace> = Vec::with_capacity(parts.len());
-    for (i, part) in parts.iter().enumerate() {
+    for part in parts {
         let height = (2.0 * part.half[1]).max(f64::MIN_POSITIVE);
         let cost = |place: &LabelPlace, steps: f64| {
             let penalty =
@@ -53,11 +50,9 @@ pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2], before: &[Lab
             let labels =
                 placed.iter().zip(parts).map(|(other, of)| penalty(ON_LABEL, on_label(place, part, other, of)));
             let beyond = penalty(OUTSIDE, outside(place.center, part.half, bounds));
-            let side_change =
-                if before.get(i).is_some_and(|old| old.direction != place.direction) { SIDE_CHANGE_COST } else { 0.0 };
-            discs.sum::<f64>() + labels.sum::<f64>() + beyond + DISTANCE_COST * steps + side_change
+            discs.sum::<f64>() + labels.sum::<f64>() + beyond + DISTANCE_COST * steps
         };
-        let mut best = (LabelPlace { center: part.center, direction: 0 }, f64::INFINITY);
+        let mut best = (LabelPlace { center: part.center }, f64::INFINITY);
         for (place, steps) in candidates(part) {
             // all that follow are farther away
             if best.1 <= DISTANCE_COST * steps {
@@ -80,7 +75,7 @@ fn candidates(part: &LabelledDisc) -> impl Iterator<Item = (LabelPlace, f64)> {
         (0..DIRECTIONS).map(move |direction| {
             let (sin, cos) = (FRAC_PI_2 + TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
             let reach = touching(radius * 1.1, [w, h], [cos, sin]) + steps * 2.0 * h;
-            (LabelPlace { center: [x + reach * cos, y + reach * sin], direction }, steps)
+            (LabelPlace { center: [x + reach * cos, y + reach * sin] }, steps)
         })
     })
 }
@@ -149,7 +144,7 @@ mod tests {
 
         #[test]
         fn labels_of_pennies_cover_no_coin_and_no_other_label(parts in pennies()) {
-            let placed = place_labels(&parts, BOUNDS, &[]);
+            let placed = place_labels(&parts, BOUNDS);
             prop_assert_eq!(placed.len(), parts.len());
             for (i, place) in placed.iter().enumerate() {
                 for part in &parts {
@@ -165,16 +160,8 @@ mod tests {
 
     #[test]
     fn lone_label_is_placed_right_below_its_disc() {
-        let [place] = place_labels(&[penny([10.0, 20.0])], BOUNDS, &[])[..] else { panic!("one label") };
+        let [place] = place_labels(&[penny([10.0, 20.0])], BOUNDS)[..] else { panic!("one label") };
         assert!((place.center[0] - 10.0).abs() < 1e-9, "{place:?}");
         assert!((place.center[1] - (20.0 + 1.1 * 9.5 + 10.0)).abs() < 1e-3, "{place:?}");
-    }
-
-    #[test]
-    fn a_label_keeps_its_side_until_another_is_better() {
-        let before = [LabelPlace { center: [0.0; 2], direction: 12 }];
-        assert_eq!(place_labels(&[penny([0.0, 0.0])], BOUNDS, &before)[0].direction, 12);
-        let covered = [penny([0.0, 0.0]), penny([0.0, -22.0])];
-        assert_ne!(place_labels(&covered, BOUNDS, &before)[0].direction, 12);
     }
 }

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 /// Number of values kept of each duration before every other one is dropped.
 const KEPT: usize = 4096;
 
-/// Wall times of a run, µs: its durations, or the figures of each kind. Memory is bounded for any length of the run.
+// of a run its durations, in its report the figures of each kind; memory is bounded for any length of the run
+/// Wall times of a run, µs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "TimingsReport")]
 pub struct Timings<T: Default = Durations> {

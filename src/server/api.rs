@@ -7,7 +7,7 @@ use axum::Router;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
-use crate::http::{AllowedHosts, Tokens, with_layers};
+use crate::http::{AllowedHosts, Confirmations, Tokens, with_layers};
 
 mod events;
 mod extract;
@@ -36,7 +36,12 @@ pub use types::{Checked, EStopped, JobsPage, JobsQuery, Plates, ResetRequest};
 
 /// The complete API of `daemon` as a router, layers included. Needs no socket. `stop` ends event streams, as it ends
 /// the server.
-pub(crate) fn app(daemon: Arc<DaemonState>, tokens: &Arc<Tokens>, stop: CancellationToken) -> Router {
+pub(crate) fn app(
+    daemon: Arc<DaemonState>,
+    tokens: &Arc<Tokens>,
+    confirmations: Confirmations,
+    stop: CancellationToken,
+) -> Router {
     let mut document = OpenApi::default();
     let routes = routes::routes(tokens);
     let routes = routes.finish_api_with(&mut document, |api| routes::described(api, daemon.version));
@@ -45,7 +50,8 @@ pub(crate) fn app(daemon: Arc<DaemonState>, tokens: &Arc<Tokens>, stop: Cancella
         daemon,
         stop,
         document: serde_json::to_vec(&document).unwrap_or_default().into(),
-        checks: Semaphore::new(extract::CHECKS),
+        checks: Arc::new(Semaphore::new(extract::CHECKS)),
+        confirmations,
         downloads: Arc::new(Semaphore::new(files::DOWNLOADS)),
     };
     with_layers(routes.with_state(Arc::new(api)), hosts)

@@ -1,6 +1,7 @@
 //! The HTTP server: connections and their limits, check of origins, tokens, and refusals as problem documents. With the
 //! API the only module that uses tokio's runtime; its caller sees a blocking function.
 
+mod confirmations;
 #[cfg(test)]
 mod guard_tests;
 mod layers;
@@ -12,7 +13,10 @@ mod problem;
 mod stop_listener;
 mod tokens;
 
+pub use confirmations::Confirmations;
 pub(crate) use layers::{too_large, with_layers};
+#[cfg(test)]
+pub(crate) use listen::BLOCKING_THREADS;
 pub(crate) use listen::Peer;
 pub use listen::{ShutdownReport, serve};
 pub use origin_check::AllowedHosts;

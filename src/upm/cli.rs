@@ -62,7 +62,9 @@ pub fn main() -> ExitCode {
     };
     let log = cli.command.log();
     #[cfg(feature = "daemon")]
-    log.iter().for_each(|_| daemon::hold_back_sigusr1());
+    if log.is_some() {
+        daemon::hold_back_sigusr1();
+    }
     let flush_guard = logs::start(cli.common, log);
     let done = dispatch(cli);
     drop(flush_guard);

@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 
 use super::rig_file::RigFile;
 
-/// A rig named by its file or written out. Faults inside the object are found by its schema, with their places.
+// faults inside the object are found by its schema, with their places
+/// A rig named by its file or written out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum RigSource {

@@ -25,7 +25,7 @@ use tokio_util::sync::CancellationToken;
 use upm_core::document::{Diagnostic, DiagnosticClass, parse, schema_of};
 
 use super::state::{DaemonState, no_job, unheard};
-use crate::http::{Caller, Problem, too_large};
+use crate::http::{Caller, Confirmations, Problem, too_large};
 use crate::store::JobId;
 
 /// State that all handlers share.
@@ -36,7 +36,8 @@ pub(super) struct Api {
     /// The OpenAPI document.
     pub document: Bytes,
     /// Places for checks of jobs.
-    pub checks: Semaphore,
+    pub checks: Arc<Semaphore>,
+    pub confirmations: Confirmations,
     pub downloads: Arc<Semaphore>,
 }
 
@@ -58,6 +59,21 @@ impl Api {
         });
         let broken = |_| Err(Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"));
         answer.await.unwrap_or_else(broken)
+    }
+
+    /// The answer of `work`, which checks a job. Its place is free once the work has ended, whether or not its client
+    /// waits.
+    pub async fn checking<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&DaemonState, &dyn Fn() -> bool) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let place = Arc::clone(&self.checks).acquire_owned().await;
+        self.blocking(move |daemon, is_awaited| {
+            let answer = work(daemon, is_awaited);
+            drop(place);
+            answer
+        })
+        .await
     }
 
     /// The answer of `work` on the job with the id `text`.

@@ -54,17 +54,14 @@ pub(super) async fn submit(
     body: JsonBody<JobFile>,
 ) -> Result<Response, Problem> {
     let submission = Submission { text: body.text, pace: query.pace, key: headers.key };
-    let _place = api.checks.acquire().await;
-    let submitted = api.blocking(move |daemon, is_awaited| daemon.submit(&submission, is_awaited));
-    let (job, is_replayed) = submitted.await?;
+    let (job, is_replayed) = api.checking(move |daemon, is_awaited| daemon.submit(&submission, is_awaited)).await?;
     let location = [(LOCATION, format!("/v1/jobs/{}", job.id))];
     let replayed = is_replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(job)).into_response())
 }
 
 pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<Checked> {
-    let _place = api.checks.acquire().await;
-    Ok(Json(api.blocking(move |daemon, _| daemon.check(&body.text)).await?))
+    Ok(Json(api.checking(move |daemon, _| daemon.check(&body.text)).await?))
 }
 
 pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {

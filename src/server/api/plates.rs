@@ -1,6 +1,4 @@
 use std::sync::Arc;
-use std::thread;
-use std::time::Duration;
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -9,8 +7,6 @@ use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use tokio::sync::oneshot;
-use tokio::time::timeout;
 use upm_core::document::Diagnostic;
 
 use super::extract::{Answer, ApiState, FromPath, JsonBody, RequestCaller};
@@ -24,9 +20,6 @@ use crate::supervisor::Plate;
 
 pub(super) const OPENMETRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// Longest wait for the store to count the queues.
-const COUNTED_WITHIN: Duration = Duration::from_millis(100);
-
 /// Path of an operation on one plate.
 #[derive(Deserialize, JsonSchema)]
 #[schemars(inline)]
@@ -37,31 +30,24 @@ pub(super) struct PlatePath {
 
 type OnePlate = FromPath<PlatePath>;
 
-/// Lists the plates. An emergency stop of all plates begins with this list, so it does not depend on the store.
+/// Lists the plates, with their queues as last counted. An emergency stop of all plates begins with this list, so it
+/// needs neither the store nor another thread.
 pub(super) async fn list(State(api): ApiState) -> Json<Plates> {
-    let counted = api.blocking(|daemon, _| {
-        daemon.count_jobs();
-        Ok(())
-    });
-    timeout(COUNTED_WITHIN, counted).await.ok();
     let plates = api.daemon.plates.iter().map(|plate| api.daemon.plate_now(plate)).collect();
     Json(Plates { plates, stop_listen: api.daemon.spec.stop_listen.map(|address| address.to_string()) })
 }
 
-/// Stops a plate. The motors are cut before anything is awaited. Its confirmation has a thread of its own: all
-/// others may wait for the disk.
+/// Stops a plate. The motors are cut before anything is awaited.
 pub(super) async fn estop(
     State(api): ApiState,
     FromPath(plate): OnePlate,
     Extension(caller): RequestCaller,
 ) -> Answer<EStopped> {
     api.daemon.plate(&plate.name)?.estop();
-    let (daemon, (reply, confirmed)) = (Arc::clone(&api.daemon), oneshot::channel());
-    let confirm = move || reply.send(daemon.confirm_stop(&plate.name, &caller));
-    let unconfirmed = "the plate is stopped; what became of its motors is not known";
-    let started = thread::Builder::new().name("stop".into()).spawn(confirm);
-    started.map_err(|_| Problem::busy(unconfirmed, 1))?;
-    Ok(Json(confirmed.await.map_err(|_| Problem::busy(unconfirmed, 1))??))
+    let daemon = Arc::clone(&api.daemon);
+    let confirmed = api.confirmations.of(move || daemon.confirm_stop(&plate.name, &caller)).await;
+    let unconfirmed = || Problem::busy("the plate is stopped; what became of its motors is not known", 1);
+    Ok(Json(confirmed.ok_or_else(unconfirmed)??))
 }
 
 /// Ends an emergency stop. A client that gave up finds the plate stopped.

@@ -37,6 +37,8 @@ pub(crate) struct DaemonState {
 #[derive(Clone, Debug)]
 struct Counted {
     at: Duration,
+    /// Jobs queued for each plate.
+    queued: Vec<(String, u64)>,
     /// Jobs of each plate in each state.
     jobs: Vec<(String, JobState, u64)>,
     /// Free bytes on the disk of the run folders; `None` when unknown.
@@ -52,7 +54,8 @@ impl DaemonState {
         clock: MonotonicClock,
         version: &'static str,
     ) -> Self {
-        let counted = Mutex::new(Counted { at: clock.elapsed(), jobs: Vec::new(), free_bytes: None });
+        let counted =
+            Mutex::new(Counted { at: clock.elapsed(), queued: Vec::new(), jobs: Vec::new(), free_bytes: None });
         let event_streams = Arc::new(Semaphore::new(EVENT_STREAMS));
         Self { spec, store, plates, clock, ending: AtomicBool::new(false), counted, event_streams, version }
     }
@@ -80,15 +83,15 @@ impl DaemonState {
 
     /// A plate now, with its queue as last counted.
     pub fn plate_now(&self, plate: &PlateHandle) -> Plate {
-        let is_queued =
-            |(name, state, _): &&(String, JobState, u64)| name == plate.name() && *state == JobState::Queued;
-        let queued = self.counted.lock().jobs.iter().find(is_queued).map_or(0, |(.., count)| *count);
+        let counted = self.counted.lock();
+        let queued = counted.queued.iter().find(|(name, _)| name == plate.name()).map_or(0, |(_, count)| *count);
+        drop(counted);
         Plate { queued, ..plate.snapshot() }
     }
 
     /// The plate's state after an operation on it.
     pub fn plate_after(&self, plate: &PlateHandle) -> Plate {
-        self.count_jobs();
+        self.count_queued();
         self.plate_now(plate)
     }
 
@@ -108,19 +111,22 @@ impl DaemonState {
         })
     }
 
-    /// Counts jobs; when the store fails, the previous numbers remain.
-    pub fn count_jobs(&self) {
-        if let Ok(jobs) = self.store.counts() {
-            self.counted.lock().jobs = jobs;
+    /// Counts queued jobs; when the store fails, the previous numbers remain.
+    pub fn count_queued(&self) {
+        if let Ok(queued) = self.store.queued() {
+            self.counted.lock().queued = queued;
         }
     }
 
-    /// Counts jobs and the free space, sees whether a store that failed can be written again, and writes stops and
-    /// pauses that could not be written. Waits for the disk.
-    pub fn count(&self) {
+    /// Counts queued jobs and the free space, and `all` jobs, which takes as long as there are many; sees whether a store
+    /// that failed can be written again, and writes stops and pauses that could not be written. Waits for the disk.
+    pub fn count(&self, all: bool) {
         self.store.retry();
         self.plates.persist_again();
-        self.count_jobs();
+        self.count_queued();
+        if let Some(jobs) = all.then(|| self.store.counts().ok()).flatten() {
+            self.counted.lock().jobs = jobs;
+        }
         let free_bytes = free_bytes(self.store.runs()).ok();
         let mut counted = self.counted.lock();
         (counted.at, counted.free_bytes) = (self.clock.elapsed(), free_bytes);
@@ -128,7 +134,7 @@ impl DaemonState {
 
     /// The daemon now. Never blocks: data from the store is as of the last count.
     pub fn observed(&self) -> Observed {
-        let Counted { at, jobs, free_bytes } = self.counted.lock().clone();
+        let Counted { at, jobs, free_bytes, .. } = self.counted.lock().clone();
         let now = self.clock.elapsed();
         Observed {
             version: self.version,

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::api::{DaemonState, EStopped};
 use crate::http::Caller;
+use upm_core::time::{Clock, MonotonicClock};
 
 /// Name of the socket in the data folder.
 pub const ESTOP_SOCKET: &str = "estop.sock";
@@ -24,7 +25,13 @@ pub const ESTOP_SOCKET: &str = "estop.sock";
 const MOST_REQUEST: u64 = 4 << 10;
 const MOST_ANSWER: u64 = 64 << 10;
 
-/// Longest silence before a request has arrived, for the client to take the reply, and for the reply to arrive.
+/// Threads that stand ready for clients: a stop needs no new one, and a silent client holds up the next ones briefly.
+const THREADS: usize = 4;
+
+/// Most plates in one request.
+const MOST_PLATES: usize = 64;
+
+/// Longest waits for a request, for the client to take the reply, and for the reply.
 const ASKED_WITHIN: Duration = Duration::from_millis(500);
 const TAKEN_WITHIN: Duration = Duration::from_millis(500);
 const ANSWERED_WITHIN: Duration = Duration::from_millis(1500);
@@ -76,6 +83,13 @@ impl EmergencyStops {
         self.stop(&[], &Caller { name: by.to_owned(), remote: None })
     }
 
+    /// Stops every plate, without a word on what became of it. Never waits.
+    pub(super) fn cut(&self) {
+        for plate in self.0.plates.iter() {
+            plate.estop();
+        }
+    }
+
     /// Stops the plates called `names`, or every plate where none is named.
     pub(super) fn stop(&self, names: &[String], caller: &Caller) -> Vec<LocalStop> {
         let all = self.0.spec.plate_names();
@@ -110,7 +124,7 @@ pub(super) struct EStopSocket(PathBuf);
 
 impl EStopSocket {
     /// Listens in `data`, replacing a socket left by an earlier daemon; `port` is the HTTP port. The caller must hold
-    /// the folder's lock. A client that sends nothing holds up no other: each has a thread.
+    /// the folder's lock.
     pub fn open(data: &Path, port: u16, stop: EmergencyStops) -> io::Result<Self> {
         let path = data.join(ESTOP_SOCKET);
         match fs::remove_file(&path) {
@@ -119,20 +133,18 @@ impl EStopSocket {
         }
         let listener = UnixListener::bind(&path)?;
         fs::set_permissions(&path, Permissions::from_mode(0o600))?;
-        let attend = move || {
-            for client in listener.incoming() {
-                let stop = stop.clone();
-                let answer = move |client: UnixStream| {
-                    take_stop(&client, port, &stop).unwrap_or_else(|error| tracing::warn!("{ESTOP_SOCKET}: {error}"));
-                };
-                let started = client.and_then(|client| thread::Builder::new().spawn(move || answer(client)));
-                if let Err(error) = started {
-                    tracing::warn!("{ESTOP_SOCKET}: {error}");
-                    thread::sleep(NO_ROOM_PAUSE);
+        for _ in 0..THREADS {
+            let (listener, stop) = (listener.try_clone()?, stop.clone());
+            let attend = move || {
+                for client in listener.incoming() {
+                    if let Err(error) = client.and_then(|client| take_stop(&client, port, &stop)) {
+                        tracing::warn!("{ESTOP_SOCKET}: {error}");
+                        thread::sleep(NO_ROOM_PAUSE);
+                    }
                 }
-            }
-        };
-        thread::Builder::new().name("estop".into()).spawn(attend)?;
+            };
+            thread::Builder::new().name("estop".into()).spawn(attend)?;
+        }
         Ok(Self(path))
     }
 }
@@ -162,6 +174,9 @@ fn request_in(line: &[u8], port: u16) -> Result<LocalStopRequest, String> {
         .map_err(|error| format!(r#"expected an empty line or {{"plates": ["NAME"]}}: {error}"#))?;
     match request.port {
         Some(meant) if meant != port => Err(format!("expected the daemon on port {meant}, found the one on {port}")),
+        _ if request.plates.len() > MOST_PLATES => {
+            Err(format!("expected at most {MOST_PLATES} plates, found {}", request.plates.len()))
+        }
         _ => Ok(request),
     }
 }
@@ -182,12 +197,23 @@ fn send(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
     to.write_all(&line)
 }
 
-/// A line of at most `most` bytes, each of which arrives `within` this time; `None` when the other end closes without
-/// sending any.
+/// A line of at most `most` bytes, which arrives `within` this time; `None` when the other end closes without sending
+/// any.
 fn line_of(from: &UnixStream, most: u64, within: Duration) -> io::Result<Option<Vec<u8>>> {
-    from.set_read_timeout(Some(within))?;
-    let mut line = Vec::new();
-    BufReader::new(from.take(most)).read_until(b'\n', &mut line)?;
+    let (clock, mut line) = (MonotonicClock::new(), Vec::new());
+    let mut reader = BufReader::new(from.take(most));
+    loop {
+        let left = within.checked_sub(clock.elapsed()).filter(|left| !left.is_zero()).ok_or(ErrorKind::TimedOut)?;
+        from.set_read_timeout(Some(left))?;
+        let piece = reader.fill_buf()?;
+        let end = piece.iter().position(|&byte| byte == b'\n');
+        let taken = end.map_or(piece.len(), |end| end + 1);
+        line.extend_from_slice(&piece[..taken]);
+        reader.consume(taken);
+        if end.is_some() || taken == 0 {
+            break;
+        }
+    }
     match line.pop() {
         None => Ok(None),
         Some(b'\n') => Ok(Some(line)),
@@ -221,6 +247,16 @@ mod tests {
         assert_eq!(heard(b"one\ntwo", 10_000), Ok(Some(b"one".to_vec())));
         assert_eq!(heard(&[b'x'; 2000], 10_000), Err(ErrorKind::InvalidData));
         assert!(matches!(heard(b"half", 20), Err(ErrorKind::WouldBlock | ErrorKind::TimedOut)));
+        let (mut client, daemon) = UnixStream::pair().unwrap();
+        let dripping = thread::spawn(move || {
+            while client.write_all(b" ").is_ok() {
+                thread::sleep(Duration::from_millis(5));
+            }
+        });
+        let dripped = line_of(&daemon, 1 << 20, Duration::from_millis(60)).unwrap_err().kind();
+        assert!(matches!(dripped, ErrorKind::WouldBlock | ErrorKind::TimedOut), "{dripped}");
+        drop(daemon);
+        dripping.join().unwrap();
         let (client, daemon) = UnixStream::pair().unwrap();
         drop(client);
         assert_eq!(line_of(&daemon, 8, Duration::from_secs(10)).unwrap(), None);

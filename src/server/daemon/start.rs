@@ -12,9 +12,9 @@ use tokio_util::sync::CancellationToken;
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops, LocalStopAnswer};
 use super::prepare::{Prepared, rerun_of};
 use super::recovery_log;
-use super::systemd::{self, WatchdogPing};
-use crate::api::{DaemonState, app, liveness_failures};
-use crate::http::{AllowedHosts, Caller, STOP_PATH, ShutdownReport, Tokens, joined, serve, serve_stops};
+use super::systemd;
+use crate::api::{DaemonState, app};
+use crate::http::{AllowedHosts, Caller, Confirmations, STOP_PATH, ShutdownReport, Tokens, serve, serve_stops};
 use crate::store::{Store, StoreFault, StoreLimits};
 use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices};
 use upm_core::background::BackgroundThread;
@@ -28,8 +28,11 @@ const PLATES_WITHIN: Duration = Duration::from_millis(1200);
 const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
 /// Longest time for the store to be closed, after both.
 const STORE_WITHIN: Duration = Duration::from_millis(400);
-/// Interval at which jobs and free space are counted, and at which the service manager gets signs of life.
+/// Interval at which queued jobs and free space are counted, and ticks after which all jobs are.
 const TICK: Duration = Duration::from_millis(500);
+const TICKS_OF_ALL: u64 = 10;
+/// Stops that the API confirms at once.
+const CONFIRMED_AT_ONCE: usize = 2;
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -67,6 +70,7 @@ pub struct Daemon {
     pub(super) tokens: Arc<Tokens>,
     /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
+    pub(super) confirmations: Confirmations,
 }
 
 impl Daemon {
@@ -127,7 +131,8 @@ impl Daemon {
         if let Some(stop_listener) = stop_listener {
             take_stops(stop_listener, &state, &prepared.tokens).map_err(StartFault::Plates)?;
         }
-        Ok(Self { state, listener, tokens: prepared.tokens, estop_socket })
+        let confirmations = Confirmations::start("stops", CONFIRMED_AT_ONCE).map_err(StartFault::Plates)?;
+        Ok(Self { state, listener, tokens: prepared.tokens, estop_socket, confirmations })
     }
 
     /// A handle that stops its plates without the network.
@@ -150,19 +155,16 @@ impl Daemon {
             tracing::error!("jobs are not counted: {error}");
         }
         systemd::ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        let mut ping = WatchdogPing::new();
-        while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
-            if let Some(ping) = &mut ping {
-                let failures = liveness_failures(&state.observed());
-                ping.send(if failures.is_empty() { Ok(()) } else { Err(joined(&failures)) });
-            }
+        if let Err(error) = systemd::keep_alive(&state) {
+            tracing::error!("the service manager gets no signs of life: {error}");
         }
+        while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
         end(&state, &end_http, answering, estop_socket)
     }
 
     /// Serves HTTP on another thread until `stop` is cancelled.
     fn answer(self, stop: CancellationToken) -> JoinHandle<io::Result<ShutdownReport>> {
-        let app = app(self.state, &self.tokens, stop.clone());
+        let app = app(self.state, &self.tokens, self.confirmations, stop.clone());
         thread::spawn(move || serve(self.listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
     }
 }
@@ -172,8 +174,11 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
-        while !state.ending.load(Ordering::SeqCst) {
-            state.count();
+        for tick in 0.. {
+            if state.ending.load(Ordering::SeqCst) {
+                return;
+            }
+            state.count(tick % TICKS_OF_ALL == 0);
             thread::sleep(TICK);
         }
     };
@@ -224,8 +229,9 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
 fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
     let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
     let hosts = AllowedHosts::new(address, &state.spec.hosts).with_page(state.spec.listen);
+    let cut = stop.clone();
     let answer = move |caller: &Caller| LocalStopAnswer { stops: stop.stop(&[], caller), error: None };
-    serve_stops(listener, hosts, Arc::clone(tokens), answer)?;
+    serve_stops(listener, hosts, Arc::clone(tokens), move || cut.cut(), answer)?;
     tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
     Ok(())
 }

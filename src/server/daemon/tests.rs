@@ -24,7 +24,7 @@ use tower::ServiceExt;
 use super::start::Daemon;
 use super::{StartFault, prepare};
 use crate::api::{DaemonState, app};
-use crate::http::ProblemDocument;
+use crate::http::{BLOCKING_THREADS, ProblemDocument};
 use crate::store::{JobEnd, JobRow, JobState, Pace, RecordingStatus, SubmitOutcome};
 use crate::supervisor::PlateHandle;
 use upm_core::time::MonotonicClock;
@@ -73,11 +73,19 @@ fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
 
 impl TestApi {
     fn new() -> Self {
+        Self::with(|_| ())
+    }
+
+    /// With a changed configuration.
+    fn with(change: impl FnOnce(&mut DaemonSpec)) -> Self {
         let data = tempfile::tempdir().unwrap();
-        let Daemon { state: daemon, tokens, .. } = start(spec(data.path())).unwrap();
+        let mut spec = spec(data.path());
+        change(&mut spec);
+        let Daemon { state: daemon, tokens, confirmations, .. } = start(spec).unwrap();
         let stop = CancellationToken::new();
-        let app = app(Arc::clone(&daemon), &tokens, stop.clone());
-        let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+        let app = app(Arc::clone(&daemon), &tokens, confirmations, stop.clone());
+        let runtime =
+            Builder::new_current_thread().enable_all().max_blocking_threads(BLOCKING_THREADS).build().unwrap();
         Self { runtime, app, daemon, stop, _data: data }
     }
 

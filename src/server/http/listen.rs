@@ -17,8 +17,8 @@ use tokio_util::sync::CancellationToken;
 /// Threads that serve requests.
 const WORKERS: usize = 2;
 
-/// Most threads that read files or confirm stops.
-const BLOCKING_THREADS: usize = 8;
+/// Most threads that wait for the store, check jobs and read files.
+pub(crate) const BLOCKING_THREADS: usize = 8;
 
 /// Most connections at once; further ones wait in the kernel's queue.
 const CONNECTIONS: usize = 512;

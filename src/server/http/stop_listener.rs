@@ -3,15 +3,15 @@ use std::sync::Arc;
 use std::time::Duration;
 use std::{io, thread};
 
+use axum::http::HeaderMap;
 use axum::http::header::AUTHORIZATION;
-use axum::http::{HeaderMap, StatusCode};
 use axum::routing::post;
 use axum::{Extension, Json, Router};
 use serde::Serialize;
-use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
+use super::confirmations::Confirmations;
 use super::layers::with_layers;
 use super::listen::{Peer, serve};
 use super::origin_check::AllowedHosts;
@@ -21,22 +21,27 @@ use super::tokens::{Caller, Scope, Tokens};
 /// The only path of the listener for emergency stops.
 pub const STOP_PATH: &str = "/v1/estop";
 
+/// Requests whose stops are confirmed at once.
+const CONFIRMED_AT_ONCE: usize = 2;
+
 /// Serves `POST /v1/estop` on `listener` until the process ends, on threads that share nothing with the API's server
-/// and have the usual priority. `stop` stops the plates and returns the answer. A page that `hosts` admits may
-/// read it.
+/// and have the usual priority. `stop` stops the plates and never waits, `confirm` returns the answer. A page that
+/// `hosts` admits may read it.
 pub fn serve_stops<T: Serialize + Send + 'static>(
     listener: TcpListener,
     hosts: AllowedHosts,
     tokens: Arc<Tokens>,
-    stop: impl Fn(&Caller) -> T + Send + Sync + 'static,
+    stop: impl Fn() + Send + Sync + 'static,
+    confirm: impl Fn(&Caller) -> T + Send + Sync + 'static,
 ) -> io::Result<()> {
-    let stop = Arc::new(stop);
+    let both = Arc::new((stop, confirm, Confirmations::start("stops", CONFIRMED_AT_ONCE)?));
     let handler = async move |Extension(Peer(remote)): Extension<Peer>, headers: HeaderMap| {
         let name = tokens.admit(&headers, Scope::Read)?;
-        let (stop, caller) = (stop.clone(), Caller { name, remote: Some(remote) });
-        let stopped = spawn_blocking(move || stop(&caller)).await;
-        let answer = stopped.map_err(|_| Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"))?;
-        Ok::<_, Problem>(Json(answer))
+        both.0();
+        let (doing, caller) = (Arc::clone(&both), Caller { name, remote: Some(remote) });
+        let confirmed = both.2.of(move || doing.1(&caller)).await;
+        let unconfirmed = || Problem::busy("the plates are stopped; what became of their motors is not known", 1);
+        Ok::<_, Problem>(Json(confirmed.ok_or_else(unconfirmed)?))
     };
     let cors = CorsLayer::new().allow_origin(AllowOrigin::mirror_request()).allow_headers([AUTHORIZATION]);
     let app = with_layers(Router::new().route(STOP_PATH, post(handler)).layer(cors), hosts);
@@ -69,7 +74,7 @@ mod tests {
         tokens.add("door", TOKEN, Scope::Read).unwrap();
         let stop = |caller: &Caller| format!("stopped by {}", caller.name);
         let hosts = AllowedHosts::new(address, &[]).with_page("127.0.0.1:8750".parse().unwrap());
-        serve_stops(listener, hosts, Arc::new(tokens), stop).unwrap();
+        serve_stops(listener, hosts, Arc::new(tokens), || (), stop).unwrap();
         let request = |line: &str, more: &str| {
             let token = format!("authorization: Bearer {TOKEN}");
             said(address, &format!("{line} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n{token}\r\n{more}\r\n"))

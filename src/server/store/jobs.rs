@@ -115,6 +115,13 @@ impl Store {
         })
     }
 
+    /// Number of jobs queued for each plate; plates without any are left out.
+    pub fn queued(&self) -> Result<Vec<(String, u64)>, StoreFault> {
+        let sql = "SELECT plate, count(*) FROM jobs WHERE state = 'queued' GROUP BY plate";
+        let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, i64>(1)?.cast_unsigned()));
+        self.read(|connection| rows(connection, sql, [], of_row))
+    }
+
     /// Number of jobs of each plate in each state.
     pub fn counts(&self) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
         let sql = "SELECT plate, state, count(*) FROM jobs GROUP BY plate, state";

@@ -10,7 +10,7 @@ use super::StoreFault;
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Schema version; a store of another one is refused.
-pub(super) const VERSION: i32 = 2;
+pub(super) const VERSION: i32 = 3;
 
 /// First bytes of every SQLite database.
 const MAGIC: &[u8] = b"SQLite format 3\0";

@@ -18,8 +18,9 @@ use upm_runner::config::{Diagnostic, JobLayout};
 const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
 const PERSISTED_WITHIN: Duration = Duration::from_millis(400);
 
-/// Most threads of a plate that write emergency stops: the disk writes one at a time, and each holds for all before it.
-const RECORDERS: usize = 4;
+/// Most threads of a plate that write emergency stops, more than all doors confirm at once; a disk that hangs has no
+/// more of them.
+const RECORDERS: usize = 16;
 
 /// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";

@@ -18,8 +18,8 @@ use summary::BatchSummary;
 use upm_core::job::Pace;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RerunMode;
-use upm_runner::run::job_library;
-use workers::SeedBatch;
+use upm_runner::run::{check_places, job_library};
+use workers::{BatchProgress, SeedBatch};
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names.
 pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) -> Result<u8, Failure> {
@@ -35,12 +35,13 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
     }
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;
+    check_places(&job).map_err(|fault| Failure::faults(vec![fault]))?;
     let (clock, started_utc) = (MonotonicClock::new(), utc_now());
     let in_usual = || Path::new(USUAL_OUT).join(format!("{}-seeds-{started_utc}", job.name));
     let out = args.out.clone().unwrap_or_else(in_usual);
     let interrupted = stop_on_interrupt();
     let seeds = seeds.as_slice();
-    let progress = Mutex::new(LateProgress::new(common));
+    let progress = Mutex::new(BatchProgress::new(seeds.len(), LateProgress::new(common)));
     let (job, out_of_runs, interrupted) = (&job, out.clone(), &interrupted);
     let batch = SeedBatch { job, library, seeds, out: out_of_runs, started_utc, rerun, clock, interrupted, progress };
     let runs = batch.run();

@@ -16,8 +16,10 @@ use upm_chart::Chart;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
-    Coverage, PlannerSelection, check_simulate, job_library, library_faults, load_library, tolerance_warning,
+    Coverage, PlannerSelection, check_places, check_simulate, job_library, library_faults, load_library,
+    tolerance_warning,
 };
+use upm_viewer::RerunSink;
 
 /// Contents of a valid file.
 pub(super) struct ValidFile {
@@ -158,7 +160,10 @@ fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Comm
 fn check_daemon(path: &Path) -> Result<String, Vec<String>> {
     let daemon = DaemonSpec::load(path).map_err(lines)?;
     let fitting = |plate: &PlateSpec| load_library(&plate.library, &plate.library_key, &plate.rig);
-    let faults: Vec<String> = daemon.plates.iter().filter_map(|plate| fitting(plate).err()).flat_map(lines).collect();
+    let mut faults: Vec<String> =
+        daemon.plates.iter().filter_map(|plate| fitting(plate).err()).flat_map(lines).collect();
+    let rerun = daemon.rerun.iter().filter_map(|mode| RerunSink::check(mode).err());
+    faults.extend(rerun.map(|error| format!("{}: rerun: {error}", path.display())));
     let says = format!("daemon on {}, plates: {}", daemon.listen, daemon.plate_names().join(", "));
     if faults.is_empty() { Ok(says) } else { Err(faults) }
 }
@@ -184,6 +189,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
     let job = job.map_err(lines)?;
     let lines_of = |fault: Diagnostic| vec![fault.to_string()];
     let library = job_library(&job).map_err(lines)?;
+    check_places(&job).map_err(lines_of)?;
     let (rig, parts, planner) =
         (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::with_forecast(&job, &library));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());

@@ -4,7 +4,7 @@ mod parquet_file;
 mod tables;
 
 use std::fs::{self, File};
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -17,6 +17,10 @@ use parquet_file::ParquetFile;
 use tables::{Column, POSITIONS, PULSES, TABLES, TARGETS, TIMINGS, Table};
 use upm_recording::Report;
 use upm_runner::config::reason;
+
+/// Largest report that is read, and longest line of a journal, bytes; a cycle of some hundred pulses is far shorter.
+const MOST_REPORT_BYTES: u64 = 16 << 20;
+const LONGEST_LINE: u64 = 16 << 20;
 
 const EXPECTED: &str = "expected what `upm run` left in a run folder";
 
@@ -68,7 +72,7 @@ fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(|error| Failure::read_failed(&path, &error))?,
     };
-    let report = serde_json::from_reader(BufReader::new(file));
+    let report = serde_json::from_reader(BufReader::new(file.take(MOST_REPORT_BYTES)));
     report.map(Some).map_err(|error| Failure::bad_input(format!("{}: {EXPECTED}, found {error}", path.display())))
 }
 
@@ -109,12 +113,16 @@ impl TableFiles {
         let mut bytes = Vec::new();
         for number in 1.. {
             bytes.clear();
-            journal.read_until(b'\n', &mut bytes).map_err(|error| read_failed(path, &error))?;
+            let read = journal.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes);
+            let read = read.map_err(|error| read_failed(path, &error))?;
             let fault = |found: String| {
                 Failure::bad_input(format!("{}: line {number}: {EXPECTED}, found {found}", path.display()))
             };
+            if read as u64 == LONGEST_LINE && !bytes.ends_with(b"\n") {
+                return Err(fault(format!("more than {LONGEST_LINE} bytes")));
+            }
             if !bytes.ends_with(b"\n") {
-                if !bytes.is_empty() {
+                if read > 0 {
                     tracing::warn!("{}: ends in half a line: the run was killed", path.display());
                 }
                 break;

@@ -46,7 +46,9 @@ fn print_report(folder: &Path, report: &InitReport) -> Result<(), Failure> {
     }
     outln!("try:")?;
     if !folder.as_os_str().is_empty() && folder != Path::new(".") {
-        outln!("  cd {}", shown)?;
+        let is_plain = shown.chars().all(|c| c.is_alphanumeric() || "/._+".contains(c));
+        let word = if is_plain { shown.clone() } else { format!("-- '{}'", shown.replace('\'', r"'\''")) };
+        outln!("  cd {word}")?;
     }
     outln!("  upm run configs/plus-sign.json                  # one coin along a plus sign")?;
     outln!("  upm run                                         # the jobs there are")?;

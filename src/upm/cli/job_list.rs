@@ -43,7 +43,9 @@ fn jobs_in(folder: &Path) -> Vec<JobEntry> {
 }
 
 fn is_job(file: &Path) -> bool {
-    let text = file.extension().filter(|ending| *ending == "json").and_then(|_| text_of(file).ok());
+    // a pipe would be read without end
+    let is_json = file.is_file() && file.extension().is_some_and(|ending| ending == "json");
+    let text = is_json.then(|| text_of(file).ok()).flatten();
     let value = text.and_then(|text| serde_json::from_str::<Value>(&text).ok());
     value.and_then(|value| Document::of(&value)) == Some(Document::Job)
 }

@@ -36,7 +36,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
         rows.push(("planner", planner_line(planner)));
     }
     if let Some(PacingReport { deadline_misses: misses, worst_late_frames: worst, behind_s }) = report.pacing {
-        let missed = format!("{misses} missed, by up to {worst} frames{}", behind(behind_s));
+        let frames = if worst == 1 { "frame" } else { "frames" };
+        let missed = format!("{misses} missed, by up to {worst} {frames}{}", behind(behind_s));
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
     }
     if report.laps > 0 {

@@ -77,9 +77,42 @@ fn waiting_reset_undoes_no_later_stop_and_is_dropped_with_its_caller() {
 }
 
 #[test]
+fn full_disk_takes_no_job() {
+    let api = TestApi::with(|spec| spec.min_free_bytes = u64::MAX);
+    api.daemon.count(true);
+    assert_eq!(api.post("/v1/jobs", REST).status, 507);
+}
+
+#[test]
+fn running_job_has_a_picture() {
+    let api = TestApi::new();
+    let id = api.submit(ENDLESS);
+    let path = format!("/v1/jobs/{id}/frame.png");
+    let picture = eventually("a picture", || Some(api.get(&path)).filter(|answer| answer.status == 200));
+    assert_eq!(picture.header("content-type"), "image/png");
+    assert!(picture.header("upm-age-ms").parse::<u64>().is_ok() && picture.body.starts_with(b"\x89PNG"));
+}
+
+#[test]
 fn stop_and_list_of_plates_do_not_wait_for_the_store() {
     let api = TestApi::new();
     let held = api.daemon.store.hold();
+    let send = |method: &str, path: &str| tokio::spawn(api.app.clone().oneshot(request(method, path, &[], "")));
+    let stops = api.runtime.block_on(async {
+        // more than there are threads to wait for the store
+        let waiting: Vec<_> = (0..2 * BLOCKING_THREADS).map(|_| send("GET", "/v1/jobs")).collect();
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        let stops: Vec<_> = (0..6).map(|_| send("POST", "/v1/plates/upm-2/estop")).collect();
+        let mut answers = Vec::new();
+        for stop in stops {
+            answers.push(stop.await.unwrap().unwrap().into_body().collect().await.unwrap().to_bytes());
+        }
+        waiting.iter().for_each(tokio::task::JoinHandle::abort);
+        answers
+    });
+    for stop in stops {
+        assert_eq!(serde_json::from_slice::<serde_json::Value>(&stop).unwrap()["persisted"], true, "{stop:?}");
+    }
     let stopped = api.post("/v1/plates/upm-1/estop", "").json();
     assert_eq!((&stopped["plate"], &stopped["persisted"]), (&"upm-1".into(), &true.into()));
     assert_eq!(api.get("/v1/plates").json()["plates"][0]["state"], "stopped");

@@ -177,11 +177,11 @@ fn file_that_is_no_store_of_this_version_is_refused_and_left_untouched() {
         text
     };
     let files = [
-        (other(60, &[0, 0, 0, 9]), "expected a job store of version 2, found version 9: choose another data folder"),
-        (other(68, b"song"), "expected a job store of version 2, found another database: choose another data folder"),
+        (other(60, &[0, 0, 0, 9]), "expected a job store of version 3, found version 9: choose another data folder"),
+        (other(68, b"song"), "expected a job store of version 3, found another database: choose another data folder"),
         (
             b"notes of a person".to_vec(),
-            "expected a job store of version 2, found no database: choose another data folder",
+            "expected a job store of version 3, found no database: choose another data folder",
         ),
     ];
     for (text, wanted) in files {

@@ -19,7 +19,8 @@ fn headline(summary: &BatchSummary) -> String {
     ];
     let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
     let camera = if *camera == CameraMode::Positions { ", positions in place of pictures" } else { "" };
-    format!("{name} on {rig}, {seeds} seeds{camera}: {completed} completed{}", others.collect::<String>())
+    let seeds = if *seeds == 1 { "1 seed".to_owned() } else { format!("{seeds} seeds") };
+    format!("{name} on {rig}, {seeds}{camera}: {completed} completed{}", others.collect::<String>())
 }
 
 fn figures(summary: &BatchSummary) -> Vec<String> {

@@ -7,7 +7,7 @@ use super::summary::SeedRun;
 use crate::cli::output::NOT_REACHED;
 use crate::cli::progress::LateProgress;
 use crate::cli::run::{run_failure, status_of};
-use upm_control::{EventLevel, FrameFacts, Sink};
+use upm_control::{CycleFacts, EventLevel, FrameFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_planning::cor_library::Library;
 use upm_recording::{RecordingOptions, RerunMode};
@@ -27,7 +27,28 @@ pub(super) struct SeedBatch<'a> {
     pub clock: MonotonicClock,
     /// Set by Ctrl-C: runs in progress end, and no further run starts.
     pub interrupted: &'a AtomicBool,
-    pub progress: Mutex<LateProgress>,
+    pub progress: Mutex<BatchProgress>,
+}
+
+/// Progress of all runs together.
+pub(super) struct BatchProgress {
+    shown: LateProgress,
+    /// Progress of each run, 0 to 1.
+    shares: Vec<f64>,
+    ended: usize,
+}
+
+impl BatchProgress {
+    pub fn new(seeds: usize, shown: LateProgress) -> Self {
+        Self { shown, shares: vec![0.0; seeds], ended: 0 }
+    }
+
+    fn show(&mut self, index: usize, share: f64) {
+        self.shares[index] = share.clamp(0.0, 1.0);
+        let (ended, all) = (self.ended, self.shares.len());
+        let share = self.shares.iter().sum::<f64>() / all as f64;
+        self.shown.show(share, || format!("{ended} of {all} runs have ended"));
+    }
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -43,22 +64,22 @@ impl SeedBatch<'_> {
             while !self.interrupted.load(Ordering::Relaxed) {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(&seed) = self.seeds.get(index) else { break };
-                let run = self.run_one(seed);
-                let mut ended = locked(&ended);
-                ended.push((index, run));
-                let (ended, all) = (ended.len(), self.seeds.len());
-                locked(&self.progress).show(ended as f64 / all as f64, || format!("{ended} of {all} runs have ended"));
+                let run = self.run_one(index, seed);
+                locked(&ended).push((index, run));
+                let mut progress = locked(&self.progress);
+                progress.ended += 1;
+                progress.show(index, 1.0);
             }
         };
         thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(take_turns))));
-        locked(&self.progress).finish();
+        locked(&self.progress).shown.finish();
         let mut runs = ended.into_inner().unwrap_or_else(PoisonError::into_inner);
         runs.sort_by_key(|(index, _)| *index);
         runs.into_iter().map(|(_, run)| run).collect()
     }
 
     /// Runs one seed as `upm run --seed SEED` does.
-    fn run_one(&self, seed: u64) -> SeedRun {
+    fn run_one(&self, index: usize, seed: u64) -> SeedRun {
         let options = RunOptions {
             out: self.out.clone(),
             started_utc: self.started_utc.clone(),
@@ -67,7 +88,7 @@ impl SeedBatch<'_> {
             recording_options: RecordingOptions::lossless(self.clock),
         };
         let stop = AtomicBool::new(false);
-        let mut watcher = BatchWatcher { batch: self, seed, stop: &stop };
+        let mut watcher = BatchWatcher { batch: self, index, seed, stop: &stop };
         let job = self.job.clone().with_seed(seed);
         let (library, pacing) = (Arc::clone(&self.library), PacingStats::default());
         match run_job(&job, library, &options, &self.clock, &stop, &pacing, &mut watcher) {
@@ -83,7 +104,7 @@ impl SeedBatch<'_> {
     }
 
     fn note(&self, seed: u64, level: EventLevel, text: &str) {
-        locked(&self.progress).suspend(|| match level {
+        locked(&self.progress).shown.suspend(|| match level {
             EventLevel::Info => tracing::debug!(seed, "{text}"),
             EventLevel::Warning => tracing::info!(seed, "{text}"),
             EventLevel::Error => tracing::warn!(seed, "{text}"),
@@ -94,6 +115,7 @@ impl SeedBatch<'_> {
 /// Shows a run's events, and passes Ctrl-C to the run.
 struct BatchWatcher<'a> {
     batch: &'a SeedBatch<'a>,
+    index: usize,
     seed: u64,
     stop: &'a AtomicBool,
 }
@@ -103,6 +125,10 @@ impl Sink for BatchWatcher<'_> {
         if self.batch.interrupted.load(Ordering::Relaxed) {
             self.stop.store(true, Ordering::SeqCst);
         }
+    }
+
+    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        locked(&self.batch.progress).show(self.index, facts.wanted.progress);
     }
 
     fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {

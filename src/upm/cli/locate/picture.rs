@@ -83,11 +83,13 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
 /// reports no error. Segments before the first scan may hold a preview picture with an end of its own.
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(2..).unwrap_or_default();
-    while let Some(&[0xFF, marker, high, low]) = rest.first_chunk() {
-        if marker == START_OF_SCAN {
-            return rest.windows(2).any(|pair| pair == END_OF_IMAGE);
-        }
-        let length = if marker == 0xFF { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+    while let Some(&[first, marker, high, low]) = rest.first_chunk() {
+        let length = match (first, marker) {
+            (0xFF, START_OF_SCAN) => return rest.windows(2).any(|pair| pair == END_OF_IMAGE),
+            // stray and filling bytes between segments, which decoders skip
+            (..0xFF, _) | (0xFF, 0xFF) => 1,
+            (0xFF, _) => 2 + usize::from(u16::from_be_bytes([high, low])),
+        };
         rest = rest.get(length..).unwrap_or_default();
     }
     false
