@@ -118,8 +118,9 @@ impl DaemonState {
         }
     }
 
-    /// Counts queued jobs and the free space, and `all` jobs, which takes as long as there are many; sees whether a store
-    /// that failed can be written again, and writes stops and pauses that could not be written. Waits for the disk.
+    /// Counts queued jobs and the free space, and `all` jobs, which takes as long as there are many; sees whether a
+    /// store that failed can be written again, and writes stops and pauses that could not be written. Waits for the
+    /// disk.
     pub fn count(&self, all: bool) {
         self.store.retry();
         self.plates.persist_again();

@@ -11,7 +11,8 @@ use super::columns::text_of_time;
 const MOST_BYTES: u64 = 16 << 20;
 
 /// Opens the regular file `name` in a run folder for reading. Follows no link, so it never leaves the folder. Never
-/// waits for the other end of a FIFO, but blocks on a hung disk. Anything but a regular file is [`ErrorKind::InvalidInput`].
+/// waits for the other end of a FIFO, but blocks on a hung disk. Anything but a regular file is
+/// [`ErrorKind::InvalidInput`].
 pub fn open_run_file(folder: &Path, name: &str) -> io::Result<File> {
     let no_file =
         || io::Error::new(ErrorKind::InvalidInput, "expected a regular file in a folder, found something else");

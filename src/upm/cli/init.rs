@@ -46,7 +46,7 @@ fn print_report(folder: &Path, report: &InitReport) -> Result<(), Failure> {
     }
     outln!("try:")?;
     if !folder.as_os_str().is_empty() && folder != Path::new(".") {
-        let is_plain = shown.chars().all(|c| c.is_alphanumeric() || "/._+".contains(c));
+        let is_plain = !shown.starts_with('-') && shown.chars().all(|c| c.is_alphanumeric() || "/._-+".contains(c));
         let word = if is_plain { shown.clone() } else { format!("-- '{}'", shown.replace('\'', r"'\''")) };
         outln!("  cd {word}")?;
     }

@@ -1,7 +1,6 @@
 //! Jobs and plates as clients see them.
 
 use tokio::time::timeout;
-use upm_fixtures::wait::eventually_true;
 
 use super::*;
 
@@ -46,7 +45,8 @@ fn full_queue_refuses_jobs_and_runs_after_reset_and_resume() {
     assert_eq!(cancel().status, 409);
     let first = api.post(&format!("/v1/jobs/{}/run-next", ids[2]), "");
     assert_eq!((first.status, first.json()["turn"].as_i64()), (200, Some(-1)));
-    eventually_true("both are counted", || api.get("/v1/plates").json()["plates"][0]["queued"] == 2);
+    api.daemon.count_queued();
+    assert_eq!(api.get("/v1/plates").json()["plates"][0]["queued"], 2);
     assert_eq!(api.post("/v1/plates/upm-1/resume", "").status, 200);
     for id in [&ids[0], &ids[2]] {
         let ended = api.ended(id);
