@@ -31,15 +31,8 @@ fn pictures_of_the_page_are_those_that_the_program_draws() {
     for job in ["arrange-4-cor", "arrange-8"] {
         let (file, picture) = (format!("configs/{job}.json"), folder.path().join("plan.svg"));
         let mut upm = std::process::Command::new(env!("CARGO_BIN_EXE_upm"));
-        assert!(
-            upm.args(["check", &file, "--plan", "--picture"])
-                .arg(&picture)
-                .current_dir(root())
-                .output()
-                .unwrap()
-                .status
-                .success()
-        );
+        upm.args(["check", &file, "--plan", "--picture"]).arg(&picture).current_dir(root());
+        assert!(upm.output().unwrap().status.success());
         let shipped = root().join(format!("assets/student/plan-{job}.svg"));
         holds(&shipped, &fs::read_to_string(picture).unwrap());
     }
