@@ -48,6 +48,7 @@ export class Order {
   async load() {
     try {
       this.examples = await json('GET', '/assets/examples.json');
+      this.examples.sort((a, b) => a.name.localeCompare(b.name, 'en', { numeric: true }));
     } catch {
       setTimeout(() => this.load(), 2000);
       return;
