@@ -21,25 +21,25 @@ const DISTANCE_COST: f64 = 0.6;
 
 /// A round part with the label to be placed beside it; y points down.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LabelledDisc {
+pub(crate) struct LabelledDisc {
     /// Centre of the disc.
-    pub center: [f64; 2],
+    pub(crate) center: [f64; 2],
     /// Distance from the centre to the rim, in the units of `center`.
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// Half the width and half the height of its label.
-    pub half: [f64; 2],
+    pub(crate) half: [f64; 2],
 }
 
 /// Position of a label relative to its disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LabelPlace {
+pub(crate) struct LabelPlace {
     /// Middle of the label.
-    pub center: [f64; 2],
+    pub(crate) center: [f64; 2],
 }
 
 /// Places of the labels of `parts`, each as near to its disc as it can be without covering a disc or another label, and
 /// within `bounds`, from and to along x and y.
-pub fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec<LabelPlace> {
+pub(crate) fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec<LabelPlace> {
     let mut placed: Vec<LabelPlace> = Vec::with_capacity(parts.len());
     for part in parts {
         let height = (2.0 * part.half[1]).max(f64::MIN_POSITIVE);

@@ -5,7 +5,7 @@ mod labels;
 mod palette;
 mod svg;
 
-pub use labels::{LabelPlace, LabelledDisc, place_labels};
+use labels::{LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
 
 pub use svg::{svg, svg_page};
