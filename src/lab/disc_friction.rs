@@ -3,8 +3,7 @@
 
 use std::f64::consts::PI;
 
-use ellip::{ellipe, ellipk};
-
+use super::numerics::complete_elliptic;
 use super::{ExperimentResult, Figure};
 use upm_chart::{Axis, Chart, Color};
 use upm_core::disc_friction::DiscFriction;
@@ -60,9 +59,8 @@ fn closed_form(e: f64) -> [f64; 2] {
         return [1.0 - 1.0 / (8.0 * e2), 1.0 / (4.0 * e) + 1.0 / (48.0 * e.powi(3))];
     }
     let modulus2 = e2.min(1.0 / e2);
-    let second_kind = ellipe(modulus2).unwrap_or(f64::NAN);
-    // At e = 1 the first kind is infinite and its factor zero; their product is zero.
-    let first_kind = if modulus2 < 1.0 { ellipk(modulus2).unwrap_or(f64::NAN) } else { 0.0 };
+    // at e = 1 the first kind is infinite and its factor zero: their product is zero
+    let [first_kind, second_kind] = if modulus2 < 1.0 { complete_elliptic(modulus2) } else { [0.0, 1.0] };
     let scale = 4.0 / (9.0 * PI);
     if e <= 1.0 {
         let force = 3.0 / e * ((1.0 + e2) * second_kind - (1.0 - e2) * first_kind);

@@ -1,5 +1,7 @@
 //! Numerical methods that several experiments share.
 
+use std::f64::consts::PI;
+
 /// Intercept and slope of the least-squares line through `points`; NaN where all have one x.
 pub(super) fn line_through(points: &[[f64; 2]]) -> [f64; 2] {
     let count = points.len() as f64;
@@ -22,6 +24,30 @@ pub(super) fn bisect([mut low, mut high]: [f64; 2], halvings: usize, mut is_high
         *(if is_high(middle) { &mut high } else { &mut low }) = middle;
     }
     [low, high]
+}
+
+/// Complete elliptic integrals of the first and second kind of the parameter `m`, from 0 to below 1, by the
+/// arithmetic-geometric mean (Abramowitz and Stegun, 17.6.3 and 17.6.4).
+pub(super) fn complete_elliptic(m: f64) -> [f64; 2] {
+    let (mut a, mut b, mut weight, mut sum) = (1.0, (1.0 - m).sqrt(), 0.5, 0.5 * m);
+    while a - b > f64::EPSILON * a {
+        let c = 0.5 * (a - b);
+        (a, b, weight) = (0.5 * (a + b), (a * b).sqrt(), 2.0 * weight);
+        sum += weight * c * c;
+    }
+    let first_kind = 0.5 * PI / a;
+    [first_kind, first_kind * (1.0 - sum)]
+}
+
+/// Elliptic integral of the first kind up to `amplitude_rad` of the parameter `m`, from 0 to below 1, by the
+/// arithmetic-geometric mean (Abramowitz and Stegun, 17.6.8 and 17.6.9).
+pub(super) fn elliptic_f(amplitude_rad: f64, m: f64) -> f64 {
+    let (mut a, mut b, mut angle_rad, mut scale) = (1.0, (1.0 - m).sqrt(), amplitude_rad, 1.0);
+    while a - b > f64::EPSILON * a {
+        angle_rad += (b / a * angle_rad.tan()).atan() + PI * (angle_rad / PI).round();
+        (a, b, scale) = (0.5 * (a + b), (a * b).sqrt(), 2.0 * scale);
+    }
+    angle_rad / (scale * a)
 }
 
 /// `state` after `step` by the fourth-order Runge-Kutta method; `slope` has the state and the time since the beginning.

@@ -1,10 +1,10 @@
 //! Time that a block takes from one tilt to another under constant acceleration of the table: an elliptic integral of
 //! the first kind (Singer and Seering, Eqs. 3.7 to 3.15).
 
-use ellip::ellipf;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use super::block::{Block, BlockTilt};
+use crate::numerics::elliptic_f;
 
 impl Block {
     /// Time from `from` to the tilt `to_rad`, without a turning point between them, s. `weight_mps2`, not negative, is
@@ -37,12 +37,12 @@ fn part(angle_rad: f64, level: f64, turns: bool) -> Option<f64> {
     let amplitude = FRAC_PI_4 + 0.5 * angle_rad;
     if level > 1.0 {
         let parameter = 2.0 / (level + 1.0);
-        return Some(2.0 / (level + 1.0).sqrt() * ellipf(amplitude, parameter).ok()?);
+        return Some(2.0 / (level + 1.0).sqrt() * elliptic_f(amplitude, parameter));
     }
     let parameter = 0.5 * (1.0 + level);
     let sine = amplitude.sin() / parameter.sqrt();
     let amplitude = if turns { FRAC_PI_2 } else { Some(sine).filter(|sine| *sine <= 1.0 + 1e-12)?.min(1.0).asin() };
-    Some(std::f64::consts::SQRT_2 * ellipf(amplitude, parameter).ok()?)
+    Some(std::f64::consts::SQRT_2 * elliptic_f(amplitude, parameter))
 }
 
 #[cfg(test)]
