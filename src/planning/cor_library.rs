@@ -18,4 +18,3 @@ pub use coil_response::CoilResponse;
 pub use drive::{drive_for, motor_harmonics};
 pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
-pub use validate::RigFacts;
