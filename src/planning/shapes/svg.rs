@@ -26,8 +26,8 @@ impl Drawing {
     /// Drawing of the path data `d`, scaled to `size`, with the middle of its extent at `center_m`.
     ///
     /// # Errors
-    /// What `d` has where it is not valid path data, has too many lines, draws nothing, or has next to no extent along
-    /// the given axis.
+    /// The fault of `d` where it is not valid path data, has too many lines, draws nothing, or has next to no extent
+    /// along the given axis.
     pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, String> {
         let mut path = parsed(d)?;
         let lines = path.subpaths().count();

@@ -71,7 +71,7 @@ pub struct FieldPlanner {
     pool: RolloutPool,
 }
 
-/// What the planner computes of a library.
+/// The tables that the planner computes of a library.
 #[derive(Debug)]
 struct FieldModel {
     attack_s: f64,
