@@ -186,10 +186,8 @@ pub(super) fn ideal_drive(params: &SimParams, pulse: &OpenPulse, base_radps: f64
 /// Counts of each motor that give the free plate `acceleration` (m/s², rad/s²).
 fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTORS] {
     let (plate, motors) = (&params.plate, &params.motors);
-    let wrench = Wrench {
-        force_n: acceleration.velocity_mps * plate.mass_kg,
-        torque_nm: acceleration.spin_radps * plate.inertia_kgm2,
-    };
+    let force_n = acceleration.velocity_mps * plate.mass_kg;
+    let wrench = Wrench::new(force_n.x, force_n.y, acceleration.spin_radps * plate.inertia_kgm2);
     motors.arrangement.turned(forces_of_wrench(wrench, motors.lever_arm_m)).map(|n| n / motors.newtons_per_count)
 }
 

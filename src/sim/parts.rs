@@ -80,7 +80,7 @@ impl Parts {
         }
         self.fastest_mps = liveliest.sqrt();
         self.contacts.step(&mut self.bodies, self.fastest_mps * self.step_s);
-        Wrench { force_n: impulse, torque_nm: turn } * -self.step_s.recip()
+        Wrench::new(impulse.x, impulse.y, turn) * -self.step_s.recip()
     }
 
     /// Number of parts, fallen ones included.
@@ -285,8 +285,8 @@ mod tests {
         let (mut force, mut torque) = (Vec2::zeros(), 0.0);
         for _ in 0..400 {
             let wrench = parts.step(&PlateMotion::default());
-            force += wrench.force_n * STEP_S;
-            torque += wrench.torque_nm * STEP_S;
+            force += wrench.xy() * STEP_S;
+            torque += wrench.z * STEP_S;
         }
         let (p1, l1) = momentum(&parts);
         assert!((p0 - p1 - force).norm() < 1e-12 && (l0 - l1 - torque).abs() < 1e-12);

@@ -1,6 +1,6 @@
 //! Distance carried on a belt: computed from friction, corrected by the calibration's measurements.
 
-use crate::cor_library::{Entry, Library};
+use crate::cor_library::{Entry, Library, bracket};
 use crate::planner::friction::friction_of;
 use crate::planner::pump::{Discs, LANES, Pump, Travel};
 use upm_core::units::GRAVITY_MPS2;
@@ -81,9 +81,12 @@ impl BeltTable {
             });
             (computed > 0.0).then(|| (speed_mps.ln(), (measured / computed).clamp(CORRECTION.0, CORRECTION.1)))
         };
-        let factors: Vec<(f64, f64)> = model.speed_mps.iter().filter_map(factor).collect();
+        let (speeds_ln, factors): (Vec<f64>, Vec<f64>) = model.speed_mps.iter().filter_map(factor).unzip();
         for i in 0..SPEEDS {
-            let factor = interpolated(&factors, self.first_ln + self.step_ln * i as f64);
+            let place = bracket(&speeds_ln, self.first_ln + self.step_ln * i as f64);
+            let factor = place.map_or(1.0, |(below, part)| {
+                factors[below] + part * (factors[(below + 1).min(factors.len() - 1)] - factors[below])
+            });
             for travel in self.travels[i * self.sustains..][..self.sustains].iter_mut().flatten() {
                 travel.along_m *= factor;
                 travel.across_m *= factor;
@@ -131,15 +134,5 @@ impl BeltSlice {
         let i = (place as usize).min(SPEEDS - 2);
         let part = (place - i as f64).min(1.0);
         self.travels[i].towards(&self.travels[i + 1], part)
-    }
-}
-
-/// Linear interpolation between points of rising x, constant beyond them; 1 without points.
-fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
-    let above = points.partition_point(|point| point.0 <= x);
-    match (above.checked_sub(1).and_then(|below| points.get(below)), points.get(above)) {
-        (Some(a), Some(b)) => a.1 + (x - a.0) / (b.0 - a.0) * (b.1 - a.1),
-        (Some(only), None) | (None, Some(only)) => only.1,
-        (None, None) => 1.0,
     }
 }
