@@ -19,32 +19,18 @@ pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> i
 ///
 /// # Errors
 /// Errors of opening and syncing the folder, as the system reports them.
-#[cfg(unix)]
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     File::open(folder)?.sync_all()
-}
-
-/// Does nothing: on other systems a folder cannot be opened as a file.
-#[cfg(not(unix))]
-pub fn sync_folder(_: &Path) -> io::Result<()> {
-    Ok(())
 }
 
 /// Free bytes on the disk of `folder` available to users other than the superuser.
 ///
 /// # Errors
 /// The system's error, such as [`io::ErrorKind::NotFound`] where there is no such folder.
-#[cfg(unix)]
 pub fn free_bytes(folder: &Path) -> io::Result<u64> {
     let disk = rustix::fs::statvfs(folder)?;
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
-}
-
-/// Always unsupported: free space is known on Unix only.
-#[cfg(not(unix))]
-pub fn free_bytes(_: &Path) -> io::Result<u64> {
-    Err(io::ErrorKind::Unsupported.into())
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ impl fmt::Display for PlateTime {
 }
 
 /// Source of wall time. The core never reads the system clock itself, so that a test can stop time.
-pub trait Clock {
+pub trait Clock: fmt::Debug {
     /// Time since a fixed moment; never decreases.
     fn elapsed(&self) -> Duration;
 }

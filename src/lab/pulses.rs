@@ -8,7 +8,7 @@ use upm_core::geometry::{Pose, Vec2, cross};
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_sim::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
+use upm_sim::{OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 
 /// Samples a second of a series of positions.
 pub(super) const SERIES_HZ: f64 = 60.0;
@@ -16,12 +16,6 @@ pub(super) const SERIES_HZ: f64 = 60.0;
 pub(super) const FINER: usize = 16;
 /// Clearance between a coin's rim and the plate's edge at the start, m: on a rig's plate coins drift.
 pub(super) const EDGE_M: f64 = 10e-3;
-
-impl From<OpenLoopError> for LabFault {
-    fn from(error: OpenLoopError) -> Self {
-        Self::Rig(error.to_string())
-    }
-}
 
 /// Explanation of [`saturation`] for a figure.
 pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far below 1 in the ideal";
@@ -47,7 +41,7 @@ pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault>
         let pulse = OpenPulse::about(cor_m, spin_radps, envelope(rig, 0.0));
         check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps)
     };
-    check(0.0)?;
+    check(0.0).map_err(LabFault::Rig)?;
     let refused = |spin_radps: f64| check(spin_radps).is_err();
     let mut doubled = std::iter::successors(Some(1.0), |spin_radps| Some(2.0 * spin_radps)).take(DOUBLINGS);
     let highest = doubled.find(|&spin_radps| refused(spin_radps)).unwrap_or(f64::INFINITY);
@@ -77,7 +71,7 @@ pub(super) fn play(
     sample_hz: f64,
 ) -> Result<OpenLoopTrajectories, LabFault> {
     let parts: Vec<_> = parts_m.iter().map(|&at| (rig.penny, Pose { position_m: at, heading_rad: 0.0 })).collect();
-    Ok(simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz)?)
+    simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz).map_err(LabFault::Rig)
 }
 
 /// Position number `i` of a trajectory.

@@ -15,7 +15,7 @@ mod types;
 mod validate;
 
 pub use coil_response::CoilResponse;
+pub(crate) use displacement::bracket;
 pub use drive::{drive_for, motor_harmonics};
 pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
-pub use validate::RigFacts;

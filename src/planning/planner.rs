@@ -6,6 +6,7 @@ mod fields;
 mod flow_effort;
 mod friction;
 mod independence;
+mod kept;
 mod pseudo_inverse;
 mod pump;
 mod reach;

@@ -19,9 +19,9 @@ mod svg;
 pub use curves::{Lissajous, circle_path, closed_from};
 pub use document::path_data_of;
 pub use drawing::Drawing;
-pub use font::{UnknownLetter, known_letters};
+pub use font::known_letters;
 pub use pattern::Pattern;
-pub use svg::{Size, SvgError};
+pub use svg::Size;
 
 /// Greatest distance between a curve and its polyline, m.
 pub const TOLERANCE_M: f64 = 5e-5;

@@ -232,6 +232,7 @@ mod tests {
     }
 
     /// A clock that advances by a fixed number of ms whenever it is read.
+    #[derive(Debug)]
     struct Steps(AtomicU64, u64);
 
     impl Clock for Steps {

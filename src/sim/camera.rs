@@ -78,56 +78,36 @@ pub(crate) struct Snapshot {
     pub parts_in_table: Vec<Option<Pose>>,
 }
 
-/// Synthetic camera. Frames depend only on its parameters, its generator and the sequence of calls.
+impl Snapshot {
+    /// Pose of part number `index`; `None` where there is none.
+    fn pose(&self, index: usize) -> Option<Pose> {
+        self.parts_in_table.get(index).copied().flatten()
+    }
+
+    /// The pose of a part on a plate of `plate_side_m`.
+    fn pose_on_plate(&self, index: usize, plate_side_m: f64) -> Option<Pose> {
+        let is_on = |pose: &Pose| self.plate_in_table.apply_inverse(pose.position_m).amax() <= plate_side_m / 2.0;
+        self.pose(index).filter(is_on)
+    }
+}
+
+/// Synthetic camera above a square plate and its parts; its position must be above them. Frames depend only on its
+/// parameters, its generator and the sequence of calls.
 #[derive(Clone, Debug)]
 pub(crate) struct Camera {
     pub params: CameraParams,
+    pub plate_side_m: f64,
+    pub parts: Vec<PartParams>,
     view: CameraProjection,
-    grid: TileGrid,
-    blur: Blur,
-    sub_exposure_params: SubExposureParams,
-    light: Illumination,
-    plate: PlateOutline,
-    pub parts: Vec<DiscOutline>,
-    stale: DirtyTiles,
-    /// Coverage by plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
-    painted: Vec<[[f32; 2]; LANES]>,
-    /// Coverage by plate and parts in the tile being painted.
-    coverage: [PixelCoverage; 2],
-    /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
-    clean: Vec<i16>,
-    /// Standard deviation of each pixel's noise, laid out as `clean`.
-    sd: Vec<u8>,
-    noise: Noise,
+    noise: Rng,
+    /// Made for the first picture: runs without pixels have none.
+    renderer: Option<Box<Renderer>>,
 }
 
 impl Camera {
-    /// A camera above a square plate of `plate_side_m` and `parts`; all noise comes from `noise`. Its
-    /// position must be above plate and parts.
+    /// All noise of its pictures comes from `noise`.
     pub fn new(params: CameraParams, plate_side_m: f64, parts: Vec<PartParams>, noise: Rng) -> Self {
-        let view = CameraProjection::new(&params);
-        let grid = TileGrid::new(&view, params.size_px);
-        let blur = Blur::new(&params);
-        let sub_exposure_params = SubExposureParams { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
-        let tiles = grid.tiles.len();
-        let mut stale = DirtyTiles::new(tiles);
-        (0..tiles).for_each(|index| stale.mark(index));
-        Self {
-            light: Illumination::new(&params),
-            plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
-            parts: parts.into_iter().map(DiscOutline::new).collect(),
-            noise: Noise::new(&params, noise, params.size_px[0]),
-            clean: vec![0; tiles * AREA],
-            sd: vec![0; tiles * AREA],
-            params,
-            view,
-            grid,
-            blur,
-            sub_exposure_params,
-            stale,
-            painted: vec![[[f32::NAN; 2]; LANES]; tiles],
-            coverage: [PixelCoverage::none(), PixelCoverage::none()],
-        }
+        Self { params, plate_side_m, parts, view: CameraProjection::new(&params), noise, renderer: None }
     }
 
     /// True projection of a table point `height_m` above the plate, px; includes lens distortion.
@@ -139,31 +119,88 @@ impl Camera {
     /// is resized to fit; its index and time are left to the caller. An empty exposure keeps the plate and draws no
     /// parts.
     pub fn render(&mut self, exposure: &[Snapshot], frame: &mut Frame) {
+        let Self { params, plate_side_m, parts, noise, .. } = self;
+        let make = || Box::new(Renderer::new(*params, *plate_side_m, parts, noise.clone()));
+        self.renderer.get_or_insert_with(make).render(exposure, frame);
+    }
+}
+
+/// Renders pictures; repaints only what changed.
+#[derive(Clone, Debug)]
+struct Renderer {
+    params: CameraParams,
+    plate_side_m: f64,
+    view: CameraProjection,
+    grid: TileGrid,
+    blur: Blur,
+    sub_exposure_params: SubExposureParams,
+    light: Illumination,
+    plate: PlateOutline,
+    parts: Vec<DiscOutline>,
+    /// Tiles to be painted again.
+    stale: Vec<bool>,
+    /// Coverage by plate and parts with which each block of each tile was last painted; NaN where its pixels differ.
+    painted: Vec<[[f32; 2]; LANES]>,
+    /// Coverage by plate and parts in the tile being painted.
+    coverage: [PixelCoverage; 2],
+    /// The clean picture, row by row, `grid.stride()` pixels a row, units of 1/128 level, half a level added.
+    clean: Vec<i16>,
+    /// Standard deviation of each pixel's noise, laid out as `clean`.
+    sd: Vec<u8>,
+    noise: Noise,
+}
+
+impl Renderer {
+    fn new(params: CameraParams, plate_side_m: f64, parts: &[PartParams], noise: Rng) -> Self {
+        let view = CameraProjection::new(&params);
+        let grid = TileGrid::new(&view, params.size_px);
+        let blur = Blur::new(&params);
+        let sub_exposure_params = SubExposureParams { blur_m: blur.sd_px() * view.m_per_px(), arm_m: plate_side_m };
+        let tiles = grid.tiles.len();
+        Self {
+            light: Illumination::new(&params),
+            plate: PlateOutline::new(plate_side_m, &grid.tiles, &blur),
+            parts: parts.iter().copied().map(DiscOutline::new).collect(),
+            noise: Noise::new(&params, noise, params.size_px[0]),
+            clean: vec![0; tiles * AREA],
+            sd: vec![0; tiles * AREA],
+            params,
+            plate_side_m,
+            view,
+            grid,
+            blur,
+            sub_exposure_params,
+            stale: vec![true; tiles],
+            painted: vec![[[f32::NAN; 2]; LANES]; tiles],
+            coverage: [PixelCoverage::none(), PixelCoverage::none()],
+        }
+    }
+
+    fn render(&mut self, exposure: &[Snapshot], frame: &mut Frame) {
         self.mark_changes(exposure);
         self.redraw_dirty();
         self.expose(frame);
     }
 
     fn mark_changes(&mut self, exposure: &[Snapshot]) {
-        let Self { view, grid, blur, sub_exposure_params, plate, parts, stale, .. } = self;
-        let poses = exposure.iter().map(|snapshot| snapshot.plate_in_table);
-        plate.show(poses, sub_exposure_params, |index| stale.mark(index));
+        let Self { plate_side_m, view, grid, blur, sub_exposure_params, plate, parts, stale, .. } = self;
+        let poses: Vec<Pose> = exposure.iter().map(|snapshot| snapshot.plate_in_table).collect();
+        plate.show(&poses, sub_exposure_params, |index| stale[index] = true);
         let middle = exposure.get(exposure.len() / 2);
         for (index, part) in parts.iter_mut().enumerate() {
-            let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied().flatten();
-            let in_middle = middle.and_then(|snapshot| {
-                pose_in(snapshot).filter(|pose| plate.contains(&snapshot.plate_in_table, pose.position_m))
-            });
+            let in_middle = middle.and_then(|snapshot| snapshot.pose_on_plate(index, *plate_side_m));
             let seen = if in_middle.is_some() { exposure } else { &[] };
             let positions_m =
-                seen.iter().map(|snapshot| pose_in(snapshot).or(in_middle).unwrap_or_default().position_m);
-            part.show(positions_m, sub_exposure_params, (view, grid, blur), |index| stale.mark(index));
+                seen.iter().map(|snapshot| snapshot.pose(index).or(in_middle).unwrap_or_default().position_m);
+            part.show(positions_m, sub_exposure_params, (view, grid, blur), |index| stale[index] = true);
         }
     }
 
     fn redraw_dirty(&mut self) {
-        while let Some(index) = self.stale.next() {
-            self.paint(index);
+        for index in 0..self.stale.len() {
+            if std::mem::take(&mut self.stale[index]) {
+                self.paint(index);
+            }
         }
     }
 
@@ -260,34 +297,5 @@ impl Illumination {
     /// At a pixel, and its change from there to the next on the right and below.
     fn at(&self, x: usize, y: usize) -> [f32; 3] {
         [self.at_origin + self.slope.dot(&Vec2::new(x as f64, y as f64)), self.slope.x, self.slope.y].map(|l| l as f32)
-    }
-}
-
-/// Queue of the tiles to be repainted, each once.
-#[derive(Clone, Debug)]
-struct DirtyTiles {
-    marked: Vec<bool>,
-    waiting: Vec<usize>,
-}
-
-impl DirtyTiles {
-    fn new(tiles: usize) -> Self {
-        Self { marked: vec![false; tiles], waiting: Vec::with_capacity(tiles) }
-    }
-
-    fn mark(&mut self, index: usize) {
-        if let Some(marked) = self.marked.get_mut(index)
-            && !std::mem::replace(marked, true)
-        {
-            self.waiting.push(index);
-        }
-    }
-
-    fn next(&mut self) -> Option<usize> {
-        let index = self.waiting.pop()?;
-        if let Some(marked) = self.marked.get_mut(index) {
-            *marked = false;
-        }
-        Some(index)
     }
 }

@@ -17,7 +17,7 @@ mod pump_tests;
 mod simulated_rig;
 
 use camera::{Camera, Snapshot};
-pub use open_loop::{OpenLoopError, OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
+pub use open_loop::{OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
 pub use params::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PartParams, PlateParams, SimParams};
 pub use parts::{PartMotion, Parts};
 pub use plant::Plant;

@@ -7,7 +7,6 @@ use super::MotorParams;
 use super::faults::CoilFaults;
 use super::oscillator::{ModeState, Oscillator};
 use super::plate::Wrench;
-use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, MOTORS};
 
 /// Four voice coils with their amplifiers.
@@ -23,14 +22,7 @@ pub(crate) struct Motors {
     held_counts: [f64; MOTORS],
     faults: CoilFaults,
     /// Coils whose amplifier has an additional low-pass.
-    slow: [Option<SlowCoil>; MOTORS],
-}
-
-/// An additional low-pass of one coil, and its present output.
-#[derive(Clone, Copy, Debug)]
-struct SlowCoil {
-    low_pass: LowPass,
-    filtered: ModeState,
+    slow: [Option<(LowPass, ModeState)>; MOTORS],
 }
 
 /// A second-order Butterworth filter.
@@ -80,8 +72,7 @@ impl Motors {
         for ((slow, corner_hz), was_hz) in self.slow.iter_mut().zip(faults.low_pass_hz).zip(were_hz) {
             // the output of a coil that stays slow goes on
             if corner_hz != was_hz {
-                let slow_coil =
-                    || SlowCoil { low_pass: LowPass::new(corner_hz, self.step_s), filtered: ModeState::default() };
+                let slow_coil = || (LowPass::new(corner_hz, self.step_s), ModeState::default());
                 *slow = corner_hz.is_finite().then(slow_coil);
             }
         }
@@ -105,7 +96,7 @@ impl Motors {
         self.drive = None;
         self.held_counts = [0.0; MOTORS];
         self.filtered = [ModeState::default(); MOTORS];
-        self.slow.iter_mut().flatten().for_each(|slow| slow.filtered = ModeState::default());
+        self.slow.iter_mut().flatten().for_each(|(_, filtered)| *filtered = ModeState::default());
     }
 
     /// True when no drive plays and the amplifiers' last current has decayed (below a thousandth of a count). A coil
@@ -116,7 +107,7 @@ impl Motors {
 
     /// True when idle, and slow coils have decayed, too.
     pub fn is_forceless(&self) -> bool {
-        self.is_idle() && self.slow.iter().flatten().all(|slow| slow.low_pass.has_decayed(&slow.filtered))
+        self.is_idle() && self.slow.iter().flatten().all(|(low_pass, filtered)| low_pass.has_decayed(filtered))
     }
 
     /// Advances one step and returns the wrench at its end. A step uses the generator's sample that is held at the
@@ -127,8 +118,8 @@ impl Motors {
             *filtered = self.low_pass.step(*filtered, counts);
         }
         for (slow, filtered) in self.slow.iter_mut().zip(&self.filtered) {
-            if let Some(slow) = slow {
-                slow.filtered = slow.low_pass.step(slow.filtered, filtered.position);
+            if let Some((low_pass, slowed)) = slow {
+                *slowed = low_pass.step(*slowed, filtered.position);
             }
         }
         self.steps += 1;
@@ -168,7 +159,7 @@ impl Motors {
         let params = &self.params;
         let mut forces_n = [0.0; MOTORS];
         for (motor, force) in forces_n.iter_mut().enumerate() {
-            let filtered = self.slow[motor].map_or(self.filtered[motor], |slow| slow.filtered);
+            let filtered = self.slow[motor].map_or(self.filtered[motor], |(_, slowed)| slowed);
             let wanted = filtered.position * params.newtons_per_count * (1.0 + params.gain_error[motor]);
             *force = (wanted * self.faults.gain[motor]).max(-params.force_limit_n).min(params.force_limit_n);
         }
@@ -178,12 +169,12 @@ impl Motors {
 
 /// The wrench of forces (N, order of [`upm_core::signal::Motor::ALL`]) of motors around the plate (Eq. 7).
 pub(crate) fn wrench_of_forces([x1, x2, y1, y2]: [f64; MOTORS], lever_arm_m: f64) -> Wrench {
-    Wrench { force_n: Vec2::new(x1 - x2, y1 - y2), torque_nm: lever_arm_m * ((y1 + y2) - (x1 + x2)) }
+    Wrench::new(x1 - x2, y1 - y2, lever_arm_m * ((y1 + y2) - (x1 + x2)))
 }
 
 /// The weakest forces of motors around the plate with the given wrench: the inverse of Eq. 7.
 pub(crate) fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS] {
-    let (half, turn) = (wrench.force_n * 0.5, wrench.torque_nm / (4.0 * lever_arm_m));
+    let (half, turn) = (wrench * 0.5, wrench.z / (4.0 * lever_arm_m));
     [half.x - turn, -half.x - turn, half.y + turn, -half.y + turn]
 }
 
@@ -191,6 +182,7 @@ pub(crate) fn forces_of_wrench(wrench: Wrench, lever_arm_m: f64) -> [f64; MOTORS
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use upm_core::geometry::Vec2;
     use upm_core::signal::{Envelope, Harmonic, MotorArrangement};
 
     const PARAMS: MotorParams = MotorParams {
@@ -216,8 +208,8 @@ mod tests {
             let mut forces = [0.0; 4];
             forces[motor] = 3.0;
             let wrench = wrench_of_forces(forces, 0.05);
-            assert_eq!((wrench.force_n.x, wrench.force_n.y), (3.0 * fx, 3.0 * fy));
-            assert!((wrench.torque_nm - 0.15 * turn).abs() < 1e-15);
+            assert_eq!((wrench.x, wrench.y), (3.0 * fx, 3.0 * fy));
+            assert!((wrench.z - 0.15 * turn).abs() < 1e-15);
         }
     }
 
@@ -231,17 +223,17 @@ mod tests {
             let mut motors = Motors::new(&params, 5e-5);
             motors.held_counts[motor] = 100.0;
             let wrench = (0..2000).map(|_| motors.step()).last().unwrap();
-            assert!((wrench.force_n - Vec2::new(2.0 * fx, 2.0 * fy)).norm() < 1e-9);
-            assert!((wrench.torque_nm - 0.1 * turn).abs() < 1e-9);
+            assert!((wrench.xy() - Vec2::new(2.0 * fx, 2.0 * fy)).norm() < 1e-9);
+            assert!((wrench.z - 0.1 * turn).abs() < 1e-9);
         }
     }
 
     proptest! {
         #[test]
         fn the_force_map_turns_round(fx in -9.0..9.0f64, fy in -9.0..9.0f64, torque in -1.0..1.0f64) {
-            let wrench = Wrench { force_n: Vec2::new(fx, fy), torque_nm: torque };
+            let wrench = Wrench::new(fx, fy, torque);
             let back = wrench_of_forces(forces_of_wrench(wrench, 0.05), 0.05);
-            prop_assert!((back.force_n - wrench.force_n).norm() < 1e-12 && (back.torque_nm - torque).abs() < 1e-12);
+            prop_assert!((back - wrench).xy().norm() < 1e-12 && (back.z - torque).abs() < 1e-12);
         }
     }
 
@@ -253,7 +245,7 @@ mod tests {
         let (mut cos, mut sin, w) = (0.0, 0.0, TAU * 60.0);
         for i in 1..=20_000 {
             let (s, c) = (w * f64::from(i) * 5e-5).sin_cos();
-            let force = motors.step().force_n.x;
+            let force = motors.step().x;
             if i > 10_000 {
                 cos += force * c * 2e-4;
                 sin += force * s * 2e-4;
@@ -272,7 +264,7 @@ mod tests {
         let peak = |params: &MotorParams, counts| {
             let mut motors = Motors::new(params, 5e-5);
             motors.start(steady(counts, always));
-            (0..4000).map(|_| motors.step().force_n.x.abs()).fold(0.0, f64::max)
+            (0..4000).map(|_| motors.step().x.abs()).fold(0.0, f64::max)
         };
         assert_eq!(peak(&PARAMS, 0.4), 0.0, "less than half a count is nothing");
         assert_eq!(peak(&PARAMS, 500.0), 8.0, "the coil's limit");

@@ -52,65 +52,17 @@ pub struct OpenLoopTrajectories {
     pub parts: Vec<PartTrajectory>,
 }
 
-/// Reason why an experiment was refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum OpenLoopError {
-    /// The generator cannot play the pulse.
-    #[error(
-        "pulses[{pulse}]: expected up to {limit_counts:.0} counts at each motor, found a peak of {peak_counts:.0}; make it slower"
-    )]
-    TooManyCounts {
-        /// Index of the pulse.
-        pulse: usize,
-        /// Largest sample, counts.
-        peak_counts: f64,
-        /// Largest sample that the generator plays, counts.
-        limit_counts: f64,
-    },
-    /// A coil cannot produce the force.
-    #[error(
-        "pulses[{pulse}]: expected up to {limit_n:.1} N at each motor, found a peak of {peak_n:.1}; make it slower"
-    )]
-    TooMuchForce {
-        /// Index of the pulse.
-        pulse: usize,
-        /// Largest force, N.
-        peak_n: f64,
-        /// Largest force that a coil can produce, N.
-        limit_n: f64,
-    },
-    /// Not a number, negative or infinite.
-    #[error("pulses[{pulse}]: {what}")]
-    BadPulse {
-        /// Index of the pulse.
-        pulse: usize,
-        /// Reason.
-        what: &'static str,
-    },
-    /// Frequencies must be positive numbers.
-    #[error("base frequency and sampling rate must be positive")]
-    BadFrequency,
-}
-
 /// Checks `pulses`; refuses those that [`simulate`] would refuse.
 ///
 /// # Errors
-/// The fault of the first bad pulse: [`OpenLoopError::BadPulse`] for amplitudes that are not numbers, too many
-/// harmonics or lengths out of range; on a dynamic plate also [`OpenLoopError::TooManyCounts`] and
-/// [`OpenLoopError::TooMuchForce`].
-pub fn check_pulses(
-    params: &SimParams,
-    mode: PlateMode,
-    pulses: &[OpenPulse],
-    base_radps: f64,
-) -> Result<(), OpenLoopError> {
-    for (pulse, p) in pulses.iter().enumerate() {
-        check(pulse, p)?;
-        if mode == PlateMode::Dynamic {
-            ideal_drive(params, pulse, p, base_radps)?;
-        }
-    }
-    Ok(())
+/// The first bad pulse and its fault: amplitudes that are not numbers, too many harmonics or lengths out of range; on a
+/// dynamic plate also too many counts for the generator or too much force for a coil.
+pub fn check_pulses(params: &SimParams, mode: PlateMode, pulses: &[OpenPulse], base_radps: f64) -> Result<(), String> {
+    let checked = |pulse: &OpenPulse| {
+        check(pulse)?;
+        if mode == PlateMode::Dynamic { ideal_drive(params, pulse, base_radps).map(drop) } else { Ok(()) }
+    };
+    pulses.iter().enumerate().try_for_each(|(i, pulse)| checked(pulse).map_err(|why| format!("pulses[{i}]: {why}")))
 }
 
 /// Plays `pulses` one after another, each with its rest, on `parts` at rest. Deterministic.
@@ -120,8 +72,7 @@ pub fn check_pulses(
 /// the parts' reaction act on the plate.
 ///
 /// # Errors
-/// [`OpenLoopError::BadFrequency`] unless base frequency and sampling rate are positive numbers; otherwise as
-/// [`check_pulses`].
+/// That of [`check_pulses`], and that base frequency and sampling rate must be positive numbers.
 pub fn simulate(
     params: &SimParams,
     mode: PlateMode,
@@ -129,9 +80,9 @@ pub fn simulate(
     pulses: &[OpenPulse],
     base_radps: f64,
     sample_hz: f64,
-) -> Result<OpenLoopTrajectories, OpenLoopError> {
+) -> Result<OpenLoopTrajectories, String> {
     if ![base_radps, sample_hz].iter().all(|f| f.is_finite() && *f > 0.0) {
-        return Err(OpenLoopError::BadFrequency);
+        return Err("base frequency and sampling rate must be positive".to_owned());
     }
     check_pulses(params, mode, pulses, base_radps)?;
     match mode {
@@ -140,20 +91,19 @@ pub fn simulate(
     }
 }
 
-fn check(pulse: usize, p: &OpenPulse) -> Result<(), OpenLoopError> {
+fn check(pulse: &OpenPulse) -> Result<(), String> {
     const LONGEST_S: f64 = 600.0;
     let is_finite = |twist: &Twist| (twist.velocity_mps.norm() + twist.spin_radps).is_finite();
-    if !p.harmonics.iter().all(|harmonic| is_finite(&harmonic.cos) && is_finite(&harmonic.sin)) {
-        return Err(OpenLoopError::BadPulse { pulse, what: "its motion is not a number" });
+    let Envelope { attack_s, sustain_s, rest_s } = pulse.envelope;
+    if !pulse.harmonics.iter().all(|harmonic| is_finite(&harmonic.cos) && is_finite(&harmonic.sin)) {
+        Err("its motion is not a number".to_owned())
+    } else if pulse.harmonics.len() > MOST_HARMONICS {
+        Err("it has more than 16 harmonics".to_owned())
+    } else if ![attack_s, sustain_s, rest_s].iter().all(|s| (0.0..=LONGEST_S).contains(s)) {
+        Err("attack, sustain and rest lie between 0 and 600 s".to_owned())
+    } else {
+        Ok(())
     }
-    if p.harmonics.len() > MOST_HARMONICS {
-        return Err(OpenLoopError::BadPulse { pulse, what: "it has more than 16 harmonics" });
-    }
-    let envelope = &p.envelope;
-    if ![envelope.attack_s, envelope.sustain_s, envelope.rest_s].iter().all(|s| (0.0..=LONGEST_S).contains(s)) {
-        return Err(OpenLoopError::BadPulse { pulse, what: "attack, sustain and rest lie between 0 and 600 s" });
-    }
-    Ok(())
 }
 
 fn kinematic(
@@ -188,12 +138,8 @@ fn dynamic(
     pulses: &[OpenPulse],
     base_radps: f64,
     sample_hz: f64,
-) -> Result<OpenLoopTrajectories, OpenLoopError> {
-    let drives = pulses
-        .iter()
-        .enumerate()
-        .map(|(i, pulse)| ideal_drive(params, i, pulse, base_radps))
-        .collect::<Result<Vec<_>, _>>()?;
+) -> Result<OpenLoopTrajectories, String> {
+    let drives = pulses.iter().map(|pulse| ideal_drive(params, pulse, base_radps)).collect::<Result<Vec<_>, _>>()?;
     let mut plant = Plant::new(params, parts, &Streams::new(0));
     let step_s = params.step_s;
     let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
@@ -211,15 +157,10 @@ fn dynamic(
 
 /// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the
 /// motors. Spring and damper are ignored.
-pub(super) fn ideal_drive(
-    params: &SimParams,
-    pulse: usize,
-    p: &OpenPulse,
-    base_radps: f64,
-) -> Result<Drive, OpenLoopError> {
+pub(super) fn ideal_drive(params: &SimParams, pulse: &OpenPulse, base_radps: f64) -> Result<Drive, String> {
     let motors = &params.motors;
-    let mut drive = Drive { base_radps, envelope: p.envelope, ..Default::default() };
-    for (k, harmonic) in (1..).zip(&p.harmonics) {
+    let mut drive = Drive { base_radps, envelope: pulse.envelope, ..Default::default() };
+    for (k, harmonic) in (1..).zip(&pulse.harmonics) {
         let counts = |twist: Twist| counts_of_acceleration(params, twist * (f64::from(k) * base_radps));
         // d/dt (c cos kwt + s sin kwt) = kw (s cos kwt - c sin kwt)
         let (cos, sin) = (counts(harmonic.sin), counts(-harmonic.cos));
@@ -229,12 +170,15 @@ pub(super) fn ideal_drive(
     }
 
     let peak_counts = drive.peak_counts();
+    let beyond = |limit: f64, digits: usize, unit: &str, peak: f64| {
+        format!("expected up to {limit:.digits$} {unit} at each motor, found a peak of {peak:.digits$}; make it slower")
+    };
     if peak_counts > motors.count_limit {
-        return Err(OpenLoopError::TooManyCounts { pulse, peak_counts, limit_counts: motors.count_limit });
+        return Err(beyond(motors.count_limit, 0, "counts", peak_counts));
     }
     let peak_n = peak_counts * motors.newtons_per_count;
     if peak_n > motors.force_limit_n {
-        return Err(OpenLoopError::TooMuchForce { pulse, peak_n, limit_n: motors.force_limit_n });
+        return Err(beyond(motors.force_limit_n, 1, "N", peak_n));
     }
     Ok(drive)
 }
@@ -242,10 +186,8 @@ pub(super) fn ideal_drive(
 /// Counts of each motor that give the free plate `acceleration` (m/s², rad/s²).
 fn counts_of_acceleration(params: &SimParams, acceleration: Twist) -> [f64; MOTORS] {
     let (plate, motors) = (&params.plate, &params.motors);
-    let wrench = Wrench {
-        force_n: acceleration.velocity_mps * plate.mass_kg,
-        torque_nm: acceleration.spin_radps * plate.inertia_kgm2,
-    };
+    let force_n = acceleration.velocity_mps * plate.mass_kg;
+    let wrench = Wrench::new(force_n.x, force_n.y, acceleration.spin_radps * plate.inertia_kgm2);
     motors.arrangement.turned(forces_of_wrench(wrench, motors.lever_arm_m)).map(|n| n / motors.newtons_per_count)
 }
 

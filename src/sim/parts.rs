@@ -80,17 +80,12 @@ impl Parts {
         }
         self.fastest_mps = liveliest.sqrt();
         self.contacts.step(&mut self.bodies, self.fastest_mps * self.step_s);
-        Wrench { force_n: impulse, torque_nm: turn } * -self.step_s.recip()
+        Wrench::new(impulse.x, impulse.y, turn) * -self.step_s.recip()
     }
 
     /// Number of parts, fallen ones included.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.bodies.len()
-    }
-
-    /// True when there are no parts.
-    pub fn is_empty(&self) -> bool {
-        self.bodies.is_empty()
     }
 
     /// State of every part, in the order of [`Self::new`].
@@ -106,17 +101,17 @@ impl Parts {
     }
 
     /// Number of touches between parts so far.
-    pub fn collisions(&self) -> u64 {
+    pub(crate) fn collisions(&self) -> u64 {
         self.contacts.touches
     }
 
     /// Largest `sqrt(v² + (R ω)²)` of a part in the last step, m/s: a lower bound of its fastest rim point.
-    pub fn fastest_mps(&self) -> f64 {
+    pub(crate) fn fastest_mps(&self) -> f64 {
         self.fastest_mps
     }
 
     /// True if friction holds every part at rest on a plate at rest, tilted or not.
-    pub fn are_held(&self) -> bool {
+    pub(crate) fn are_held(&self) -> bool {
         let pull_mps = self.faults.pull_mps2.norm() * self.step_s;
         let is_held = |(part, body): (usize, &PartBody)| {
             let factor = friction_factor(&self.faults, part, body.motion.part_in_table.position_m);
@@ -126,7 +121,7 @@ impl Parts {
     }
 
     /// Stops every part at its position.
-    pub fn settle(&mut self) {
+    pub(crate) fn settle(&mut self) {
         for body in &mut self.bodies {
             body.motion.velocity_mps = Vec2::zeros();
             body.motion.spin_radps = 0.0;
@@ -154,14 +149,14 @@ impl Parts {
     }
 
     /// Moves part `part` by `by_m` by hand; a part that ends off the plate falls.
-    pub fn shift(&mut self, part: usize, by_m: Vec2) {
+    pub(crate) fn shift(&mut self, part: usize, by_m: Vec2) {
         if let Some(body) = self.bodies.get_mut(part).filter(|body| body.motion.on_plate) {
             body.motion.part_in_table.position_m += by_m;
         }
     }
 
     /// Exchanges the positions of two parts on the plate.
-    pub fn exchange(&mut self, [a, b]: [usize; 2]) {
+    pub(crate) fn exchange(&mut self, [a, b]: [usize; 2]) {
         if let (Some(first), Some(second)) = (self.bodies.get(a), self.bodies.get(b))
             && first.taken_from.or(second.taken_from).is_none()
         {
@@ -290,8 +285,8 @@ mod tests {
         let (mut force, mut torque) = (Vec2::zeros(), 0.0);
         for _ in 0..400 {
             let wrench = parts.step(&PlateMotion::default());
-            force += wrench.force_n * STEP_S;
-            torque += wrench.torque_nm * STEP_S;
+            force += wrench.xy() * STEP_S;
+            torque += wrench.z * STEP_S;
         }
         let (p1, l1) = momentum(&parts);
         assert!((p0 - p1 - force).norm() < 1e-12 && (l0 - l1 - torque).abs() < 1e-12);

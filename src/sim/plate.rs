@@ -10,34 +10,14 @@
 //!
 //! Valid for displacements small against the plate: the axes are not coupled and forces keep the table's directions.
 
-use std::ops::{Add, Mul};
+use nalgebra::Vector3;
 
 use super::PlateParams;
 use super::oscillator::{ModeState, Oscillator};
 use upm_core::geometry::{Pose, Twist, Vec2, perp};
 
-/// A planar force and a torque about the plate's centre.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wrench {
-    /// Force along x and y, N.
-    pub force_n: Vec2,
-    /// Torque, N m, counter-clockwise.
-    pub torque_nm: f64,
-}
-
-impl Add for Wrench {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self { force_n: self.force_n + other.force_n, torque_nm: self.torque_nm + other.torque_nm }
-    }
-}
-
-impl Mul<f64> for Wrench {
-    type Output = Self;
-    fn mul(self, scale: f64) -> Self {
-        Self { force_n: self.force_n * scale, torque_nm: self.torque_nm * scale }
-    }
-}
+/// Force along x and y, N, and torque about the plate's centre, N m.
+pub type Wrench = Vector3<f64>;
 
 /// The plate's motion at one instant, in the table frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -148,8 +128,7 @@ impl ShakenPlate {
     }
 
     fn inputs(&self, wrench: Wrench) -> [f64; 3] {
-        let [x, y, spin] = self.inverse_inertia;
-        [wrench.force_n.x * x, wrench.force_n.y * y, wrench.torque_nm * spin]
+        wrench.component_mul(&Vector3::from(self.inverse_inertia)).into()
     }
 }
 
@@ -188,7 +167,7 @@ mod tests {
                     let t = i as f64 * step_s;
                     let pull = (w * t).cos();
                     let force = Vec2::new(if axis == 0 { pull } else { 0.0 }, if axis == 1 { pull } else { 0.0 });
-                    plate.step(Wrench { force_n: force, torque_nm: if axis == 2 { pull } else { 0.0 } });
+                    plate.step(Wrench::new(force.x, force.y, if axis == 2 { pull } else { 0.0 }));
                     if i > from {
                         sum += Complex::from_polar(plate.motions[axis].position, -w * t);
                     }

@@ -82,7 +82,7 @@ impl SimRig {
 
     /// Image of a part of the first kind at `place_m`; `None` without parts.
     pub(crate) fn seen_disc(&self, place_m: Vec2) -> Option<SeenDisc> {
-        let disc = &self.camera.parts.first()?.shape;
+        let disc = self.camera.parts.first()?;
         let at = |p_m: Vec2| self.camera.image_from_table(p_m, disc.thickness_m);
         let center_px = at(place_m);
         let radius_px = (at(place_m + Vec2::new(disc.radius_m, 0.0)) - center_px).norm();

@@ -76,7 +76,7 @@ pub struct StopTimes {
 #[derive(Clone, Debug, Default)]
 pub struct Interlock(Arc<InterlockState>);
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct InterlockState {
     /// Trip, attached, driving and the plate time of the trip, in one word, so that each change sees all of them.
     word: AtomicU64,
@@ -286,17 +286,6 @@ impl InterlockState {
     fn wall_ns(&self) -> u64 {
         let elapsed = self.clock.as_ref().map_or(Duration::ZERO, |clock| clock.elapsed());
         u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX)
-    }
-}
-
-impl fmt::Debug for InterlockState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let word = self.word(Ordering::Acquire);
-        f.debug_struct("Interlock")
-            .field("trip", &word.trip())
-            .field("attached", &word.has(StateWord::ATTACHED))
-            .field("driving", &word.has(StateWord::DRIVING))
-            .finish_non_exhaustive()
     }
 }
 

@@ -85,7 +85,7 @@ impl DisplacementModel {
 }
 
 /// Index of the last grid point not above `x` and the fraction to the next, 0 to 1; clamped at both ends.
-fn bracket(grid: &[f64], x: f64) -> Option<(usize, f64)> {
+pub(crate) fn bracket(grid: &[f64], x: f64) -> Option<(usize, f64)> {
     let last = grid.len().checked_sub(1)?;
     let above = grid.partition_point(|&g| g <= x);
     if above == 0 {

@@ -3,9 +3,9 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, Matrix3, Vector3};
 use proptest::prelude::*;
 
-use super::{DisplacementModel, FieldResponse, Library, RigFacts, testing};
-use upm_core::geometry::Twist;
-use upm_core::rig::FieldDriveModel;
+use super::{DisplacementModel, FieldResponse, Library, testing};
+use upm_core::geometry::{Lens, Twist, Vec2};
+use upm_core::rig::{FieldDriveModel, RigModel};
 use upm_core::signal::{Drive, Follows, TwistHarmonic, TwistWave};
 
 const BASE_RADPS: f64 = TAU * 30.0;
@@ -125,34 +125,50 @@ fn values_no_rig_has_are_reported() {
     assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: expected {allowed}, found a singular matrix")]);
 }
 
+/// A rig with the drive of `library`.
+pub(super) fn rig_of(library: &Library, count_limit: f64, fields: Option<FieldDriveModel>) -> RigModel {
+    RigModel {
+        name: library.rig.clone(),
+        plate_side_m: library.plate_side_m,
+        lever_arm_m: 0.1,
+        motor_arrangement: library.motor_arrangement,
+        plate_mass_kg: 1.0,
+        plate_inertia_kgm2: 0.01,
+        newtons_per_count: 0.1,
+        count_limit,
+        base_radps: library.base_radps,
+        attack_s: library.attack_s,
+        rest_s: library.rest_s,
+        max_sustain_s: 0.3,
+        fields,
+        accelerometer_in_plate_m: Vec2::zeros(),
+        frame_size_px: [1280, 1024],
+        frame_hz: 60.0,
+        exposure_s: 0.002,
+        lens: Lens::ideal(1000.0, Vec2::zeros()),
+        dark_parts: false,
+    }
+}
+
 #[test]
 fn fields_of_another_rig_are_refused() {
     let library = library(responses(0.1, [0.0; 6]));
     let fields = FieldDriveModel { base_radps: BASE_RADPS, harmonics: 4, attack_s: 0.033_333, rest_s: 0.04 };
-    let rig = RigFacts {
-        name: "bench",
-        fingerprint: "12ab",
-        plate_side_m: 0.3,
-        base_radps: library.base_radps,
-        attack_s: 0.01,
-        rest_s: 0.03,
-        count_limit: 2047.0,
-        fields: Some(fields),
+    let rig = rig_of(&library, 2047.0, Some(fields));
+    let fault_lines = |library: &Library, rig: &RigModel| -> Vec<String> {
+        library.check_fits(rig, "12ab").iter().map(|fault| format!("{}: {}", fault.path, fault.expected)).collect()
     };
-    let fault_lines = |library: &Library, rig: RigFacts<'_>| -> Vec<String> {
-        library.check_fits(&rig).iter().map(|fault| format!("{}: {}", fault.path, fault.expected)).collect()
-    };
-    assert_eq!(fault_lines(&library, rig), [""; 0]);
-    let with = |fields: FieldDriveModel| fault_lines(&library, RigFacts { fields: Some(fields), ..rig });
+    assert_eq!(fault_lines(&library, &rig), [""; 0]);
+    let with = |fields: FieldDriveModel| fault_lines(&library, &RigModel { fields: Some(fields), ..rig.clone() });
     assert_eq!(with(FieldDriveModel { base_radps: TAU * 40.0, ..fields }), ["fields.base_hz: 40, as the rig has it"]);
     assert_eq!(with(FieldDriveModel { attack_s: 0.05, ..fields }), ["fields.attack_s: 0.05, as the rig has it"]);
     assert_eq!(with(FieldDriveModel { rest_s: 0.05, ..fields }), ["fields.rest_s: 0.05, as the rig has it"]);
     assert_eq!(with(FieldDriveModel { harmonics: 8, ..fields }), ["fields.twist_from_counts: 8, as the rig has it"]);
-    let strong = RigFacts { count_limit: 4095.0, ..rig };
-    assert_eq!(fault_lines(&library, strong), ["fields.limit_counts: 4095, as the rig has it"]);
-    let none = RigFacts { fields: None, ..rig };
-    assert_eq!(fault_lines(&library, none), ["fields: nothing (the rig has no fields: run `upm calibrate`)"]);
+    let strong = RigModel { count_limit: 4095.0, ..rig.clone() };
+    assert_eq!(fault_lines(&library, &strong), ["fields.limit_counts: 4095, as the rig has it"]);
+    let none = RigModel { fields: None, ..rig.clone() };
+    assert_eq!(fault_lines(&library, &none), ["fields: nothing (the rig has no fields: run `upm calibrate`)"]);
     let bare = Library { fields: None, ..library.clone() };
-    assert_eq!(fault_lines(&bare, rig), ["fields: the response to the rig's fields (run `upm calibrate`)"]);
-    assert_eq!(fault_lines(&bare, none), [""; 0]);
+    assert_eq!(fault_lines(&bare, &rig), ["fields: the response to the rig's fields (run `upm calibrate`)"]);
+    assert_eq!(fault_lines(&bare, &none), [""; 0]);
 }

@@ -1,50 +1,28 @@
-use std::fmt::Write as _;
 use std::path::Path;
 
-use serde::Serialize;
+use serde_json::{Map, Value};
 
-use super::{Library, RawFieldResponse, RawLibrary};
+use super::{Library, RawLibrary};
 use upm_core::document::{Diagnostic, parse, text_of};
 
+/// Lists and objects in each other down to which each member and item has its own line.
+const DEPTH: usize = 2;
+
 impl Library {
-    /// The file format: JSON, millimetres, one line per entry and per row of the displacement.
+    /// The file format: JSON, millimetres, one line per entry.
     ///
     /// Numbers are rounded to the resolution of the measurement; a file that was read is written back byte for byte.
     pub fn to_json(&self) -> String {
-        let raw = RawLibrary::from(self);
-        let mut out = String::from("{\n");
-        for (key, value) in [("rig", json(&raw.rig)), ("fingerprint", json(&raw.fingerprint))] {
-            let _ = writeln!(out, "  \"{key}\": {value},");
+        // serialising plain data cannot fail
+        in_lines(&serde_json::to_string(&RawLibrary::from(self)).unwrap_or_default())
+    }
+
+    /// The members of the file.
+    pub fn to_members(&self) -> Map<String, Value> {
+        match serde_json::to_value(RawLibrary::from(self)) {
+            Ok(Value::Object(members)) => members,
+            _ => Map::new(),
         }
-        if !raw.motor_arrangement.is_default() {
-            let _ = writeln!(out, "  \"motor_arrangement\": {},", json(&raw.motor_arrangement));
-        }
-        let numbers = [
-            ("plate_side_mm", raw.plate_side_mm),
-            ("base_hz", raw.base_hz),
-            ("attack_s", raw.attack_s),
-            ("rest_s", raw.rest_s),
-        ];
-        for (key, value) in numbers {
-            let _ = writeln!(out, "  \"{key}\": {},", json(&value));
-        }
-        let _ = writeln!(out, "  \"accelerometer_gain\": {},", json(&raw.accelerometer_gain));
-        let _ = writeln!(out, "  \"shapes\": {},", json(&raw.shapes));
-        let _ = writeln!(out, "  \"entries\": [\n{}\n  ],", lines(&raw.entries));
-        let displacement = &raw.displacement;
-        let _ = writeln!(out, "  \"displacement\": {{");
-        let _ = writeln!(out, "  \"speed_mm_s\": {},", json(&displacement.speed_mm_s));
-        let _ = writeln!(out, "  \"sustain_s\": {},", json(&displacement.sustain_s));
-        let _ = writeln!(out, "  \"distance_mm\": [\n{}\n  ],", lines(&displacement.distance_mm));
-        let _ = write!(out, "  \"sd_mm\": [\n{}\n  ]\n  }}", lines(&displacement.sd_mm));
-        if let Some(fields) = &raw.fields {
-            let _ = write!(out, ",\n{}", fields_json(fields));
-        }
-        if let Some(plate) = &raw.plate {
-            let [natural_hz, damping_ratio] = [&plate.natural_hz, &plate.damping_ratio].map(json);
-            let _ = write!(out, ",\n  \"plate\": {{\"natural_hz\": {natural_hz}, \"damping_ratio\": {damping_ratio}}}");
-        }
-        out + "\n}\n"
     }
 
     /// Reads [`Self::to_json`].
@@ -76,38 +54,37 @@ impl Library {
     }
 }
 
-/// JSON of plain data; serialising these types cannot fail.
-fn json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
-}
-
-/// JSON of the response, one line per harmonic.
-fn fields_json(fields: &RawFieldResponse) -> String {
-    let mut out = String::from("  \"fields\": {\n");
-    let numbers = [
-        ("base_hz", fields.base_hz),
-        ("attack_s", fields.attack_s),
-        ("rest_s", fields.rest_s),
-        ("limit_counts", fields.limit_counts),
-    ];
-    for (key, value) in numbers {
-        let _ = writeln!(out, "  \"{key}\": {},", json(&value));
+/// Compact JSON with a line for each member of the file, and for each member or item of those.
+fn in_lines(json: &str) -> String {
+    let (mut lines, mut depth, mut in_text, mut escaped) = (String::with_capacity(2 * json.len()), 0, false, false);
+    for c in json.chars() {
+        in_text ^= c == '"' && !escaped;
+        escaped = c == '\\' && !escaped;
+        let (opens, closes) = (!in_text && matches!(c, '[' | '{'), !in_text && matches!(c, ']' | '}'));
+        depth -= usize::from(closes);
+        if closes && depth < DEPTH {
+            lines = lines + "\n" + &"  ".repeat(depth);
+        }
+        lines.push(c);
+        depth += usize::from(opens);
+        if depth <= DEPTH && (opens || !in_text && c == ',') {
+            lines = lines + "\n" + &"  ".repeat(depth);
+        } else if depth <= DEPTH && !in_text && c == ':' {
+            lines.push(' ');
+        }
     }
-    let _ = write!(out, "  \"twist_from_counts\": [\n{}\n  ]\n  }}", lines(&fields.twist_from_counts));
-    out
-}
-
-fn lines(values: &[impl Serialize]) -> String {
-    values.iter().map(|value| format!("    {}", json(value))).collect::<Vec<_>>().join(",\n")
+    lines + "\n"
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cor_library::{DisplacementModel, Entry, RigFacts, testing};
+    use crate::cor_library::fields_tests::rig_of;
+    use crate::cor_library::{DisplacementModel, Entry, testing};
     use proptest::prelude::*;
     use std::f64::consts::TAU;
     use upm_core::geometry::Twist;
+    use upm_core::rig::RigModel;
     use upm_core::signal::MotorArrangement;
 
     fn library(entries: Vec<Entry>) -> Library {
@@ -213,47 +190,30 @@ mod tests {
     #[test]
     fn another_rig_is_refused() {
         let library = library(three());
-        let rig = RigFacts {
-            name: "bench",
-            fingerprint: "12ab",
-            plate_side_m: 0.2,
-            base_radps: library.base_radps,
-            attack_s: 0.01,
-            rest_s: 0.03,
-            count_limit: 1000.0,
-            fields: None,
+        let rig = rig_of(&library, 1000.0, None);
+        let paths_of = |rig: &RigModel, fingerprint: &str| -> Vec<String> {
+            library.check_fits(rig, fingerprint).into_iter().map(|fault| fault.path).collect()
         };
-        let paths = |rig: RigFacts<'_>| -> Vec<String> {
-            library.check_fits(&rig).into_iter().map(|fault| fault.path).collect()
-        };
-        assert_eq!(paths(rig), [""; 0]);
-        assert_eq!(paths(RigFacts { name: "other", ..rig }), ["rig"]);
-        assert_eq!(paths(RigFacts { fingerprint: "34cd", ..rig }), ["fingerprint"]);
-        assert_eq!(paths(RigFacts { plate_side_m: 0.3, ..rig }), ["plate_side_mm"]);
-        assert_eq!(paths(RigFacts { base_radps: 1.00001 * rig.base_radps, ..rig }), ["base_hz"]);
-        let fault = &library.check_fits(&RigFacts { base_radps: TAU * 50.0, ..rig })[0];
+        let paths = |rig: &RigModel| paths_of(rig, "12ab");
+        assert_eq!(paths(&rig), [""; 0]);
+        assert_eq!(paths(&RigModel { name: "other".into(), ..rig.clone() }), ["rig"]);
+        assert_eq!(paths_of(&rig, "34cd"), ["fingerprint"]);
+        assert_eq!(paths(&RigModel { plate_side_m: 0.3, ..rig.clone() }), ["plate_side_mm"]);
+        assert_eq!(paths(&RigModel { base_radps: 1.00001 * rig.base_radps, ..rig.clone() }), ["base_hz"]);
+        let fault = &library.check_fits(&RigModel { base_radps: TAU * 50.0, ..rig.clone() }, "12ab")[0];
         assert_eq!((fault.found.as_str(), fault.expected.as_str()), ("60", "50, as the rig has it"));
-        assert_eq!(paths(RigFacts { attack_s: 0.010_002, ..rig }), ["attack_s"]);
-        let both = RigFacts { fingerprint: "34cd", rest_s: 0.0, ..rig };
-        assert_eq!(paths(both), ["fingerprint", "rest_s"]);
-        let weak = RigFacts { count_limit: 10.0, ..rig };
-        assert_eq!(paths(weak), [0, 1, 2].map(|i| format!("entries[{i}].amplitudes")));
+        assert_eq!(paths(&RigModel { attack_s: 0.010_002, ..rig.clone() }), ["attack_s"]);
+        let unrested = RigModel { rest_s: 0.0, ..rig.clone() };
+        assert_eq!(paths_of(&unrested, "34cd"), ["fingerprint", "rest_s"]);
+        let weak = RigModel { count_limit: 10.0, ..rig.clone() };
+        assert_eq!(paths(&weak), [0, 1, 2].map(|i| format!("entries[{i}].amplitudes")));
     }
 
     #[test]
     fn a_rig_of_odd_numbers_fits_the_library_saved_for_it() {
         let saved = Library { attack_s: 0.012_345_678_9, base_radps: TAU * 60.123_456_78, ..library(three()) };
-        let rig = RigFacts {
-            name: "bench",
-            fingerprint: "12ab",
-            plate_side_m: 0.2,
-            base_radps: saved.base_radps,
-            attack_s: saved.attack_s,
-            rest_s: saved.rest_s,
-            count_limit: 1000.0,
-            fields: None,
-        };
-        assert_eq!(Library::from_json(&saved.to_json(), "l.json").unwrap().check_fits(&rig), []);
+        let rig = rig_of(&saved, 1000.0, None);
+        assert_eq!(Library::from_json(&saved.to_json(), "l.json").unwrap().check_fits(&rig, "12ab"), []);
     }
 
     #[test]

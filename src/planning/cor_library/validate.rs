@@ -4,7 +4,7 @@ use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrar
 use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
 use upm_core::document::{Diagnostic, Diagnostics};
 use upm_core::geometry::Vec2;
-use upm_core::rig::FieldDriveModel;
+use upm_core::rig::RigModel;
 use upm_core::units::mm_from_m;
 
 /// Fewest entries with which a part can be steered.
@@ -38,38 +38,18 @@ impl TryFrom<RawLibrary> for Library {
     }
 }
 
-/// Properties of a rig that a library must agree with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RigFacts<'a> {
-    /// The rig's name in its file.
-    pub name: &'a str,
-    /// Fingerprint of the rig's file.
-    pub fingerprint: &'a str,
-    /// Base frequency of its drive, rad/s.
-    pub base_radps: f64,
-    /// Length of the square plate's edges, m.
-    pub plate_side_m: f64,
-    /// Attack of every pulse, s.
-    pub attack_s: f64,
-    /// Rest after the longest pulse, s; shorter ones rest down to half as long.
-    pub rest_s: f64,
-    /// Largest sample that a motor may play, counts.
-    pub count_limit: f64,
-    /// Synthesised motions of the rig, if any.
-    pub fields: Option<FieldDriveModel>,
-}
-
 impl Library {
-    /// All reasons why the library cannot be used on `rig`: distances and centres hold for one rig and its drive only.
-    /// A library of a rig with another name is a single fault, since all others follow from it.
-    pub fn check_fits(&self, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
+    /// All reasons why the library cannot be used on `rig`, whose file has this fingerprint: distances and centres hold
+    /// for one rig and its drive only. A library of a rig with another name is a single fault, since all others follow
+    /// from it.
+    pub fn check_fits(&self, rig: &RigModel, fingerprint: &str) -> Vec<Diagnostic> {
         if self.rig != rig.name {
             let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
             return vec![Diagnostic::new("", "rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();
-        if self.fingerprint != rig.fingerprint {
-            let allowed = format!("{:?} (the rig's file has changed: run `upm calibrate`)", rig.fingerprint);
+        if self.fingerprint != fingerprint {
+            let allowed = format!("{fingerprint:?} (the rig's file has changed: run `upm calibrate`)");
             faults.push(Diagnostic::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
         }
         faults.extend(differences([
@@ -107,7 +87,7 @@ fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> im
     faults.into_iter()
 }
 
-fn field_faults(response: Option<&FieldResponse>, rig: &RigFacts<'_>) -> Vec<Diagnostic> {
+fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnostic> {
     let (response, fields) = match (response, &rig.fields) {
         (None, None) => return Vec::new(),
         (Some(response), Some(fields)) => (response, fields),

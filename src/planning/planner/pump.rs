@@ -57,7 +57,7 @@ pub(crate) struct Travel {
 }
 
 /// Pulses of one base frequency and one attack, with sustains that are multiples of a twelfth of a period.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pump {
     base_radps: f64,
     attack_s: f64,
@@ -73,6 +73,19 @@ struct SlipState {
     u: SimdF64,
     v: SimdF64,
     rim: SimdF64,
+}
+
+impl Travel {
+    /// The travel a fraction `part` of the way to `other`.
+    #[inline]
+    pub fn towards(&self, other: &Self, part: f64) -> Self {
+        let mix = |a: f64, b: f64| a + part * (b - a);
+        Self {
+            along_m: mix(self.along_m, other.along_m),
+            across_m: mix(self.across_m, other.across_m),
+            coasts_s: mix(self.coasts_s, other.coasts_s),
+        }
+    }
 }
 
 impl Pump {
@@ -193,7 +206,8 @@ impl PulseConstants {
         let slide = ((before.0 + after.0) * 0.5).to_array();
         let turn = ((before.1 + after.1) * 0.5).to_array();
         let reach_mps = self.friction_mps2.map(|friction| friction * dt);
-        let remaining = self.friction.remaining_slip_fractions_of_each(slide, turn, reach_mps);
+        let remaining: [_; LANES] =
+            std::array::from_fn(|i| self.friction.remaining_slip_fractions(slide[i], turn[i], reach_mps[i]));
         let taken = SimdF64::from(remaining.map(|[slide, _]| 1.0 - slide)) * 0.5;
         let taken_rim = SimdF64::from(remaining.map(|[_, rim]| 1.0 - rim)) * 0.5;
         let [before, after] = slips;

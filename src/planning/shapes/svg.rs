@@ -2,7 +2,6 @@
 
 use kurbo::{Affine, BezPath, Shape};
 use svgtypes::{SimplePathSegment, SimplifyingPathParser};
-use thiserror::Error;
 
 use super::Drawing;
 use super::drawing::Knots;
@@ -23,40 +22,20 @@ pub enum Size {
     Height(f64),
 }
 
-/// Reason why path data is not a drawing.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum SvgError {
-    /// The path data violates the grammar.
-    #[error("{0}")]
-    Grammar(String),
-    /// A number is too large.
-    #[error("a number out of range")]
-    Number,
-    /// The path data draws nothing.
-    #[error("no line")]
-    Empty,
-    /// The drawing has more than 256 lines; their number.
-    #[error("{0} lines")]
-    Lines(usize),
-    /// The drawing has almost no extent along the axis whose size is given.
-    #[error("a drawing with next to no extent along that axis")]
-    Flat,
-}
-
 impl Drawing {
     /// Drawing of the path data `d`, scaled to `size`, with the middle of its extent at `center_m`.
     ///
     /// # Errors
-    /// [`SvgError`] if `d` is not valid path data, has too many lines, draws nothing, or has no extent along
-    /// the given axis.
-    pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, SvgError> {
+    /// The fault of `d` where it is not valid path data, has too many lines, draws nothing, or has next to no extent
+    /// along the given axis.
+    pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, String> {
         let mut path = parsed(d)?;
         let lines = path.subpaths().count();
         if lines > MOST_LINES {
-            return Err(SvgError::Lines(lines));
+            return Err(format!("{lines} lines"));
         }
         if path.segments().next().is_none() {
-            return Err(SvgError::Empty);
+            return Err("no line".to_owned());
         }
         let extent = path.bounding_box();
         let (size_m, unit) = match size {
@@ -65,7 +44,7 @@ impl Drawing {
         };
         let shape = extent.width().max(extent.height()) / unit;
         if shape.is_nan() || shape > MOST_SHAPE {
-            return Err(SvgError::Flat);
+            return Err("a drawing with next to no extent along that axis".to_owned());
         }
         path.apply_affine(
             Affine::scale_non_uniform(1.0 / unit, -1.0 / unit) * Affine::translate(-extent.center().to_vec2()),
@@ -75,10 +54,10 @@ impl Drawing {
 }
 
 /// Parsed path data.
-pub(super) fn parsed(d: &str) -> Result<BezPath, SvgError> {
+pub(super) fn parsed(d: &str) -> Result<BezPath, String> {
     let mut path = BezPath::new();
     for segment in SimplifyingPathParser::from(d) {
-        match segment.map_err(|error| SvgError::Grammar(error.to_string()))? {
+        match segment.map_err(|error| error.to_string())? {
             SimplePathSegment::MoveTo { x, y } => path.move_to((x, y)),
             SimplePathSegment::LineTo { x, y } => path.line_to((x, y)),
             SimplePathSegment::CurveTo { x1, y1, x2, y2, x, y } => path.curve_to((x1, y1), (x2, y2), (x, y)),
@@ -89,7 +68,7 @@ pub(super) fn parsed(d: &str) -> Result<BezPath, SvgError> {
     let is_small = |x: f64| x.abs() <= 1e9;
     let extent = path.control_box();
     let fits = path.is_empty() || [extent.x0, extent.y0, extent.x1, extent.y1].into_iter().all(is_small);
-    if path.is_finite() && fits { Ok(path) } else { Err(SvgError::Number) }
+    if path.is_finite() && fits { Ok(path) } else { Err("a number out of range".to_owned()) }
 }
 
 #[cfg(test)]

@@ -30,14 +30,10 @@ const BRANCHES: [(Vec2, &str); 4] = [
     (Vec2::new(0.0, -1.0), "-y"),
 ];
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
-    CentreAlongX,
-    CentreAlongY,
-    Out { lap: u32, branch: usize },
-    Back { lap: u32, branch: usize },
-    Done,
-}
+/// Legs to the centre before the first lap: along x, then along y.
+const CENTRING: u64 = 2;
+/// Legs of a lap: outwards and back on each branch.
+const LAP: u64 = 8;
 
 /// Straight section of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +68,8 @@ impl PathSegment {
 #[derive(Clone, Debug)]
 pub struct PlusSign {
     params: PlusSignParams,
-    stage: Phase,
+    /// Number of legs driven.
+    leg: u64,
     segment: PathSegment,
     /// Beginning of the segment before it, m, and the length of all before it, m.
     before_m: Vec2,
@@ -91,7 +88,7 @@ impl PlusSign {
         let nowhere = PathSegment { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
         Self {
             params,
-            stage: Phase::CentreAlongX,
+            leg: 0,
             segment: nowhere,
             before_m: Vec2::zeros(),
             gone_m: 0.0,
@@ -124,39 +121,44 @@ impl PlusSign {
         }
     }
 
-    fn arrived(&self, part_m: Vec2) -> bool {
-        let arrive_m = self.params.arrive_m;
-        let there = self.segment.along_m(part_m) >= self.segment.length_m() - arrive_m;
-        match self.stage {
-            Phase::Back { lap, branch: 3 } if self.is_last(lap) => (part_m - self.segment.to_m).norm() <= arrive_m,
-            Phase::Done => false,
-            _ => there,
+    /// Number of legs; the largest number for endless laps.
+    fn legs(&self) -> u64 {
+        match self.params.laps {
+            0 => u64::MAX,
+            laps => CENTRING + LAP * u64::from(laps),
         }
     }
 
-    fn advance(&mut self, part_m: Vec2) {
-        let centre = Vec2::zeros();
-        (self.before_m, self.gone_m) = (self.segment.from_m, self.gone_m + self.segment.length_m());
-        self.stage = match self.stage {
-            Phase::CentreAlongX => Phase::CentreAlongY,
-            Phase::CentreAlongY => Phase::Out { lap: 0, branch: 0 },
-            Phase::Out { lap, branch } => Phase::Back { lap, branch },
-            Phase::Back { lap, branch: 3 } if self.is_last(lap) => Phase::Done,
-            Phase::Back { lap, branch: 3 } => Phase::Out { lap: lap.saturating_add(1), branch: 0 },
-            Phase::Back { lap, branch } => Phase::Out { lap, branch: branch + 1 },
-            Phase::Done => Phase::Done,
-        };
-        self.segment = match self.stage {
-            Phase::CentreAlongX | Phase::CentreAlongY => PathSegment { from_m: Vec2::new(0.0, part_m.y), to_m: centre },
-            Phase::Out { branch, .. } => PathSegment { from_m: centre, to_m: self.tip_m(branch) },
-            Phase::Back { branch, .. } => PathSegment { from_m: self.tip_m(branch), to_m: centre },
-            Phase::Done => PathSegment { from_m: centre, to_m: centre },
-        };
-        self.furthest = 0.0;
+    fn is_done(&self) -> bool {
+        self.leg == self.legs()
     }
 
-    fn is_last(&self, lap: u32) -> bool {
-        self.params.laps.checked_sub(1) == Some(lap)
+    /// Laps driven, the present branch, and whether the part is on its way back; `None` before the first lap.
+    fn place(&self) -> Option<(u32, usize, bool)> {
+        let leg = self.leg.checked_sub(CENTRING)?;
+        Some(((leg / LAP) as u32, (leg % LAP / 2) as usize, leg % 2 == 1))
+    }
+
+    fn arrived(&self, part_m: Vec2) -> bool {
+        let arrive_m = self.params.arrive_m;
+        if self.leg + 1 == self.legs() {
+            return (part_m - self.segment.to_m).norm() <= arrive_m;
+        }
+        !self.is_done() && self.segment.along_m(part_m) >= self.segment.length_m() - arrive_m
+    }
+
+    fn advance(&mut self, part_m: Vec2) {
+        (self.before_m, self.gone_m) = (self.segment.from_m, self.gone_m + self.segment.length_m());
+        self.leg += 1;
+        let centre = Vec2::zeros();
+        let (from_m, to_m) = match self.place() {
+            None => (Vec2::new(0.0, part_m.y), centre),
+            Some(_) if self.is_done() => (centre, centre),
+            Some((_, branch, false)) => (centre, self.tip_m(branch)),
+            Some((_, branch, true)) => (self.tip_m(branch), centre),
+        };
+        self.segment = PathSegment { from_m, to_m };
+        self.furthest = 0.0;
     }
 
     fn tip_m(&self, branch: usize) -> Vec2 {
@@ -164,44 +166,32 @@ impl PlusSign {
     }
 
     fn laps_done(&self) -> u32 {
-        match self.stage {
-            Phase::Out { lap, .. } | Phase::Back { lap, .. } => lap,
-            Phase::Done => self.params.laps,
-            Phase::CentreAlongX | Phase::CentreAlongY => 0,
-        }
+        self.place().map_or(0, |(laps, ..)| laps)
     }
 
     fn progress(&self) -> f64 {
-        let branches_done = match self.stage {
-            _ if self.params.laps == 0 => return 0.0,
-            Phase::CentreAlongX | Phase::CentreAlongY => return 0.0,
-            Phase::Done => return 1.0,
-            Phase::Out { branch, .. } => branch as f64 + 0.5 * self.furthest,
-            Phase::Back { branch, .. } => branch as f64 + 0.5 + 0.5 * self.furthest,
-        };
-        (f64::from(self.laps_done()) + branches_done / 4.0) / f64::from(self.params.laps)
+        let (Some((laps, branch, back)), 1..) = (self.place(), self.params.laps) else { return 0.0 };
+        let branches = branch as f64 + if back { 0.5 } else { 0.0 } + 0.5 * self.furthest;
+        (f64::from(laps) + branches / 4.0) / f64::from(self.params.laps)
     }
 
     fn phase(&self) -> String {
-        let lap_of = |lap: u32| match self.params.laps {
-            0 => format!("lap {}", u64::from(lap) + 1),
-            laps => format!("lap {} of {laps}", u64::from(lap) + 1),
+        let Some((laps, branch, back)) = self.place() else {
+            return format!("to the centre, along {}", if self.leg == 0 { "x" } else { "y" });
         };
-        match self.stage {
-            Phase::CentreAlongX => "to the centre, along x".into(),
-            Phase::CentreAlongY => "to the centre, along y".into(),
-            Phase::Out { lap, branch } => format!("{}: branch {}, outwards", lap_of(lap), BRANCHES[branch].1),
-            Phase::Back { lap, branch } => format!("{}: branch {}, back", lap_of(lap), BRANCHES[branch].1),
-            Phase::Done => match self.params.laps {
-                1 => "1 lap driven".into(),
-                laps => format!("{laps} laps driven"),
-            },
+        match self.params.laps {
+            1 if self.is_done() => return "1 lap driven".into(),
+            of if self.is_done() => return format!("{of} laps driven"),
+            _ => {}
         }
+        let of = if self.params.laps == 0 { String::new() } else { format!(" of {}", self.params.laps) };
+        let way = if back { "back" } else { "outwards" };
+        format!("lap {}{of}: branch {}, {way}", u64::from(laps) + 1, BRANCHES[branch].1)
     }
 
     /// The present segment and the one before it round a corner: a part that has arrived short of it is still on that.
     fn stretch(&self) -> PathStretch {
-        let before_m = if matches!(self.stage, Phase::Back { .. }) { self.segment.from_m } else { self.before_m };
+        let before_m = if matches!(self.place(), Some((.., true))) { self.segment.from_m } else { self.before_m };
         let line = Polyline::new(vec![before_m, self.segment.from_m, self.segment.to_m]);
         let from_m = self.gone_m - (self.segment.from_m - before_m).norm();
         PathStretch {
@@ -239,7 +229,7 @@ impl Task for PlusSign {
             laps: self.laps_done(),
             cross_track_m: vec![0.0; parts_in_table_m.len()],
             paths: vec![None; parts_in_table_m.len()],
-            done: self.stage == Phase::Done,
+            done: self.is_done(),
             ..Setpoints::default()
         };
         wanted.subgoals_m[0] = self.segment.carrot_m(part_m, self.params.stride_m);
@@ -272,13 +262,13 @@ mod tests {
     /// Follows a plus sign until it is done; returns the ends of the branches' segments and the number of cycles.
     fn follow(params: PlusSignParams, start_m: Vec2, mut step: impl FnMut(Vec2, Vec2) -> Vec2) -> (Vec<Vec2>, usize) {
         let (mut task, mut part_m, mut ends) = (PlusSign::new(params), start_m, Vec::new());
-        let (mut stage, mut progress) = (task.stage, 0.0);
+        let (mut leg, mut progress) = (task.leg, 0.0);
         let mut cycle = 0;
         loop {
-            assert!(cycle < 5000, "not done: {stage:?}");
+            assert!(cycle < 5000, "not done: leg {leg}");
             let wanted = task.next(PlateTime::ZERO, &[part_m]);
-            let before = std::mem::replace(&mut stage, task.stage);
-            if before != stage && matches!(before, Phase::Out { .. } | Phase::Back { .. }) {
+            let before = std::mem::replace(&mut leg, task.leg);
+            if before != leg && before >= CENTRING {
                 ends.push(part_m);
             }
             assert!(wanted.progress >= progress && wanted.progress <= 1.0, "{wanted:?}");

@@ -195,10 +195,6 @@ fn values(
     let given = entry.value.as_ref().map_or(&[][..], FaultValue::numbers);
     let wanted = kind.values();
     let mut values = [0.0; 3];
-    if given.is_empty() && wanted.iter().all(|range| range.default.is_some()) {
-        values.iter_mut().zip(wanted).for_each(|(value, range)| *value = range.default.unwrap_or_default());
-        return Some(values);
-    }
     if given.len() != wanted.len() {
         let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.name());
         faults.push(at, found, text_of_ranges(wanted));
@@ -244,12 +240,12 @@ mod tests {
 
     #[test]
     fn typed_faults_are_read_with_values_and_times() {
-        let specs = read("coil0:reversed@1.2, camera:shift=3;-1.5@0.5-1.5,device:hang").unwrap();
+        let specs = read("coil0:reversed@1.2, camera:shift=3;-1.5@0.5-1.5,device:hang=1").unwrap();
         let [coil, shift, hang] = &specs[..] else { panic!("{specs:?}") };
         assert_eq!((coil.component, coil.kind), (FaultyComponent::Coil(0), FaultKind::Reversed));
         assert_eq!((coil.from, coil.to), (PlateTime::from_secs(1.2), None));
         assert_eq!((shift.values, shift.to), ([3.0, -1.5, 0.0], Some(PlateTime::from_secs(1.5))));
-        assert_eq!(hang.values[0], 1.0, "the default");
+        assert_eq!(hang.values[0], 1.0);
     }
 
     #[test]

@@ -111,7 +111,7 @@ impl TaskContext<'_> {
             Err(unknown) => {
                 let letters: String = known_letters().collect();
                 let allowed = format!("letters of {letters}, small letters as capitals, and spaces");
-                faults.push(in_string, format!("{:?} in {}", unknown.0, quoted(string)), allowed);
+                faults.push(in_string, format!("{unknown:?} in {}", quoted(string)), allowed);
                 None
             }
         }

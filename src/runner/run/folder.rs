@@ -2,7 +2,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::error::RunError;
 use super::setup::RunSetup;
@@ -83,11 +83,8 @@ impl RunFolder {
 
     /// Writes `effective.json`: the version, the camera, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
-        let library = match serde_json::from_str(&library.to_json()) {
-            Ok(Value::Object(members)) => members,
-            _ => return Err(self.write_error("effective.json", &"the library has no JSON form")),
-        };
-        let (version, effective) = (env!("CARGO_PKG_VERSION"), job.effective_with_library(library));
+        let effective = job.effective_with_library(library.to_members());
+        let version = env!("CARGO_PKG_VERSION");
         self.write_json("effective.json", &json!({ "version": version, "camera": job.camera, "job": effective }))
     }
 

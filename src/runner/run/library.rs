@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_core::random::Streams;
-use upm_planning::cor_library::{Library, RigFacts};
+use upm_planning::cor_library::Library;
 
 /// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
@@ -61,18 +61,7 @@ pub fn check_places(job: &JobSpec) -> Result<(), Diagnostic> {
 
 /// All reasons why `library`, read from `file`, cannot be used on `rig`.
 pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Diagnostic> {
-    let model = &rig.model;
-    let facts = RigFacts {
-        name: &model.name,
-        fingerprint: &rig.fingerprint,
-        plate_side_m: model.plate_side_m,
-        base_radps: model.base_radps,
-        attack_s: model.attack_s,
-        rest_s: model.rest_s,
-        count_limit: model.count_limit,
-        fields: model.fields,
-    };
-    let faults = library.check_fits(&facts).into_iter();
+    let faults = library.check_fits(&rig.model, &rig.fingerprint).into_iter();
     faults.map(|fault| fault.in_file(file)).collect()
 }
 

@@ -6,16 +6,16 @@ use crate::config::{JobSpec, SimulateSpec};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::rig::Rig;
 use upm_core::signal::Frame;
-use upm_sim::{self as sim, OpenLoopError, OpenLoopTrajectories};
+use upm_sim::{self as sim, OpenLoopTrajectories};
 
 /// Plays the pulses of an experiment on its parts, open loop.
-pub fn simulate(spec: &SimulateSpec) -> Result<OpenLoopTrajectories, OpenLoopError> {
+pub fn simulate(spec: &SimulateSpec) -> Result<OpenLoopTrajectories, String> {
     let parts: Vec<_> = spec.parts.iter().map(|part| (part.params, Pose::at(part.position_m))).collect();
     sim::simulate(&spec.rig.sim, spec.plate, &parts, &spec.pulses, spec.base_radps, spec.sample_hz)
 }
 
 /// Returns the error that [`simulate`] would return, without playing anything.
-pub fn check_simulate(spec: &SimulateSpec) -> Result<(), OpenLoopError> {
+pub fn check_simulate(spec: &SimulateSpec) -> Result<(), String> {
     sim::check_pulses(&spec.rig.sim, spec.plate, &spec.pulses, spec.base_radps)
 }
 

@@ -40,7 +40,7 @@ struct InPulse<F: FnMut()> {
 }
 
 /// Clock that shows plate time plus an offset.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct PlateClock {
     shown_ns: AtomicU64,
     ahead_ns: AtomicU64,

@@ -11,10 +11,9 @@ use upm_core::geometry::{Pose, Vec2, cross};
 
 /// One part's outline during an exposure.
 #[derive(Clone, Debug)]
-pub(crate) struct DiscOutline {
-    pub(crate) shape: PartParams,
+pub(super) struct DiscOutline {
+    shape: PartParams,
     shown: Vec<SubExposure>,
-    next: Vec<SubExposure>,
     silhouettes: Vec<Silhouette>,
     tiles: TileBox,
 }
@@ -47,28 +46,26 @@ struct Silhouette {
 impl DiscOutline {
     /// Outline of a part that has no position yet.
     pub(super) fn new(shape: PartParams) -> Self {
-        let (shown, next, silhouettes) = (Vec::new(), Vec::new(), Vec::new());
-        Self { shape, shown, next, silhouettes, tiles: TileBox::default() }
+        Self { shape, shown: Vec::new(), silhouettes: Vec::new(), tiles: TileBox::default() }
     }
 
     /// Sets the part's positions for a new exposure, none when it is hidden. Calls `stale` with every tile whose
     /// picture may change.
     pub(super) fn show(
         &mut self,
-        positions_m: impl ExactSizeIterator<Item = Vec2> + Clone,
+        positions_m: impl Iterator<Item = Vec2>,
         sub_exposure_params: &SubExposureParams,
         (view, grid, blur): (&CameraProjection, &TileGrid, &Blur),
         mut stale: impl FnMut(usize),
     ) {
         let poses = positions_m.map(|position_m| Pose { position_m, heading_rad: 0.0 });
-        sub_exposure_params.sub_exposures(poses, &mut self.next);
-        if self.next == self.shown {
+        let next = sub_exposure_params.sub_exposures(poses);
+        if next == self.shown {
             return;
         }
         self.tiles.indices(grid.columns).for_each(&mut stale);
-        std::mem::swap(&mut self.shown, &mut self.next);
-        self.silhouettes.clear();
-        self.silhouettes.extend(self.shown.iter().map(|sub_exposure| Silhouette::new(&self.shape, sub_exposure, view)));
+        self.silhouettes = next.iter().map(|sub_exposure| Silhouette::new(&self.shape, sub_exposure, view)).collect();
+        self.shown = next;
         self.tiles = self.tiles_touched(view, grid, blur);
         self.tiles.indices(grid.columns).for_each(&mut stale);
     }

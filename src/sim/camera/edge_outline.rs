@@ -3,7 +3,7 @@ use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::coverage::PixelCoverage;
 use super::edge::{Blur, REACH, edge_spread};
-use super::exposure::{SubExposureParams, moments};
+use super::exposure::SubExposureParams;
 use super::tiles::{F32Lanes, LANES, Pixels, Tile};
 use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, perp};
@@ -18,13 +18,12 @@ pub(super) struct EdgeOutline {
     half_side_m: f64,
     /// Outward normal when the plate rests.
     outwards: Vec2,
-    shown: Vec<EdgeLine>,
-    next: Vec<EdgeLine>,
+    pub(super) shown: Vec<EdgeLine>,
 }
 
 /// A sub-exposure of a side. A table point (x, y) has the depth `mean · (1, x, y)` inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct EdgeLine {
+pub(super) struct EdgeLine {
     mean: Vector3<f64>,
     /// Covariance of the line's coordinates about their mean.
     spread: Matrix3<f64>,
@@ -39,66 +38,39 @@ impl EdgeOutline {
     pub(super) fn new(outwards: Vec2, half_side_m: f64) -> Self {
         let rest = Vector3::new(half_side_m, -outwards.x, -outwards.y);
         let line = EdgeLine { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
-        Self { half_side_m, outwards, shown: vec![line], next: Vec::new() }
+        Self { half_side_m, outwards, shown: vec![line] }
     }
 
-    /// Sets the plate's poses for a new exposure; true if its picture differs from the one shown.
-    pub(super) fn take(
-        &mut self,
-        poses: impl ExactSizeIterator<Item = Pose> + Clone,
-        sub_exposure_params: &SubExposureParams,
-    ) -> bool {
-        let outwards = self.outwards;
-        let lines = poses.map(move |pose| moved(outwards, &pose));
-        let ends =
-            [perp(self.outwards), -perp(self.outwards)].map(|along| at(self.half_side_m * (self.outwards + along)));
+    /// The side's lines in an exposure with the plate at `poses`.
+    pub(super) fn lines(&self, poses: &[Pose], sub_exposure_params: &SubExposureParams) -> Vec<EdgeLine> {
+        let along = perp(self.outwards);
+        let ends = [along, -along].map(|along| at(self.half_side_m * (self.outwards + along)));
+        let lines: Vec<_> = poses.iter().map(|pose| moved(self.outwards, pose)).collect();
         let across_m = |off: Vector3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(off.dot(end).abs()));
-        let steps_m = lines.clone().zip(lines.clone().skip(1)).map(|(a, b)| across_m(b - a));
-        let together = sub_exposure_params.together(steps_m.fold(0.0, f64::max), lines.len());
-        self.next.clear();
-        let mut first = 0;
-        while first < lines.len() {
-            let group = lines.clone().skip(first).take(together);
-            let weight = group.len() as f64 / lines.len() as f64;
-            let (off, mut spread) = moments(group);
-            if ends.iter().all(|end| sub_exposure_params.is_still(end.dot(&(spread * end)))) {
-                spread.fill(0.0);
-            }
-            self.next.push(self.line(off, spread, weight, sub_exposure_params));
-            first += together;
-        }
-        self.next != self.shown
-    }
-
-    /// Shows the exposure taken last.
-    pub(super) fn swap(&mut self) {
-        std::mem::swap(&mut self.shown, &mut self.next);
+        let variance_m2 =
+            |spread: &Matrix3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(end.dot(&(spread * end))));
+        let rest = self.rest();
+        let sections = sub_exposure_params.sections(&lines, across_m, variance_m2);
+        let line = |(off, spread, weight): (Vector3<f64>, Matrix3<f64>, f64)| {
+            let off = Vector3::new(
+                sub_exposure_params.rounded_m(off.x),
+                sub_exposure_params.rounded_turn(off.y),
+                sub_exposure_params.rounded_turn(off.z),
+            );
+            EdgeLine { mean: rest + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
+        };
+        sections.map(line).collect()
     }
 
     fn rest(&self) -> Vector3<f64> {
         Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
     }
 
-    fn line(
-        &self,
-        off: Vector3<f64>,
-        spread: Matrix3<f64>,
-        weight: f64,
-        sub_exposure_params: &SubExposureParams,
-    ) -> EdgeLine {
-        let off = Vector3::new(
-            sub_exposure_params.rounded_m(off.x),
-            sub_exposure_params.rounded_turn(off.y),
-            sub_exposure_params.rounded_turn(off.z),
-        );
-        EdgeLine { mean: self.rest() + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
-    }
-
-    /// Upper bound by which the reach of the side's blur is extended, in the shown and in the next exposure: a
+    /// Upper bound by which the reach of the side's blur is extended, in the exposure shown and in the `next` one: a
     /// constant, m, and a slope by the distance from the resting plate's centre.
-    pub(super) fn reach(&self) -> [f64; 2] {
+    pub(super) fn reach(&self, next: &[EdgeLine]) -> [f64; 2] {
         let rest = self.rest();
-        self.shown.iter().chain(&self.next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
+        self.shown.iter().chain(next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
             let off = (line.mean - rest).abs() + REACH * line.sd;
             [shift_m.max(off.x), turn_rad.max(off.y + off.z)]
         })
@@ -124,7 +96,7 @@ impl EdgeOutline {
             if depth_m >= clear_m {
                 whole += line.weight;
             } else if depth_m >= -clear_m {
-                cover_inside(&PlateEdge::new(&line.mean, sd_m), line.weight as f32, pixels, blur, coverage);
+                cover_between(&[PlateEdge::new(&line.mean, sd_m)], line.weight as f32, pixels, blur, coverage);
             }
         }
         if whole > 0.0 {
@@ -153,7 +125,7 @@ impl EdgeLine {
 }
 
 /// A side in the blur of one tile: points are `z = zx·x + zy·y + z0` standard deviations inside it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct PlateEdge {
     z0: f32,
     zx: f32,
@@ -177,15 +149,33 @@ impl PlateEdge {
     }
 }
 
+/// Adds `weight` times the share inside all `sides`, at most four, of the pixels of a tile.
 #[multiversion(targets("x86_64+avx2"))]
-fn cover_inside(side: &PlateEdge, weight: f32, pixels: &Pixels, blur: &Blur, coverage: &mut PixelCoverage) {
-    let depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
-    for (block, depth) in depths.into_iter().enumerate() {
-        if depth >= blur.block_reach {
+pub(super) fn cover_between(
+    sides: &[PlateEdge],
+    weight: f32,
+    pixels: &Pixels,
+    blur: &Blur,
+    coverage: &mut PixelCoverage,
+) {
+    let mut depths = [[f32::INFINITY; LANES]; 4];
+    let mut least = [f32::INFINITY; LANES];
+    for (depths, side) in depths.iter_mut().zip(sides) {
+        *depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
+        least.iter_mut().zip(&*depths).for_each(|(least, depth)| *least = least.min(*depth));
+    }
+    for (block, least) in least.into_iter().enumerate() {
+        if least >= blur.block_reach {
             coverage.add(block, weight);
-        } else if depth >= -blur.block_reach {
-            let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
-            coverage.uneven(block).iter_mut().zip(&depths).for_each(|(c, z)| *c += weight * edge_spread(*z));
+        } else if least >= -blur.block_reach {
+            let mut product = [weight; LANES];
+            for (side, depths) in sides.iter().zip(&depths) {
+                if depths[block] < blur.block_reach {
+                    let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
+                    product.iter_mut().zip(&depths).for_each(|(p, z)| *p *= edge_spread(*z));
+                }
+            }
+            coverage.uneven(block).iter_mut().zip(&product).for_each(|(c, p)| *c += p);
         }
     }
 }

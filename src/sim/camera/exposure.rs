@@ -33,30 +33,37 @@ impl SubExposureParams {
     const STILL: f64 = 1e-2;
 
     /// Cuts evenly spaced poses of one body into the fewest sub-exposures that give the same picture.
-    pub(super) fn sub_exposures(&self, poses: impl ExactSizeIterator<Item = Pose> + Clone, out: &mut Vec<SubExposure>) {
-        out.clear();
-        let count = poses.len();
-        let travel = |(a, b): (Pose, Pose)| {
-            (b.position_m - a.position_m).norm() + (b.heading_rad - a.heading_rad).abs() * self.arm_m
+    pub(super) fn sub_exposures(&self, poses: impl Iterator<Item = Pose>) -> Vec<SubExposure> {
+        let arm_m = self.arm_m;
+        let samples: Vec<_> =
+            poses.map(|pose| Vector3::new(pose.position_m.x, pose.position_m.y, pose.heading_rad)).collect();
+        let travel_m = |step: Vector3<f64>| step.xy().norm() + step.z.abs() * arm_m;
+        let variance_m2 = |spread: &Matrix3<f64>| spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * arm_m * arm_m;
+        let sub_exposure = |(mean, spread, weight): (Vector3<f64>, Matrix3<f64>, f64)| {
+            let position_m = Vec2::new(self.rounded_m(mean.x), self.rounded_m(mean.y));
+            SubExposure { pose: Pose { position_m, heading_rad: self.rounded_turn(mean.z) }, spread, weight }
         };
-        let step_m = poses.clone().zip(poses.clone().skip(1)).map(travel).fold(0.0, f64::max);
-        let together = self.together(step_m, count);
-        let mut first = 0;
-        while first < count {
-            let group = poses.clone().skip(first).take(together);
-            out.push(self.sub_exposure(group.clone(), group.len() as f64 / count as f64));
-            first += together;
-        }
+        self.sections(&samples, travel_m, variance_m2).map(sub_exposure).collect()
     }
 
-    /// Number of the `count` snapshots, at most `step_m` apart, that one sub-exposure holds.
-    pub(super) fn together(&self, step_m: f64, count: usize) -> usize {
-        ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, count.max(1))
-    }
-
-    /// True when motion of this variance is invisible.
-    pub(super) fn is_still(&self, variance_m2: f64) -> bool {
-        variance_m2 < (Self::STILL * self.blur_m).powi(2)
+    /// Cuts a motion into the fewest sections that give the same picture: the mean and covariance of each and its share
+    /// of the samples. `travel_m` is the way of the farthest point in a step, `variance_m2` that of its motion.
+    pub(super) fn sections(
+        &self,
+        samples: &[Vector3<f64>],
+        travel_m: impl Fn(Vector3<f64>) -> f64,
+        variance_m2: impl Fn(&Matrix3<f64>) -> f64,
+    ) -> impl Iterator<Item = (Vector3<f64>, Matrix3<f64>, f64)> {
+        let step_m = samples.windows(2).map(|pair| travel_m(pair[1] - pair[0])).fold(0.0, f64::max);
+        let together = ((Self::MERGED * self.blur_m / step_m) as usize).clamp(1, samples.len().max(1));
+        let invisible_m2 = (Self::STILL * self.blur_m).powi(2);
+        samples.chunks(together).map(move |section| {
+            let (mean, mut spread) = moments(section);
+            if variance_m2(&spread) < invisible_m2 {
+                spread.fill(0.0);
+            }
+            (mean, spread, section.len() as f64 / samples.len() as f64)
+        })
     }
 
     pub(super) fn rounded_m(&self, x_m: f64) -> f64 {
@@ -68,26 +75,13 @@ impl SubExposureParams {
         let grain_rad = Self::ROUNDING * self.blur_m / self.arm_m;
         (turn_rad / grain_rad).round() * grain_rad
     }
-
-    fn sub_exposure(&self, group: impl ExactSizeIterator<Item = Pose> + Clone, weight: f64) -> SubExposure {
-        let coordinates = |pose: Pose| Vector3::new(pose.position_m.x, pose.position_m.y, pose.heading_rad);
-        let (mean, mut spread) = moments(group.map(coordinates));
-        if self.is_still(spread[(0, 0)] + spread[(1, 1)] + spread[(2, 2)] * self.arm_m * self.arm_m) {
-            spread.fill(0.0);
-        }
-        let pose = Pose {
-            position_m: Vec2::new(self.rounded_m(mean.x), self.rounded_m(mean.y)),
-            heading_rad: self.rounded_turn(mean.z),
-        };
-        SubExposure { pose, spread, weight }
-    }
 }
 
 /// Mean and covariance of `samples`.
-pub(super) fn moments(samples: impl ExactSizeIterator<Item = Vector3<f64>> + Clone) -> (Vector3<f64>, Matrix3<f64>) {
+fn moments(samples: &[Vector3<f64>]) -> (Vector3<f64>, Matrix3<f64>) {
     let share = 1.0 / samples.len() as f64;
-    let mean = samples.clone().fold(Vector3::zeros(), |sum, sample| sum + share * sample);
-    let spread = samples.fold(Matrix3::zeros(), |sum, sample| {
+    let mean = samples.iter().fold(Vector3::zeros(), |sum, sample| sum + share * sample);
+    let spread = samples.iter().fold(Matrix3::zeros(), |sum, sample| {
         let off = sample - mean;
         sum + share * off * off.transpose()
     });

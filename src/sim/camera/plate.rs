@@ -1,11 +1,10 @@
-use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
 
 use super::coverage::PixelCoverage;
-use super::edge::{Blur, REACH, edge_spread};
-use super::edge_outline::{EdgeOutline, PlateEdge};
+use super::edge::{Blur, REACH};
+use super::edge_outline::{EdgeOutline, PlateEdge, cover_between};
 use super::exposure::{SubExposure, SubExposureParams};
-use super::tiles::{LANES, Pixels, Tile};
+use super::tiles::Tile;
 use super::view::CameraProjection;
 use upm_core::geometry::{Pose, Vec2, perp};
 
@@ -19,8 +18,6 @@ use upm_core::geometry::{Pose, Vec2, perp};
 pub(super) struct PlateOutline {
     half_side_m: f64,
     shown: Vec<SubExposure>,
-    next: Vec<SubExposure>,
-    squares: Vec<PlateSquare>,
     sides: [EdgeOutline; 4],
     tiles: Vec<TileAtRest>,
 }
@@ -58,22 +55,6 @@ fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
     [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
 
-/// One sub-exposure of the outline: its centre and the outward normal of its right-hand side.
-#[derive(Clone, Copy, Debug)]
-struct PlateSquare {
-    center_m: Vec2,
-    right: Vec2,
-    spread: Matrix3<f64>,
-    weight: f64,
-}
-
-impl PlateSquare {
-    fn new(&SubExposure { pose, spread, weight }: &SubExposure) -> Self {
-        let right = Rotation2::new(pose.heading_rad) * Vec2::x();
-        Self { center_m: pose.position_m, right, spread, weight }
-    }
-}
-
 impl PlateOutline {
     /// A plate at rest.
     pub(super) fn new(side_m: f64, tiles: &[Tile], blur: &Blur) -> Self {
@@ -82,47 +63,32 @@ impl PlateOutline {
         Self {
             half_side_m,
             shown: vec![rest],
-            next: Vec::new(),
-            squares: vec![PlateSquare::new(&rest)],
             sides: [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()]
                 .map(|outwards| EdgeOutline::new(outwards, half_side_m)),
             tiles: tiles.iter().map(|tile| TileAtRest::new(tile, blur, half_side_m)).collect(),
         }
     }
 
-    /// Corners of a plate at rest, m, clockwise as the camera sees them.
-    pub(super) fn corners_m(&self) -> [Vec2; 4] {
-        [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m)
-    }
-
-    /// True when the point, given with the plate's pose, is on the plate.
-    pub(super) fn contains(&self, plate_in_table: &Pose, p_m: Vec2) -> bool {
-        let p = plate_in_table.apply_inverse(p_m);
-        p.x.abs() <= self.half_side_m && p.y.abs() <= self.half_side_m
-    }
-
     /// Sets the plate's poses for a new exposure (none: unchanged) and calls `stale` with every tile whose picture may
     /// change.
     pub(super) fn show(
         &mut self,
-        poses: impl ExactSizeIterator<Item = Pose> + Clone,
+        poses: &[Pose],
         sub_exposure_params: &SubExposureParams,
         mut stale: impl FnMut(usize),
     ) {
-        if poses.len() == 0 {
+        if poses.is_empty() {
             return;
         }
-        sub_exposure_params.sub_exposures(poses.clone(), &mut self.next);
-        let mut moved = self.next != self.shown;
-        for side in &mut self.sides {
-            moved |= side.take(poses.clone(), sub_exposure_params);
-        }
-        if !moved {
+        let next = sub_exposure_params.sub_exposures(poses.iter().copied());
+        let next_lines = self.sides.each_ref().map(|side| side.lines(poses, sub_exposure_params));
+        if next == self.shown && self.sides.iter().zip(&next_lines).all(|(side, lines)| side.shown == *lines) {
             return;
         }
         let (mut shift_m, mut turn_rad) = (0.0_f64, 0.0_f64);
-        let sub_exposures = self.shown.iter().chain(&self.next).map(max_sub_exposure_motion);
-        for [shifted_m, turned_rad] in sub_exposures.chain(self.sides.iter().map(EdgeOutline::reach)) {
+        let sub_exposures = self.shown.iter().chain(&next).map(max_sub_exposure_motion);
+        let sides = self.sides.iter().zip(&next_lines).map(|(side, lines)| side.reach(lines));
+        for [shifted_m, turned_rad] in sub_exposures.chain(sides) {
             (shift_m, turn_rad) = (shift_m.max(shifted_m), turn_rad.max(turned_rad));
         }
         for (index, tile) in self.tiles.iter().enumerate() {
@@ -130,10 +96,8 @@ impl PlateOutline {
                 stale(index);
             }
         }
-        self.sides.iter_mut().for_each(EdgeOutline::swap);
-        std::mem::swap(&mut self.shown, &mut self.next);
-        self.squares.clear();
-        self.squares.extend(self.shown.iter().map(PlateSquare::new));
+        self.sides.iter_mut().zip(next_lines).for_each(|(side, lines)| side.shown = lines);
+        self.shown = next;
     }
 
     /// Adds the plate's coverage of every pixel, averaged over the exposure.
@@ -158,11 +122,11 @@ impl PlateOutline {
         let (blur_m2, pixels) = (blur.covariance_m2(tile), tile.pixels(view));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
-        for square in &self.squares {
+        for square in &self.shown {
             match self.near_sides(square, tile.center_m, pixels.radius_m, &blur_m2) {
-                Proximity::Outside => {}
-                Proximity::Inside => whole += square.weight,
-                Proximity::Sides(sides) => cover_between(&sides, square.weight as f32, pixels, blur, coverage),
+                None => {}
+                Some(sides) if sides.is_empty() => whole += square.weight,
+                Some(sides) => cover_between(&sides, square.weight as f32, pixels, blur, coverage),
             }
         }
         if whole > 0.0 {
@@ -170,10 +134,18 @@ impl PlateOutline {
         }
     }
 
-    fn near_sides(&self, square: &PlateSquare, center_m: Vec2, radius_m: f64, blur_m2: &Matrix2<f64>) -> Proximity {
-        let from_center = center_m - square.center_m;
-        let mut sides = PlateEdges::default();
-        for normal in [square.right, perp(square.right)] {
+    /// Sides of a square that cross a tile; none where the tile is inside all of them, `None` where it is outside one.
+    fn near_sides(
+        &self,
+        square: &SubExposure,
+        center_m: Vec2,
+        radius_m: f64,
+        blur_m2: &Matrix2<f64>,
+    ) -> Option<Vec<PlateEdge>> {
+        let from_center = center_m - square.pose.position_m;
+        let right = Rotation2::new(square.pose.heading_rad) * Vec2::x();
+        let mut sides = Vec::new();
+        for normal in [right, perp(right)] {
             let along_m = normal.dot(&from_center);
             let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
             let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
@@ -181,68 +153,14 @@ impl PlateOutline {
             let clear_m = radius_m + REACH * sd_m;
             for (outwards, inside_m) in [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)] {
                 if inside_m < -clear_m {
-                    return Proximity::Outside;
+                    return None;
                 }
                 if inside_m < clear_m {
-                    let offset_m = self.half_side_m + outwards.dot(&square.center_m);
+                    let offset_m = self.half_side_m + outwards.dot(&square.pose.position_m);
                     sides.push(PlateEdge::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
                 }
             }
         }
-        if sides.count == 0 { Proximity::Inside } else { Proximity::Sides(sides) }
-    }
-}
-
-/// Position of a tile relative to a square.
-enum Proximity {
-    /// Beyond a side.
-    Outside,
-    /// Farther inside all sides than their blur reaches.
-    Inside,
-    /// Crossed by these sides.
-    Sides(PlateEdges),
-}
-
-/// Up to four sides.
-#[derive(Default)]
-struct PlateEdges {
-    sides: [PlateEdge; 4],
-    count: usize,
-}
-
-impl PlateEdges {
-    fn push(&mut self, side: PlateEdge) {
-        if let Some(place) = self.sides.get_mut(self.count) {
-            *place = side;
-            self.count += 1;
-        }
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &PlateEdge> {
-        self.sides.iter().take(self.count)
-    }
-}
-
-#[multiversion(targets("x86_64+avx2"))]
-fn cover_between(sides: &PlateEdges, weight: f32, pixels: &Pixels, blur: &Blur, coverage: &mut PixelCoverage) {
-    let mut depths = [[f32::INFINITY; LANES]; 4];
-    let mut least = [f32::INFINITY; LANES];
-    for (depths, side) in depths.iter_mut().zip(sides.iter()) {
-        *depths = side.depths(&pixels.block_x_m, &pixels.block_y_m);
-        least.iter_mut().zip(&*depths).for_each(|(least, depth)| *least = least.min(*depth));
-    }
-    for (block, least) in least.into_iter().enumerate() {
-        if least >= blur.block_reach {
-            coverage.add(block, weight);
-        } else if least >= -blur.block_reach {
-            let mut product = [weight; LANES];
-            for (side, depths) in sides.iter().zip(&depths) {
-                if depths[block] < blur.block_reach {
-                    let depths = side.depths(&pixels.x_m[block], &pixels.y_m[block]);
-                    product.iter_mut().zip(&depths).for_each(|(p, z)| *p *= edge_spread(*z));
-                }
-            }
-            coverage.uneven(block).iter_mut().zip(&product).for_each(|(c, p)| *c += p);
-        }
+        Some(sides)
     }
 }

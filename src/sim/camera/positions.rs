@@ -18,22 +18,17 @@ impl Camera {
     pub fn positions(&self, exposure: &[Snapshot], noise: &mut Rng) -> MeasuredPositions {
         let Some(middle) = exposure.get(exposure.len() / 2) else { return MeasuredPositions::default() };
         let mean = |at_px: &dyn Fn(&Snapshot) -> Vec2| exposure.iter().map(at_px).sum::<Vec2>() / exposure.len() as f64;
-        let corners_px = self
-            .plate
-            .corners_m()
-            .map(|corner_m| mean(&|snapshot| self.view.image_from_table(snapshot.plate_in_table.apply(corner_m), 0.0)));
+        let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+        let corners_px = corners.map(|(x, y)| {
+            let corner_m = Vec2::new(x, y) * (self.plate_side_m / 2.0);
+            mean(&|snapshot| self.view.image_from_table(snapshot.plate_in_table.apply(corner_m), 0.0))
+        });
         let [width, height] = self.params.size_px.map(|side| side as f64);
         let is_inside = |at: Vec2| at.x >= 0.0 && at.y >= 0.0 && at.x < width && at.y < height;
         let mut discs = Vec::with_capacity(self.parts.len());
-        for (index, part) in self.parts.iter().enumerate() {
-            let pose_in = |snapshot: &Snapshot| snapshot.parts_in_table.get(index).copied().flatten();
-            let Some(pose) =
-                pose_in(middle).filter(|pose| self.plate.contains(&middle.plate_in_table, pose.position_m))
-            else {
-                continue;
-            };
-            let shape = &part.shape;
-            let position_m = |snapshot: &Snapshot| pose_in(snapshot).unwrap_or(pose).position_m;
+        for (index, shape) in self.parts.iter().enumerate() {
+            let Some(pose) = middle.pose_on_plate(index, self.plate_side_m) else { continue };
+            let position_m = |snapshot: &Snapshot| snapshot.pose(index).unwrap_or(pose).position_m;
             let center_px = mean(&|snapshot| self.view.image_from_table(position_m(snapshot), shape.thickness_m));
             let error_px =
                 Vec2::from_fn(|_, _| NOISE_PX * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, noise));

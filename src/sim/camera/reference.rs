@@ -15,15 +15,15 @@ pub(super) struct ReferencePicture {
     pub(super) levels: Vec<f64>,
 }
 
-pub(super) fn camera(params: &CameraParams, discs: &[PartParams]) -> Camera {
-    Camera::new(*params, PLATE_M, discs.to_vec(), Streams::new(1).stream("camera"))
+pub(super) fn camera(params: &CameraParams, discs: &[PartParams]) -> Renderer {
+    Renderer::new(*params, PLATE_M, discs, Streams::new(1).stream("camera"))
 }
 
 pub(super) fn pose(x_m: f64, y_m: f64, heading_rad: f64) -> Pose {
     Pose { position_m: Vec2::new(x_m, y_m), heading_rad }
 }
 
-impl Camera {
+impl Renderer {
     fn clean_picture(&self) -> ReferencePicture {
         let [width, height] = self.params.size_px;
         let rows = self.clean.chunks_exact(self.grid.stride()).take(height);
@@ -40,7 +40,7 @@ impl Camera {
 
 /// Gray level of the surface that the ray through an image point hits. The ray passes over the plate's plane from `low`
 /// to the point where it is `thickness` high; it hits a cylinder when that section comes within a radius of the axis.
-fn level_hit(camera: &Camera, discs: &[PartParams], snapshot: &Snapshot, px: Vec2) -> f64 {
+fn level_hit(camera: &Renderer, discs: &[PartParams], snapshot: &Snapshot, px: Vec2) -> f64 {
     let [ground, plate, part] = camera.params.levels;
     let Some(low) = camera.view.table_from_image(px) else { return ground };
     let eye = camera.params.position_m;
@@ -71,7 +71,7 @@ fn footprint(blur_px: f64) -> Vec<f64> {
     (0..count).map(|k| weight(k) / sum).collect()
 }
 
-fn reference(camera: &Camera, discs: &[PartParams], snapshot: &Snapshot) -> ReferencePicture {
+fn reference(camera: &Renderer, discs: &[PartParams], snapshot: &Snapshot) -> ReferencePicture {
     let [width, height] = camera.params.size_px;
     let (columns, rows) = (width + 2 * MARGIN, height + 2 * MARGIN);
     let weights = footprint(camera.params.blur_px);

@@ -57,7 +57,7 @@ proptest! {
         bounded.shown(&exposure);
         let mut exact = camera(&params, &discs);
         exact.grid.tiles.iter_mut().for_each(tiles::Tile::unbind);
-        (0..exact.grid.tiles.len()).for_each(|index| exact.stale.mark(index));
+        exact.stale.fill(true);
         exact.shown(&exposure);
         prop_assert!(exact.grid.tiles.iter().all(tiles::Tile::is_known));
         prop_assert!(bounded.clean == exact.clean);
@@ -92,7 +92,7 @@ fn frames_follow_from_seed_and_calls() {
     let exposure = [snapshot(Pose::IDENTITY, &[Vec2::new(0.08, 0.08)])];
     let frames = |seed| {
         let noise = Streams::new(seed).stream("camera");
-        let mut camera = Camera::new(params, PLATE_M, vec![PartParams::PENNY], noise);
+        let mut camera = Renderer::new(params, PLATE_M, &[PartParams::PENNY], noise);
         let mut frames = [Frame::new(0, 0), Frame::new(7, 9)];
         frames.iter_mut().for_each(|frame| camera.render(&exposure, frame));
         frames
@@ -109,7 +109,7 @@ fn fallen_and_missing_parts_are_not_seen() {
     let params = scenes::small();
     let mut camera = camera(&params, &[PartParams::PENNY]);
     let empty = camera.shown(&[snapshot(Pose::IDENTITY, &[])]);
-    let off = |camera: &mut Camera, plate, x_m| {
+    let off = |camera: &mut Renderer, plate, x_m| {
         camera.shown(&[snapshot(plate, &[Vec2::new(x_m, 0.08)])]).farthest_from(&empty)
     };
     assert!(off(&mut camera, Pose::IDENTITY, 0.1015) > 100.0);

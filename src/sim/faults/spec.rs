@@ -77,11 +77,11 @@ impl FaultyComponent {
     /// The kinds of faults that the component can have.
     pub fn kinds(self) -> impl Iterator<Item = FaultKind> {
         let class = self.class();
-        FaultKind::ALL.into_iter().filter(move |kind| kind.classes().contains(&class))
+        KINDS.iter().filter(move |(_, _, classes, _)| classes.contains(&class)).map(|(kind, ..)| *kind)
     }
 }
 
-/// Range of one value of a fault, and its default.
+/// Range of one value of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueRange {
     /// Unit or meaning: `px`, `a coil`.
@@ -90,18 +90,16 @@ pub struct ValueRange {
     pub min: f64,
     /// Largest value allowed.
     pub max: f64,
-    /// Value when it is left out; `None` where it is required.
-    pub default: Option<f64>,
     /// True when only whole numbers are allowed.
     pub whole: bool,
 }
 
 const fn any(name: &'static str, min: f64, max: f64) -> ValueRange {
-    ValueRange { name, min, max, default: None, whole: false }
+    ValueRange { name, min, max, whole: false }
 }
 
 const fn whole(name: &'static str, max: f64) -> ValueRange {
-    ValueRange { name, min: 0.0, max, default: None, whole: true }
+    ValueRange { name, min: 0.0, max, whole: true }
 }
 
 /// Kinds of faults. [`FaultKind::name`] gives their names in files.
@@ -180,35 +178,14 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// All kinds, in the order of the variants.
-    pub const ALL: [Self; KINDS.len()] = {
-        let mut all = [Self::Freeze; KINDS.len()];
-        let mut i = 0;
-        while i < all.len() {
-            all[i] = KINDS[i].0;
-            i += 1;
-        }
-        all
-    };
-
     /// Its name in files.
     pub fn name(self) -> &'static str {
         KINDS[self as usize].1
     }
 
-    /// Classes of components that can have the fault, see [`FaultyComponent::class`].
-    pub fn classes(self) -> &'static [&'static str] {
-        KINDS[self as usize].2
-    }
-
     /// Ranges of its values, in order; at most three.
     pub fn values(self) -> &'static [ValueRange] {
         KINDS[self as usize].3
-    }
-
-    /// The kind named `name`.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 
@@ -221,7 +198,6 @@ const GAIN: &[ValueRange] = &[any("a factor", -10.0, 10.0)];
 const SHARE: &[ValueRange] = &[any("a share", 0.0, 1.0)];
 const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
 const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
-const HANG: &[ValueRange] = &[ValueRange { default: Some(1.0), ..any("s", 0.0, 600.0) }];
 
 /// Every kind with its name, classes and values, in the order of the variants.
 const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
@@ -257,7 +233,7 @@ const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
     (FaultKind::Oil, "oil", &["plate"], OIL),
     (FaultKind::Busy, "busy", &["device"], &[]),
     (FaultKind::Error, "error", &["device"], &[]),
-    (FaultKind::Hang, "hang", &["device"], HANG),
+    (FaultKind::Hang, "hang", &["device"], &[any("s", 0.0, 600.0)]),
     (FaultKind::Deaf, "deaf", &["device"], &[]),
     (FaultKind::Skew, "skew", &["clock"], &[any("s", -10.0, 10.0)]),
 ];
@@ -300,12 +276,9 @@ mod tests {
         let components: Vec<FaultyComponent> = classes.iter().filter_map(|name| FaultyComponent::named(name)).collect();
         assert_eq!(components.len(), classes.len());
         assert_eq!(components.iter().map(|c| c.name()).collect::<Vec<_>>(), classes);
-        assert!(
-            (0..).zip(FaultKind::ALL).all(|(i, kind)| kind as usize == i),
-            "rows stand in the order of the variants"
-        );
-        for kind in FaultKind::ALL {
-            assert_eq!(FaultKind::named(kind.name()), Some(kind));
+        for (i, (kind, name, ..)) in KINDS.into_iter().enumerate() {
+            assert_eq!(kind as usize, i, "rows stand in the order of the variants");
+            assert_eq!(KINDS.iter().filter(|(_, other, ..)| *other == name).count(), 1, "{name}");
             assert!(components.iter().any(|component| component.kinds().any(|k| k == kind)), "{kind:?}");
             assert!(kind.values().len() <= 3);
         }

@@ -9,7 +9,7 @@ fn at(steps: u64) -> PlateTime {
 }
 
 /// A clock that is set by the test.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct HandClock(AtomicU64);
 
 impl HandClock {

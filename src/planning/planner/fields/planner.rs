@@ -11,6 +11,7 @@ use super::seeds::SeedLibrary;
 use super::separation::SeparationPenalty;
 use crate::cor_library::Library;
 use crate::planner::friction::friction_of;
+use crate::planner::kept::Kept;
 use crate::planner::{Corridor, FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, Follows};
@@ -57,14 +58,7 @@ const OBSERVATIONS: usize = 4;
 #[derive(Clone, Debug)]
 pub struct FieldPlanner {
     params: PlannerParams,
-    attack_s: f64,
-    rest_s: f64,
-    basis: HarmonicBasis,
-    /// For parts in corridors.
-    path_basis: HarmonicBasis,
-    effort: MotorEffort,
-    seeds: SeedLibrary,
-    friction: f64,
+    model: Arc<FieldModel>,
     /// Largest root mean square of the steps aimed at, m.
     reach_m: f64,
     /// Root mean square of the steps from which a pulse has full length, m.
@@ -77,6 +71,37 @@ pub struct FieldPlanner {
     pool: RolloutPool,
 }
 
+/// The tables that the planner computes of a library.
+#[derive(Debug)]
+struct FieldModel {
+    attack_s: f64,
+    rest_s: f64,
+    basis: HarmonicBasis,
+    /// For parts in corridors.
+    path_basis: HarmonicBasis,
+    effort: MotorEffort,
+    seeds: SeedLibrary,
+    friction: f64,
+}
+
+static COMPUTED: Kept<(Arc<Library>, PlannerParams), Option<Arc<FieldModel>>> = Kept::new();
+
+impl FieldModel {
+    fn new((library, params): &(Arc<Library>, PlannerParams)) -> Option<Arc<Self>> {
+        let fields = library.fields.as_ref()?;
+        let basis = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), params.half_side_m);
+        Some(Arc::new(Self {
+            attack_s: fields.attack_s,
+            rest_s: fields.rest_s,
+            path_basis: basis.for_paths(),
+            effort: MotorEffort::new(&basis, library, params.half_side_m)?,
+            seeds: SeedLibrary::new(&basis, params.half_side_m),
+            basis,
+            friction: friction_of(library)?,
+        }))
+    }
+}
+
 /// Failed attempt at a plan.
 struct AttemptFailed {
     by: Limit,
@@ -87,22 +112,10 @@ struct AttemptFailed {
 impl FieldPlanner {
     /// A planner for one rig's library; `None` where the library has no synthesised motions or no friction.
     pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
-        let fields = library.fields.as_ref()?;
-        let half_side_m = params.half_side_m;
-        let basis = HarmonicBasis::new(fields.base_radps, fields.twist_from_counts.len(), half_side_m);
-        let effort = MotorEffort::new(&basis, library, half_side_m)?;
-        let seeds = SeedLibrary::new(&basis, half_side_m);
-        let friction = friction_of(library)?;
-        let (attack_s, rest_s) = (fields.attack_s, fields.rest_s);
+        let model = COMPUTED.get((Arc::clone(library), params), FieldModel::new);
         Some(Self {
             params,
-            attack_s,
-            rest_s,
-            path_basis: basis.for_paths(),
-            basis,
-            effort,
-            seeds,
-            friction,
+            model: Option::clone(&model)?,
             reach_m: REACH_M,
             near_m: REACH_M,
             last: None,
@@ -157,13 +170,13 @@ impl FieldPlanner {
     /// Pushes of all start motions on parts at rest at `positions_m`: for each motion the mean direction of the slip, a
     /// vector of length at most 1.
     pub fn mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
-        self.seeds.all_mean_forces(positions_m)
+        self.model.seeds.all_mean_forces(positions_m)
     }
 
     /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
         let mut rollout = Rollout::default();
-        let basis = if pulse.follows == Follows::Velocity { &self.basis } else { &self.path_basis };
+        let basis = if pulse.follows == Follows::Velocity { &self.model.basis } else { &self.model.path_basis };
         let coefficients = basis.coefficients(&pulse.wave);
         rollout.run(basis, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
         rollout.ends_m
@@ -186,8 +199,8 @@ impl FieldPlanner {
         let envelope = self.envelope(self.sustain_s(wanted_m));
         let near = SeparationPenalty::of_near(parts, self.params.separation_m, steps_m.as_slice());
         let free = ShootingProblem {
-            basis: if corridors.is_empty() { &self.basis } else { &self.path_basis },
-            effort: &self.effort,
+            basis: if corridors.is_empty() { &self.model.basis } else { &self.model.path_basis },
+            effort: &self.model.effort,
             discs: &discs,
             steps_m: &steps_m,
             envelope: &envelope,
@@ -204,7 +217,7 @@ impl FieldPlanner {
         let left = iterate.left(&steps_m);
         let predicted_m = vec![iterate.rollout.ends_m.clone()];
         self.promised_m.clone_from(&iterate.rollout.ends_m);
-        let wave = self.basis.wave(&iterate.coefficients);
+        let wave = self.model.basis.wave(&iterate.coefficients);
         let pulse =
             PlannedPulse::Field(FieldPulse { wave, follows: free.basis.follows, sustain_s: envelope.sustain_s });
         let corridor_excess = iterate.corridor_excess(corridors);
@@ -247,7 +260,7 @@ impl FieldPlanner {
         let positions: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let is_careful = !problem.corridors.is_empty();
         let count = if is_careful { CAREFUL_STARTS } else { STARTS };
-        let starts = self.seeds.best(&self.basis, &positions, steps, self.passed_over + count);
+        let starts = self.model.seeds.best(&self.model.basis, &positions, steps, self.passed_over + count);
         let starts = self.last.iter().chain(starts.iter().skip(self.passed_over));
         let better = |a: Iterate, b: Iterate| {
             let (better, other) = if b.left(problem.steps_m) < a.left(problem.steps_m) { (b, a) } else { (a, b) };
@@ -255,7 +268,7 @@ impl FieldPlanner {
             better
         };
         let first = |start: &Vec<f64>| problem.improved(problem.regularized_step(start), FIRST_ROUNDS);
-        let still = || problem.iterate(&vec![0.0; self.basis.len()]);
+        let still = || problem.iterate(&vec![0.0; self.model.basis.len()]);
         if !is_careful {
             return problem.improved(starts.map(first).reduce(better).unwrap_or_else(still), ROUNDS);
         }
@@ -295,7 +308,7 @@ impl FieldPlanner {
 
     /// Sustain for steps of `wanted_m`, s: distance grows with the square of the time.
     fn sustain_s(&self, wanted_m: f64) -> f64 {
-        let flanks_s = FLANK * self.attack_s;
+        let flanks_s = FLANK * self.model.attack_s;
         let longest_s = self.params.max_sustain_s;
         ((longest_s + flanks_s) * (wanted_m / self.near_m).min(1.0).sqrt() - flanks_s).clamp(0.0, longest_s)
     }
@@ -303,39 +316,30 @@ impl FieldPlanner {
     /// Adapts the reach: farther after pulses that made nearly the whole step, nearer after those that left much of it.
     /// Close to the goal it adapts the pulse length instead.
     fn learn_reach(&mut self, wanted_m: f64, left: f64, is_careful: bool) {
+        let factor = |(enough, longer): (f64, f64), (poor, shorter): (f64, f64)| match left {
+            left if left < enough => longer,
+            left if left > poor => shorter,
+            _ => 1.0,
+        };
         if wanted_m >= self.reach_m {
-            let factor = if left < 0.3 {
-                1.5
-            } else if left > 0.6 {
-                0.75
-            } else {
-                1.0
-            };
-            self.reach_m = (factor * self.reach_m).clamp(REACH_M, MOST_REACH_M);
+            self.reach_m = (factor((0.3, 1.5), (0.6, 0.75)) * self.reach_m).clamp(REACH_M, MOST_REACH_M);
             self.near_m = self.reach_m;
         } else {
             let (enough, poor) = if is_careful { (0.5 * CAREFUL_LEFT, CAREFUL_LEFT) } else { (0.2, 0.5) };
-            let factor = if left < enough {
-                1.1
-            } else if left > poor {
-                0.8
-            } else {
-                1.0
-            };
             let least_m = if is_careful { CAREFUL_NEAR * LEAST_NEAR_M } else { LEAST_NEAR_M };
-            self.near_m = (factor * self.near_m).clamp(least_m, self.reach_m);
+            self.near_m = (factor((enough, 1.1), (poor, 0.8)) * self.near_m).clamp(least_m, self.reach_m);
         }
     }
 
     fn envelope(&self, sustain_s: f64) -> Envelope {
-        Envelope { attack_s: self.attack_s, sustain_s, rest_s: self.rest_s }
+        Envelope { attack_s: self.model.attack_s, sustain_s, rest_s: self.model.rest_s }
     }
 
     fn discs(&self, parts: &[PartState]) -> Vec<RolloutDisc> {
         let disc = |part: &PartState| RolloutDisc {
             position_m: part.position_m,
             radius_m: part.radius_m,
-            friction: self.friction * part.gain,
+            friction: self.model.friction * part.gain,
         };
         parts.iter().map(disc).collect()
     }

@@ -1,14 +1,9 @@
 //! Distance carried on a belt: computed from friction, corrected by the calibration's measurements.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, LazyLock};
-
-use parking_lot::Mutex;
-
-use crate::cor_library::Library;
-
+use crate::cor_library::{Entry, Library, bracket};
 use crate::planner::friction::friction_of;
 use crate::planner::pump::{Discs, LANES, Pump, Travel};
+use upm_core::units::GRAVITY_MPS2;
 
 /// Nodes of belt speed, evenly spaced in its logarithm.
 const SPEEDS: usize = 40;
@@ -24,35 +19,19 @@ const USUAL_FRICTION: f64 = 0.3;
 /// Distances below which measured and computed values are not compared, m, and bounds of their ratio.
 const COMPARED_M: f64 = 0.3e-3;
 const CORRECTION: (f64, f64) = (0.6, 1.6);
-/// Grids whose displacements are kept.
-const KEPT: usize = 4;
 
 /// Displacements of a part from rest by the speed amplitude of its belt, the plate's spin and the sustain.
 #[derive(Clone, Debug)]
 pub(super) struct BeltTable {
-    pub(super) grid: BeltGrid,
-    /// `[speed][sustain][spin]`.
-    travels: Vec<[Travel; LANES]>,
-}
-
-/// The nodes of a table and the pump and friction at them: everything that the computed displacements depend on.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct BeltGrid {
-    pump: Pump,
-    friction: f64,
     first_ln: f64,
     step_ln: f64,
     spin_radps: [f64; LANES],
-    /// Number of sustains, from 0.
-    pub(super) sustains: usize,
+    /// Time between two sustains, s, and their number, from 0.
+    pub sustain_step_s: f64,
+    pub sustains: usize,
+    /// `[speed][sustain][spin]`.
+    travels: Vec<[Travel; LANES]>,
 }
-
-/// Displacements at the nodes of a grid: `[speed][sustain][spin]`.
-type GridTravels = Arc<[[Travel; LANES]]>;
-
-/// The grids computed last, newest first, and their displacements. Many runs in one process have few rigs, and a grid
-/// takes as long as several control cycles.
-static COMPUTED: LazyLock<Mutex<VecDeque<(BeltGrid, GridTravels)>>> = LazyLock::new(Mutex::default);
 
 /// The table at one spin and one sustain, by belt speed.
 #[derive(Clone, Debug)]
@@ -68,21 +47,23 @@ impl BeltTable {
         let pump = Pump::of(library);
         let friction = friction_of(library).unwrap_or(USUAL_FRICTION);
         let half_side_m = 0.5 * library.plate_side_m;
-        let fastest = |entry: &crate::cor_library::Entry| {
+        let fastest = |entry: &Entry| {
             entry.pump.velocity_mps.norm() + entry.pump.spin_radps.abs() * half_side_m * std::f64::consts::SQRT_2
         };
-        let slowest_mps = SLOWEST * friction * upm_core::units::GRAVITY_MPS2 / library.base_radps;
+        let slowest_mps = SLOWEST * friction * GRAVITY_MPS2 / library.base_radps;
         let fastest_mps = library.entries.iter().map(fastest).fold(2.0 * slowest_mps, f64::max) * 1.2;
         let most_spin = library.entries.iter().map(|entry| entry.pump.spin_radps.abs()).fold(1e-6, f64::max);
-        let grid = BeltGrid {
-            friction,
-            first_ln: slowest_mps.ln(),
-            step_ln: (fastest_mps / slowest_mps).ln() / (SPEEDS - 1) as f64,
-            spin_radps: SPINS.map(|part| part * most_spin),
-            sustains: (longest_s / pump.sustain_step_s()).ceil() as usize + 1,
-            pump,
+        let (first_ln, step_ln) = (slowest_mps.ln(), (fastest_mps / slowest_mps).ln() / (SPEEDS - 1) as f64);
+        let spin_radps = SPINS.map(|part| part * most_spin);
+        let sustain_step_s = pump.sustain_step_s();
+        let sustains = (longest_s / sustain_step_s).ceil() as usize + 1;
+        let discs = |i: usize| {
+            let speed_mps = [(first_ln + step_ln * i as f64).exp(); LANES];
+            Discs { speed_mps, spin_radps, friction: [friction; LANES], radius_m: RADIUS_M }
         };
-        let mut table = Self { travels: grid.shared_travels().to_vec(), grid };
+        let sets: Vec<Discs> = (0..SPEEDS).map(discs).collect();
+        let travels = pump.travels(&sets, sustains).concat();
+        let mut table = Self { first_ln, step_ln, spin_radps, sustain_step_s, sustains, travels };
         table.correct(library);
         table
     }
@@ -100,82 +81,43 @@ impl BeltTable {
             });
             (computed > 0.0).then(|| (speed_mps.ln(), (measured / computed).clamp(CORRECTION.0, CORRECTION.1)))
         };
-        let factors: Vec<(f64, f64)> = model.speed_mps.iter().filter_map(factor).collect();
+        let (speeds_ln, factors): (Vec<f64>, Vec<f64>) = model.speed_mps.iter().filter_map(factor).unzip();
         for i in 0..SPEEDS {
-            let factor = interpolated(&factors, self.grid.speed_ln(i));
-            for travel in self.travels[i * self.grid.sustains..][..self.grid.sustains].iter_mut().flatten() {
+            let place = bracket(&speeds_ln, self.first_ln + self.step_ln * i as f64);
+            let factor = place.map_or(1.0, |(below, part)| {
+                factors[below] + part * (factors[(below + 1).min(factors.len() - 1)] - factors[below])
+            });
+            for travel in self.travels[i * self.sustains..][..self.sustains].iter_mut().flatten() {
                 travel.along_m *= factor;
                 travel.across_m *= factor;
             }
         }
     }
 
-    /// Time between the table's sustains, s.
-    pub fn sustain_step_s(&self) -> f64 {
-        self.grid.pump.sustain_step_s()
-    }
-
     /// The slowest belt in the table, m/s.
     pub fn slowest_mps(&self) -> f64 {
-        self.grid.first_ln.exp()
+        self.first_ln.exp()
     }
 
     /// The table at this spin (its sign has no effect) and this sustain.
     pub fn slice(&self, spin_radps: f64, sustain_s: f64) -> BeltSlice {
-        let BeltGrid { first_ln, step_ln, spin_radps: nodes, sustains, .. } = self.grid;
+        let Self { first_ln, step_ln, spin_radps: nodes, sustain_step_s, sustains, .. } = *self;
         let spin = spin_radps.abs().min(nodes[LANES - 1]);
         let q = nodes[1..LANES - 1].partition_point(|&node| node <= spin);
         let along_spin = (spin - nodes[q]) / (nodes[q + 1] - nodes[q]);
-        let steps = (sustain_s / self.sustain_step_s()).clamp(0.0, (sustains - 1) as f64);
+        let steps = (sustain_s / sustain_step_s).clamp(0.0, (sustains - 1) as f64);
         let k = (steps as usize).min(sustains.saturating_sub(2));
         let later = (k + 1).min(sustains - 1);
         let along_sustain = steps - k as f64;
-        let blend = |of: fn(&Travel) -> f64, i: usize| {
+        let travel = |i: usize| {
             let row = |k: usize| {
                 let spins = &self.travels[i * sustains + k];
-                of(&spins[q]) + along_spin * (of(&spins[q + 1]) - of(&spins[q]))
+                spins[q].towards(&spins[q + 1], along_spin)
             };
-            let (before, after) = (row(k), row(later));
-            before + along_sustain * (after - before)
+            row(k).towards(&row(later), along_sustain)
         };
-        let travels = std::array::from_fn(|i| Travel {
-            along_m: blend(|t| t.along_m, i),
-            across_m: blend(|t| t.across_m, i),
-            coasts_s: blend(|t| t.coasts_s, i),
-        });
+        let travels = std::array::from_fn(travel);
         BeltSlice { first_ln, per_ln: 1.0 / step_ln, travels }
-    }
-}
-
-impl BeltGrid {
-    /// Logarithm of the belt speed at node `i`.
-    fn speed_ln(&self, i: usize) -> f64 {
-        self.first_ln + self.step_ln * i as f64
-    }
-
-    /// Its displacements, from those computed last where this grid is among them. Two threads that ask
-    /// for the same new grid at once both compute it, so that no thread waits for a grid that it does not need.
-    fn shared_travels(&self) -> GridTravels {
-        let kept = |(grid, travels): &(Self, GridTravels)| (grid == self).then(|| Arc::clone(travels));
-        if let Some(travels) = COMPUTED.lock().iter().find_map(kept) {
-            return travels;
-        }
-        let travels: GridTravels = self.travels().into();
-        let mut computed = COMPUTED.lock();
-        computed.push_front((self.clone(), Arc::clone(&travels)));
-        computed.truncate(KEPT);
-        travels
-    }
-
-    /// `[speed][sustain][spin]`.
-    fn travels(&self) -> Vec<[Travel; LANES]> {
-        let discs = |i: usize| {
-            let speed_mps = [self.speed_ln(i).exp(); LANES];
-            let (spin_radps, friction) = (self.spin_radps, [self.friction; LANES]);
-            Discs { speed_mps, spin_radps, friction, radius_m: RADIUS_M }
-        };
-        let sets: Vec<Discs> = (0..SPEEDS).map(discs).collect();
-        self.pump.travels(&sets, self.sustains).concat()
     }
 }
 
@@ -191,40 +133,6 @@ impl BeltSlice {
         }
         let i = (place as usize).min(SPEEDS - 2);
         let part = (place - i as f64).min(1.0);
-        let (a, b) = (&self.travels[i], &self.travels[i + 1]);
-        let mix = |a: f64, b: f64| a + part * (b - a);
-        Travel {
-            along_m: mix(a.along_m, b.along_m),
-            across_m: mix(a.across_m, b.across_m),
-            coasts_s: mix(a.coasts_s, b.coasts_s),
-        }
-    }
-}
-
-/// Linear interpolation between points of rising x, constant beyond them; 1 without points.
-fn interpolated(points: &[(f64, f64)], x: f64) -> f64 {
-    let above = points.partition_point(|point| point.0 <= x);
-    match (above.checked_sub(1).and_then(|below| points.get(below)), points.get(above)) {
-        (Some(a), Some(b)) => a.1 + (x - a.0) / (b.0 - a.0) * (b.1 - a.1),
-        (Some(only), None) | (None, Some(only)) => only.1,
-        (None, None) => 1.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::planner::fixture::library;
-
-    #[test]
-    fn kept_grids_are_those_asked_for() {
-        let library = library();
-        let grid = |i: usize| BeltGrid { sustains: 2 + i % (KEPT + 2), ..BeltTable::new(&library, 0.0).grid };
-        for i in 0..2 * (KEPT + 2) {
-            let grid = grid(i);
-            assert_eq!(*grid.shared_travels(), *grid.travels(), "{} sustains", grid.sustains);
-            assert_eq!(*grid.shared_travels(), *grid.travels(), "{} sustains, again", grid.sustains);
-            assert!(COMPUTED.lock().len() <= KEPT);
-        }
+        self.travels[i].towards(&self.travels[i + 1], part)
     }
 }

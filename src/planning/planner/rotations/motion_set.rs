@@ -1,8 +1,6 @@
 //! The library's motions, each with a dial: amplitude and sustain of a pulse for a given distance, and its displacement
 //! of any part.
 
-use std::sync::Arc;
-
 use super::belt_table::{BeltSlice, BeltTable};
 use crate::cor_library::Library;
 use crate::planner::PlannerParams;
@@ -80,7 +78,7 @@ pub(super) struct MotionSet {
 }
 
 impl MotionSet {
-    pub fn new(library: &Arc<Library>, params: &PlannerParams) -> Self {
+    pub fn new(library: &Library, params: &PlannerParams) -> Self {
         let table = BeltTable::new(library, params.max_sustain_s);
         let typical: Vec<f64> = library.entries.iter().map(|e| typical_mps(&e.pump, params.half_side_m)).collect();
         let fastest = typical.iter().copied().fold(0.0, f64::max);
@@ -187,8 +185,8 @@ fn settings(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, Dia
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
     let weaker = (0..AMPLITUDES)
         .map(|k| DialSetting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
-    let longer = (1..=(table.grid.sustains - 1) / 2)
-        .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s() });
+    let longer = (1..=(table.sustains - 1) / 2)
+        .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s });
     let distance_m = |setting: DialSetting| {
         let slice = table.slice(twist.spin_radps * setting.amplitude, setting.sustain_s);
         slice.at(typical_mps * setting.amplitude).along_m

@@ -8,6 +8,7 @@ use super::refine::{Refined, corridor_excess};
 use super::rollout::SequenceRollout;
 use super::subgoals::Clearance;
 use crate::cor_library::Library;
+use crate::planner::kept::Kept;
 use crate::planner::types::largest_step_m;
 use crate::planner::{Corridor, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_core::geometry::Vec2;
@@ -109,10 +110,13 @@ impl Sequence {
     }
 }
 
+static COMPUTED: Kept<(Arc<Library>, PlannerParams), MotionSet> = Kept::new();
+
 impl RotationPlanner {
     /// A planner for one rig's library.
     pub fn new(library: Arc<Library>, params: PlannerParams) -> Self {
-        let motion_set = Arc::new(MotionSet::new(&library, &params));
+        let motion_set =
+            COMPUTED.get((Arc::clone(&library), params), |(library, params)| MotionSet::new(library, params));
         Self { library, params, motion_set, prices: Vec::new(), reach_m: None, running: None, stride_m: f64::INFINITY }
     }
 

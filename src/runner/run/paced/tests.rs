@@ -10,7 +10,7 @@ const PERIOD_NS: u64 = 16_666_667;
 const PERIOD: Duration = Duration::from_nanos(PERIOD_NS);
 
 /// A clock, and a rig with one frame per period whose capture takes a given time on that clock.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct World {
     clock_ns: Cell<u64>,
     plate_ns: Cell<u64>,
