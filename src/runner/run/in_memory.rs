@@ -5,7 +5,6 @@ use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
 use super::planner_selection::PlannerSelection;
-use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
@@ -75,12 +74,11 @@ impl<'a> InMemoryRun<'a> {
 
     /// As [`Self::run`]; `watcher` receives all facts.
     pub fn run_watched(self, watcher: &mut dyn Sink) -> Report {
-        let Self { job, library, mut setup, has_own_task } = self;
-        let mut notes = ReportSinks::of(&setup);
-        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let mut sinks = notes.sinks().with(watcher);
-        let finish = play(&mut setup, &library, None, &mut sinks, &StoppedClock, &stop, &give_way);
-        notes.report(job, &setup, finish, has_own_task)
+        let play = |setup: &mut RunSetup, library: &_, sinks: &mut Fanout<'_>| {
+            let never = AtomicBool::new(false);
+            setup.play(library, None, sinks, &StoppedClock, &never, &never)
+        };
+        self.finish(|rig| rig, play, watcher).0
     }
 
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
@@ -89,44 +87,32 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
-        let Self { job, library, setup, has_own_task } = self;
-        if !setup.faults.is_empty() {
-            let found = counted(setup.faults.len(), "fault");
-            return Err(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's").into());
+        if !self.setup.faults.is_empty() {
+            let found = counted(self.setup.faults.len(), "fault");
+            return Err(Diagnostic::new(&self.job.file, "faults", found, "none on a rig of the caller's").into());
         }
-        let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
-        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let RunSetup { rig, model, task, params, .. } = &mut setup;
-        let mut sinks = notes.sinks();
-        let clock = &StoppedClock;
-        let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
-        let finish = control::run(devices, &library, task.as_mut(), params);
-        let report = notes.report(job, &setup, finish, has_own_task);
-        Ok((report, setup.rig))
-    }
-}
-
-/// Sinks that the report is made from.
-struct ReportSinks {
-    named: TruthInJobOrder,
-    stats: RunStats,
-}
-
-impl ReportSinks {
-    fn of(setup: &RunSetup) -> Self {
-        let (named, stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
-        Self { named, stats }
+        let play = |setup: &mut RunSetup<R>, library: &_, sink: &mut Fanout<'_>| {
+            let (RunSetup { rig, model, task, params, .. }, never) = (setup, AtomicBool::new(false));
+            let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never };
+            control::run(devices, library, task.as_mut(), params)
+        };
+        Ok(self.finish(make, play, &mut Fanout::new()))
     }
 
-    fn sinks(&mut self) -> Fanout<'_> {
-        Fanout::new().with(&mut self.named).with(&mut self.stats)
-    }
-
-    fn report<R: Rig>(&self, job: &JobSpec, setup: &RunSetup<R>, finish: FinalState, has_own_task: bool) -> Report {
-        let ending = ending(job, Some(setup), finish, 0.0);
-        let report = self.stats.report(ending);
-        let verdict = if has_own_task { None } else { verdict(job, &report) };
-        Report { verdict, ..report }
+    fn finish<R: Rig>(
+        self,
+        make: impl FnOnce(SimRig) -> R,
+        play: impl FnOnce(&mut RunSetup<R>, &Arc<Library>, &mut Fanout<'_>) -> FinalState,
+        watcher: &mut dyn Sink,
+    ) -> (Report, R) {
+        let Self { job, library, setup, has_own_task } = self;
+        let mut setup = setup.with_rig(make);
+        let (mut named, mut stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
+        let mut sinks = Fanout::new().with(&mut named).with(&mut stats).with(watcher);
+        let finish = play(&mut setup, &library, &mut sinks);
+        let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));
+        report.verdict = if has_own_task { None } else { verdict(job, &report) };
+        (report, setup.rig)
     }
 }
 
@@ -143,7 +129,7 @@ mod tests {
     use upm_core::job::{CameraMode, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
     use upm_planning::task::Setpoints;
-    use upm_recording::{MemorySink, RecordingOptions, RerunMode};
+    use upm_recording::{RecordingOptions, RerunMode};
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -168,7 +154,7 @@ mod tests {
             real_time: false,
             recording_options: RecordingOptions::lossless(MonotonicClock::new()),
         };
-        let mut sink = MemorySink::default();
+        let mut sink = Fanout::new();
         let stop = AtomicBool::new(false);
         run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
             .unwrap()

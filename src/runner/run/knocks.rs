@@ -93,7 +93,7 @@ mod tests {
     struct Corrections(usize);
 
     impl Sink for Corrections {
-        fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        fn cycle(&mut self, facts: &CycleFacts) {
             self.0 += usize::from(!facts.plan.pulses.is_empty());
         }
     }

@@ -58,7 +58,7 @@ impl Rig for MaskedRig<'_> {
 struct FirstCycle(u64);
 
 impl Sink for FirstCycle {
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts) {
         self.0 += u64::from(facts.cycle == 0);
     }
 }
