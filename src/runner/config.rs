@@ -2,7 +2,7 @@
 //!
 //! Every fault of a file is reported on one line: file, JSON path, expected value, value found. Keys, types and ranges
 //! are checked first; only if they are right are values checked against each other. Files are JSON, up to 1 MiB,
-//! without unknown keys. Serde types stay in this room.
+//! without unknown keys.
 //!
 //! ```
 //! use upm_runner::config::{Origin, RigSpec};
