@@ -2,7 +2,7 @@
 //! it held.
 
 use super::condition::{Condition, ConditionChange};
-use super::{ConditionFacts, Sink};
+use super::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::time::PlateTime;
 
 /// Number of consecutive cycles without a condition after which it has ended: a plan that fails every other cycle is
@@ -56,8 +56,8 @@ impl Conditions {
             None => {
                 let reason = reason();
                 let text = format!("{reason}; {}", condition.remedy());
-                let change = ConditionChange::Began;
-                sink.condition(&ConditionFacts { at, condition, change, reason: &reason, text: &text });
+                let kind = EventKind::Condition { condition, change: ConditionChange::Began, reason: reason.clone() };
+                sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
                 self.active.push(Active { condition, reason, began_at: at, last_at: at, last_cycle: cycle, times: 1 });
             }
         }
@@ -82,8 +82,8 @@ impl Conditions {
             let lasted_s = last_at - began_at;
             let cycles = if times == 1 { "cycle" } else { "cycles" };
             let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");
-            let change = ConditionChange::Ended { times, lasted_s };
-            sink.condition(&ConditionFacts { at, condition, change, reason: &reason, text: &text });
+            let kind = EventKind::Condition { condition, change: ConditionChange::Ended { times, lasted_s }, reason };
+            sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
         }
     }
 }
@@ -97,8 +97,10 @@ mod tests {
     struct RecordedChanges(Vec<(f64, &'static str, ConditionChange, String)>);
 
     impl Sink for RecordedChanges {
-        fn condition(&mut self, facts: &ConditionFacts<'_>) {
-            self.0.push((facts.at.secs(), facts.condition.code(), facts.change, facts.text.to_owned()));
+        fn event(&mut self, event: &EventFacts) {
+            let EventKind::Condition { condition, change, .. } = event.kind else { panic!("{event:?}") };
+            assert_eq!(event.level, EventLevel::Warning);
+            self.0.push((event.at.secs(), condition.code(), change, event.text.clone()));
         }
     }
 
@@ -158,20 +160,5 @@ mod tests {
         let ended = ConditionChange::Ended { times: 2, lasted_s: 1.0 };
         assert_eq!(ends, [&ConditionChange::Began, &ConditionChange::Began, &ended, &ended]);
         assert!(recorded[2].3.starts_with("until the end: "), "{recorded:?}");
-    }
-
-    #[test]
-    fn sink_without_condition_support_receives_warnings() {
-        #[derive(Default)]
-        struct ConditionEvents(Vec<(crate::EventLevel, String)>);
-        impl Sink for ConditionEvents {
-            fn event(&mut self, _: PlateTime, level: crate::EventLevel, text: &str) {
-                self.0.push((level, text.to_owned()));
-            }
-        }
-        let (mut conditions, mut events) = (Conditions::default(), ConditionEvents::default());
-        conditions.note(PlateTime::ZERO, Condition::TableMissing, || "too dark".into(), &mut events);
-        let [(level, text)] = &events.0[..] else { panic!("{:?}", events.0) };
-        assert!(*level == crate::EventLevel::Warning && text.starts_with("too dark; check light"), "{text}");
     }
 }

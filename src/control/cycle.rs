@@ -14,7 +14,7 @@ use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
-use super::{CycleFacts, EventLevel, Milestone, MilestoneFacts, RunIo};
+use super::{CycleFacts, EventFacts, EventKind, EventLevel, RunIo};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::PlateTime;
@@ -81,9 +81,9 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
     };
     io.rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
-    let RunEnd { outcome, cause, reason } = &finish.ending;
-    let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
-    io.sink.milestone(&MilestoneFacts { at: io.rig.now(), level, milestone, text: reason });
+    let RunEnd { outcome, cause, reason } = finish.ending.clone();
+    let kind = EventKind::RunEnded { outcome, cause };
+    io.sink.event(&EventFacts { at: io.rig.now(), level, text: reason, kind });
     finish
 }
 
@@ -205,11 +205,11 @@ impl ControlCycle<'_, '_> {
         self.io.sink.cycle(&CycleFacts {
             index: self.index,
             observed_at,
-            observed_m: &observed,
-            wanted: &wanted,
-            plan: &plan,
+            observed_m: observed,
+            wanted,
+            plan,
             ended_at: self.perception.seen_at(),
-            result_m: &result,
+            result_m: result.clone(),
             plan_us,
             cycle_us,
         });

@@ -54,94 +54,90 @@ pub struct FrameFacts<'a> {
 }
 
 /// One pulse after it was played.
-#[derive(Clone, Copy, Debug)]
-pub struct PulseFacts<'a> {
+#[derive(Clone, Debug)]
+pub struct PulseFacts {
     /// Number of the cycle.
     pub cycle: u64,
     /// Time of its start.
     pub started_at: PlateTime,
     /// Rotation or field that was to be played.
-    pub planned: &'a PlannedPulse,
+    pub planned: PlannedPulse,
     /// True for the small probe at the beginning, which moves no part.
     pub is_probe: bool,
     /// The signal sent to the motors.
-    pub drive: &'a Drive,
+    pub drive: Drive,
     /// The accelerometers' trace.
-    pub trace: &'a AccelTrace,
+    pub trace: AccelTrace,
     /// The plate's motion fitted to the trace.
-    pub fit: &'a Result<PlateFit, FitFault>,
+    pub fit: Result<PlateFit, FitFault>,
     /// The positions of the parts; `None` when one of them was out of sight.
-    pub positions: Option<PulsePositions<'a>>,
+    pub positions: Option<PulsePositions>,
 }
 
 /// Positions of the parts before and after a pulse, by the camera and by forecast. Each m, in the order of the job.
-#[derive(Clone, Copy, Debug)]
-pub struct PulsePositions<'a> {
+#[derive(Clone, Debug)]
+pub struct PulsePositions {
     /// Positions before the pulse.
-    pub before_m: &'a [Vec2],
+    pub before_m: Vec<Vec2>,
     /// Measured positions after it.
-    pub after_m: &'a [Vec2],
+    pub after_m: Vec<Vec2>,
     /// Positions after it as forecast by the library alone.
-    pub by_library_m: &'a [Vec2],
+    pub by_library_m: Vec<Vec2>,
     /// After it by the library and the gains learned until then.
-    pub by_learning_m: &'a [Vec2],
+    pub by_learning_m: Vec<Vec2>,
 }
 
 /// One cycle, after its last pulse and the observation that follows it.
-#[derive(Clone, Copy, Debug)]
-pub struct CycleFacts<'a> {
+#[derive(Clone, Debug)]
+pub struct CycleFacts {
     /// Number of the cycle, from 0.
     pub index: u64,
     /// Time of the observation that the plan is based on.
     pub observed_at: PlateTime,
     /// Positions measured then, m.
-    pub observed_m: &'a [Vec2],
+    pub observed_m: Vec<Vec2>,
     /// The task's request.
-    pub wanted: &'a Setpoints,
+    pub wanted: Setpoints,
     /// Pulses planned from that observation.
-    pub plan: &'a Plan,
+    pub plan: Plan,
     /// Time of the next observation.
     pub ended_at: PlateTime,
     /// Positions measured then, m.
-    pub result_m: &'a [Vec2],
+    pub result_m: Vec<Vec2>,
     /// Wall time planning took, µs; 0 when no clock runs.
     pub plan_us: f64,
     /// Wall time the whole cycle took, µs; 0 when no clock runs.
     pub cycle_us: f64,
 }
 
-/// A condition of the run that began or ended.
-#[derive(Clone, Copy, Debug)]
-pub struct ConditionFacts<'a> {
-    /// Plate time of the change.
-    pub at: PlateTime,
-    /// Kind of the condition, for programs.
-    pub condition: Condition,
-    /// Begin or end.
-    pub change: ConditionChange,
-    /// The reason alone, for people.
-    pub reason: &'a str,
-    /// For people: the reason and a remedy at its beginning, the reason and the number of cycles in which it held at
-    /// its end.
-    pub text: &'a str,
-}
-
-/// The end of the run or of its recording.
-#[derive(Clone, Copy, Debug)]
-pub struct MilestoneFacts<'a> {
+/// Something worth a line in the log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EventFacts {
     /// Plate time of the event.
     pub at: PlateTime,
-    /// Severity.
+    /// Severity; a warning for every condition.
     pub level: EventLevel,
-    /// The event, for programs.
-    pub milestone: Milestone,
-    /// The same for people.
-    pub text: &'a str,
+    /// The event for people; for a condition the reason and a remedy at its beginning, the reason and the number of
+    /// cycles in which it held at its end.
+    pub text: String,
+    /// The event for programs.
+    pub kind: EventKind,
 }
 
-/// An event with a meaning for programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Milestone {
+/// Meaning of an event for programs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EventKind {
+    /// None: it is for people alone.
+    Note,
+    /// A lasting condition of the run began or ended.
+    Condition {
+        /// Kind of the condition.
+        condition: Condition,
+        /// Begin or end.
+        change: ConditionChange,
+        /// The reason alone, for people.
+        reason: String,
+    },
     /// The run ended. A stopped run may have a second such event, with the cause of the stop.
     RunEnded {
         /// Completed, failed or cancelled.
@@ -151,6 +147,13 @@ pub enum Milestone {
     },
     /// The recording ended before the run did.
     RecordingEnded(RecordingEnd),
+}
+
+impl EventFacts {
+    /// An event for people alone.
+    pub fn note(at: PlateTime, level: EventLevel, text: impl Into<String>) -> Self {
+        Self { at, level, text: text.into(), kind: EventKind::Note }
+    }
 }
 
 /// Severity of an event.
@@ -187,17 +190,9 @@ pub trait Sink {
     /// A frame was tracked.
     fn frame(&mut self, _facts: &FrameFacts<'_>) {}
     /// A pulse was played.
-    fn pulse(&mut self, _facts: &PulseFacts<'_>) {}
+    fn pulse(&mut self, _facts: &PulseFacts) {}
     /// A cycle ended.
-    fn cycle(&mut self, _facts: &CycleFacts<'_>) {}
-    /// An event worth a line in the log.
-    fn event(&mut self, _at: PlateTime, _level: EventLevel, _text: &str) {}
-    /// The run, or its recording, ended. A sink without its own handling gets it as an event.
-    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.event(facts.at, facts.level, facts.text);
-    }
-    /// A lasting condition began or ended. A sink without its own handling gets it as a warning.
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        self.event(facts.at, EventLevel::Warning, facts.text);
-    }
+    fn cycle(&mut self, _facts: &CycleFacts) {}
+    /// An event: a lasting condition that began or ended, the end of the run or of its recording, a note.
+    fn event(&mut self, _event: &EventFacts) {}
 }

@@ -20,8 +20,8 @@ mod run_io;
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, run};
 pub use facts::{
-    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
-    PulseFacts, PulsePositions, Sink,
+    ConfirmedFacts, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, PulseFacts,
+    PulsePositions, Sink,
 };
 pub use guards::Guards;
 pub use params::ControlParams;

@@ -1,9 +1,13 @@
-//! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, bins and the motion of the plate.
+//! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, layout and the motion of the plate.
 
 mod stop_cause;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::coded_enum;
 use crate::geometry::Vec2;
+use crate::units::mm_point;
 
 pub use stop_cause::StopCause;
 
@@ -66,13 +70,59 @@ coded_enum! {
     }
 }
 
-/// A rectangle on the table into which parts of some kinds are sorted, rims included.
-#[derive(Clone, Debug, PartialEq)]
+/// Rectangle on the plate for the parts of some kinds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "BinEntry")]
 pub struct Bin {
-    /// Names of the kinds.
+    /// Kinds that belong here.
+    #[schemars(length(min = 1, max = 64))]
     pub kinds: Vec<String>,
-    /// Lower left corner, m.
+    /// The rectangle in which their rims must lie.
+    #[serde(rename = "region_mm")]
+    pub region: Region,
+}
+
+/// A rectangle, mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// Lower left corner, mm.
+    #[serde(rename = "min", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub min_m: Vec2,
-    /// Upper right corner, m.
+    /// Upper right corner, mm.
+    #[serde(rename = "max", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub max_m: Vec2,
+}
+
+/// A part of a job as it is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayoutPart {
+    /// Name in its run: `penny-1`.
+    pub id: String,
+    /// Name of its kind.
+    pub kind: String,
+    /// Radius of the kind's outline, m.
+    pub radius_m: f64,
+}
+
+/// A path that a part shall follow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayoutPath {
+    /// The part that follows it, an index into the parts of the job; `None` for several.
+    pub part: Option<usize>,
+    /// Its corners, m.
+    pub waypoints_m: Vec<Vec2>,
+    /// True for a path that leads from the last corner back to the first.
+    pub closed: bool,
+}
+
+impl LayoutPath {
+    /// The path as a line: a closed one ends at its first corner.
+    pub fn line_m(&self) -> Vec<Vec2> {
+        let back = self.waypoints_m.first().filter(|_| self.closed);
+        self.waypoints_m.iter().chain(back).copied().collect()
+    }
 }

@@ -4,9 +4,13 @@
 
 mod interlock;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Lens, Vec2};
 use crate::signal::{AccelTrace, Drive, Frame, MotorArrangement};
 use crate::time::PlateTime;
+use crate::units::hertz;
 
 pub use interlock::{Interlock, InterlockGuard, StopTimes, Trip};
 
@@ -64,16 +68,22 @@ pub struct RigModel {
     pub dark_parts: bool,
 }
 
-/// Synthesised motions: periodic ones of many harmonics under a separate envelope.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Synthesised motions: periodic ones of many harmonics, each as long as it takes under an envelope of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct FieldDriveModel {
-    /// Base frequency, rad/s.
+    /// Base frequency of the motions, Hz.
+    #[serde(rename = "base_hz", with = "hertz")]
+    #[schemars(with = "f64", range(min = 5.0, max = 200.0))]
     pub base_radps: f64,
-    /// Number of harmonics.
+    /// Harmonics of it.
+    #[schemars(range(min = 2, max = 16))]
     pub harmonics: usize,
-    /// Attack and decay of every pulse, s.
+    /// Attack and decay of every pulse, s; half a period of the base frequency or more.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub attack_s: f64,
-    /// Rest after every pulse, s.
+    /// Rest after every pulse, until parts stand still, s.
+    #[schemars(range(min = 0.0, max = 5.0))]
     pub rest_s: f64,
 }
 

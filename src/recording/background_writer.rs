@@ -47,7 +47,6 @@ pub struct BackgroundWriter {
     thread: BackgroundThread<io::Result<()>>,
     overflow: OverflowPolicy,
     watch: WriterStatus,
-    fault: Option<(ErrorKind, String)>,
 }
 
 impl BackgroundWriter {
@@ -69,16 +68,13 @@ impl BackgroundWriter {
             status.go_on();
             written
         })?;
-        Ok(Self { lines: Some(lines), thread, overflow, watch, fault: None })
+        Ok(Self { lines: Some(lines), thread, overflow, watch })
     }
 
     /// Returns when every line is on the disk. `Err` with the first fault since the start.
     pub fn finish(mut self) -> io::Result<()> {
         let ended = self.end();
-        match self.fault.take() {
-            Some((kind, text)) => Err(io::Error::new(kind, text)),
-            None => ended,
-        }
+        self.watch.error().map_or(ended, Err)
     }
 
     /// Lets the thread write the queued lines and waits for it, as long as the overflow policy allows.
@@ -95,30 +91,22 @@ impl BackgroundWriter {
             WaitError::Died => Err(io::Error::other("the writer's thread died")),
         })
     }
-
-    fn fail(&mut self, fault: &io::Error) -> io::Error {
-        self.watch.fail(fault);
-        let (kind, text) = self.fault.get_or_insert((fault.kind(), fault.to_string()));
-        io::Error::new(*kind, text.as_str())
-    }
 }
 
 impl Write for BackgroundWriter {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        if let Some((kind, text)) = &self.fault {
-            return Err(io::Error::new(*kind, text.as_str()));
+        if let Some(fault) = self.watch.error() {
+            return Err(fault);
         }
-        match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
-            Some(Ok(())) => Ok(line.len()),
+        let fault = match self.lines.as_ref().map(|lines| lines.send(line.to_vec())) {
+            Some(Ok(())) => return Ok(line.len()),
             Some(Err(QueueError::Full)) => {
-                let lag = format!("the disk lags: {QUEUE} lines wait to be written");
-                Err(self.fail(&io::Error::new(ErrorKind::WouldBlock, lag)))
+                io::Error::new(ErrorKind::WouldBlock, format!("the disk lags: {QUEUE} lines wait to be written"))
             }
-            Some(Err(QueueError::Closed)) | None => {
-                let fault = self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into());
-                Err(self.fail(&fault))
-            }
-        }
+            Some(Err(QueueError::Closed)) | None => self.end().err().unwrap_or_else(|| ErrorKind::BrokenPipe.into()),
+        };
+        self.watch.fail(&fault);
+        Err(fault)
     }
 
     /// Does nothing: the thread writes lines without it, and [`BackgroundWriter::finish`] waits for them.

@@ -1,7 +1,4 @@
-use upm_control::{
-    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, MilestoneFacts, PulseFacts,
-    Sink,
-};
+use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::time::PlateTime;
 use upm_planning::task::Setpoints;
 
@@ -54,23 +51,15 @@ impl Sink for Fanout<'_> {
         }
     }
 
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts) {
         self.sinks.iter_mut().for_each(|sink| sink.pulse(facts));
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         self.sinks.iter_mut().for_each(|sink| sink.cycle(facts));
     }
 
-    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.sinks.iter_mut().for_each(|sink| sink.event(at, level, text));
-    }
-
-    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.sinks.iter_mut().for_each(|sink| sink.milestone(facts));
-    }
-
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        self.sinks.iter_mut().for_each(|sink| sink.condition(facts));
+    fn event(&mut self, event: &EventFacts) {
+        self.sinks.iter_mut().for_each(|sink| sink.event(event));
     }
 }

@@ -2,7 +2,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::report::RecordingReport;
-use upm_control::{EventLevel, Milestone, MilestoneFacts, Sink};
+use upm_control::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::time::PlateTime;
 
 /// Progress or end of a recording.
@@ -49,12 +49,6 @@ impl RecordingHandle {
         self.0.bytes.load(Ordering::Relaxed)
     }
 
-    /// Returns, once, the report of a recording that ended before its run.
-    pub fn take_end(&self) -> Option<RecordingReport> {
-        let end = self.ended_early()?;
-        (!self.0.is_reported.swap(true, Ordering::AcqRel)).then_some(end)
-    }
-
     /// The report of a recording that does not hold the whole run.
     pub fn ended_early(&self) -> Option<RecordingReport> {
         match self.0.end.get() {
@@ -62,9 +56,7 @@ impl RecordingHandle {
             _ => None,
         }
     }
-}
 
-impl RecordingHandle {
     /// The file has been created.
     pub fn begin(&self) {
         self.0.begun.store(true, Ordering::Release);
@@ -88,9 +80,9 @@ impl RecordingHandle {
 
 /// Reports to `sinks`, once, that a recording has ended before its run.
 pub fn report_recording_end(recording: &RecordingHandle, sinks: &mut dyn Sink, at: PlateTime) {
-    if let Some(RecordingReport { code, text }) = recording.take_end() {
-        let milestone = Milestone::RecordingEnded(code);
-        sinks.milestone(&MilestoneFacts { at, level: EventLevel::Warning, milestone, text: &text });
+    let Some(RecordingReport { code, text }) = recording.ended_early() else { return };
+    if !recording.0.is_reported.swap(true, Ordering::AcqRel) {
+        sinks.event(&EventFacts { at, level: EventLevel::Warning, text, kind: EventKind::RecordingEnded(code) });
     }
 }
 
@@ -98,17 +90,29 @@ pub fn report_recording_end(recording: &RecordingHandle, sinks: &mut dyn Sink, a
 mod tests {
     use super::*;
 
+    /// Number of events.
+    struct EventCount(u32);
+
+    impl Sink for EventCount {
+        fn event(&mut self, _: &EventFacts) {
+            self.0 += 1;
+        }
+    }
+
     #[test]
     fn first_end_counts_and_is_reported_once() {
-        let handle = RecordingHandle::default();
-        assert_eq!((handle.state(), handle.take_end()), (RecordingState::Off, None));
+        let (handle, mut events) = (RecordingHandle::default(), EventCount(0));
+        assert_eq!((handle.state(), handle.ended_early()), (RecordingState::Off, None));
         handle.begin();
         handle.add_bytes(7);
-        assert_eq!((handle.clone().state(), handle.take_end()), (RecordingState::Writing { bytes: 7 }, None));
+        assert_eq!((handle.clone().state(), handle.ended_early()), (RecordingState::Writing { bytes: 7 }, None));
+        report_recording_end(&handle, &mut events, PlateTime::ZERO);
+        assert_eq!(events.0, 0);
         handle.fail("no space");
         handle.close();
         assert_eq!(handle.state(), RecordingState::Failed("no space".into()));
-        assert_eq!(handle.clone().take_end().unwrap(), RecordingReport::failed("no space"));
-        assert_eq!(handle.take_end(), None);
+        assert_eq!(handle.ended_early(), Some(RecordingReport::failed("no space")));
+        (0..2).for_each(|_| report_recording_end(&handle.clone(), &mut events, PlateTime::ZERO));
+        assert_eq!(events.0, 1);
     }
 }

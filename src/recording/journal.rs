@@ -1,16 +1,11 @@
 mod fixed;
 mod lines;
-mod located;
 
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use self::lines::{CycleLine, EventLine, JournalLine, SentLine, UnfinishedLine};
-use self::located::{ConfirmedLine, LocalisedLine};
-use upm_control::{
-    ConditionFacts, ConfirmedFacts, CycleFacts, EventLevel, LocalisedFacts, MilestoneFacts, PulseFacts, Sink,
-};
-use upm_core::time::PlateTime;
+use self::lines::{JournalLine, SentLine};
+use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_planning::cor_library::Library;
 
 pub use lines::journal_schema;
@@ -67,21 +62,21 @@ impl<W: Write> Journal<W> {
     fn put_unfinished(&mut self) {
         if !self.sent.is_empty() {
             let sent = std::mem::take(&mut self.sent);
-            self.put(&JournalLine::UnfinishedCycle(UnfinishedLine { cycle: self.sent_in_cycle, sent: &sent }));
+            self.put(&JournalLine::UnfinishedCycle { cycle: self.sent_in_cycle, sent: &sent });
         }
     }
 }
 
 impl<W: Write> Sink for Journal<W> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.put(&JournalLine::Localised(LocalisedLine::new(facts)));
+        self.put(&JournalLine::localised(facts));
     }
 
     fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
-        self.put(&JournalLine::Confirmed(ConfirmedLine::new(facts)));
+        self.put(&JournalLine::confirmed(facts));
     }
 
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts) {
         if facts.cycle != self.sent_in_cycle {
             self.put_unfinished();
             self.sent_in_cycle = facts.cycle;
@@ -89,25 +84,17 @@ impl<W: Write> Sink for Journal<W> {
         self.sent.push(SentLine::new(facts, &self.library));
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         if facts.index != self.sent_in_cycle {
             self.put_unfinished();
         }
         let sent = std::mem::take(&mut self.sent);
         let library = Arc::clone(&self.library);
-        self.put(&JournalLine::Cycle(CycleLine::new(facts, &sent, &library)));
+        self.put(&JournalLine::cycle(facts, &sent, &library));
     }
 
-    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.put(&JournalLine::Event(EventLine::new(at, level, text)));
-    }
-
-    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        self.put(&JournalLine::Event(EventLine::of_milestone(facts)));
-    }
-
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        self.put(&JournalLine::Event(EventLine::of_condition(facts)));
+    fn event(&mut self, event: &EventFacts) {
+        self.put(&JournalLine::event(event));
     }
 }
 
@@ -116,7 +103,8 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use upm_control::{Condition, ConditionChange};
+    use upm_control::{Condition, ConditionChange, EventKind, EventLevel};
+    use upm_core::time::PlateTime;
     use upm_fixtures::{rig, synthetic_run};
 
     fn written(run: impl FnOnce(&mut Journal<&mut Vec<u8>>)) -> String {
@@ -134,7 +122,8 @@ mod tests {
             let mut run = synthetic_run::SyntheticRun::new(2);
             run.localise(journal);
             run.cycle(journal);
-            journal.event(PlateTime::from_secs(1.5), EventLevel::Warning, "part 1 \"lost\" for 3 frames");
+            let text = "part 1 \"lost\" for 3 frames";
+            journal.event(&EventFacts::note(PlateTime::from_secs(1.5), EventLevel::Warning, text));
         });
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/journal/golden.jsonl");
         if std::env::var_os("UPM_REMAKE_GOLDEN").is_some() {
@@ -172,9 +161,12 @@ mod tests {
         let text = written(|journal| {
             let condition = Condition::PartSlow { part: 1 };
             let (at, reason) = (PlateTime::from_secs(2.0), "slow");
-            let facts = |change, text| ConditionFacts { at, condition, change, reason, text };
-            journal.condition(&facts(ConditionChange::Began, "slow"));
-            journal.condition(&facts(ConditionChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
+            let event = |change, text: &str| {
+                let kind = EventKind::Condition { condition, change, reason: reason.to_owned() };
+                EventFacts { kind, ..EventFacts::note(at, EventLevel::Warning, text) }
+            };
+            journal.event(&event(ConditionChange::Began, "slow"));
+            journal.event(&event(ConditionChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
         });
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let began = json!({
@@ -219,7 +211,7 @@ mod tests {
         }
         let mut journal = Journal::new(FullDisk(100), Arc::new(rig::library()));
         for _ in 0..9 {
-            journal.event(PlateTime::ZERO, EventLevel::Info, "a line of some length");
+            journal.event(&EventFacts::note(PlateTime::ZERO, EventLevel::Info, "a line of some length"));
         }
         assert_eq!(journal.finish().unwrap_err().kind(), io::ErrorKind::StorageFull);
     }

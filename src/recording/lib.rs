@@ -10,12 +10,10 @@ mod fanout;
 mod handle;
 mod journal;
 mod lengths;
-mod memory;
 mod motion;
 mod options;
 mod outline;
 mod path_stats;
-mod records;
 mod report;
 mod rerun_mode;
 mod run_stats;
@@ -27,11 +25,9 @@ pub use fanout::Fanout;
 pub use handle::{RecordingHandle, RecordingState, report_recording_end};
 pub use journal::{Journal, journal_schema};
 pub use lengths::rounded;
-pub use memory::MemorySink;
 pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};
 pub use outline::outline_px;
-pub use records::{CycleRecord, EventRecord, PulseRecord};
 pub use report::{
     CycleError, FaultReport, GuardReport, PacingReport, PartReport, PathReport, PlannerReport, PredictionError,
     RecordingReport, Report, SelectedBy, StopReport, Verdict, report_schema,

@@ -51,7 +51,7 @@ struct WriterCell {
     /// Time since which the disk has not answered, ms of the writer's clock, at least 1; 0 while there is no pending
     /// request.
     waits_since_ms: AtomicU64,
-    fault: OnceLock<String>,
+    fault: OnceLock<(io::ErrorKind, String)>,
 }
 
 impl WriterStatus {
@@ -63,7 +63,12 @@ impl WriterStatus {
 
     /// The fault after which nothing more is written.
     pub fn fault(&self) -> Option<&str> {
-        self.0.fault.get().map(String::as_str)
+        self.0.fault.get().map(|(_, text)| text.as_str())
+    }
+
+    /// The same as an error.
+    pub(super) fn error(&self) -> Option<io::Error> {
+        self.0.fault.get().map(|(kind, text)| io::Error::new(*kind, text.as_str()))
     }
 
     /// The writer starts to wait for the disk.
@@ -79,6 +84,6 @@ impl WriterStatus {
 
     /// Writing has ended with `fault`. The first fault counts.
     pub(super) fn fail(&self, fault: &io::Error) {
-        self.0.fault.set(fault.to_string()).ok();
+        self.0.fault.set((fault.kind(), fault.to_string())).ok();
     }
 }

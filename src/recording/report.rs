@@ -49,9 +49,9 @@ pub struct Report {
     pub collisions: Option<u64>,
     /// Number of parts that were missing for so long that the run ended.
     pub lost_parts: usize,
-    /// How plate time kept to the clock; `None` in a run at full speed.
+    /// How plate time kept to the clock.
     #[serde(flatten)]
-    pub pacing: Option<PacingReport>,
+    pub pacing: PacingReport,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.
@@ -95,15 +95,18 @@ pub fn report_schema() -> Value {
     schema_of::<Report>().clone()
 }
 
-/// How plate time kept to the clock.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// How plate time kept to the clock; empty for a run at full speed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PacingReport {
     /// Deadlines missed; only where plate time kept to the clock.
-    pub deadline_misses: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_misses: Option<u64>,
     /// Largest lateness, whole frames.
-    pub worst_late_frames: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub worst_late_frames: Option<u64>,
     /// Total lag of plate time behind the clock, s: the plate waited for this computer.
-    pub behind_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub behind_s: Option<f64>,
 }
 
 /// Parts against their paths in every frame between the first and the last points of the paths, from truth where there

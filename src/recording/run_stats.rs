@@ -2,7 +2,7 @@ use super::lengths::{Lengths, rounded};
 use super::path_stats::PathStats;
 use super::report::{CycleError, GuardReport, PredictionError, Report};
 use super::timings::Timings;
-use upm_control::{ConditionChange, ConditionFacts, CycleFacts, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConditionChange, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
@@ -107,25 +107,25 @@ impl Sink for RunStats {
         self.paths.setpoints(at, wanted);
     }
 
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts) {
         self.pulses += 1;
-        let Some(positions) = facts.positions else { return };
+        let Some(positions) = &facts.positions else { return };
         for (i, after_m) in positions.after_m.iter().enumerate() {
             let off_m = |forecast_m: &[Vec2]| forecast_m.get(i).map_or(0.0, |forecast_m| (after_m - forecast_m).norm());
-            self.off_library.push(off_m(positions.by_library_m));
-            self.off_learning.push(off_m(positions.by_learning_m));
+            self.off_library.push(off_m(&positions.by_library_m));
+            self.off_learning.push(off_m(&positions.by_learning_m));
         }
     }
 
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        let begins = facts.change == ConditionChange::Began && facts.condition.is_guard();
-        if begins && self.guards.len() < MOST_GUARDS {
-            let code = facts.condition.code().to_owned();
-            self.guards.push(GuardReport { code, at_s: rounded(facts.at.secs()), text: facts.text.to_owned() });
+    fn event(&mut self, event: &EventFacts) {
+        let EventKind::Condition { condition, change: ConditionChange::Began, .. } = event.kind else { return };
+        if condition.is_guard() && self.guards.len() < MOST_GUARDS {
+            let code = condition.code().to_owned();
+            self.guards.push(GuardReport { code, at_s: rounded(event.at.secs()), text: event.text.clone() });
         }
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         self.cycles += 1;
         self.timings.plan.push(facts.plan_us);
         let Timings { plan_new, plan_correction, .. } = &mut self.timings;

@@ -2,7 +2,7 @@
 //!
 //! Every fault of a file is reported on one line: file, JSON path, expected value, value found. Keys, types and ranges
 //! are checked first; only if they are right are values checked against each other. Files are JSON, up to 1 MiB,
-//! without unknown keys. Serde types stay in this room.
+//! without unknown keys.
 //!
 //! ```
 //! use upm_runner::config::{Origin, RigSpec};
@@ -25,14 +25,12 @@ mod job;
 mod job_file;
 mod kinds;
 mod layout;
-mod part_path;
 mod paths;
 mod placement;
 mod read;
 mod rig;
 mod rig_checks;
 mod rig_file;
-mod rig_source;
 mod schema;
 mod shape_file;
 mod simulate;
@@ -41,7 +39,6 @@ mod task;
 #[cfg(test)]
 mod tests;
 mod trace;
-mod units;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
@@ -49,14 +46,13 @@ pub(crate) use corridor::{FIELD_SCATTER_M, accuracy_m};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};
 pub use job::JobSpec;
-pub use job_file::{Assignment, BinEntry, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice, Region};
+pub use job_file::{Assignment, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice};
 pub use kinds::{KindSpec, PartGroup};
-pub use layout::{JobLayout, LayoutPart, LayoutPath};
+pub use layout::JobLayout;
 pub use placement::{PlacedPart, place_parts};
 pub use read::{Origin, is_plain_name};
 pub use rig::RigSpec;
-pub use rig_file::{CameraSection, FrictionSection, GrayLevels, Knocks, PlateSection, RigFile, SimulationSection};
-pub use rig_source::RigSource;
+pub use rig_file::{FrictionSection, Knocks, RigFile, RigSource, SimulationSection};
 pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;

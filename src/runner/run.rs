@@ -39,7 +39,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::config::{JobLayout, JobSpec, reason};
-use upm_control::{self as control, EventLevel, FinalState, RunEnd, RunIo, Sink};
+use upm_control::{self as control, EventFacts, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::Clock;
 use upm_planning::cor_library::Library;
@@ -47,7 +47,7 @@ use upm_recording::{
     BackgroundWriter, Fanout, Journal, RecordingOptions, Report, RerunMode, RunStats, report_recording_end,
 };
 use upm_sim::faults::Faulty;
-use upm_viewer::{PathAppearance, RerunSink, RunContext};
+use upm_viewer::{RerunSink, RunContext};
 
 use end_facts::{add_write_failure, ending, verdict};
 use folder::TruthLog;
@@ -55,18 +55,19 @@ use paced::{PaceClock, RealTimeRig};
 
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
-pub use coverage::{Coverage, CoverageHole, WorstDirection};
-pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast, StartForecast, dry_run};
+pub use coverage::{Coverage, CoverageHole, PlaceReach};
+pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast, dry_run};
 pub use error::RunError;
-pub use folder::{FolderState, RunFolder};
+pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
 pub use library::{check_places, job_library, library_faults, load_library, rig_library};
 pub use library_output::LibraryOutput;
 pub use paced::PacingStats;
-pub use planner_selection::{PlannerSelection, SelectionReason};
+pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
 pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
+pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;
 pub use verify::{Verification, verify};
 
@@ -170,7 +171,7 @@ impl Session<'_> {
 
     /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
     fn leave_reason(&self, setup: Option<&RunSetup>, error: &RunError) {
-        if !self.folder.state().report {
+        if !self.folder.has_report() {
             let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
             self.folder.write_report(&RunStats::default().report(ending(self.job, setup, failed, 0.0))).ok();
         }
@@ -192,7 +193,8 @@ impl Session<'_> {
             if let (Some(fault), false) = (options.recording_options.journal.fault(), is_lost) {
                 is_lost = true;
                 controls.stop.store(true, Ordering::SeqCst);
-                sinks.event(at, EventLevel::Error, &format!("the journal cannot be written: {fault}"));
+                let text = format!("the journal cannot be written: {fault}");
+                sinks.event(&EventFacts::note(at, EventLevel::Error, text));
             }
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
@@ -201,7 +203,7 @@ impl Session<'_> {
             sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut report_end);
         let missed_before = controls.pacing.start_run();
         let (stop, give_way) = (controls.stop, controls.give_way);
-        let mut finish = play(setup, library, self.pace(setup), &mut sinks, *clock, stop, give_way);
+        let mut finish = setup.play(library, self.pace(setup), &mut sinks, *clock, stop, give_way);
         controls.explain(&mut finish, &mut sinks, setup.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
@@ -218,7 +220,9 @@ impl Session<'_> {
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
         report.warnings = warning.into_iter().collect();
-        report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
+        if options.real_time {
+            report.pacing = controls.pacing.report(missed_before);
+        }
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -238,31 +242,30 @@ impl Session<'_> {
     }
 }
 
-/// Runs the control loop on the rig of `setup`, at `pace` or at full speed.
-fn play(
-    setup: &mut RunSetup,
-    library: &Arc<Library>,
-    pace: Option<PaceClock<'_>>,
-    sink: &mut dyn Sink,
-    clock: &dyn Clock,
-    stop: &AtomicBool,
-    give_way: &AtomicBool,
-) -> FinalState {
-    let RunSetup { rig, model, task, params, faults, streams, .. } = setup;
-    let mut faulty;
-    let rig: &mut dyn Rig = if faults.is_empty() {
-        rig
-    } else {
-        faulty = Faulty::new(rig, faults, *streams, &std::thread::sleep);
-        &mut faulty
-    };
-    match pace {
-        Some(pace) => {
-            let mut rig = RealTimeRig::new(rig, pace);
-            let devices = RunIo { rig: &mut rig, model, sink, clock, stop, give_way };
-            control::run(devices, library, task.as_mut(), params)
+impl RunSetup {
+    /// Runs the control loop on the rig, at `pace` or at full speed.
+    fn play(
+        &mut self,
+        library: &Arc<Library>,
+        pace: Option<PaceClock<'_>>,
+        sink: &mut dyn Sink,
+        clock: &dyn Clock,
+        stop: &AtomicBool,
+        give_way: &AtomicBool,
+    ) -> FinalState {
+        let Self { rig, model, task, params, faults, streams, .. } = self;
+        let (mut faulty, mut paced);
+        let mut rig: &mut dyn Rig = if faults.is_empty() {
+            rig
+        } else {
+            faulty = Faulty::new(rig, faults, *streams, &std::thread::sleep);
+            &mut faulty
+        };
+        if let Some(pace) = pace {
+            paced = RealTimeRig::new(rig, pace);
+            rig = &mut paced;
         }
-        None => control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params),
+        control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params)
     }
 }
 
@@ -281,9 +284,9 @@ fn start_recording(
         library: Arc::clone(library),
         model: setup.model.clone(),
         method: setup.params.method,
-        parts: setup.part_appearances(),
+        parts: layout.parts,
         bins: layout.bins,
-        paths: layout.paths.iter().map(|path| PathAppearance { part: path.part, line_m: path.line_m() }).collect(),
+        paths: layout.paths,
         truth: Some(setup.truth()),
     };
     let path = folder.path().join("run.rrd");

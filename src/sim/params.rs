@@ -1,7 +1,11 @@
 use nalgebra::Vector3;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
 
+use upm_core::file_form;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::MotorArrangement;
+use upm_core::units::{degrees, m_from_mm, mm, mm_from_m, mm_point, without_rounding_error};
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,88 +24,240 @@ pub struct SimParams {
     pub contact: ContactParams,
 }
 
-/// A plate on flexible rods: each axis a mass-spring-damper (Eq. 33). Order of triples: x, y, spin.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The moving plate. Each axis is a mass-spring-damper.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct PlateParams {
-    /// Length of the square plate's edges, m.
+    /// Side of the square plate, mm.
+    #[serde(rename = "side_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 20.0, max = 2000.0))]
     pub side_m: f64,
     /// Moving mass, kg.
+    #[schemars(range(min = 0.001, max = 1000.0))]
     pub mass_kg: f64,
-    /// Moment of inertia about the centre, kg m².
+    /// Moment of inertia about the centre, kg m². Left out: that of a uniform square, M L²/6.
+    #[serde(rename = "inertia_kg_m2", default, with = "or_zero")]
+    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0))]
     pub inertia_kgm2: f64,
-    /// Undamped natural frequency of each axis, Hz.
+    /// Undamped natural frequency of each axis, Hz; below the drive's base frequency.
+    #[serde(with = "axes")]
+    #[schemars(schema_with = "resonance_schema")]
     pub resonance_hz: [f64; 3],
-    /// Damping ratio of each axis.
+    /// Damping ratio of each axis: 1 is critical.
+    #[serde(with = "axes")]
+    #[schemars(schema_with = "damping_schema")]
     pub damping_ratio: [f64; 3],
 }
 
-/// Parameters from counts to newtons.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// One value for each axis, in the order of the triples.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Axes {
+    x: f64,
+    y: f64,
+    spin: f64,
+}
+
+file_form!(axes: Axes => [f64; 3], |axes| [axes.x, axes.y, axes.spin], |&[x, y, spin]| Axes { x, y, spin });
+file_form!(or_zero: Option<f64> => f64, Option::unwrap_or_default, |value| Some(*value).filter(|value| *value != 0.0));
+file_form!(or_infinite: Option<f64> => f64, |value| value.unwrap_or(f64::INFINITY),
+    |value| Some(*value).filter(|value| value.is_finite()));
+file_form!(counts: u32 => f64, f64::from, |counts| *counts as u32);
+file_form!(mm_place: [f64; 3] => Vector3<f64>, |mm| mm.map(m_from_mm).into(),
+    |m| <[f64; 3]>::from(*m).map(|m| without_rounding_error(mm_from_m(m))));
+file_form!(three_degrees: [f64; 3] => [f64; 3], |degrees| degrees.map(f64::to_radians),
+    |rad| rad.map(|rad| without_rounding_error(rad.to_degrees())));
+file_form!(gray_levels: GrayLevels => [f64; 3], |levels| [levels.ground, levels.plate, levels.part],
+    |&[ground, plate, part]| GrayLevels { ground, plate, part });
+
+fn resonance_schema(_: &mut SchemaGenerator) -> Schema {
+    axes_schema(1000.0)
+}
+
+fn damping_schema(_: &mut SchemaGenerator) -> Schema {
+    axes_schema(2.0)
+}
+
+fn axes_schema(most: f64) -> Schema {
+    let value = |of: &str| json_schema!({ "description": of, "type": "number", "minimum": 0.0, "maximum": most });
+    json_schema!({
+        "type": "object", "additionalProperties": false, "required": ["x", "y", "spin"],
+        "properties": { "x": value("Along x."), "y": value("Along y."), "spin": value("About the centre.") },
+    })
+}
+
+/// Waveform generator, amplifiers and voice coils X1, X2, Y1, Y2.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct MotorParams {
-    /// Distance of the lines of action from the centre, m.
+    /// Distance of the motors' lines of action from the plate's centre, mm.
+    #[serde(rename = "lever_arm_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
     pub lever_arm_m: f64,
-    /// Where the motors stand.
+    /// Where the coils stand.
+    #[serde(default, skip_serializing_if = "MotorArrangement::is_default")]
     pub arrangement: MotorArrangement,
     /// Force of one count, N.
+    #[schemars(range(min = 1e-6, max = 1000.0))]
     pub newtons_per_count: f64,
-    /// Relative error of each motor's force.
+    /// Error of each motor's force, as a part of it. Only the simulated rig knows this.
+    #[serde(default)]
+    #[schemars(inner(range(min = -0.5, max = 0.5)))]
     pub gain_error: [f64; 4],
-    /// Sampling rate of the waveform generator, Hz.
+    /// Samples a second of the waveform generator.
+    #[serde(default = "motor_sample_hz")]
+    #[schemars(range(min = 100.0, max = 1e6))]
     pub sample_hz: f64,
-    /// Largest sample, counts; rounding is to whole counts.
+    /// Largest sample, counts.
+    #[serde(with = "counts")]
+    #[schemars(with = "u32", range(min = 8, max = 32767))]
     pub count_limit: f64,
-    /// Corner of the low-pass behind the PWM (two poles, Butterworth), Hz.
+    /// Corner of the low-pass behind the PWM, Hz.
+    #[serde(default = "low_pass_hz")]
+    #[schemars(range(min = 10.0, max = 1e6))]
     pub low_pass_hz: f64,
     /// Force at which a coil's amplifier saturates, N.
+    #[schemars(range(min = 1e-3, max = 1e5))]
     pub force_limit_n: f64,
 }
 
-/// Two 2-axis accelerometers under opposite corners.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Two 2-axis accelerometers; number 2 sits at minus the position of number 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct AccelerometerParams {
-    /// Position of number 1 on the plate, m; number 2 is opposite.
+    /// Place of number 1 on the plate, mm.
+    #[serde(rename = "position_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub position_m: Vec2,
-    /// Sampling rate, Hz.
+    /// Samples a second in every channel.
+    #[schemars(range(min = 100.0, max = 1e6))]
     pub sample_hz: f64,
     /// Bits of the converter, sign included.
+    #[schemars(range(min = 6, max = 16))]
     pub bits: u32,
-    /// Largest measurable acceleration, m/s².
+    /// Largest acceleration shown, m/s².
+    #[schemars(range(min = 0.1, max = 1e5))]
     pub range_mps2: f64,
-    /// Standard deviation of the white noise per sample, m/s².
+    /// White noise, m/s² a sample. Only the simulated rig knows this and the next two.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e4))]
     pub noise_mps2: f64,
     /// Standard deviation of each channel's constant offset, m/s².
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e4))]
     pub bias_sd_mps2: f64,
     /// Standard deviation of each channel's gain error.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.2))]
     pub gain_sd: f64,
 }
 
-/// A pinhole camera above the plate, and the light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A camera that looks down on the plate, and the light. Control knows size, rate and lens, and finds out the rest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct CameraParams {
     /// Columns and rows, px.
+    #[schemars(inner(range(min = 64, max = 8192)))]
     pub size_px: [usize; 2],
-    /// Frame rate, Hz.
+    /// Frames a second.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub frame_hz: f64,
-    /// Exposure time, s.
+    /// Time the shutter is open, s.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub exposure_s: f64,
-    /// Focal length, principal point and distortion.
-    pub lens: Lens,
-    /// Position of the camera's centre in the table frame, m; the camera faces down.
+    /// Focal length, px.
+    #[schemars(range(min = 50.0, max = 1e5))]
+    pub focal_px: f64,
+    /// Where the optical axis meets the image, px. Left out: the middle.
+    #[schemars(inner(range(min = -8192.0, max = 16384.0)))]
+    pub principal_px: Option<[f64; 2]>,
+    /// Radial distortion: factors of r² and r⁴, r in focal lengths.
+    #[serde(default)]
+    #[schemars(inner(range(min = -100.0, max = 100.0)))]
+    pub radial: [f64; 2],
+    /// Tangential distortion.
+    #[serde(default)]
+    #[schemars(inner(range(min = -1.0, max = 1.0)))]
+    pub tangential: [f64; 2],
+    /// Where the camera's centre is, mm: x right and y up from the plate's centre, z above the plate.
+    #[serde(rename = "position_mm", with = "mm_place")]
+    #[schemars(with = "[f64; 3]", inner(range(min = -20000.0, max = 20000.0)))]
     pub position_m: Vector3<f64>,
-    /// Rotation about the image's x and y axes and about the optical axis, rad.
+    /// Rotation from looking straight down, about the image's x and y axes and about the optical axis, degrees.
+    #[serde(rename = "tilt_deg", default, with = "three_degrees")]
+    #[schemars(with = "[f64; 3]", inner(range(min = -45.0, max = 45.0)))]
     pub tilt_rad: [f64; 3],
-    /// Standard deviation of the lens's Gaussian blur, px.
+    /// Standard deviation of the lens's blur, px.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub blur_px: f64,
-    /// Gray levels of ground, plate and parts in full light.
+    /// Gray levels in full light.
+    #[serde(default = "default_levels", with = "gray_levels")]
+    #[schemars(with = "GrayLevels")]
     pub levels: [f64; 3],
-    /// Relative loss of light from the near to the far corner, 0 to 1.
+    /// How much darker the light's far corner is than its near one.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.9))]
     pub shading: f64,
-    /// Direction in the image in which light falls off, rad.
+    /// Direction in which light falls off, degrees, in the image.
+    #[serde(rename = "shading_direction_deg", default, with = "degrees")]
+    #[schemars(with = "f64", range(min = -360.0, max = 360.0))]
     pub shading_direction_rad: f64,
-    /// Electrons at gray level 255, which determine the shot noise. Infinite for none.
+    /// Electrons at gray level 255, which set the shot noise; null for none.
+    #[serde(default = "no_shot_noise", with = "or_infinite")]
+    #[schemars(with = "Option<f64>", range(min = 100.0, max = 1e9))]
     pub full_well_e: f64,
-    /// Standard deviation of the read noise, gray levels.
+    /// Read noise, gray levels.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub read_noise: f64,
+}
+
+/// Gray levels in full light, 0 black, 255 white.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct GrayLevels {
+    /// The ground under the plate.
+    #[schemars(range(min = 0.0, max = 255.0))]
+    ground: f64,
+    /// The plate's face beside the parts.
+    #[schemars(range(min = 0.0, max = 255.0))]
+    plate: f64,
+    /// Parts of every kind.
+    #[schemars(range(min = 0.0, max = 255.0))]
+    part: f64,
+}
+
+fn motor_sample_hz() -> f64 {
+    10_000.0
+}
+
+fn low_pass_hz() -> f64 {
+    1000.0
+}
+
+fn no_shot_noise() -> f64 {
+    f64::INFINITY
+}
+
+fn default_levels() -> [f64; 3] {
+    [12.0, 225.0, 30.0]
+}
+
+impl Default for GrayLevels {
+    fn default() -> Self {
+        let [ground, plate, part] = default_levels();
+        Self { ground, plate, part }
+    }
+}
+
+impl CameraParams {
+    /// Focal length, principal point and distortion.
+    pub fn lens(&self) -> Lens {
+        let middle_px = self.size_px.map(|size| (size as f64 - 1.0) / 2.0);
+        let principal_px = Vec2::from(self.principal_px.unwrap_or(middle_px));
+        Lens { focal_px: self.focal_px, principal_px, radial: self.radial, tangential: self.tangential }
+    }
 }
 
 /// Contact between parts.

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::*;
-use upm_core::geometry::{Lens, Pose, Twist, Vec2};
+use upm_core::geometry::{Pose, Twist, Vec2};
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, MotorArrangement, TwistHarmonic, TwistWave};
 use upm_core::units::GRAVITY_MPS2;
@@ -47,7 +47,10 @@ pub(super) fn rig_params() -> SimParams {
             size_px: [64, 48],
             frame_hz: 60.0,
             exposure_s: 2e-3,
-            lens: Lens::ideal(60.0, Vec2::new(31.5, 23.5)),
+            focal_px: 60.0,
+            principal_px: None,
+            radial: [0.0; 2],
+            tangential: [0.0; 2],
             position_m: nalgebra::Vector3::new(0.0, 0.0, 0.4),
             tilt_rad: [0.0; 3],
             blur_px: 0.5,

@@ -9,7 +9,7 @@ mod absent;
 mod rerun;
 mod types;
 
-pub use types::{PartAppearance, PathAppearance, RecordingError, RunContext};
+pub use types::{RecordingError, RunContext};
 
 #[cfg(not(feature = "rerun"))]
 pub use absent::RerunSink;

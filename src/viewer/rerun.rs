@@ -13,13 +13,10 @@
 mod blueprint;
 mod camera;
 mod destination;
-mod field;
 mod file;
 mod live;
 mod log_view;
-mod observation;
 mod paint;
-mod picture;
 mod plots;
 mod recorder;
 mod run_stream;

@@ -1,9 +1,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
-use upm_core::job::Bin;
+use upm_core::job::{Bin, LayoutPart, LayoutPath};
 use upm_core::rig::RigModel;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::PlanningMethod;
@@ -23,33 +22,13 @@ pub struct RunContext {
     /// Selects the views: those of rotations or of synthesised fields.
     pub method: PlanningMethod,
     /// Every part, in the order of the job.
-    pub parts: Vec<PartAppearance>,
+    pub parts: Vec<LayoutPart>,
     /// The bins that parts are sorted into.
     pub bins: Vec<Bin>,
     /// Paths that parts shall follow.
-    pub paths: Vec<PathAppearance>,
+    pub paths: Vec<LayoutPath>,
     /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
-}
-
-/// Name, kind and size of a part in the views.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PartAppearance {
-    /// Name in this run: `penny-1`.
-    pub id: String,
-    /// Name of its kind, such as `penny`; empty if unknown.
-    pub kind: String,
-    /// Its outline, m.
-    pub radius_m: f64,
-}
-
-/// A path that parts shall follow.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PathAppearance {
-    /// The part that follows it, an index into the parts; `None` for several.
-    pub part: Option<usize>,
-    /// The path as a line, m.
-    pub line_m: Vec<Vec2>,
 }
 
 /// Reason that a recording could not be made or is incomplete.

@@ -10,7 +10,7 @@ use crate::guards::{
 };
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
-use crate::{EventLevel, PulseFacts, PulsePositions};
+use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::StopCause;
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
@@ -39,38 +39,31 @@ impl ControlCycle<'_, '_> {
         let after_m = self.perception.positions_m();
         let all_seen = all_seen && self.perception.frames_missing() == 0;
         let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.motors_stopped);
-        let positions = forecasts.as_ref().map(|[by_library_m, by_learning_m, _]| PulsePositions {
-            before_m: &before_m,
-            after_m: &after_m,
-            by_library_m,
-            by_learning_m,
-        });
+        let (positions, with_more_m) = forecasts
+            .map(|[by_library_m, by_learning_m, with_more_m]| {
+                (PulsePositions { before_m, after_m, by_library_m, by_learning_m }, with_more_m)
+            })
+            .unzip();
+        let (cycle, planned, is_probe) = (self.index, planned.clone(), false);
+        let facts = PulseFacts { cycle, started_at, planned, is_probe, drive, trace, fit, positions };
         // the repetition of a stopped run does not stop
         if !is_stopped(&followed) {
-            self.io.sink.pulse(&PulseFacts {
-                cycle: self.index,
-                started_at,
-                planned,
-                is_probe: false,
-                drive: &drive,
-                trace: &trace,
-                fit: &fit,
-                positions,
-            });
+            self.io.sink.pulse(&facts);
         }
+        let PulseFacts { planned, drive, fit, positions, .. } = &facts;
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::PartsJumped);
-            let reading = self.reading(&fit, &sensors, None);
-            let cause = if is_doubt { self.check_motion(planned, &drive, &reading).break_value() } else { None };
+            let reading = self.reading(fit, &sensors, None);
+            let cause = if is_doubt { self.check_motion(planned, drive, &reading).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
         }
-        if let Some([_, forecast_m, with_more_m]) = &forecasts {
+        if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
             self.planning.gains.learn(&PulseObservation {
-                before_m: &before_m,
-                forecast_m,
+                before_m: &seen.before_m,
+                forecast_m: &seen.by_learning_m,
                 with_more_m,
-                measured_m: &after_m,
+                measured_m: &seen.after_m,
                 scatter: ForecastDeviation::of(planned),
             });
             self.warn_of_slow_parts();
@@ -78,8 +71,8 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        let steps = forecasts.as_ref().map(|[_, forecast_m, _]| (&before_m[..], &forecast_m[..], &after_m[..]));
-        self.doubt(planned, &drive, &fit, &sensors, steps)
+        let steps = positions.as_ref().map(|seen| (&seen.before_m[..], &seen.by_learning_m[..], &seen.after_m[..]));
+        self.doubt(planned, drive, fit, &sensors, steps)
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -159,7 +152,7 @@ impl ControlCycle<'_, '_> {
             self.warn(condition, reason);
             if !self.is_cautious {
                 let text = "steps are shorter from now on: coils or accelerometers are in doubt";
-                self.io.sink.event(self.io.rig.now(), EventLevel::Warning, text);
+                self.io.sink.event(&EventFacts::note(self.io.rig.now(), EventLevel::Warning, text));
             }
             self.is_cautious = true;
         }

@@ -56,11 +56,11 @@ impl ControlCycle<'_, '_> {
             self.io.sink.pulse(&PulseFacts {
                 cycle: self.index,
                 started_at,
-                planned: &planned,
+                planned,
                 is_probe: true,
-                drive,
-                trace: &trace,
-                fit: &fit,
+                drive: drive.clone(),
+                trace,
+                fit: fit.clone(),
                 positions: None,
             });
         }

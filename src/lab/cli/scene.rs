@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::args::SceneArgs;
 use super::failure::Failure;
 use upm_core::units::mm_from_m;
-use upm_runner::config::{GrayLevels, RigFile, RigSpec};
+use upm_runner::config::{RigFile, RigSpec};
 use upm_scene::{Scene, kinds};
 
 /// Draws a scene: its picture, and the files of truth and rig that are asked for; returns the truth as JSON.
@@ -43,17 +43,16 @@ fn truth(scene: &Scene) -> Value {
 /// the tilt changes sign.
 fn rig(scene: &Scene) -> Result<RigFile, Failure> {
     let mut document = RigSpec::upm_1().map_err(Failure::of_files)?.document;
-    let [ground, plate, part] = scene.levels;
     document.name = format!("scene-{}", scene.seed);
-    document.plate.side_mm = mm_from_m(scene.side_m);
-    document.plate.inertia_kg_m2 = None;
+    // without inertia the file has that of a uniform plate
+    (document.plate.side_m, document.plate.inertia_kgm2) = (scene.side_m, 0.0);
     let (lens, camera) = (&scene.lens, &mut document.camera);
     camera.size_px = scene.size_px;
     (camera.focal_px, camera.principal_px) = (lens.focal_px, Some(lens.principal_px.into()));
     (camera.radial, camera.tangential) = (lens.radial, lens.tangential);
-    camera.position_mm = scene.camera_m.map(mm_from_m).into();
-    camera.tilt_deg = scene.tilt_rad.map(|tilt| -tilt.to_degrees());
-    camera.levels = GrayLevels { ground, plate, part };
+    camera.position_m = scene.camera_m;
+    camera.tilt_rad = scene.tilt_rad.map(|tilt_rad| -tilt_rad);
+    camera.levels = scene.levels;
     (camera.shading, camera.blur_px) = (scene.shading, scene.blur_px);
     Ok(document)
 }

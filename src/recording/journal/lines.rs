@@ -6,32 +6,58 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
-use super::located::{ConfirmedLine, LocalisedLine};
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
-use upm_control::{ConditionChange, ConditionFacts, CycleFacts, EventLevel, Milestone, MilestoneFacts, PulseFacts};
+use upm_control::{ConditionChange, ConfirmedFacts, CycleFacts, EventFacts, EventKind, LocalisedFacts, PulseFacts};
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
-use upm_core::time::PlateTime;
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
-use upm_planning::planner::{Limit, PlanStatus, PlannedPulse};
+use upm_planning::planner::{Limit, Plan, PlanStatus, PlannedPulse};
 
-#[derive(Serialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "snake_case")]
 /// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; null replaces a
 /// number that is not finite.
+#[derive(Serialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum JournalLine<'a> {
     /// Table and parts located without prior knowledge.
-    Localised(LocalisedLine),
+    Localised {
+        at_s: Seconds,
+        corners_px: [[Fixed<3>; 2]; 4],
+        side_px: Fixed<3>,
+        rotation_deg: Fixed<4>,
+        parts: Vec<FoundPart>,
+    },
     /// The same at the places where they were tracked, before a task counts as completed.
-    Confirmed(ConfirmedLine),
+    Confirmed { at_s: Seconds, corner_px: Fixed<3>, part_mm: Mm, parts_mm: Vec<PointMm> },
     /// A cycle: observed, wanted, planned, sent, read back, predicted and measured.
-    Cycle(CycleLine<'a>),
+    Cycle {
+        /// From 0.
+        cycle: u64,
+        /// Time of the observation that the plan is based on.
+        observed_at_s: Seconds,
+        /// A point for each part, in the order of the job.
+        observed_mm: Vec<PointMm>,
+        wanted: WantedPart<'a>,
+        plan: PlanPart<'a>,
+        sent: &'a [SentLine],
+        /// Predicted positions at the end of the plan; null without a plan.
+        predicted_mm: Option<Vec<PointMm>>,
+        /// Time of the next observation.
+        ended_at_s: Seconds,
+        result_mm: Vec<PointMm>,
+    },
     /// Pulses of a cycle that never ended.
-    UnfinishedCycle(UnfinishedLine<'a>),
+    UnfinishedCycle { cycle: u64, sent: &'a [SentLine] },
     /// Something worth a line, a condition that began or ended, or the end of the run.
-    Event(EventLine<'a>),
+    Event {
+        at_s: Seconds,
+        #[schemars(extend("enum" = ["info", "warning", "error"]))]
+        level: &'static str,
+        text: &'a str,
+        #[serde(flatten)]
+        detail: Option<DetailPart>,
+    },
 }
 
 /// The JSON Schema (draft 2020-12) of one line of `journal.jsonl`.
@@ -41,42 +67,90 @@ pub fn journal_schema() -> Value {
     generator.into_root_schema_for::<JournalLine<'static>>().to_value()
 }
 
-#[derive(Serialize, JsonSchema)]
-pub(super) struct CycleLine<'a> {
-    /// From 0.
-    cycle: u64,
-    /// Time of the observation that the plan is based on.
-    observed_at_s: Seconds,
-    /// A point for each part, in the order of the job.
-    observed_mm: Vec<PointMm>,
-    wanted: WantedPart<'a>,
-    plan: PlanPart<'a>,
-    sent: &'a [SentLine],
-    /// Predicted positions at the end of the plan; null without a plan.
-    predicted_mm: Option<Vec<PointMm>>,
-    /// Time of the next observation.
-    ended_at_s: Seconds,
-    result_mm: Vec<PointMm>,
-}
+impl<'a> JournalLine<'a> {
+    pub(super) fn localised(facts: &LocalisedFacts<'_>) -> Self {
+        let parts = facts.detections.iter().map(|part| FoundPart {
+            kind: part.kind,
+            center_px: fixed_pair(part.center_px),
+            radius_px: Fixed(part.radius_px),
+            position_mm: point_mm(part.position_m),
+            score: Fixed(part.score),
+        });
+        Self::Localised {
+            at_s: seconds(facts.frame.exposed_at),
+            corners_px: facts.table.corners_px.map(fixed_pair),
+            side_px: Fixed(facts.table.side_px),
+            rotation_deg: Fixed(facts.table.rotation_rad.to_degrees()),
+            parts: parts.collect(),
+        }
+    }
 
-impl<'a> CycleLine<'a> {
-    pub(super) fn new(facts: &CycleFacts<'a>, sent: &'a [SentLine], library: &Library) -> Self {
-        Self {
+    pub(super) fn confirmed(facts: &ConfirmedFacts<'_>) -> Self {
+        Self::Confirmed {
+            at_s: seconds(facts.at),
+            corner_px: Fixed(facts.corner_px),
+            part_mm: mm(facts.part_m),
+            parts_mm: points_mm(facts.parts_m),
+        }
+    }
+
+    pub(super) fn cycle(facts: &'a CycleFacts, sent: &'a [SentLine], library: &Library) -> Self {
+        let CycleFacts { wanted, plan, .. } = facts;
+        Self::Cycle {
             cycle: facts.index,
             observed_at_s: seconds(facts.observed_at),
-            observed_mm: points_mm(facts.observed_m),
-            wanted: WantedPart::new(facts),
-            plan: PlanPart::new(facts, library),
+            observed_mm: points_mm(&facts.observed_m),
+            wanted: WantedPart {
+                phase: &wanted.phase,
+                progress: Fixed(wanted.progress),
+                laps: wanted.laps,
+                subgoals_mm: points_mm(&wanted.subgoals_m),
+                targets_mm: points_mm(&wanted.targets_m),
+                cross_track_mm: wanted.cross_track_m.iter().copied().map(mm).collect(),
+            },
+            plan: PlanPart {
+                status: status_of(plan),
+                candidates: plan.candidates.len(),
+                continues: plan.continues,
+                pulses: plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, library)).collect(),
+            },
             sent,
-            predicted_mm: facts.plan.predicted_m.last().map(|predicted_m| points_mm(predicted_m)),
+            predicted_mm: plan.predicted_m.last().map(|predicted_m| points_mm(predicted_m)),
             ended_at_s: seconds(facts.ended_at),
-            result_mm: points_mm(facts.result_m),
+            result_mm: points_mm(&facts.result_m),
         }
+    }
+
+    pub(super) fn event(event: &'a EventFacts) -> Self {
+        let detail = match event.kind {
+            EventKind::Note => None,
+            EventKind::Condition { condition, change, .. } => {
+                let code = condition.code();
+                Some(match change {
+                    ConditionChange::Began => DetailPart::Condition { code, change: "began", times: None },
+                    ConditionChange::Ended { times, .. } => {
+                        DetailPart::Condition { code, change: "ended", times: Some(times) }
+                    }
+                })
+            }
+            EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
+            EventKind::RecordingEnded(code) => Some(DetailPart::RecordingEnded { code }),
+        };
+        Self::Event { at_s: seconds(event.at), level: event.level.name(), text: &event.text, detail }
     }
 }
 
 #[derive(Serialize, JsonSchema)]
-struct WantedPart<'a> {
+pub(super) struct FoundPart {
+    kind: usize,
+    center_px: [Fixed<3>; 2],
+    radius_px: Fixed<3>,
+    position_mm: PointMm,
+    score: Fixed<4>,
+}
+
+#[derive(Serialize, JsonSchema)]
+pub(super) struct WantedPart<'a> {
     phase: &'a str,
     /// From 0 to 1.
     progress: Fixed<6>,
@@ -86,22 +160,8 @@ struct WantedPart<'a> {
     cross_track_mm: Vec<Mm>,
 }
 
-impl<'a> WantedPart<'a> {
-    fn new(facts: &CycleFacts<'a>) -> Self {
-        let wanted = facts.wanted;
-        Self {
-            phase: &wanted.phase,
-            progress: Fixed(wanted.progress),
-            laps: wanted.laps,
-            subgoals_mm: points_mm(&wanted.subgoals_m),
-            targets_mm: points_mm(&wanted.targets_m),
-            cross_track_mm: wanted.cross_track_m.iter().copied().map(mm).collect(),
-        }
-    }
-}
-
 #[derive(Serialize, JsonSchema)]
-struct PlanPart<'a> {
+pub(super) struct PlanPart<'a> {
     #[serde(flatten)]
     status: StatusPart<'a>,
     candidates: usize,
@@ -201,24 +261,19 @@ impl MotionPart {
     }
 }
 
-impl<'a> PlanPart<'a> {
-    fn new(facts: &CycleFacts<'a>, library: &Library) -> Self {
-        let plan = facts.plan;
-        let status = match &plan.status {
-            PlanStatus::Solved => StatusPart::Solved,
-            PlanStatus::NothingToDo => StatusPart::NothingToDo,
-            PlanStatus::SolverFailed(reason) => StatusPart::SolverFailed { reason },
-            PlanStatus::Infeasible(limit) => {
-                let (limit, limited_parts) = match *limit {
-                    Limit::Edge { part } => ("edge", vec![part]),
-                    Limit::Separation { parts } => ("separation", parts.to_vec()),
-                    Limit::Unreachable => ("unreachable", Vec::new()),
-                };
-                StatusPart::Infeasible { limit, limited_parts }
-            }
-        };
-        let pulses = plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, library));
-        Self { status, candidates: plan.candidates.len(), continues: plan.continues, pulses: pulses.collect() }
+fn status_of(plan: &Plan) -> StatusPart<'_> {
+    match &plan.status {
+        PlanStatus::Solved => StatusPart::Solved,
+        PlanStatus::NothingToDo => StatusPart::NothingToDo,
+        PlanStatus::SolverFailed(reason) => StatusPart::SolverFailed { reason },
+        PlanStatus::Infeasible(limit) => {
+            let (limit, limited_parts) = match *limit {
+                Limit::Edge { part } => ("edge", vec![part]),
+                Limit::Separation { parts } => ("separation", parts.to_vec()),
+                Limit::Unreachable => ("unreachable", Vec::new()),
+            };
+            StatusPart::Infeasible { limit, limited_parts }
+        }
     }
 }
 
@@ -262,10 +317,10 @@ enum ReadPart {
 }
 
 impl SentLine {
-    pub(super) fn new(facts: &PulseFacts<'_>, library: &Library) -> Self {
-        let drive = facts.drive;
+    pub(super) fn new(facts: &PulseFacts, library: &Library) -> Self {
+        let drive = &facts.drive;
         let counts = |harmonics: &Vec<Harmonic>| harmonics.iter().map(|h| [Fixed(h.cos), Fixed(h.sin)]).collect();
-        let read = match facts.fit {
+        let read = match &facts.fit {
             Ok(PlateFit::Twist(fit)) => ReadPart::Fit {
                 pump_mm_s: fixed_pair(fit.pump.velocity_mps * 1e3),
                 pump_rad_s: Fixed(fit.pump.spin_radps),
@@ -275,7 +330,7 @@ impl SentLine {
             Ok(PlateFit::Wave(fit)) => ReadPart::Wave {
                 harmonics: harmonics(&fit.wave),
                 residual_m_s2: Fixed(fit.residual_rms_mps2),
-                off_asked: match facts.planned {
+                off_asked: match &facts.planned {
                     PlannedPulse::Field(asked) => Some(Fixed(off_part(&fit.wave, &asked.wave, library.plate_side_m))),
                     PlannedPulse::Rotation(_) => None,
                 },
@@ -296,25 +351,17 @@ impl SentLine {
 }
 
 #[derive(Serialize, JsonSchema)]
-pub(super) struct UnfinishedLine<'a> {
-    pub(super) cycle: u64,
-    pub(super) sent: &'a [SentLine],
-}
-
-#[derive(Serialize, JsonSchema)]
-pub(super) struct EventLine<'a> {
-    at_s: Seconds,
-    #[schemars(extend("enum" = ["info", "warning", "error"]))]
-    level: &'static str,
-    text: &'a str,
-    #[serde(flatten)]
-    detail: Option<DetailPart>,
-}
-
-#[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
-enum DetailPart {
-    Condition(ConditionPart),
+pub(super) enum DetailPart {
+    /// A lasting condition that began or ended.
+    Condition {
+        code: &'static str,
+        #[schemars(extend("enum" = ["began", "ended"]))]
+        change: &'static str,
+        /// Cycles in which it held.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        times: Option<u64>,
+    },
     RunEnded {
         outcome: Outcome,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -323,38 +370,4 @@ enum DetailPart {
     RecordingEnded {
         code: RecordingEnd,
     },
-}
-
-/// A lasting condition that began or ended.
-#[derive(Serialize, JsonSchema)]
-struct ConditionPart {
-    code: &'static str,
-    #[schemars(extend("enum" = ["began", "ended"]))]
-    change: &'static str,
-    /// Cycles in which it held.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    times: Option<u64>,
-}
-
-impl<'a> EventLine<'a> {
-    pub(super) fn new(at: PlateTime, level: EventLevel, text: &'a str) -> Self {
-        Self { at_s: seconds(at), level: level.name(), text, detail: None }
-    }
-
-    pub(super) fn of_condition(facts: &ConditionFacts<'a>) -> Self {
-        let (change, times) = match facts.change {
-            ConditionChange::Began => ("began", None),
-            ConditionChange::Ended { times, .. } => ("ended", Some(times)),
-        };
-        let detail = DetailPart::Condition(ConditionPart { code: facts.condition.code(), change, times });
-        Self { detail: Some(detail), ..Self::new(facts.at, EventLevel::Warning, facts.text) }
-    }
-
-    pub(super) fn of_milestone(facts: &MilestoneFacts<'a>) -> Self {
-        let detail = match facts.milestone {
-            Milestone::RunEnded { outcome, cause } => DetailPart::RunEnded { outcome, code: cause },
-            Milestone::RecordingEnded(code) => DetailPart::RecordingEnded { code },
-        };
-        Self { detail: Some(detail), ..Self::new(facts.at, facts.level, facts.text) }
-    }
 }

@@ -1,15 +1,14 @@
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, ROUNDING_M, check_inside};
-use super::job_file::BinEntry;
-use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
+use upm_core::job::Bin;
 use upm_core::units::mm_from_m;
 use upm_planning::task::BinParams;
 
 impl TaskContext<'_> {
     /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
-    pub(super) fn sort(&self, entries: &[BinEntry], faults: &mut Diagnostics) -> Option<TaskSpec> {
+    pub(super) fn sort(&self, entries: &[Bin], faults: &mut Diagnostics) -> Option<TaskSpec> {
         let at = self.at.key("bins");
         let mut bins: Vec<BinParams> = Vec::with_capacity(entries.len());
         for (i, entry) in entries.iter().enumerate() {
@@ -34,10 +33,10 @@ impl TaskContext<'_> {
         Some(TaskSpec::Sort { bins })
     }
 
-    fn bin(&self, entry: &BinEntry, at: &Path, faults: &mut Diagnostics) -> BinParams {
+    fn bin(&self, entry: &Bin, at: &Path, faults: &mut Diagnostics) -> BinParams {
         let kind = |(i, name): (usize, &String)| self.rig.known_kind(name, &at.key("kinds").index(i), faults);
         let kinds: Vec<usize> = entry.kinds.iter().enumerate().filter_map(kind).collect();
-        let bin = BinParams { kinds, min_m: point_m(entry.region_mm.min), max_m: point_m(entry.region_mm.max) };
+        let bin = BinParams { kinds, min_m: entry.region.min_m, max_m: entry.region.max_m };
         let at = at.key("region_mm");
         for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);

@@ -7,8 +7,12 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
-use super::rig_source::RigSource;
-use super::units;
+use super::rig_file::RigSource;
+use upm_core::file_form;
+
+file_form!(gigabytes: f64 => u64, |gb| (gb * 1e9).round() as u64, |bytes| *bytes as f64 / 1e9);
+file_form!(megabytes: f64 => u64, |mb| (mb * 1e6).round() as u64, |bytes| *bytes as f64 / 1e6);
+file_form!(seconds: f64 => Duration, Duration::from_secs_f64, Duration::as_secs_f64);
 
 /// The daemon's configuration: plates, and limits of queue, disk and memory.
 #[derive(Deserialize, JsonSchema)]
@@ -130,7 +134,7 @@ pub(crate) enum StandingStart {
 #[serde(deny_unknown_fields, default)]
 pub struct KeepSpec {
     /// Most room for run folders, GB of 10⁹ bytes.
-    #[serde(rename = "runs_gb", with = "units::gigabytes")]
+    #[serde(rename = "runs_gb", with = "gigabytes")]
     #[schemars(with = "f64", range(max = 1e6), extend("exclusiveMinimum" = 0.0))]
     pub runs_bytes: u64,
     /// Ended runs of a standing job that are kept, for each plate: the newest. They go with folder and row.
@@ -152,7 +156,7 @@ impl Default for KeepSpec {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct DiskLimits {
     /// With less than this left no job is taken, and standing jobs wait.
-    #[serde(rename = "min_free_mb", with = "units::megabytes")]
+    #[serde(rename = "min_free_mb", with = "megabytes")]
     #[schemars(with = "f64", range(min = 1.0, max = 1e9))]
     pub(crate) min_free_bytes: u64,
 }
@@ -168,14 +172,14 @@ impl Default for DiskLimits {
 #[serde(deny_unknown_fields, default)]
 pub struct WatchdogSpec {
     /// No frame came for so long, s of wall time.
-    #[serde(rename = "hung_s", with = "units::seconds")]
+    #[serde(rename = "hung_s", with = "seconds")]
     #[schemars(with = "f64", range(min = 1.0, max = 3600.0))]
     pub hung: Duration,
     /// No part was seen for so long, s of plate time.
     #[schemars(range(min = 0.1, max = 60.0))]
     pub no_part_s: f64,
     /// A journal or a queue of events took nothing for so long, s of wall time.
-    #[serde(rename = "blocked_s", with = "units::seconds")]
+    #[serde(rename = "blocked_s", with = "seconds")]
     #[schemars(with = "f64", range(min = 0.1, max = 60.0))]
     pub blocked: Duration,
 }

@@ -1,4 +1,4 @@
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::clearance;
 use super::drawings;
@@ -7,7 +7,7 @@ use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerCh
 use super::kinds::{KindSpec, PartGroup, each_kind};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
-use super::rig_source::RigSource;
+use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::CameraMode;
@@ -214,15 +214,6 @@ impl JobSpec {
     /// As [`Self::effective`], without the rig: the form sent to a plate that has the rig.
     pub fn effective_without_rig(&self) -> Value {
         serde_json::to_value(&self.document).unwrap_or_default()
-    }
-
-    /// As [`Self::effective`], with the library written out too: a run can be repeated from it without any other file.
-    pub fn effective_with_library(&self, library: Map<String, Value>) -> Value {
-        let mut effective = self.effective();
-        if let Some(members) = effective.as_object_mut() {
-            members.insert("library".to_owned(), Value::Object(library));
-        }
-        effective
     }
 }
 

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::faults::FaultList;
-use super::rig_source::RigSource;
+use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
+use upm_core::job::Bin;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -142,7 +143,7 @@ pub(crate) enum TaskSection {
     Sort {
         /// Rectangles for the kinds, 1 to 16.
         #[schemars(length(min = 1, max = 16))]
-        bins: Vec<BinEntry>,
+        bins: Vec<Bin>,
     },
     /// Every part stays where it is.
     Hold {
@@ -202,29 +203,6 @@ pub enum Assignment {
     Optimal,
     /// Each part has its own target.
     Fixed,
-}
-
-/// Rectangle on the plate for the parts of some kinds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BinEntry {
-    /// Kinds that belong here.
-    #[schemars(length(min = 1, max = 64))]
-    pub kinds: Vec<String>,
-    /// The rectangle in which their rims must lie.
-    pub region_mm: Region,
-}
-
-/// A rectangle, mm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Region {
-    /// Lower left corner, mm.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub min: [f64; 2],
-    /// Upper right corner, mm.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub max: [f64; 2],
 }
 
 /// How motions are found.

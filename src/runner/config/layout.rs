@@ -1,7 +1,8 @@
-use super::{JobSpec, KindSpec, TaskSpec};
+use super::kinds::part_ids;
+use super::{JobSpec, TaskSpec};
 use upm_core::geometry::Vec2;
-use upm_core::job::Bin;
-use upm_planning::task::PathParams;
+use upm_core::job::{Bin, LayoutPart, LayoutPath, Region};
+use upm_planning::task::{BinParams, PathParams};
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,46 +19,13 @@ pub struct JobLayout {
     pub endless: bool,
 }
 
-/// A part of a layout: the properties of its kind.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LayoutPart {
-    /// Name of its kind.
-    pub kind: String,
-    /// Radius of the kind's outline, m.
-    pub radius_m: f64,
-}
-
-/// A path that a part shall follow.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LayoutPath {
-    /// The part that follows it, an index into the parts of the job; `None` for several.
-    pub part: Option<usize>,
-    /// Its corners, m.
-    pub waypoints_m: Vec<Vec2>,
-    /// True for a path that leads from the last corner back to the first.
-    pub closed: bool,
-}
-
-impl LayoutPart {
-    /// A part of the kind `spec`.
-    pub fn of(spec: &KindSpec) -> Self {
-        Self { kind: spec.kind.name.clone(), radius_m: spec.kind.radius_m }
-    }
-}
-
-impl LayoutPath {
-    /// The path as a line: a closed one ends at its first corner.
-    pub fn line_m(&self) -> Vec<Vec2> {
-        let back = self.waypoints_m.first().filter(|_| self.closed);
-        self.waypoints_m.iter().chain(back).copied().collect()
-    }
-}
-
 impl JobLayout {
     /// The layout of `job`.
     pub fn of(job: &JobSpec) -> Self {
+        let kinds = job.kinds_of_parts().into_iter().filter_map(|kind| Some(&job.kind(kind)?.kind));
+        let parts = kinds.zip(part_ids(&job.parts, &job.rig.kinds));
         let parts: Vec<LayoutPart> =
-            job.kinds_of_parts().into_iter().filter_map(|kind| job.kind(kind)).map(LayoutPart::of).collect();
+            parts.map(|(kind, id)| LayoutPart { id, kind: kind.name.clone(), radius_m: kind.radius_m }).collect();
         let mut layout = Self { endless: job.is_endless(), ..Self::default() };
         match &job.task {
             TaskSpec::PlusSign { edge_margin_m, .. } => {
@@ -80,7 +48,8 @@ impl JobLayout {
                 let name = |kind: &usize| job.kind(*kind).map(|spec| spec.kind.name.clone());
                 let names = |kinds: &[usize]| kinds.iter().filter_map(name).collect();
                 let bins = bins.iter();
-                let bins = bins.map(|bin| Bin { kinds: names(&bin.kinds), min_m: bin.min_m, max_m: bin.max_m });
+                let region = |bin: &BinParams| Region { min_m: bin.min_m, max_m: bin.max_m };
+                let bins = bins.map(|bin| Bin { kinds: names(&bin.kinds), region: region(bin) });
                 layout.bins = bins.collect();
             }
             TaskSpec::Hold { .. } => {}
@@ -113,7 +82,7 @@ mod tests {
             assert_eq!(bins, 1, "{}", part.kind);
             assert!(part.radius_m > 5e-3 && part.radius_m < 20e-3);
         }
-        assert!(sort.bins.iter().all(|bin| bin.min_m < bin.max_m), "{:?}", sort.bins);
+        assert!(sort.bins.iter().all(|bin| bin.region.min_m < bin.region.max_m), "{:?}", sort.bins);
     }
 
     #[test]

@@ -1,19 +1,15 @@
 use std::path::PathBuf;
 
-use nalgebra::Vector3;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use super::kinds::{KindSpec, kinds_of};
-use super::read::{Origin, point_m};
+use super::read::Origin;
 use super::rig_checks;
-use super::rig_file::{FieldSection, RigFile};
-use super::rig_source::RigSource;
+use super::rig_file::{RigFile, RigSource};
 use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
-use upm_core::geometry::{Lens, Vec2};
-use upm_core::rig::{FieldDriveModel, RigModel};
-use upm_core::units::m_from_mm;
-use upm_sim::{AccelerometerParams, CameraParams, ContactParams, MotorParams, PlateParams, SimParams};
+use upm_core::rig::RigModel;
+use upm_sim::{ContactParams, SimParams};
 
 /// Validated rig file. `model` holds the properties that control may know; the rest is for the simulation.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +92,7 @@ impl RigSpec {
         let is_whole = *at == Path::root();
         let library_key =
             if is_whole { format!("rig {}: library", origin.file) } else { format!("{}: {at}.library", origin.file) };
-        let (model, fingerprint) = (model_of(&document, &sim), fingerprint(&document));
+        let (model, fingerprint) = (model_of(&document), fingerprint(&document));
         (faults.len() == before).then_some(Self { document, model, sim, kinds, library, library_key, fingerprint })
     }
 
@@ -127,99 +123,47 @@ impl RigSpec {
 
 /// Fills in the defaults that depend on other values.
 fn fill_in(document: &mut RigFile) {
-    let side_m = m_from_mm(document.plate.side_mm);
-    document.plate.inertia_kg_m2.get_or_insert(document.plate.mass_kg * side_m * side_m / 6.0);
-    document.camera.principal_px.get_or_insert(document.camera.size_px.map(|size| (size as f64 - 1.0) / 2.0));
+    let (plate, camera) = (&mut document.plate, &mut document.camera);
+    if plate.inertia_kgm2 == 0.0 {
+        plate.inertia_kgm2 = plate.mass_kg * plate.side_m * plate.side_m / 6.0;
+    }
+    camera.principal_px = Some(camera.lens().principal_px.into());
 }
 
 fn sim_params(document: &RigFile) -> SimParams {
-    let RigFile { plate, motors, accelerometers, .. } = document;
     SimParams {
         step_s: document.simulation.step_s,
-        plate: PlateParams {
-            side_m: m_from_mm(plate.side_mm),
-            mass_kg: plate.mass_kg,
-            inertia_kgm2: plate.inertia_kg_m2.unwrap_or_default(),
-            resonance_hz: [plate.resonance_hz.x, plate.resonance_hz.y, plate.resonance_hz.spin],
-            damping_ratio: [plate.damping_ratio.x, plate.damping_ratio.y, plate.damping_ratio.spin],
-        },
-        motors: MotorParams {
-            lever_arm_m: m_from_mm(motors.lever_arm_mm),
-            arrangement: motors.arrangement,
-            newtons_per_count: motors.newtons_per_count,
-            gain_error: motors.gain_error,
-            sample_hz: motors.sample_hz,
-            count_limit: f64::from(motors.count_limit),
-            low_pass_hz: motors.low_pass_hz,
-            force_limit_n: motors.force_limit_n,
-        },
-        accelerometers: AccelerometerParams {
-            position_m: point_m(accelerometers.position_mm),
-            sample_hz: accelerometers.sample_hz,
-            bits: accelerometers.bits,
-            range_mps2: accelerometers.range_mps2,
-            noise_mps2: accelerometers.noise_mps2,
-            bias_sd_mps2: accelerometers.bias_sd_mps2,
-            gain_sd: accelerometers.gain_sd,
-        },
-        camera: camera_params(document),
+        plate: document.plate,
+        motors: document.motors,
+        accelerometers: document.accelerometers,
+        camera: document.camera,
         contact: ContactParams { restitution: document.friction.restitution, rim_friction: document.friction.rim },
     }
 }
 
-fn camera_params(document: &RigFile) -> CameraParams {
-    let camera = &document.camera;
-    CameraParams {
-        size_px: camera.size_px,
-        frame_hz: camera.frame_hz,
-        exposure_s: camera.exposure_s,
-        lens: Lens {
-            focal_px: camera.focal_px,
-            principal_px: Vec2::from(camera.principal_px.unwrap_or_default()),
-            radial: camera.radial,
-            tangential: camera.tangential,
-        },
-        position_m: Vector3::from(camera.position_mm.map(m_from_mm)),
-        tilt_rad: camera.tilt_deg.map(f64::to_radians),
-        blur_px: camera.blur_px,
-        levels: [camera.levels.ground, camera.levels.plate, camera.levels.part],
-        shading: camera.shading,
-        shading_direction_rad: camera.shading_direction_deg.to_radians(),
-        full_well_e: camera.full_well_e.unwrap_or(f64::INFINITY),
-        read_noise: camera.read_noise,
-    }
-}
-
-fn model_of(document: &RigFile, sim: &SimParams) -> RigModel {
+fn model_of(document: &RigFile) -> RigModel {
+    let RigFile { plate, motors, drive, camera, .. } = document;
+    let [_, plate_level, part_level] = camera.levels;
     RigModel {
         name: document.name.clone(),
-        plate_side_m: sim.plate.side_m,
-        lever_arm_m: sim.motors.lever_arm_m,
-        motor_arrangement: sim.motors.arrangement,
-        plate_mass_kg: sim.plate.mass_kg,
-        plate_inertia_kgm2: sim.plate.inertia_kgm2,
-        newtons_per_count: sim.motors.newtons_per_count,
-        count_limit: sim.motors.count_limit,
-        base_radps: std::f64::consts::TAU * document.drive.base_hz,
-        attack_s: document.drive.attack_s,
-        rest_s: document.drive.rest_s,
-        max_sustain_s: document.drive.max_sustain_s,
-        fields: document.fields.as_ref().map(field_drive_of),
-        accelerometer_in_plate_m: sim.accelerometers.position_m,
-        frame_size_px: sim.camera.size_px,
-        frame_hz: sim.camera.frame_hz,
-        exposure_s: sim.camera.exposure_s,
-        lens: sim.camera.lens,
-        dark_parts: document.camera.levels.part < document.camera.levels.plate,
-    }
-}
-
-fn field_drive_of(document: &FieldSection) -> FieldDriveModel {
-    FieldDriveModel {
-        base_radps: std::f64::consts::TAU * document.base_hz,
-        harmonics: document.harmonics,
-        attack_s: document.attack_s,
-        rest_s: document.rest_s,
+        plate_side_m: plate.side_m,
+        lever_arm_m: motors.lever_arm_m,
+        motor_arrangement: motors.arrangement,
+        plate_mass_kg: plate.mass_kg,
+        plate_inertia_kgm2: plate.inertia_kgm2,
+        newtons_per_count: motors.newtons_per_count,
+        count_limit: motors.count_limit,
+        base_radps: std::f64::consts::TAU * drive.base_hz,
+        attack_s: drive.attack_s,
+        rest_s: drive.rest_s,
+        max_sustain_s: drive.max_sustain_s,
+        fields: document.fields,
+        accelerometer_in_plate_m: document.accelerometers.position_m,
+        frame_size_px: camera.size_px,
+        frame_hz: camera.frame_hz,
+        exposure_s: camera.exposure_s,
+        lens: camera.lens(),
+        dark_parts: part_level < plate_level,
     }
 }
 

@@ -1,8 +1,10 @@
+use std::f64::consts::TAU;
+
 use super::read::{NAMES, is_plain_name};
-use super::rig_file::{GrayLevels, RigFile};
+use super::rig_file::RigFile;
 use super::view;
 use upm_core::document::{Diagnostics, Path};
-use upm_core::units::{GRAVITY_MPS2, mm_from_m};
+use upm_core::units::{GRAVITY_MPS2, mm_from_m, without_rounding_error};
 use upm_sim::SimParams;
 
 /// Most pixels of a frame in which the table is searched.
@@ -34,19 +36,22 @@ pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diag
     );
 }
 
+/// Millimetres as the file has them.
+fn written_mm(m: f64) -> f64 {
+    without_rounding_error(mm_from_m(m))
+}
+
 fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (plate, base_hz) = (&rig.plate, rig.drive.base_hz);
     let at = at.key("plate");
-    let side_m = plate.side_mm * 1e-3;
-    let (inertia, most) = (plate.inertia_kg_m2.unwrap_or_default(), 0.5 * plate.mass_kg * side_m * side_m);
+    let (inertia, most) = (plate.inertia_kgm2, 0.5 * plate.mass_kg * plate.side_m * plate.side_m);
     faults.require(
         inertia <= most,
         at.key("inertia_kg_m2"),
         inertia,
         format!("up to {most} (all mass in the corners, M L²/2)"),
     );
-    let axes = [("x", plate.resonance_hz.x), ("y", plate.resonance_hz.y), ("spin", plate.resonance_hz.spin)];
-    for (axis, found) in axes {
+    for (axis, found) in ["x", "y", "spin"].into_iter().zip(plate.resonance_hz) {
         let allowed = format!("below drive.base_hz, {base_hz} (above resonance velocity is the force's integral)");
         faults.require(found < base_hz, at.key("resonance_hz").key(axis), found, allowed);
     }
@@ -55,9 +60,9 @@ fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 fn check_motors(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (motors, base_hz) = (&rig.motors, rig.drive.base_hz);
     let at = at.key("motors");
-    let reach_mm = 0.5 * rig.plate.side_mm;
+    let [reach_mm, arm_mm] = [0.5 * rig.plate.side_m, motors.lever_arm_m].map(written_mm);
     let allowed = format!("up to {reach_mm} (half the plate's side)");
-    faults.require(motors.lever_arm_mm <= reach_mm, at.key("lever_arm_mm"), motors.lever_arm_mm, allowed);
+    faults.require(arm_mm <= reach_mm, at.key("lever_arm_mm"), arm_mm, allowed);
     let least_hz = 8.0 * base_hz;
     let allowed = format!("above {least_hz} (four times the second harmonic)");
     faults.require(motors.sample_hz > least_hz, at.key("sample_hz"), motors.sample_hz, allowed);
@@ -82,7 +87,7 @@ fn check_motors(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 fn check_force(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (motors, plate_kg) = (&rig.motors, rig.plate.mass_kg);
     let hold_mps2 = rig.friction.coefficient * GRAVITY_MPS2;
-    let (least_n, full_counts) = (0.5 * plate_kg * hold_mps2, f64::from(motors.count_limit));
+    let (least_n, full_counts) = (0.5 * plate_kg * hold_mps2, motors.count_limit);
     let rounded_up = |newtons: f64| (newtons * 1e6).ceil() / 1e6;
     let why = format!("less does not slide a part: two coils on {plate_kg} kg against friction of {hold_mps2:.2} m/s²");
     let allowed = format!("{} or more ({why})", rounded_up(least_n / full_counts));
@@ -101,8 +106,8 @@ fn check_drive(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 /// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.
 fn check_fields(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (Some(fields), at) = (&rig.fields, at.key("fields")) else { return };
-    let (base_hz, resonance) = (fields.base_hz, &rig.plate.resonance_hz);
-    let stiffest_hz = resonance.x.max(resonance.y).max(resonance.spin);
+    let base_hz = without_rounding_error(fields.base_radps / TAU);
+    let stiffest_hz = rig.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
     faults.require(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);
     let (least_hz, longest_s) = (3.0 / rig.drive.max_sustain_s, rig.drive.max_sustain_s);
@@ -128,7 +133,8 @@ fn check_accelerometers(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (found_hz, least_hz) = (rig.accelerometers.sample_hz, 16.0 * rig.drive.base_hz);
     let allowed = format!("{least_hz} or more (16 samples to a period of the drive)");
     faults.require(found_hz >= least_hz, at.key("sample_hz"), found_hz, allowed);
-    let ([x, y], half) = (rig.accelerometers.position_mm, 0.5 * rig.plate.side_mm);
+    let position_m = rig.accelerometers.position_m;
+    let [x, y, half] = [position_m.x, position_m.y, 0.5 * rig.plate.side_m].map(written_mm);
     let place = at.key("position_mm");
     for (i, found) in [x, y].into_iter().enumerate() {
         faults.require(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
@@ -149,10 +155,9 @@ fn check_camera(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diagnost
     let [columns, rows] = camera.size_px;
     let allowed = format!("up to {MOST_PIXELS} px in all");
     faults.require(columns * rows <= MOST_PIXELS, at.key("size_px"), format!("{columns} x {rows}"), allowed);
-    check_levels(&camera.levels, &at.key("levels"), faults);
-    let lowest_mm = 0.5 * rig.plate.side_mm;
+    check_levels(camera.levels, &at.key("levels"), faults);
+    let [lowest_mm, z_mm] = [0.5 * rig.plate.side_m, camera.position_m.z].map(written_mm);
     let height = &at.key("position_mm").index(2);
-    let [_, _, z_mm] = camera.position_mm;
     faults.require(z_mm >= lowest_mm, height, z_mm, format!("{lowest_mm} or more (half the plate's side above it)"));
     let least_px = view::FRAME_MARGIN * camera.size_px[1] as f64;
     match view::margin_px(&sim.camera, sim.plate.side_m) {
@@ -186,11 +191,10 @@ fn whole_plate_in_view(sim: &SimParams, least_px: f64) -> String {
 /// Checks the gray levels. The finder detects parts from 20 % of the plate's level, at most 255, upwards; 60 leaves
 /// room for shading and noise. The table is the square whose edges are detected beside the picture's strongest, those
 /// of the parts: it is lost if its step is a fifth of theirs, and found if it is a quarter.
-fn check_levels(levels: &GrayLevels, at: &Path, faults: &mut Diagnostics) {
+fn check_levels([ground, plate, part]: [f64; 3], at: &Path, faults: &mut Diagnostics) {
     const LEAST_PART: f64 = 60.0;
     const LEAST_GROUND: f64 = 40.0;
     const GROUND_SHARE: f64 = 0.3;
-    let GrayLevels { ground, plate, part } = *levels;
     let contrast = (plate - part).abs();
     let allowed = format!("{LEAST_PART} or more away from levels.plate, {plate} (parts must stand out on the plate)");
     faults.require(contrast >= LEAST_PART, at.key("part"), part, allowed);

@@ -8,7 +8,7 @@ use super::clearance::check_apart;
 use super::placement::PlacedPart;
 use super::read::{Origin, point_m};
 use super::rig::RigSpec;
-use super::rig_source::RigSource;
+use super::rig_file::RigSource;
 use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
 use upm_core::geometry::Twist;
 use upm_core::job::PlateMode;

@@ -7,10 +7,11 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::read::point_m;
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
-use upm_core::signal::{AccelTrace, Envelope, MISSING_SAMPLE, RecordedPulse};
-use upm_core::units::mm_from_m;
+use upm_core::file_form;
+use upm_core::geometry::Vec2;
+use upm_core::signal::{AccelTrace, CHANNEL_NAMES, CHANNELS, Envelope, MISSING_SAMPLE, RecordedPulse};
+use upm_core::units::{hertz, mm_point, without_rounding_error};
 
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;
@@ -38,8 +39,9 @@ pub(super) struct TraceFile {
     #[schemars(range(min = 1, max = 32767))]
     count_limit: i16,
     /// Base frequency of the vibration, Hz.
-    #[schemars(range(min = 1.0, max = 1000.0))]
-    base_hz: f64,
+    #[serde(rename = "base_hz", with = "hertz")]
+    #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
+    base_radps: f64,
     /// Attack and decay of the pulse, s.
     #[schemars(range(min = 0.0, max = 10.0))]
     attack_s: f64,
@@ -47,14 +49,17 @@ pub(super) struct TraceFile {
     #[schemars(range(min = 0.0, max = 60.0))]
     sustain_s: f64,
     /// Place of accelerometer 1 on the plate, mm; number 2 sits at minus that.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    position_mm: [f64; 2],
+    #[serde(rename = "position_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    accelerometer_in_plate_m: Vec2,
     /// Readings of x1, y1, x2 and y2 per true 1.
     #[serde(default = "no_gain_error")]
     #[schemars(inner(range(min = 0.1, max = 10.0)))]
     channel_gain: [f64; 4],
     /// The samples.
-    counts: ChannelCounts,
+    #[serde(with = "channels")]
+    #[schemars(with = "ChannelCounts")]
+    counts: [Vec<i16>; CHANNELS],
 }
 
 fn no_gain_error() -> [f64; 4] {
@@ -62,7 +67,7 @@ fn no_gain_error() -> [f64; 4] {
 }
 
 /// Counts of the four channels, equally many in each; null for a sample that is missing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ChannelCounts {
     /// Along x, accelerometer 1.
@@ -79,12 +84,17 @@ struct ChannelCounts {
     y2: Vec<Option<i16>>,
 }
 
-impl ChannelCounts {
-    /// Each channel with its name.
-    fn named(&self) -> [(&'static str, &[Option<i16>]); 4] {
-        [("x1", &self.x1), ("y1", &self.y1), ("x2", &self.x2), ("y2", &self.y2)]
+file_form!(
+    channels: ChannelCounts => [Vec<i16>; CHANNELS],
+    |ChannelCounts { x1, y1, x2, y2 }| {
+        [x1, y1, x2, y2].map(|channel| channel.into_iter().map(|count| count.unwrap_or(MISSING_SAMPLE)).collect())
+    },
+    |counts| {
+        let seen = |count: &i16| Some(*count).filter(|count| *count != MISSING_SAMPLE);
+        let [x1, y1, x2, y2] = counts.each_ref().map(|channel| channel.iter().map(seen).collect());
+        ChannelCounts { x1, y1, x2, y2 }
     }
-}
+);
 
 /// Reads and validates the trace file at `path`. Errors list every fault.
 pub fn load_trace(path: &std::path::Path) -> Result<RecordedPulse, Vec<Diagnostic>> {
@@ -117,14 +127,14 @@ fn laid_out(value: &Value, indent: usize) -> String {
 
 fn check(file: &TraceFile, faults: &mut Diagnostics) {
     let root = Path::root();
-    let least_hz = LEAST_SAMPLES * file.base_hz;
+    let least_hz = LEAST_SAMPLES * without_rounding_error(file.base_radps / TAU);
     let allowed = format!("{least_hz} or more ({LEAST_SAMPLES} samples to a period of base_hz)");
     faults.require(file.sample_hz >= least_hz, root.key("sample_hz"), file.sample_hz, allowed);
-    let apart = file.position_mm != [0.0, 0.0];
+    let apart = file.accelerometer_in_plate_m != Vec2::zeros();
     faults.require(apart, root.key("position_mm"), "[0, 0]", "away from the plate's centre (number 2 is opposite)");
     let at = root.key("counts");
-    let samples = file.counts.x1.len();
-    for (name, channel) in file.counts.named() {
+    let samples = file.counts[0].len();
+    for (name, channel) in CHANNEL_NAMES.into_iter().zip(&file.counts) {
         let found = counted(channel.len(), "sample");
         faults.require(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
         check_range(channel, file.count_limit, &at.key(name), faults);
@@ -132,56 +142,39 @@ fn check(file: &TraceFile, faults: &mut Diagnostics) {
 }
 
 /// Checks counts against `limit`; in two's complement the range extends one further down than up.
-fn check_range(channel: &[Option<i16>], limit: i16, at: &Path, faults: &mut Diagnostics) {
-    let (low, high) = (-i32::from(limit) - 1, i32::from(limit));
-    for (i, count) in channel.iter().enumerate() {
-        if let Some(count) = count.filter(|&count| !(low..=high).contains(&i32::from(count))) {
-            let allowed = format!("from {low} to {high} (count_limit), null for a missing sample");
-            faults.push(at.index(i), count.to_string(), allowed);
+fn check_range(channel: &[i16], limit: i16, at: &Path, faults: &mut Diagnostics) {
+    let (low, high) = (-limit - 1, limit);
+    for (i, count) in channel.iter().enumerate().filter(|(_, count)| **count != MISSING_SAMPLE) {
+        if !(low..=high).contains(count) {
+            faults.push(at.index(i), count, format!("from {low} to {high} (count_limit), null for a missing sample"));
         }
     }
 }
 
 fn pulse_of(file: TraceFile) -> RecordedPulse {
-    let counts = file.counts.named().map(|(_, channel)| channel.iter().map(|c| c.unwrap_or(MISSING_SAMPLE)).collect());
+    let TraceFile { sample_hz, first_sample_s, mps2_per_count, count_limit, counts, .. } = file;
     RecordedPulse {
-        trace: AccelTrace {
-            sample_hz: file.sample_hz,
-            first_sample_s: file.first_sample_s,
-            mps2_per_count: file.mps2_per_count,
-            count_limit: file.count_limit,
-            counts,
-        },
+        trace: AccelTrace { sample_hz, first_sample_s, mps2_per_count, count_limit, counts },
         envelope: Envelope { attack_s: file.attack_s, sustain_s: file.sustain_s, rest_s: 0.0 },
-        base_radps: TAU * file.base_hz,
-        accelerometer_in_plate_m: point_m(file.position_mm),
+        base_radps: file.base_radps,
+        accelerometer_in_plate_m: file.accelerometer_in_plate_m,
         channel_gain: file.channel_gain,
     }
 }
 
 fn file_of(pulse: &RecordedPulse) -> TraceFile {
-    let RecordedPulse { trace, envelope, .. } = pulse;
-    let [x1, y1, x2, y2] = trace
-        .counts
-        .each_ref()
-        .map(|channel| channel.iter().map(|&count| (count != MISSING_SAMPLE).then_some(count)).collect());
+    let AccelTrace { sample_hz, first_sample_s, mps2_per_count, count_limit, counts } = pulse.trace.clone();
     TraceFile {
         schema: IgnoredAny,
-        sample_hz: trace.sample_hz,
-        first_sample_s: trace.first_sample_s,
-        mps2_per_count: trace.mps2_per_count,
-        count_limit: trace.count_limit,
-        base_hz: rounded(pulse.base_radps / TAU),
-        attack_s: envelope.attack_s,
-        sustain_s: envelope.sustain_s,
-        position_mm: [pulse.accelerometer_in_plate_m.x, pulse.accelerometer_in_plate_m.y]
-            .map(|m| rounded(mm_from_m(m))),
+        sample_hz,
+        first_sample_s,
+        mps2_per_count,
+        count_limit,
+        base_radps: pulse.base_radps,
+        attack_s: pulse.envelope.attack_s,
+        sustain_s: pulse.envelope.sustain_s,
+        accelerometer_in_plate_m: pulse.accelerometer_in_plate_m,
         channel_gain: pulse.channel_gain,
-        counts: ChannelCounts { x1, y1, x2, y2 },
+        counts,
     }
-}
-
-/// Rounds to 1e-9, so that 60 Hz converted to rad/s and back is written as 60.
-fn rounded(value: f64) -> f64 {
-    (value * 1e9).round() / 1e9
 }

@@ -17,8 +17,9 @@ pub fn image_from_plate(camera: &CameraParams, p_m: Vec2) -> Option<Vec2> {
         * Rotation3::from_axis_angle(&Vector3::z_axis(), about_axis);
     let from_camera = p_m.push(0.0) - camera.position_m;
     let seen = turned.inverse() * Vector3::new(from_camera.x, -from_camera.y, -from_camera.z);
-    let ideal_px = camera.lens.principal_px + camera.lens.focal_px * seen.xy() / seen.z;
-    (seen.z > 0.0).then(|| camera.lens.image_from_ideal(ideal_px))
+    let lens = camera.lens();
+    let ideal_px = lens.principal_px + lens.focal_px * seen.xy() / seen.z;
+    (seen.z > 0.0).then(|| lens.image_from_ideal(ideal_px))
 }
 
 /// Corners of a square plate, m, clockwise from top left.
@@ -80,15 +81,12 @@ pub fn least_height_m(camera: &CameraParams, side_m: f64, least_px: f64) -> Opti
 /// the plate's outline.
 pub fn is_one_to_one(camera: &CameraParams, side_m: f64) -> bool {
     const STEPS: usize = 32;
-    let undistorted = CameraParams {
-        lens: upm_core::geometry::Lens::ideal(camera.lens.focal_px, camera.lens.principal_px),
-        ..*camera
-    };
+    let (lens, undistorted) = (camera.lens(), CameraParams { radial: [0.0; 2], tangential: [0.0; 2], ..*camera });
     plate_corners_m(side_m).into_iter().all(|corner_m| {
         let Some(corner_px) = image_from_plate(&undistorted, corner_m) else { return false };
         (0..=STEPS).all(|i| {
-            let ideal_px = camera.lens.principal_px.lerp(&corner_px, i as f64 / STEPS as f64);
-            camera.lens.jacobian_at_ideal(ideal_px).determinant() > 0.0
+            let ideal_px = lens.principal_px.lerp(&corner_px, i as f64 / STEPS as f64);
+            lens.jacobian_at_ideal(ideal_px).determinant() > 0.0
         })
     })
 }
@@ -96,14 +94,16 @@ pub fn is_one_to_one(camera: &CameraParams, side_m: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_core::geometry::Lens;
 
     fn camera(tilt_rad: [f64; 3]) -> CameraParams {
         CameraParams {
             size_px: [640, 480],
             frame_hz: 60.0,
             exposure_s: 0.004,
-            lens: Lens::ideal(1000.0, Vec2::new(319.5, 239.5)),
+            focal_px: 1000.0,
+            principal_px: None,
+            radial: [0.0; 2],
+            tangential: [0.0; 2],
             position_m: Vector3::new(0.01, -0.02, 0.5),
             tilt_rad,
             blur_px: 0.0,

@@ -78,10 +78,10 @@ mod tests {
     pub(super) fn small() -> (RigSpec, CalibrationParams) {
         let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let mut rig = RigSpec::load(&root.join("configs/rigs/upm-1.json")).unwrap();
-        rig.sim.camera.lens.focal_px *= 0.5;
-        rig.sim.camera.lens.principal_px *= 0.5;
+        rig.sim.camera.focal_px *= 0.5;
+        rig.sim.camera.principal_px = rig.sim.camera.principal_px.map(|px| px.map(|px| 0.5 * px));
         rig.sim.camera.size_px = [640, 512];
-        (rig.model.lens, rig.model.frame_size_px) = (rig.sim.camera.lens, rig.sim.camera.size_px);
+        (rig.model.lens, rig.model.frame_size_px) = (rig.sim.camera.lens(), rig.sim.camera.size_px);
         let params = CalibrationParams {
             grid: 3,
             rings: vec![2.0],

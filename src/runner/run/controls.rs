@@ -2,7 +2,7 @@ use std::fmt;
 use std::sync::atomic::AtomicBool;
 
 use super::paced::PacingStats;
-use upm_control::{EventLevel, FinalState, Milestone, MilestoneFacts, RunEnd, Sink};
+use upm_control::{EventFacts, EventKind, EventLevel, FinalState, RunEnd, Sink};
 use upm_core::job::StopCause;
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
@@ -68,9 +68,8 @@ impl RunControls<'_> {
         }
         if finish.ending != by_control {
             let level = if trip.is_some() { EventLevel::Error } else { EventLevel::Info };
-            let RunEnd { outcome, cause, reason } = &finish.ending;
-            let milestone = Milestone::RunEnded { outcome: *outcome, cause: *cause };
-            sink.milestone(&MilestoneFacts { at, level, milestone, text: reason });
+            let RunEnd { outcome, cause, reason } = finish.ending.clone();
+            sink.event(&EventFacts { at, level, text: reason, kind: EventKind::RunEnded { outcome, cause } });
         }
     }
 }

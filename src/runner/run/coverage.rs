@@ -28,7 +28,7 @@ pub struct Coverage {
     /// Half the plate's side, m.
     pub half_side_m: f64,
     /// Places at the middles of equal squares that fill the plate, row by row from the top, each from the left.
-    pub places: Vec<WorstDirection>,
+    pub places: Vec<PlaceReach>,
     /// Number of places in a row, equal to the number of rows.
     pub columns: usize,
     /// Centres of rotation of all entries that are not translations, m.
@@ -47,21 +47,13 @@ pub struct Coverage {
     pub best_step_m: f64,
 }
 
-/// Effect of single pulses on a part at one place, in the direction in which they move it least.
+/// Effect of single pulses on a part at one place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WorstDirection {
+pub struct PlaceReach {
     /// Place of the part, m from the plate's centre.
     pub position_m: Vec2,
-    /// Weakest direction, as a unit vector.
-    pub weakest_direction: Vec2,
-    /// Longest step along it as a share of the longest measured step, 0 to 1.
-    pub share: f64,
-    /// Longest step along it in one pulse, m.
-    pub longest_step_m: f64,
-    /// Standard deviation of the longest step, m.
-    pub longest_sd_m: f64,
-    /// Shortest step along it in one pulse, m; `None` where there is none.
-    pub shortest_step_m: Option<f64>,
+    /// Reach of the library there.
+    pub reach: Reach,
 }
 
 /// A place far from every centre.
@@ -73,25 +65,18 @@ pub struct CoverageHole {
     pub distance_m: f64,
 }
 
-impl WorstDirection {
+impl PlaceReach {
     /// Share of the longest measured step below which a direction counts as unreachable.
     pub const LEAST_SHARE: f64 = 0.1;
 
-    /// Place at `position_m` with the reach there.
-    pub(super) fn of(position_m: Vec2, reach: &Reach) -> Self {
-        Self {
-            position_m,
-            weakest_direction: reach.weakest_direction,
-            share: reach.weakest_projection,
-            longest_step_m: reach.longest_step_m,
-            longest_sd_m: reach.longest_sd_m,
-            shortest_step_m: reach.shortest_step_m,
-        }
+    /// The place at `position_m`.
+    pub(super) fn of(library: &Library, position_m: Vec2) -> Self {
+        Self { position_m, reach: Reach::of(library, position_m) }
     }
 
     /// True if a part can be moved in every direction.
     pub fn is_reached(&self) -> bool {
-        self.share >= Self::LEAST_SHARE
+        self.reach.weakest_projection >= Self::LEAST_SHARE
     }
 }
 
@@ -100,40 +85,35 @@ impl Coverage {
     pub fn of(library: &Library) -> Self {
         let half_side_m = 0.5 * library.plate_side_m;
         let model = &library.displacement;
-        let mut is_strongest = vec![false; library.entries.len()];
-        let mut places = Vec::with_capacity(PLACES * PLACES);
-        for position_m in grid(half_side_m) {
-            let reach = Reach::of(library, position_m);
-            reach.strongest.iter().for_each(|&entry| is_strongest[entry] = true);
-            places.push(WorstDirection::of(position_m, &reach));
-        }
+        let places: Vec<_> = grid(half_side_m).map(|position_m| PlaceReach::of(library, position_m)).collect();
+        let is_strongest = |entry: &usize| places.iter().any(|place| place.reach.strongest.contains(entry));
         let far_m = FAR_SIDES * 2.0 * half_side_m;
         let centers = library.entries.iter().filter_map(|entry| entry.center_m());
         let centers_m: Vec<Vec2> = centers.filter(|center| center.norm() <= far_m).collect();
         let inside = centers_m.iter().filter(|center| center.amax() <= half_side_m).count();
         Self {
             half_side_m,
-            places,
             columns: PLACES,
             inside,
             outside: centers_m.len() - inside,
             translations: library.entries.len() - centers_m.len(),
             gap: largest_gap(&centers_m, half_side_m),
             centers_m,
-            never_strongest: (0..library.entries.len()).filter(|&entry| !is_strongest[entry]).collect(),
+            never_strongest: (0..library.entries.len()).filter(|entry| !is_strongest(entry)).collect(),
+            places,
             best_step_m: model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest)),
         }
     }
 
     /// Place whose longest step along its weakest direction is shortest.
-    pub fn weakest(&self) -> Option<&WorstDirection> {
-        self.places.iter().min_by(|a, b| a.longest_step_m.total_cmp(&b.longest_step_m))
+    pub fn weakest(&self) -> Option<&PlaceReach> {
+        self.places.iter().min_by(|a, b| a.reach.longest_step_m.total_cmp(&b.reach.longest_step_m))
     }
 
     /// Least and largest of the longest steps along the weakest direction, m, over all places that are reached; `None`
     /// if none is.
     pub fn steps_m(&self) -> Option<[f64; 2]> {
-        let steps = || self.places.iter().filter(|place| place.is_reached()).map(|place| place.longest_step_m);
+        let steps = || self.places.iter().filter(|place| place.is_reached()).map(|place| place.reach.longest_step_m);
         let least_m = steps().min_by(f64::total_cmp)?;
         Some([least_m, steps().fold(least_m, f64::max)])
     }
@@ -148,9 +128,9 @@ impl Coverage {
     /// where a direction is out of reach.
     pub fn shades(&self) -> Vec<f64> {
         let (steps_m, is_even) = (self.steps_m(), self.is_even());
-        let shade = |place: &WorstDirection| match steps_m {
+        let shade = |place: &PlaceReach| match steps_m {
             Some(_) if is_even => 0.5,
-            Some([least_m, most_m]) => (place.longest_step_m - least_m) / (most_m - least_m),
+            Some([least_m, most_m]) => (place.reach.longest_step_m - least_m) / (most_m - least_m),
             None => 0.0,
         };
         self.places.iter().map(|place| if place.is_reached() { shade(place) } else { 0.0 }).collect()

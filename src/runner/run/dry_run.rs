@@ -5,7 +5,7 @@ mod runs;
 
 use std::sync::Arc;
 
-use super::coverage::WorstDirection;
+use super::coverage::PlaceReach;
 use super::planner_selection::PlannerSelection;
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlacedPart, TaskSpec};
@@ -15,7 +15,7 @@ use upm_core::job::CameraMode;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
 use upm_planning::cor_library::Library;
-use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod, Reach};
+use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod};
 use upm_planning::task::PathParams;
 
 use runs::at_the_same_time;
@@ -53,25 +53,9 @@ pub struct PartForecast {
     /// Radius of the kind's outline, m.
     pub radius_m: f64,
     /// Place before the first pulse.
-    pub start: StartForecast,
+    pub start: PlaceReach,
     /// Target at the end of the first dry run.
-    pub target: Option<StartForecast>,
-}
-
-/// A position of a part with the reach of the library there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StartForecast {
-    /// Position, and effect of one pulse in the weakest direction.
-    pub place: WorstDirection,
-    /// Singular values of the flows of all entries there, larger first; see [`Reach`].
-    pub singular_values: [f64; 2],
-}
-
-impl StartForecast {
-    fn of(library: &Library, position_m: Vec2) -> Self {
-        let reach = Reach::of(library, position_m);
-        Self { place: WorstDirection::of(position_m, &reach), singular_values: reach.singular_values }
-    }
+    pub target: Option<PlaceReach>,
 }
 
 /// Makes dry runs of `job` with `library` and the planner of `selection` on all cores; `watch` receives the plate time
@@ -102,8 +86,8 @@ pub fn dry_run(
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {
         id: part.id.clone(),
         radius_m: params.radius_m(i),
-        start: StartForecast::of(library, start_m),
-        target: target_m(i).map(|[x, y]| StartForecast::of(library, Vec2::new(m_from_mm(x), m_from_mm(y)))),
+        start: PlaceReach::of(library, start_m),
+        target: target_m(i).map(|[x, y]| PlaceReach::of(library, Vec2::new(m_from_mm(x), m_from_mm(y)))),
     });
     Ok(Forecast {
         planner: selection,

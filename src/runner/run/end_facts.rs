@@ -37,7 +37,7 @@ pub(super) fn ending<R: Rig>(
         name: job.name.clone(),
         seed: job.seed(),
         camera: job.camera,
-        planner: Some(setup.map_or_else(|| PlannerSelection::of(job).report(), |setup| setup.planner.report())),
+        planner: Some(setup.map_or_else(|| PlannerSelection::of(job), |setup| setup.planner.clone()).report),
         outcome,
         stop: cause.map(|cause| StopReport::of(cause, &reason)),
         reason,

@@ -1,7 +1,9 @@
+use std::sync::LazyLock;
+
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::testing::{job_in_configs, options};
+use super::testing::{job_in_configs, options, with_small_pictures};
 use super::*;
 use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
@@ -17,6 +19,7 @@ fn job_of(task: &Value, faults: &Value) -> JobSpec {
     let mut text = json!({
         "name": "faulty",
         "rig": "rigs/upm-2.json",
+        "planner": "synthesized_field",
         "parts": [{"kind": "penny", "position_mm": [60, 20]}, {"kind": "penny", "position_mm": [-60, 20]}],
         "task": task,
         "limits": {"plate_time_s": 20},
@@ -50,16 +53,19 @@ fn bytes(done: &RunResult, name: &str) -> String {
     std::fs::read_to_string(done.folder.join(name)).unwrap_or_default()
 }
 
+/// A run of the job without faults, with its folder.
+static PLAIN: LazyLock<(TempDir, RunResult)> = LazyLock::new(|| run_of(&Value::Null));
+
 #[test]
 fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
-    let ((_a, plain), (_b, none)) = (run_of(&Value::Null), run_of(&json!([])));
+    let ((_, plain), (_b, none)) = (&*PLAIN, run_of(&json!([])));
     assert_eq!(plain.report.outcome, Outcome::Completed, "{}", plain.report.reason);
-    assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
+    assert_eq!(bytes(plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
     assert!(!plain.folder.join(folder::TRUTH_FILE).exists());
     assert_eq!((plain.report.verdict, plain.report.faults.len()), (Some(Truth::True), 0));
     // a fault that never begins changes only the record of it
     let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
-    assert_eq!(bytes(&plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
+    assert_eq!(bytes(plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
     assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.frames);
 }
 
@@ -97,7 +103,7 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
         if !value.is_null() {
             fault["value"] = value;
         }
-        let (_folder, done) = run_of(&json!([fault]));
+        let (_folder, done) = played(&with_small_pictures(job(&json!([fault]))));
         assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CoilFault), "{}", done.report.reason);
         for part in &done.report.parts {
             let [x, y] = part.true_mm.unwrap();
@@ -109,7 +115,8 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
 
 /// Cause of the end, or code of the last guard that fired in a run that completed; whether it completed; its verdict.
 fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
-    let (_folder, done) = played(&job(&Value::Null).with_faults(&[fault.to_owned()]).unwrap());
+    let job = with_small_pictures(job(&Value::Null));
+    let (_folder, done) = played(&job.with_faults(&[fault.to_owned()]).unwrap());
     let Report { outcome, stop, guards, verdict, reason, .. } = done.report;
     if let Some(stop) = &stop {
         assert!(stop.code.pauses_plate(), "{fault}: {reason}");
@@ -122,7 +129,7 @@ fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
 #[test]
 fn frames_with_an_old_stamp_end_the_run_only_after_two_seconds() {
     assert_eq!(noticed("clock:skew=-3@0.5-0.53"), (None, true, Some(Truth::True)));
-    let lasting = job(&Value::Null).with_faults(&["clock:skew=-1.9@0.5".to_owned()]).unwrap();
+    let lasting = with_small_pictures(job(&Value::Null)).with_faults(&["clock:skew=-1.9@0.5".to_owned()]).unwrap();
     let (_folder, done) = played(&lasting);
     assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CameraStale), "{}", done.report.reason);
     assert!((2.4..2.7).contains(&done.report.plate_time_s), "{} s", done.report.plate_time_s);
@@ -161,7 +168,7 @@ fn faults_that_pass_are_waited_for_and_the_run_completes_truly() {
 
 #[test]
 fn completed_run_whose_parts_truly_are_elsewhere_is_a_false_success() {
-    let (_folder, RunResult { report, .. }) = run_of(&Value::Null);
+    let report = &PLAIN.1.report;
     let displaced = |by_mm: f64| {
         let mut report = report.clone();
         let part = &mut report.parts[1];
@@ -173,7 +180,7 @@ fn completed_run_whose_parts_truly_are_elsewhere_is_a_false_success() {
     let path = |x: f64, y: f64| json!({"waypoints_mm": [[x, y], [x, y + 20.0]], "speed_mm_s": 20, "repeat": 0});
     let endless = json!({"type": "trajectories", "paths": [path(30.0, -10.0), path(-30.0, -10.0)]});
     for job in [arrange, job_of(&endless, &Value::Null)] {
-        assert_eq!(verdict(&job, &report), Some(Truth::True));
+        assert_eq!(verdict(&job, report), Some(Truth::True));
         assert_eq!(verdict(&job, &displaced(5.0)), Some(Truth::FalseSuccess));
         let failed = Report { outcome: Outcome::Failed, ..displaced(5.0) };
         assert_eq!(verdict(&job, &failed), Some(Truth::True), "it does not say that it is done");

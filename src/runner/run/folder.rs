@@ -24,19 +24,11 @@ pub(super) const TRUTH_FILE: &str = "truth.jsonl";
 #[derive(Clone, Debug)]
 pub struct RunFolder(PathBuf);
 
-/// Files present in a run folder. `effective.json` and `report.json` are complete if present; a journal may end in an
-/// incomplete line, and a recording anywhere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FolderState {
-    /// `effective.json`, written just before the run begins.
-    pub effective: bool,
-    /// `journal.jsonl`.
-    pub journal: bool,
-    /// `run.rrd`.
-    pub rrd: bool,
-    /// `report.json`, written when the run is over.
-    pub report: bool,
-}
+/// Files of a run folder. `effective.json`, written just before the run begins, and `report.json`, written when it is
+/// over, are complete if present; the journal may end in an incomplete line, and the recording anywhere.
+const FILES: [&str; 4] = ["effective.json", "journal.jsonl", "run.rrd", REPORT_FILE];
+/// The report of a run.
+const REPORT_FILE: &str = "report.json";
 
 impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
@@ -61,15 +53,15 @@ impl RunFolder {
         fs::symlink_metadata(path).is_ok_and(|found| found.is_dir()).then(|| Self(path.to_owned()))
     }
 
-    /// Files present in the folder.
-    pub fn state(&self) -> FolderState {
-        let has = |name: &str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
-        FolderState {
-            effective: has("effective.json"),
-            journal: has("journal.jsonl"),
-            rrd: has("run.rrd"),
-            report: has("report.json"),
-        }
+    /// Files of a run that the folder has.
+    pub fn files(&self) -> Vec<&'static str> {
+        let has = |name: &&str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
+        FILES.into_iter().filter(has).collect()
+    }
+
+    /// True once the run is over.
+    pub(super) fn has_report(&self) -> bool {
+        self.files().contains(&REPORT_FILE)
     }
 
     /// Path of the folder.
@@ -83,13 +75,14 @@ impl RunFolder {
 
     /// Writes `effective.json`: the version, the camera, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
-        let effective = job.effective_with_library(library.to_members());
-        let version = env!("CARGO_PKG_VERSION");
+        let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
+        // a run can be repeated from it without any other file
+        effective["library"] = library.to_members().into();
         self.write_json("effective.json", &json!({ "version": version, "camera": job.camera, "job": effective }))
     }
 
     pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
-        self.write_json("report.json", report)
+        self.write_json(REPORT_FILE, report)
     }
 
     pub(super) fn journal(&self, recording_options: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
@@ -172,10 +165,10 @@ mod tests {
     fn reopened_folder_reports_the_files_in_it() {
         let out = tempfile::TempDir::new().unwrap();
         let folder = RunFolder::reopen(out.path()).unwrap();
-        assert_eq!(folder.state(), FolderState::default());
+        assert!(folder.files().is_empty());
         folder.write_json("report.json", &1).unwrap();
         fs::create_dir(out.path().join("run.rrd")).unwrap();
-        assert_eq!(folder.state(), FolderState { report: true, ..FolderState::default() });
+        assert_eq!(folder.files(), ["report.json"]);
     }
 
     #[test]

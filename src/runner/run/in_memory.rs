@@ -5,7 +5,6 @@ use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
 use super::planner_selection::PlannerSelection;
-use super::play;
 use super::setup::{RunSetup, TruthInJobOrder};
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
@@ -75,12 +74,11 @@ impl<'a> InMemoryRun<'a> {
 
     /// As [`Self::run`]; `watcher` receives all facts.
     pub fn run_watched(self, watcher: &mut dyn Sink) -> Report {
-        let Self { job, library, mut setup, has_own_task } = self;
-        let mut notes = ReportSinks::of(&setup);
-        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let mut sinks = notes.sinks().with(watcher);
-        let finish = play(&mut setup, &library, None, &mut sinks, &StoppedClock, &stop, &give_way);
-        notes.report(job, &setup, finish, has_own_task)
+        let play = |setup: &mut RunSetup, library: &_, sinks: &mut Fanout<'_>| {
+            let never = AtomicBool::new(false);
+            setup.play(library, None, sinks, &StoppedClock, &never, &never)
+        };
+        self.finish(|rig| rig, play, watcher).0
     }
 
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
@@ -89,50 +87,39 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// A job with faults, since only the simulated rig has them.
     pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
-        let Self { job, library, setup, has_own_task } = self;
-        if !setup.faults.is_empty() {
-            let found = counted(setup.faults.len(), "fault");
-            return Err(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's").into());
+        if !self.setup.faults.is_empty() {
+            let found = counted(self.setup.faults.len(), "fault");
+            return Err(Diagnostic::new(&self.job.file, "faults", found, "none on a rig of the caller's").into());
         }
-        let (mut notes, mut setup) = (ReportSinks::of(&setup), setup.with_rig(make));
-        let (stop, give_way) = (AtomicBool::new(false), AtomicBool::new(false));
-        let RunSetup { rig, model, task, params, .. } = &mut setup;
-        let mut sinks = notes.sinks();
-        let clock = &StoppedClock;
-        let devices = RunIo { rig, model, sink: &mut sinks, clock, stop: &stop, give_way: &give_way };
-        let finish = control::run(devices, &library, task.as_mut(), params);
-        let report = notes.report(job, &setup, finish, has_own_task);
-        Ok((report, setup.rig))
-    }
-}
-
-/// Sinks that the report is made from.
-struct ReportSinks {
-    named: TruthInJobOrder,
-    stats: RunStats,
-}
-
-impl ReportSinks {
-    fn of(setup: &RunSetup) -> Self {
-        let (named, stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
-        Self { named, stats }
+        let play = |setup: &mut RunSetup<R>, library: &_, sink: &mut Fanout<'_>| {
+            let (RunSetup { rig, model, task, params, .. }, never) = (setup, AtomicBool::new(false));
+            let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never };
+            control::run(devices, library, task.as_mut(), params)
+        };
+        Ok(self.finish(make, play, &mut Fanout::new()))
     }
 
-    fn sinks(&mut self) -> Fanout<'_> {
-        Fanout::new().with(&mut self.named).with(&mut self.stats)
-    }
-
-    fn report<R: Rig>(&self, job: &JobSpec, setup: &RunSetup<R>, finish: FinalState, has_own_task: bool) -> Report {
-        let ending = ending(job, Some(setup), finish, 0.0);
-        let report = self.stats.report(ending);
-        let verdict = if has_own_task { None } else { verdict(job, &report) };
-        Report { verdict, ..report }
+    fn finish<R: Rig>(
+        self,
+        make: impl FnOnce(SimRig) -> R,
+        play: impl FnOnce(&mut RunSetup<R>, &Arc<Library>, &mut Fanout<'_>) -> FinalState,
+        watcher: &mut dyn Sink,
+    ) -> (Report, R) {
+        let Self { job, library, setup, has_own_task } = self;
+        let mut setup = setup.with_rig(make);
+        let (mut named, mut stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
+        let mut sinks = Fanout::new().with(&mut named).with(&mut stats).with(watcher);
+        let finish = play(&mut setup, &library, &mut sinks);
+        let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));
+        report.verdict = if has_own_task { None } else { verdict(job, &report) };
+        (report, setup.rig)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+    use std::sync::LazyLock;
 
     use serde_json::{Value, json};
 
@@ -143,7 +130,7 @@ mod tests {
     use upm_core::job::{CameraMode, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
     use upm_planning::task::Setpoints;
-    use upm_recording::{MemorySink, RecordingOptions, RerunMode};
+    use upm_recording::{RecordingOptions, RerunMode};
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -154,6 +141,9 @@ mod tests {
         let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
         JobSpec::from_json(&text.to_string(), &Origin::of_file(&file), None).unwrap()
     }
+
+    /// Report of a run in memory of the job without faults.
+    static PLAIN: LazyLock<Report> = LazyLock::new(|| InMemoryRun::new(&job(json!([]))).unwrap().run());
 
     fn dropped_frames() -> Value {
         json!([{"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2}])
@@ -168,7 +158,7 @@ mod tests {
             real_time: false,
             recording_options: RecordingOptions::lossless(MonotonicClock::new()),
         };
-        let mut sink = MemorySink::default();
+        let mut sink = Fanout::new();
         let stop = AtomicBool::new(false);
         run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
             .unwrap()
@@ -178,7 +168,8 @@ mod tests {
     #[test]
     fn report_of_a_run_in_memory_is_that_of_a_run_with_a_folder() {
         for job in [job(json!([])), job(dropped_frames()), job(dropped_frames()).with_camera(CameraMode::Positions)] {
-            let report = InMemoryRun::new(&job).unwrap().run();
+            let has_faults = !job.faults.is_empty();
+            let report = if has_faults { InMemoryRun::new(&job).unwrap().run() } else { PLAIN.clone() };
             assert_eq!((report.outcome, report.camera), (Outcome::Completed, job.camera), "{}", report.reason);
             let out = tempfile::TempDir::new().unwrap();
             assert_eq!(report, written(&job, out.path()));
@@ -191,10 +182,10 @@ mod tests {
     #[test]
     fn run_without_pixels_takes_the_same_time_and_sees_what_is_hidden_as_hidden() {
         let run = |job: JobSpec| InMemoryRun::new(&job).unwrap().run();
-        let (pixels, positions) = (run(job(json!([]))), run(job(json!([])).with_camera(CameraMode::Positions)));
+        let (pixels, positions) = (&*PLAIN, run(job(json!([])).with_camera(CameraMode::Positions)));
         assert_eq!(pixels.pulses, positions.pulses);
         assert!((pixels.plate_time_s - positions.plate_time_s).abs() < 0.5, "{}", positions.plate_time_s);
-        let [off, seen_off] = [&positions, &pixels].map(|report| report.sensing_rms_error_at_rest_mm.unwrap());
+        let [off, seen_off] = [&positions, pixels].map(|report| report.sensing_rms_error_at_rest_mm.unwrap());
         assert!((0.5..2.0).contains(&(off / seen_off)), "{off} mm, in pictures {seen_off} mm");
         let covered = |to_s: f64| {
             let fault = json!([{"component": "view", "kind": "hand", "value": 0.5, "from_s": 0.5, "to_s": to_s}]);
@@ -213,7 +204,7 @@ mod tests {
     fn run_on_the_simulated_rig_itself_is_the_same_run() {
         let job = job(json!([]));
         let (report, rig) = InMemoryRun::new(&job).unwrap().run_on(|rig| rig).unwrap();
-        assert_eq!(report, InMemoryRun::new(&job).unwrap().run());
+        assert_eq!(report, *PLAIN);
         assert!((rig.now().secs() - report.plate_time_s).abs() < 1e-4, "{} s", rig.now().secs());
     }
 

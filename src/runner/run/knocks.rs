@@ -41,7 +41,7 @@ mod tests {
     use super::*;
     use crate::config::JobSpec;
     use upm_control::{CycleFacts, RunIo, Sink};
-    use upm_core::job::Outcome;
+    use upm_core::job::{CameraMode, Outcome};
     use upm_core::rig::Rig;
     use upm_core::time::MonotonicClock;
     use upm_planning::cor_library::Library;
@@ -49,7 +49,7 @@ mod tests {
 
     fn hold_4(seed: u64) -> (JobSpec, Arc<Library>) {
         let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/hold-4.json"));
-        let job = JobSpec::load(path).unwrap().with_seed(seed);
+        let job = JobSpec::load(path).unwrap().with_seed(seed).with_camera(CameraMode::Positions);
         let library = job_library(&job).unwrap();
         (job, library)
     }
@@ -93,7 +93,7 @@ mod tests {
     struct Corrections(usize);
 
     impl Sink for Corrections {
-        fn cycle(&mut self, facts: &CycleFacts<'_>) {
+        fn cycle(&mut self, facts: &CycleFacts) {
             self.0 += usize::from(!facts.plan.pulses.is_empty());
         }
     }

@@ -2,6 +2,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
 
+use super::testing::with_small_pictures;
 use super::*;
 use crate::config::Origin;
 use upm_control::PulseFacts;
@@ -58,7 +59,7 @@ impl Rig for MaskedRig<'_> {
 struct FirstCycle(u64);
 
 impl Sink for FirstCycle {
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
+    fn pulse(&mut self, facts: &PulseFacts) {
         self.0 += u64::from(facts.cycle == 0);
     }
 }
@@ -70,7 +71,7 @@ fn first_cycle(blind_from: Option<u64>) -> (u64, FinalState, f64) {
     let file = root.join("configs/arrange-4.json");
     let mut job: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
     job["planner"] = json!("cor_sequence");
-    let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+    let job = with_small_pictures(JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap());
     let library = job_library(&job).unwrap();
     let RunSetup { mut rig, model, mut task, mut params, .. } = RunSetup::new(&job, &library).unwrap();
     params.time_limit_s = 8.0;

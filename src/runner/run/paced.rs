@@ -34,38 +34,17 @@ pub(super) struct RealTimeRig<'a> {
     rig: &'a mut dyn Rig,
     pace: PaceClock<'a>,
     period: Duration,
-    /// Reading of the clock at plate time zero, extrapolated from the present offset.
-    epoch: Option<Epoch>,
+    /// Reading of the clock at plate time zero, ns, extrapolated from the present offset; negative if the plate's time
+    /// began before the clock's.
+    epoch_ns: Option<i128>,
     driving_until: PlateTime,
-}
-
-/// Reading of the clock at plate time zero, ns; negative if the plate's time began before the clock's.
-#[derive(Clone, Copy)]
-struct Epoch(i128);
-
-impl Epoch {
-    fn of(elapsed: Duration, now: PlateTime) -> Self {
-        Self(elapsed.as_nanos() as i128 - i128::from(now.nanos()))
-    }
-
-    /// The epoch after a delay of plate time.
-    fn later(self, by: Duration) -> Self {
-        Self(self.0 + by.as_nanos() as i128)
-    }
-
-    /// Delay of plate time `now` against the clock, and its lead; at least one of them is zero.
-    fn late_and_early(self, elapsed: Duration, now: PlateTime) -> (Duration, Duration) {
-        let late_ns = elapsed.as_nanos() as i128 - self.0 - i128::from(now.nanos());
-        let up = |nanos: i128| Duration::from_nanos(u64::try_from(nanos.max(0)).unwrap_or(u64::MAX));
-        (up(late_ns), up(-late_ns))
-    }
 }
 
 impl<'a> RealTimeRig<'a> {
     pub(super) fn new(rig: &'a mut dyn Rig, pace: PaceClock<'a>) -> Self {
         pace.interlock.set_driver_thread();
         let period = Duration::try_from_secs_f64(1.0 / pace.frame_hz).unwrap_or(Duration::MAX);
-        Self { rig, pace, period, epoch: None, driving_until: PlateTime::ZERO }
+        Self { rig, pace, period, epoch_ns: None, driving_until: PlateTime::ZERO }
     }
 
     /// Accounts for a delay before the rig continues.
@@ -83,7 +62,7 @@ impl<'a> RealTimeRig<'a> {
         }
         let behind = self.late();
         if behind > self.period {
-            self.epoch = self.epoch.map(|epoch| epoch.later(behind));
+            self.epoch_ns = self.epoch_ns.map(|epoch_ns| epoch_ns + behind.as_nanos() as i128);
             self.pace.stats.fall_behind(behind);
         }
         Ok(())
@@ -91,16 +70,21 @@ impl<'a> RealTimeRig<'a> {
 
     /// Delay of plate time against the clock; zero at first.
     fn late(&mut self) -> Duration {
-        let (elapsed, now) = (self.pace.clock.elapsed(), self.rig.now());
-        self.epoch.get_or_insert(Epoch::of(elapsed, now)).late_and_early(elapsed, now).0
+        let ahead_ns = self.ahead_ns(self.pace.clock.elapsed());
+        time(ahead_ns - *self.epoch_ns.get_or_insert(ahead_ns))
+    }
+
+    /// Reading of the clock, less plate time, ns.
+    fn ahead_ns(&self, elapsed: Duration) -> i128 {
+        elapsed.as_nanos() as i128 - i128::from(self.rig.now().nanos())
     }
 
     /// Waits until the clock reaches plate time. A trip ends the wait, and so does a clock that does not advance.
     fn wait(&self) {
-        let Some(epoch) = self.epoch else { return };
+        let Some(epoch_ns) = self.epoch_ns else { return };
         let mut elapsed = self.pace.clock.elapsed();
         while self.pace.interlock.tripped().is_none() {
-            let (_, early) = epoch.late_and_early(elapsed, self.rig.now());
+            let early = time(epoch_ns - self.ahead_ns(elapsed));
             if early.is_zero() {
                 return;
             }
@@ -186,9 +170,9 @@ impl PacingStats {
     /// The figures of a run before which `missed_before` deadlines were missed.
     pub(super) fn report(&self, missed_before: u64) -> PacingReport {
         PacingReport {
-            deadline_misses: self.misses().saturating_sub(missed_before),
-            worst_late_frames: self.worst_frames(),
-            behind_s: rounded(self.behind().as_secs_f64()),
+            deadline_misses: Some(self.misses().saturating_sub(missed_before)),
+            worst_late_frames: Some(self.worst_frames()),
+            behind_s: Some(rounded(self.behind().as_secs_f64())),
         }
     }
 
@@ -206,12 +190,13 @@ impl PacingStats {
 
     /// Adds a delay during which the plate waited for control.
     pub(super) fn fall_behind(&self, by: Duration) {
-        self.behind_ns.fetch_add(nanos(by), Ordering::Relaxed);
+        self.behind_ns.fetch_add(u64::try_from(by.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
     }
 }
 
-fn nanos(time: Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+/// A time of `ns`; zero where that is negative.
+fn time(ns: i128) -> Duration {
+    Duration::from_nanos(u64::try_from(ns.max(0)).unwrap_or(u64::MAX))
 }
 
 #[cfg(test)]

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::in_memory::InMemoryRun;
-use super::planner_selection::{PlannerSelection, SelectionReason};
+use super::planner_selection::PlannerSelection;
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlannerChoice, TaskSpec};
 use upm_core::job::{CameraMode, Outcome};
 use upm_planning::cor_library::Library;
+use upm_planning::planner::PlanningMethod;
 use upm_recording::Verdict;
 
 /// Most parts for which rotations can be as fast as fields.
@@ -27,24 +28,24 @@ impl PlannerSelection {
     /// Selects the planner of `job`; where several parts could go either way, by a run of each without pixels.
     pub fn with_forecast(job: &JobSpec, library: &Arc<Library>) -> Self {
         let selection = Self::of(job);
-        let SelectionReason::SeveralParts { parts } = selection.reason else { return selection };
+        let parts: usize = job.parts.iter().map(|group| group.count).sum();
+        let is_open = job.planner == PlannerChoice::Auto && selection.method == PlanningMethod::SynthesizedField;
         let has_targets = matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. });
-        if parts > NEAR || !has_targets {
+        if !is_open || parts > NEAR || !has_targets {
             return selection;
         }
         let time_s = |planner| predicted_time_s(&job.clone().with_planner(planner), library);
-        let chosen = |planner, time_s, other_s| {
-            let reason = SelectionReason::Forecast { time_s, other_s };
-            Self { reason, ..Self::of(&job.clone().with_planner(planner)) }
+        let forecast = |method, time_s: f64, other_s: Option<f64>| {
+            let other = other_s.map(|other_s| format!("the other {other_s:.1} s"));
+            let other = other.unwrap_or("and the other does not reach the goal".to_owned());
+            Self::new(job, method, "forecast", format!("by forecast it takes {time_s:.1} s of plate time, {other}"))
         };
         match (time_s(PlannerChoice::SynthesizedField), time_s(PlannerChoice::CorSequence)) {
-            (None, None) => selection,
-            (None, Some(time_s)) => chosen(PlannerChoice::CorSequence, time_s, None),
-            (Some(time_s), None) => chosen(PlannerChoice::SynthesizedField, time_s, None),
-            (Some(fields_s), Some(rotations_s)) if rotations_s < fields_s => {
-                chosen(PlannerChoice::CorSequence, rotations_s, Some(fields_s))
+            (Some(fields_s), rotations_s) if rotations_s.is_none_or(|rotations_s| fields_s <= rotations_s) => {
+                forecast(PlanningMethod::SynthesizedField, fields_s, rotations_s)
             }
-            (Some(fields_s), Some(rotations_s)) => chosen(PlannerChoice::SynthesizedField, fields_s, Some(rotations_s)),
+            (fields_s, Some(rotations_s)) => forecast(PlanningMethod::CorSequence, rotations_s, fields_s),
+            _ => selection,
         }
     }
 }

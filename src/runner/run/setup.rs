@@ -18,7 +18,6 @@ use upm_planning::task::{
 };
 use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
-use upm_viewer::PartAppearance;
 
 /// Longest step of a part in one cycle, m.
 const LONGEST_STEP_M: f64 = 8e-3;
@@ -105,19 +104,6 @@ impl<R: Rig> RunSetup<R> {
     /// Handle on the true positions.
     pub fn truth(&self) -> GroundTruthHandle {
         self.truth.clone()
-    }
-
-    /// Appearance of the parts in a recording.
-    pub fn part_appearances(&self) -> Vec<PartAppearance> {
-        let expected_disc = |part: &ExpectedPart| {
-            let kind = self.params.kinds.get(part.kind);
-            PartAppearance {
-                id: part.id.clone(),
-                kind: kind.map(|kind| kind.name.clone()).unwrap_or_default(),
-                radius_m: kind.map_or(0.0, |kind| kind.radius_m),
-            }
-        };
-        self.params.parts.iter().map(expected_disc).collect()
     }
 }
 

@@ -61,7 +61,7 @@ impl<F: FnMut()> Sink for InPulse<F> {
         }
     }
 
-    fn pulse(&mut self, _: &PulseFacts<'_>) {
+    fn pulse(&mut self, _: &PulseFacts) {
         self.pulses += 1;
         self.frames = 0;
     }
@@ -159,7 +159,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     let answer = plate.interlock.stop_times().unwrap();
     assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
-    assert_eq!(stopped.report.pacing, None);
+    assert_eq!(stopped.report.pacing, upm_recording::PacingReport::default());
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
 }
 
@@ -189,8 +189,8 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.stop_times().unwrap();
     assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
-    let pacing = stopped.report.pacing.unwrap();
-    assert!(pacing.deadline_misses == 1 && pacing.worst_late_frames > 10, "{pacing:?}");
+    let pacing = stopped.report.pacing;
+    assert!(pacing.deadline_misses == Some(1) && pacing.worst_late_frames > Some(10), "{pacing:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
 }
 
@@ -200,9 +200,9 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let stand_still = || plate.clock.ahead_ns.store(8_000_000_000, Ordering::Relaxed);
     let stalled = StopRecord::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
     let report = &stalled.report;
-    let pacing = report.pacing.unwrap();
-    assert_eq!((report.outcome, pacing.deadline_misses, &report.stop), (Outcome::Completed, 1, &None));
-    let behind_s = pacing.behind_s;
+    let pacing = report.pacing;
+    assert_eq!((report.outcome, pacing.deadline_misses, &report.stop), (Outcome::Completed, Some(1), &None));
+    let behind_s = pacing.behind_s.unwrap();
     assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
     assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
     assert_eq!(plate.interlock.tripped(), None);
@@ -214,7 +214,7 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let effective = std::fs::read_to_string(fast.folder().join("effective.json")).unwrap();
     let effective: Value = serde_json::from_str(&effective).unwrap();
     assert_eq!(effective["job"]["deadlines"], "strict");
-    assert_eq!(fast.report.pacing, None, "there was no clock to keep to");
+    assert_eq!(fast.report.pacing, upm_recording::PacingReport::default(), "there was no clock to keep to");
 }
 
 #[test]
@@ -225,8 +225,8 @@ fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
     let reason = RunEnd::from(RigFault::Stopped(Trip::EStop)).reason;
     assert_eq!((stopped.report.outcome, &stopped.report.reason), (Outcome::Cancelled, &reason));
     assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.frames), ([reason].as_slice(), 0, 0));
-    let state = RunFolder::reopen(&stopped.folder()).unwrap().state();
-    assert_eq!(state, FolderState { effective: true, journal: true, report: true, ..FolderState::default() });
+    let files = RunFolder::reopen(&stopped.folder()).unwrap().files();
+    assert_eq!(files, ["effective.json", "journal.jsonl", "report.json"]);
 }
 
 #[test]
@@ -235,7 +235,7 @@ fn a_cause_that_comes_too_late_changes_nothing() {
     let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
     let cause = || Some(ExternalStop::of(StopCause::Cancelled, "late"));
     let controls = plate.controls(&cause);
-    let mut heard = upm_recording::MemorySink::default();
+    let mut heard = upm_recording::Fanout::new();
     controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::completed("all in place"));
     finish.ending = RunEnd::stopped();
@@ -254,7 +254,7 @@ fn impossible_job_is_reported_beforehand_and_leaves_its_reason() {
     let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
-    let mut watcher = upm_recording::MemorySink::default();
+    let mut watcher = upm_recording::Fanout::new();
     let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(done.is_err_and(|error| error.is_bad_input()));
     let report: Report = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
@@ -267,7 +267,7 @@ fn one_interlock_serves_one_run_at_a_time() {
     let busy = plate.interlock.attach(PlateTime::ZERO).unwrap();
     let job = job();
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
-    let mut watcher = upm_recording::MemorySink::default();
+    let mut watcher = upm_recording::Fanout::new();
     let library = job_library(&job).unwrap();
     let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");

@@ -21,6 +21,16 @@ pub(super) fn options(out: &TempDir) -> RunOptions {
     }
 }
 
+/// The job under a camera with a quarter of the pixels, for runs that are not repeated from their folder.
+pub(super) fn with_small_pictures(mut job: JobSpec) -> JobSpec {
+    let camera = &mut job.rig.sim.camera;
+    camera.focal_px *= 0.5;
+    camera.principal_px = camera.principal_px.map(|px| px.map(|px| 0.5 * px));
+    camera.size_px = camera.size_px.map(|side| side / 2);
+    (job.rig.model.lens, job.rig.model.frame_size_px) = (camera.lens(), camera.size_px);
+    job
+}
+
 /// The job in `document`, as a file in `configs/`.
 pub(super) fn job_in_configs(document: &Value) -> JobSpec {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));

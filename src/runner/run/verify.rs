@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
 
-use super::{RunError, RunSetup, TruthInJobOrder, job_library, play};
+use super::{RunError, RunSetup, TruthInJobOrder, job_library};
 use crate::config::{Diagnostic, JobSpec, Origin, reason};
 use upm_control::Sink;
 use upm_core::job::{RecordingEnd, StopCause};
@@ -54,7 +54,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
     let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).after_frame(&mut end_if_stopped);
-    play(&mut setup, &library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
+    setup.play(&library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(repetition.verdict())

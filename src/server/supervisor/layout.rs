@@ -1,10 +1,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_core::geometry::Vec2;
-use upm_core::job::Bin;
+use upm_core::job::{Bin, LayoutPart, LayoutPath};
 use upm_core::units::{mm_from_m, places_mm};
-use upm_runner::config::{BinEntry, JobLayout, KindSpec, LayoutPart, LayoutPath, Region};
+use upm_runner::config::{JobLayout, KindSpec};
 
 /// The layout of a job on its plate, from its file. It never changes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -14,7 +13,7 @@ pub struct LayoutView {
     /// Target position of each part, mm; empty for a task without target positions.
     pub targets_mm: Vec<[f64; 2]>,
     /// The bins, with positions in mm from the plate's centre.
-    pub bins: Vec<BinEntry>,
+    pub bins: Vec<Bin>,
     /// Paths that parts shall follow.
     pub paths: Vec<LayoutPathView>,
     /// True for a job that ends only at its plate time limit.
@@ -51,17 +50,12 @@ impl LayoutPartView {
 impl From<JobLayout> for LayoutView {
     fn from(layout: JobLayout) -> Self {
         let part = |part: LayoutPart| LayoutPartView { kind: part.kind, radius_mm: mm_from_m(part.radius_m) };
-        let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
-        let bin = |bin: Bin| {
-            let region_mm = Region { min: corner_mm(bin.min_m), max: corner_mm(bin.max_m) };
-            BinEntry { kinds: bin.kinds, region_mm }
-        };
         let path =
             |LayoutPath { waypoints_m, closed, .. }| LayoutPathView { waypoints_mm: places_mm(&waypoints_m), closed };
         Self {
             parts: layout.parts.into_iter().map(part).collect(),
             targets_mm: places_mm(&layout.targets_m),
-            bins: layout.bins.into_iter().map(bin).collect(),
+            bins: layout.bins,
             paths: layout.paths.into_iter().map(path).collect(),
             endless: layout.endless,
         }

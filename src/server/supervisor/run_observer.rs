@@ -1,10 +1,7 @@
 use super::draw::OverlayMark;
 use crate::states::PlateCondition;
 use crate::supervisor::{Plate, PlateHandle};
-use upm_control::{
-    ConditionChange, ConditionFacts, CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts,
-    Sink,
-};
+use upm_control::{ConditionChange, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
@@ -64,33 +61,24 @@ impl Sink for RunObserver<'_> {
         self.shared.preview.offer(facts.frame, || self.marks(facts.tracks), now);
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         self.targets_m.clone_from(&facts.wanted.targets_m);
         self.observation.targets_mm = places_mm(&self.targets_m);
         self.observation.progress = facts.wanted.progress.clamp(0.0, 1.0);
         self.observation.phase.clone_from(&facts.wanted.phase);
     }
 
-    fn event(&mut self, _at: PlateTime, level: EventLevel, _text: &str) {
+    fn event(&mut self, event: &EventFacts) {
         // a journal that fails is reported as an error, and ends the run
-        if level == EventLevel::Error {
+        if event.level == EventLevel::Error || matches!(event.kind, EventKind::RunEnded { .. }) {
             self.shared.job.heartbeat.end();
         }
-    }
-
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        let ConditionFacts { condition, reason, .. } = *facts;
-        self.observation.conditions.retain(|held| held.code != condition.code());
-        if facts.change == ConditionChange::Began {
-            let (code, remedy) = (condition.code().to_owned(), condition.remedy().to_owned());
-            self.observation.conditions.push(PlateCondition { code, reason: reason.to_owned(), remedy });
+        if let EventKind::Condition { condition, change, reason } = &event.kind {
+            self.observation.conditions.retain(|held| held.code != condition.code());
+            if *change == ConditionChange::Began {
+                let (code, remedy) = (condition.code().to_owned(), condition.remedy().to_owned());
+                self.observation.conditions.push(PlateCondition { code, reason: reason.clone(), remedy });
+            }
         }
-    }
-
-    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
-        if matches!(facts.milestone, Milestone::RunEnded { .. }) {
-            self.shared.job.heartbeat.end();
-        }
-        self.event(facts.at, facts.level, facts.text);
     }
 }

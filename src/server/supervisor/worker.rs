@@ -19,7 +19,7 @@ use upm_core::thread_priority::raise_thread_priority;
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobLayout, JobSpec, Origin};
-use upm_runner::run::{FolderState, RunControls, RunFolder, RunOptions, RunResult, run_linked};
+use upm_runner::run::{RunControls, RunFolder, RunOptions, RunResult, run_linked};
 
 /// Interval at which an idle plate asks for work, unless it is woken.
 const IDLE: Duration = Duration::from_secs(1);
@@ -148,7 +148,7 @@ impl PlateWorker {
         }
         *shared.job.layout.lock() = Some(JobLayout::of(&job).into());
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
-        if folder.state() != FolderState::default() {
+        if !folder.files().is_empty() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
         }
         let real_time = row.pace == Pace::RealTime;

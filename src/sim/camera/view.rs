@@ -18,7 +18,11 @@ impl CameraProjection {
         let turned = Rotation3::from_axis_angle(&Vector3::x_axis(), about_x)
             * Rotation3::from_axis_angle(&Vector3::y_axis(), about_y)
             * Rotation3::from_axis_angle(&Vector3::z_axis(), about_axis);
-        Self { lens: params.lens, position_m: params.position_m, table_from_camera: looking_down * turned.into_inner() }
+        Self {
+            lens: params.lens(),
+            position_m: params.position_m,
+            table_from_camera: looking_down * turned.into_inner(),
+        }
     }
 
     /// Projection of a table point at `height_m` above the plate, px.
@@ -89,7 +93,8 @@ mod tests {
         let seen_at = |tilt_rad| {
             let mut params = scenes::small();
             (params.tilt_rad, params.position_m) = (tilt_rad, Vector3::new(0.0, 0.0, 0.5));
-            params.lens = Lens::ideal(1000.0, Vec2::zeros());
+            params = CameraParams { focal_px: 1000.0, principal_px: Some([0.0; 2]), ..params };
+            (params.radial, params.tangential) = ([0.0; 2], [0.0; 2]);
             CameraProjection::new(&params).image_from_table(Vec2::new(0.01, 0.0), 0.0)
         };
         let straight = seen_at([0.0; 3]);

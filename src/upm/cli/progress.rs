@@ -4,8 +4,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::args::Common;
-use upm_control::{Condition, ConditionChange, ConditionFacts, CycleFacts, EventLevel, LocalisedFacts, Sink};
-use upm_core::time::{Clock, MonotonicClock, PlateTime};
+use upm_control::{Condition, ConditionChange, CycleFacts, EventFacts, EventKind, EventLevel, LocalisedFacts, Sink};
+use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::run::PacingStats;
 
 /// Length of a bar: progress is counted in thousandths.
@@ -44,7 +44,7 @@ impl Sink for RunProgress<'_> {
         self.shown.show(0.0, || format!("table found, {} parts", facts.detections.len()));
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         let behind = behind(self.pacing.behind().as_secs_f64());
         let message = || format!("plate {:6.1} s{behind}  {}", facts.ended_at.secs(), facts.wanted.phase);
         self.shown.show(facts.wanted.progress, message);
@@ -54,21 +54,23 @@ impl Sink for RunProgress<'_> {
         self.shown.suspend(|| tracing::debug!(cycle, pulses, continues, plan_us, cycle_us, "planned and played"));
     }
 
-    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+    /// Reports a condition as a warning when it begins for the first time; its end and repetitions are information.
+    fn event(&mut self, event: &EventFacts) {
+        let EventFacts { at, text, .. } = event;
+        let is_known = |condition, change| change != ConditionChange::Began || self.warned.contains(condition);
+        let level = match &event.kind {
+            EventKind::Condition { condition, change, .. } if is_known(condition, *change) => EventLevel::Info,
+            EventKind::Condition { condition, .. } => {
+                self.warned.push(*condition);
+                EventLevel::Warning
+            }
+            _ => event.level,
+        };
         match level {
             EventLevel::Info => self.shown.suspend(|| tracing::info!("plate {at}: {text}")),
             EventLevel::Warning => self.shown.suspend(|| tracing::warn!("plate {at}: {text}")),
             EventLevel::Error => self.shown.suspend(|| tracing::error!("plate {at}: {text}")),
         }
-    }
-
-    /// Reports a condition as a warning when it begins for the first time; its end and repetitions are information.
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
-        let is_new = facts.change == ConditionChange::Began && !self.warned.contains(&facts.condition);
-        if is_new {
-            self.warned.push(facts.condition);
-        }
-        self.event(facts.at, if is_new { EventLevel::Warning } else { EventLevel::Info }, facts.text);
     }
 }
 
@@ -139,6 +141,7 @@ mod tests {
 
     use super::super::test_buffer::TestBuffer;
     use super::*;
+    use upm_core::time::PlateTime;
 
     #[test]
     fn long_work_without_a_terminal_gets_a_line_after_two_seconds_and_then_every_five() {
@@ -163,7 +166,9 @@ mod tests {
                 (0, ConditionChange::Began, "part 0 is slow again"),
             ] {
                 let (at, condition) = (PlateTime::from_secs(1.0), Condition::PartSlow { part });
-                progress.condition(&ConditionFacts { at, condition, change, reason: text, text });
+                let (level, reason) = (EventLevel::Warning, text.to_owned());
+                let kind = EventKind::Condition { condition, change, reason };
+                progress.event(&EventFacts { at, level, text: text.to_owned(), kind });
             }
         });
         let lines = page.lines();

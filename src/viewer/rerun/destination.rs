@@ -1,50 +1,19 @@
 use std::fs::File;
-use std::io::Write;
 use std::net::Ipv4Addr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rerun::SpawnOptions;
 use rerun::external::re_uri::ProxyUri;
 
-use super::file::RrdFile;
 use super::live::{Live, MessageSink};
 use crate::types::RecordingError;
-use upm_recording::RecordingHandle;
 use upm_recording::RerunMode;
 
-/// Destination of a recording: a file, and a viewer if there is one.
-pub(super) struct Destination {
-    out: Box<dyn Write + Send>,
-    path: PathBuf,
-    viewer: Option<Live>,
-    feed: Option<MessageSink>,
-}
-
-impl Destination {
-    /// Creates the file at `path` and opens the viewer of `mode`, if it has one.
-    pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<Self, RecordingError> {
-        let live = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
-        let (viewer, feed) = live.unzip();
-        let out = File::create(path);
-        let out = out.map_err(|e| RecordingError::Create { path: path.to_owned(), reason: e.to_string() })?;
-        Ok(Self { out: Box::new(out), path: path.to_owned(), viewer, feed })
-    }
-
-    /// A destination whose file is one at `path` behind `wrap`.
-    #[cfg(test)]
-    pub(super) fn wrapped<W: Write + Send + 'static>(path: &Path, wrap: impl FnOnce(File) -> W) -> Self {
-        let out = Box::new(wrap(File::create(path).unwrap()));
-        Self { out, path: path.to_owned(), viewer: None, feed: None }
-    }
-
-    /// Starts the file. Also returns its path for errors and the feeder of the viewer.
-    pub(super) fn start(self, handle: RecordingHandle) -> Result<(RrdFile, PathBuf, Option<Live>), RecordingError> {
-        let Self { out, path, viewer, feed } = self;
-        match RrdFile::new(out, feed, handle) {
-            Ok(file) => Ok((file, path, viewer)),
-            Err(reason) => Err(RecordingError::Write { path, reason }),
-        }
-    }
+/// Opens the viewer of `mode`, if it has one, and creates the file at `path`.
+pub(super) fn open(mode: &RerunMode, path: &Path) -> Result<(File, Option<(Live, MessageSink)>), RecordingError> {
+    let viewer = viewer_address(mode)?.map(Live::start).transpose().map_err(thread_fault)?;
+    let created = |e: std::io::Error| RecordingError::Create { path: path.to_owned(), reason: e.to_string() };
+    Ok((File::create(path).map_err(created)?, viewer))
 }
 
 pub(super) fn thread_fault(fault: std::io::Error) -> RecordingError {

@@ -3,12 +3,11 @@ use re_sdk_types::components::TextLogLevel;
 
 use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
-use upm_control::EventLevel;
+use upm_control::{CycleFacts, EventFacts, EventLevel};
 use upm_core::document::counted;
 use upm_core::units::mm_from_m;
 use upm_perception::vision::Table;
 use upm_planning::planner::PlanStatus;
-use upm_recording::{CycleRecord, EventRecord};
 
 /// The log of a run as text.
 #[derive(Default)]
@@ -28,7 +27,7 @@ impl LogView {
         log_line(stream, TextLogLevel::INFO, text)
     }
 
-    pub(super) fn planned(&mut self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+    pub(super) fn planned(&mut self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
         if cycle.wanted.phase != self.phase {
             self.phase.clone_from(&cycle.wanted.phase);
             log_line(stream, TextLogLevel::INFO, self.phase.clone())?;
@@ -44,7 +43,7 @@ impl LogView {
         log_line(stream, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
     }
 
-    pub(super) fn event(&self, stream: &RunStream, event: &EventRecord) -> LogResult {
+    pub(super) fn event(&self, stream: &RunStream, event: &EventFacts) -> LogResult {
         let level = match event.level {
             EventLevel::Info => TextLogLevel::INFO,
             EventLevel::Warning => TextLogLevel::WARN,

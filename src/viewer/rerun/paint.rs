@@ -3,9 +3,9 @@
 use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
 use re_sdk_types::components::{Color, LineStrip2D, Radius};
 
-use crate::types::PartAppearance;
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
+use upm_core::job::LayoutPart;
 use upm_core::units::mm_from_m;
 
 /// Red, green and blue.
@@ -36,7 +36,7 @@ pub(super) fn color([r, g, b]: Rgb) -> Color {
 }
 
 /// Colours of the parts of a job and of their kinds.
-pub(super) fn palette(parts: &[PartAppearance]) -> Palette {
+pub(super) fn palette(parts: &[LayoutPart]) -> Palette {
     Palette::of(&parts.iter().map(|part| part.kind.as_str()).collect::<Vec<_>>(), Ground::Dark)
 }
 
@@ -66,7 +66,7 @@ pub(super) fn in_half_frame(p_px: Vec2) -> [f32; 2] {
 }
 
 /// The names of `parts` in these colours, without their places.
-pub(super) fn names(parts: &[PartAppearance], colors: Vec<Color>) -> Points2D {
+pub(super) fn names(parts: &[LayoutPart], colors: Vec<Color>) -> Points2D {
     Points2D::update_fields()
         .with_labels(parts.iter().map(|part| part.id.as_str()))
         .with_show_labels(true)

@@ -1,14 +1,14 @@
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
-use super::observation::Observation;
 use super::paint;
+use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
+use upm_control::CycleFacts;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
 use upm_core::units::mm_from_m;
 use upm_planning::planner::PlannedPulse;
-use upm_recording::CycleRecord;
 
 /// Plots with one line for each part.
 const BY_PART: [&str; 5] = [
@@ -56,7 +56,7 @@ impl Plots {
     }
 
     /// Logs the errors at the observation that starts a cycle, and its plan.
-    pub(super) fn planned(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+    pub(super) fn planned(&self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
         log_each(stream, "errors/to_target_mm", distances_mm(&cycle.observed_m, &cycle.wanted.targets_m))?;
         log_each(stream, "errors/cross_track_mm", cycle.wanted.cross_track_m.iter().map(|&off_m| mm_from_m(off_m)))?;
         let pulses = &cycle.plan.pulses;
@@ -81,7 +81,7 @@ impl Plots {
     }
 
     /// Logs the result of a cycle and its timing.
-    pub(super) fn ended(&mut self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+    pub(super) fn ended(&mut self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
         log_each(stream, "errors/to_subgoal_mm", distances_mm(&cycle.result_m, &cycle.wanted.subgoals_m))?;
         if let Some(predicted_m) = cycle.plan.predicted_m.last() {
             log_each(stream, "errors/of_prediction_mm", distances_mm(&cycle.result_m, predicted_m))?;

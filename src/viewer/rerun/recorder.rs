@@ -4,16 +4,17 @@ use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
 use super::log_view::LogView;
-use super::observation::Observation;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
 use super::signals;
 use super::table::TableView;
 use crate::types::RunContext;
+use upm_control::{CycleFacts, EventFacts, PulseFacts};
 use upm_core::background::{Receiver, RecvTimeoutError};
+use upm_core::geometry::Vec2;
+use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_perception::vision::Table;
-use upm_recording::{CycleRecord, EventRecord, PulseRecord};
+use upm_perception::vision::{Table, Track};
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
 /// one series is sent because it is large, all others wait for another [`GATHER`](super::run_stream::GATHER), and so on
@@ -24,22 +25,32 @@ const FLUSH: Duration = Duration::from_millis(200);
 /// Time for which the recorder waits for a message before it checks the clock.
 const LISTEN: Duration = Duration::from_millis(50);
 
+/// The parts as seen in one frame.
+pub(super) struct Observation {
+    pub(super) at: PlateTime,
+    pub(super) tracks: Vec<Track>,
+    /// True positions, m; empty on a rig without ground truth.
+    pub(super) true_m: Vec<Vec2>,
+    /// Frames tracked since the last observation, and the total time of tracking, µs.
+    pub(super) tracked: (u32, f64),
+    /// The frame, at the start of a cycle.
+    pub(super) frame: Option<Frame>,
+}
+
+impl Observation {
+    /// Measured positions, m.
+    pub(super) fn measured_m(&self) -> Vec<Vec2> {
+        self.tracks.iter().map(|track| track.seen.position_m).collect()
+    }
+}
+
 /// A message from the control loop's thread.
 pub(super) enum Message {
     Localised { at: PlateTime, table: Box<Table>, found: usize },
     Observation(Box<Observation>),
-    Pulse(Box<PulseRecord>),
-    Cycle(Box<CycleRecord>),
-    Event(EventRecord),
-}
-
-/// Inputs of the recorder thread.
-pub(super) struct RecorderInput {
-    pub(super) messages: Receiver<Message>,
-    pub(super) clock: MonotonicClock,
-    pub(super) file: RrdFile,
-    /// True when the run waits for a recorder that lags.
-    pub(super) run_waits: bool,
+    Pulse(Box<PulseFacts>),
+    Cycle(Box<CycleFacts>),
+    Event(EventFacts),
 }
 
 /// The state of the thread that turns facts into log entries.
@@ -67,9 +78,14 @@ impl Recorder {
     }
 
     /// Logs every message until the sender is gone. After a fault the remaining messages are discarded, so that the
-    /// sender never blocks.
-    pub(super) fn run(mut self, input: &RecorderInput) -> LogResult {
-        let RecorderInput { messages, clock, file, .. } = input;
+    /// sender never blocks. `run_waits` when the recorder lags.
+    pub(super) fn run(
+        mut self,
+        messages: &Receiver<Message>,
+        clock: MonotonicClock,
+        file: &RrdFile,
+        run_waits: bool,
+    ) -> LogResult {
         let mut recorded = Ok(());
         let mut sent_on_at = clock.elapsed();
         loop {
@@ -84,7 +100,7 @@ impl Recorder {
             let now = clock.elapsed();
             if now.saturating_sub(sent_on_at) >= FLUSH {
                 sent_on_at = now;
-                let send = if input.run_waits { RunStream::flush } else { RunStream::flush_async };
+                let send = if run_waits { RunStream::flush } else { RunStream::flush_async };
                 recorded = recorded.and_then(|()| send(&self.stream));
             }
         }

@@ -2,9 +2,9 @@ use re_sdk_types::archetypes::{SeriesLines, SeriesPoints};
 
 use super::paint;
 use super::run_stream::{LogResult, RunStream, nanos};
+use upm_control::PulseFacts;
 use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
-use upm_recording::PulseRecord;
 
 /// Least number of samples of a motor's waveform per second, and per period of its highest harmonic.
 const MOTOR_HZ: f64 = 1000.0;
@@ -33,7 +33,7 @@ pub(super) fn start(stream: &RunStream) -> LogResult {
 }
 
 /// Logs the signals of a pulse: the drive of the motors and the accelerometers' trace.
-pub(super) fn pulse(stream: &RunStream, pulse: &PulseRecord) -> LogResult {
+pub(super) fn pulse(stream: &RunStream, pulse: &PulseFacts) -> LogResult {
     let start_ns = nanos(pulse.started_at);
     let (times_s, counts) = motor_samples(&pulse.drive);
     stream.log_scalars("motors", times_ns(start_ns, &times_s), counts, MOTORS)?;

@@ -1,18 +1,18 @@
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::destination::{Destination, parse_address, thread_fault};
+use super::destination::{self, parse_address, thread_fault};
 use super::file::RrdFile;
-use super::live::Live;
-use super::observation::Observation;
-use super::recorder::{Message, Recorder, RecorderInput};
+use super::live::{Live, MessageSink};
+use super::recorder::{Message, Observation, Recorder};
 use super::run_stream::LogResult;
 use crate::types::{RecordingError, RunContext};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, LocalisedFacts, Milestone, MilestoneFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::background::{BackgroundThread, OverflowPolicy, Queue, QueueError, WaitError};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::time::PlateTime;
-use upm_recording::{EventRecord, RecordingHandle, RecordingOptions, RecordingState, RerunMode};
+use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode};
 
 /// Capacity of the queue to the recorder, messages; it also limits the number of frames held.
 const QUEUE: usize = 64;
@@ -63,25 +63,30 @@ impl RerunSink {
         if *mode == RerunMode::Off {
             return Ok(Self(None));
         }
-        Self::into_destination(Destination::open(mode, path)?, context, recording_options)
+        let (file, viewer) = destination::open(mode, path)?;
+        Self::into_file(Box::new(file), path, viewer, context, recording_options)
     }
 
-    /// Starts recording into `to`.
-    pub(super) fn into_destination(
-        to: Destination,
+    /// Starts recording into `out`, the file at `path`, and to `viewer`.
+    pub(super) fn into_file(
+        out: Box<dyn Write + Send>,
+        path: &Path,
+        viewer: Option<(Live, MessageSink)>,
         context: RunContext,
         recording_options: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
         let RecordingOptions { recording_overflow: overflow, clock, has_clock, .. } = *recording_options;
         let run_waits = overflow != OverflowPolicy::GiveUp;
-        let handle = recording_options.recording.clone();
-        let (file, path, live) = to.start(handle.clone())?;
+        let (path, handle) = (path.to_owned(), recording_options.recording.clone());
+        let (live, feed) = viewer.unzip();
+        let file = RrdFile::new(out, feed, handle.clone())
+            .map_err(|reason| RecordingError::Write { path: path.clone(), reason })?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let truth = context.truth.clone();
-        let input = RecorderInput { messages, clock, file, run_waits };
         let record = move || {
-            let recorded = Recorder::start(input.file.clone(), context).and_then(|recorder| recorder.run(&input));
-            close(&input.file, recorded)
+            let recorder = Recorder::start(file.clone(), context);
+            let recorded = recorder.and_then(|recorder| recorder.run(&messages, clock, &file, run_waits));
+            close(&file, recorded)
         };
         let recorder = BackgroundThread::start("recorder", has_clock, record).map_err(thread_fault)?;
         let queue = Some(queue);
@@ -172,22 +177,18 @@ impl Sink for RerunSink {
         }
     }
 
-    fn pulse(&mut self, facts: &PulseFacts<'_>) {
-        self.send(|| Message::Pulse(Box::new(facts.into())));
+    fn pulse(&mut self, facts: &PulseFacts) {
+        self.send(|| Message::Pulse(Box::new(facts.clone())));
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
-        self.send(|| Message::Cycle(Box::new(facts.into())));
+    fn cycle(&mut self, facts: &CycleFacts) {
+        self.send(|| Message::Cycle(Box::new(facts.clone())));
     }
 
-    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
-        self.send(|| Message::Event(EventRecord::new(at, level, text)));
-    }
-
-    fn milestone(&mut self, facts: &MilestoneFacts<'_>) {
+    fn event(&mut self, event: &EventFacts) {
         // the recorder itself logs the end of the recording
-        if matches!(facts.milestone, Milestone::RunEnded { .. }) {
-            self.send(|| Message::Event(facts.into()));
+        if !matches!(event.kind, EventKind::RecordingEnded(_)) {
+            self.send(|| Message::Event(event.clone()));
         }
     }
 }

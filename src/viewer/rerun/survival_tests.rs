@@ -12,15 +12,14 @@ use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
-use super::destination::Destination;
 use super::run_stream::PLATE_TIME;
-use super::tests::{context, recording_options, stores};
+use super::tests::{SeenFacts, context, recording_options, stores};
 use crate::RecordingError;
-use upm_control::{EventLevel, Sink};
+use upm_control::{EventFacts, EventLevel, Sink};
 use upm_core::background::OverflowPolicy;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_fixtures::synthetic_run::SyntheticRun;
-use upm_recording::{Fanout, MemorySink, RecordingOptions, RecordingState, RerunMode, report_recording_end};
+use upm_recording::{Fanout, RecordingOptions, RecordingState, RerunMode, report_recording_end};
 
 /// A folder, and the path of the recording in it.
 fn place() -> (tempfile::TempDir, PathBuf) {
@@ -71,7 +70,7 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&path, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.observe(&mut sink, false, true);
-        sink.event(run.now(), EventLevel::Info, "a frame");
+        sink.event(&EventFacts::note(run.now(), EventLevel::Info, "a frame"));
         run.now().secs()
     });
     assert!(age_s <= 0.5, "{age_s} s");
@@ -88,7 +87,7 @@ fn cut_recording_is_read_up_to_the_cut() {
     sink.finish().unwrap();
     assert_eq!(path.metadata().unwrap().len(), recording_options.recording.bytes());
     assert_eq!(
-        (recording_options.recording.state(), recording_options.recording.take_end()),
+        (recording_options.recording.state(), recording_options.recording.ended_early()),
         (RecordingState::Whole, None)
     );
     let bytes = fs::read(path).unwrap();
@@ -108,8 +107,8 @@ fn cycles_until(
     sink: &mut RerunSink,
     recording_options: &RecordingOptions,
     done: RecordingState,
-) -> MemorySink {
-    let mut seen = MemorySink::default();
+) -> SeenFacts {
+    let mut seen = SeenFacts::default();
     let mut report_end = |sinks: &mut dyn Sink, at| report_recording_end(&recording_options.recording, sinks, at);
     let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut report_end);
     for _ in 0..400 {
@@ -141,8 +140,8 @@ fn a_write_that_fails_is_reported_at_once_and_the_file_stays() {
     }
     let (_folder, path) = place();
     let (mut run, recording_options) = (SyntheticRun::new(2), recording_options());
-    let to = Destination::wrapped(&path, |file| Full(file, 200_000));
-    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
+    let out = Box::new(Full(File::create(&path).unwrap(), 200_000));
+    let mut sink = RerunSink::into_file(out, &path, None, context(&run), &recording_options).unwrap();
     let failed = RecordingState::Failed("Failed to write: no storage space".into());
     let seen = cycles_until(&mut run, &mut sink, &recording_options, failed.clone());
     let events: Vec<_> = seen.events.iter().map(|event| (event.level, event.text.as_str())).collect();
@@ -170,8 +169,8 @@ fn a_disk_that_hangs_ends_the_recording_and_not_the_run() {
     let (_folder, path) = place();
     let (mut run, gate) = (SyntheticRun::new(2), Arc::new(Mutex::new(())));
     let recording_options = RecordingOptions { recording_overflow: OverflowPolicy::GiveUp, ..recording_options() };
-    let to = Destination::wrapped(&path, |file| HangingFile(file, Arc::clone(&gate)));
-    let mut sink = RerunSink::into_destination(to, context(&run), &recording_options).unwrap();
+    let out = Box::new(HangingFile(File::create(&path).unwrap(), Arc::clone(&gate)));
+    let mut sink = RerunSink::into_file(out, &path, None, context(&run), &recording_options).unwrap();
     run.draw();
     let hanging = gate.lock().unwrap();
     let lagging = RecordingState::Failed("the recorder lags".into());

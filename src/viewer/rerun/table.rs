@@ -1,20 +1,23 @@
+use std::f64::consts::TAU;
+
 use re_sdk_types::archetypes::{Ellipses2D, Points2D};
 use re_sdk_types::components::Color;
 
-use super::field::{mean_direction, over_a_period};
-use super::observation::Observation;
 use super::paint::{self, above, thin};
+use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
 use super::task::TaskOverlay;
 use super::trails::Trails;
 use crate::types::RunContext;
 use upm_chart::bin_outline;
+use upm_control::{CycleFacts, PulseFacts};
 use upm_core::geometry::{Twist, Vec2, perp};
+use upm_core::signal::TwistWave;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{PlannedPulse, Rotation};
-use upm_recording::{CycleRecord, MotionRecord, PulseRecord};
+use upm_recording::MotionRecord;
 
 /// Centres of rotation farther out are drawn at the rim of a window larger than the plate by this factor.
 const WINDOW: f64 = 1.25;
@@ -97,7 +100,7 @@ impl TableView {
         Ok(())
     }
 
-    pub(super) fn cycle(&self, stream: &RunStream, cycle: &CycleRecord, context: &RunContext) -> LogResult {
+    pub(super) fn cycle(&self, stream: &RunStream, cycle: &CycleFacts, context: &RunContext) -> LogResult {
         self.log_wanted(stream, cycle)?;
         self.log_centers(stream, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(stream, cycle)?;
@@ -105,7 +108,7 @@ impl TableView {
     }
 
     /// Adds the centre of rotation that the accelerometers read in a rotation's pulse to those of its cycle.
-    pub(super) fn pulse(&mut self, stream: &RunStream, pulse: &PulseRecord) -> LogResult {
+    pub(super) fn pulse(&mut self, stream: &RunStream, pulse: &PulseFacts) -> LogResult {
         let Ok(PlateFit::Twist(fit)) = &pulse.fit else { return Ok(()) };
         if self.read_m.0 != pulse.cycle {
             self.read_m = (pulse.cycle, Vec::new());
@@ -118,7 +121,7 @@ impl TableView {
 
     /// Logs the forecast of each field of this cycle: an arrow from the start to the end of each part's displacement.
     /// For rotations the centres show it.
-    fn log_forecast(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+    fn log_forecast(&self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
         let steps_m = forecast_steps(cycle);
         if steps_m.is_empty() {
             return Ok(());
@@ -127,7 +130,7 @@ impl TableView {
         stream.log("table/forecast", &paint::arrows(ends, paint::PREDICTED, 1.75))
     }
 
-    fn log_wanted(&self, stream: &RunStream, cycle: &CycleRecord) -> LogResult {
+    fn log_wanted(&self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
         let wanted = &cycle.wanted;
         let dots = |points_m: &[Vec2], paint, points| paint::dots(points_m.iter().copied().map(above), paint, points);
         let targets = dots(&wanted.targets_m, paint::TARGET, 4.5).with_colors(self.colors.clone());
@@ -178,7 +181,7 @@ impl TableView {
 }
 
 /// Start and end of the forecast displacement of each part by each field of a cycle, m.
-fn forecast_steps(cycle: &CycleRecord) -> Vec<[Vec2; 2]> {
+fn forecast_steps(cycle: &CycleFacts) -> Vec<[Vec2; 2]> {
     let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
     let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
     let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
@@ -211,6 +214,21 @@ fn place_of(pump: &Twist, window_m: f64) -> Option<Vec2> {
     Some(if reach > 1.0 { center / reach } else { center })
 }
 
+/// Number of moments sampled in a base period: 16 per period of the highest possible harmonic.
+const MOMENTS: usize = 256;
+
+/// The plate's velocity at moments spread evenly over one base period.
+fn over_a_period(wave: &TwistWave) -> impl Iterator<Item = Twist> + '_ {
+    let step_s = TAU / wave.base_radps / MOMENTS as f64;
+    (0..MOMENTS).map(move |i| wave.at(step_s * i as f64))
+}
+
+/// The direction in which friction pulls a part at rest at `p_m`, times its share of sliding friction: the mean of the
+/// direction of the plate's velocity there (equation sheet, section 5).
+fn mean_direction(period: &[Twist], p_m: Vec2) -> Vec2 {
+    period.iter().map(|twist| twist.direction_at(p_m)).sum::<Vec2>() / period.len().max(1) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,5 +257,14 @@ mod tests {
         });
         let step_m = direction_field(&pulse, &library).unwrap()(Vec2::new(0.05, 0.0));
         assert!((step_m - Vec2::new(0.0, 0.003)).norm() < 1e-12, "entry 40 turns about the plate's centre");
+    }
+
+    #[test]
+    fn a_pump_wave_pulls_along_its_field_by_the_papers_share() {
+        let pump = Twist::about(Vec2::new(0.02, 0.0), 3.0);
+        let period: Vec<Twist> = over_a_period(&TwistWave::pump(pump, 377.0)).collect();
+        let p_m = Vec2::new(0.07, 0.03);
+        let pulled = mean_direction(&period, p_m);
+        assert!((pulled - pump.direction_at(p_m) * 0.2386).norm() < 6e-3, "one moment of 256 is 0.004: {pulled}");
     }
 }

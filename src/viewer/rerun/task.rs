@@ -5,10 +5,10 @@ use rerun::AsComponents;
 
 use super::paint::{self, thin};
 use super::run_stream::{LogResult, RunStream};
-use crate::types::{PathAppearance, RunContext};
+use crate::types::RunContext;
 use upm_chart::{Palette, bin_label, bin_outline};
 use upm_core::geometry::Vec2;
-use upm_core::job::Bin;
+use upm_core::job::{Bin, LayoutPath};
 
 /// Longest piece of a drawn line, m: a lens bends longer ones visibly.
 const PIECE_M: f64 = 0.01;
@@ -36,11 +36,10 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         if context.paths.is_empty() {
             return Ok(());
         }
-        let rgb = |path: &PathAppearance| {
-            path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(paint::FAINT)
-        };
+        let rgb =
+            |path: &LayoutPath| path.part.and_then(|part| palette.parts().get(part).copied()).unwrap_or(paint::FAINT);
         let colors: Vec<[u8; 3]> = context.paths.iter().map(rgb).collect();
-        let lines = context.paths.iter().map(|path| self.strip(&path.line_m));
+        let lines = context.paths.iter().map(|path| self.strip(&path.line_m()));
         let paths = LineStrips2D::new(lines).with_colors(paint::colors(&colors)).with_radii([thin(0.5)]);
         self.put(stream, "paths", &paths.with_draw_order(-3.0))
     }
@@ -50,7 +49,8 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(paint::FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
         let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
-        let lowest = |bin: &Bin| (self.place)(Vec2::new(0.5 * (bin.min_m.x + bin.max_m.x), bin.min_m.y));
+        let lowest =
+            |bin: &Bin| (self.place)(Vec2::new(0.5 * (bin.region.min_m.x + bin.region.max_m.x), bin.region.min_m.y));
         let names = Points2D::new(bins.iter().map(lowest))
             .with_labels(bins.iter().map(|bin| bin_label(&bin.kinds)))
             .with_show_labels(true)
@@ -70,7 +70,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
 
 /// The corners of a bin, the first one again at the end.
 fn outline_m(bin: &Bin) -> [Vec2; 5] {
-    bin_outline(bin.min_m.into(), bin.max_m.into()).map(Vec2::from)
+    bin_outline(bin.region.min_m.into(), bin.region.max_m.into()).map(Vec2::from)
 }
 
 /// The line with points no farther than [`PIECE_M`] from each other.

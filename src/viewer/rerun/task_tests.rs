@@ -2,10 +2,10 @@
 
 use super::RerunSink;
 use super::tests::{LoggedChunks, context, recording_options, stores};
-use crate::{PartAppearance, PathAppearance, RunContext};
+use crate::RunContext;
 use upm_chart::{Ground, Palette};
 use upm_core::geometry::Vec2;
-use upm_core::job::Bin;
+use upm_core::job::{Bin, LayoutPart, LayoutPath, Region};
 use upm_fixtures::synthetic_run::SyntheticRun;
 use upm_recording::RerunMode;
 
@@ -38,11 +38,10 @@ fn text_of([r, g, b]: [u8; 3]) -> String {
 fn bins_are_drawn_in_the_colour_of_their_kind_in_both_views() {
     let bin = |kind: &str, x: f64| Bin {
         kinds: vec![kind.to_owned()],
-        min_m: Vec2::new(x, -0.05),
-        max_m: Vec2::new(x + 0.06, 0.05),
+        region: Region { min_m: Vec2::new(x, -0.05), max_m: Vec2::new(x + 0.06, 0.05) },
     };
     let store = recorded(2, |context| {
-        context.parts[1] = PartAppearance { id: "quarter-1".into(), kind: "quarter".into(), radius_m: 0.012 };
+        context.parts[1] = LayoutPart { id: "quarter-1".into(), kind: "quarter".into(), radius_m: 0.012 };
         context.bins = vec![bin("penny", -0.08), bin("quarter", 0.02)];
     });
     let palette = Palette::of(&["penny", "quarter"], Ground::Dark);
@@ -59,8 +58,8 @@ fn bins_are_drawn_in_the_colour_of_their_kind_in_both_views() {
 #[test]
 fn a_part_has_one_colour_in_outline_trail_name_path_plot_and_target() {
     let store = recorded(2, |context| {
-        let path =
-            |part, y: f64| PathAppearance { part: Some(part), line_m: vec![Vec2::new(-0.05, y), Vec2::new(0.05, y)] };
+        let line_m = |y: f64| vec![Vec2::new(-0.05, y), Vec2::new(0.05, y)];
+        let path = |part, y: f64| LayoutPath { part: Some(part), waypoints_m: line_m(y), closed: false };
         context.paths = vec![path(0, -0.03), path(1, 0.03)];
     });
     let palette = Palette::of(&["penny"; 2], Ground::Dark);

@@ -8,18 +8,18 @@ use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
-use crate::{PartAppearance, RecordingError, RunContext};
-use upm_control::{EventLevel, Sink};
+use crate::{RecordingError, RunContext};
+use upm_control::{EventFacts, EventLevel, PulseFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_fixtures::{
     rig,
     synthetic_run::{self, SyntheticRun},
 };
 use upm_planning::planner::PlanningMethod;
-use upm_recording::{MemorySink, RecordingOptions, RerunMode};
+use upm_recording::{RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {
-    let part = |i| PartAppearance {
+    let part = |i| upm_core::job::LayoutPart {
         id: format!("penny-{}", i + 1),
         kind: "penny".to_owned(),
         radius_m: synthetic_run::RADIUS_M,
@@ -34,6 +34,23 @@ pub(super) fn context(run: &SyntheticRun) -> RunContext {
         bins: Vec::new(),
         paths: Vec::new(),
         truth: Some(run.truth.clone()),
+    }
+}
+
+/// A sink that keeps pulses and events.
+#[derive(Default)]
+pub(super) struct SeenFacts {
+    pub(super) pulses: Vec<PulseFacts>,
+    pub(super) events: Vec<EventFacts>,
+}
+
+impl Sink for SeenFacts {
+    fn pulse(&mut self, facts: &PulseFacts) {
+        self.pulses.push(facts.clone());
+    }
+
+    fn event(&mut self, event: &EventFacts) {
+        self.events.push(event.clone());
     }
 }
 
@@ -52,7 +69,7 @@ fn record_run(mut run: SyntheticRun, mode: &RerunMode, path: &Path, cycles: usiz
     for _ in 0..cycles {
         run.cycle(&mut sink);
     }
-    sink.event(PlateTime::from_secs(0.5), EventLevel::Warning, "a warning in words");
+    sink.event(&EventFacts::note(PlateTime::from_secs(0.5), EventLevel::Warning, "a warning in words"));
     sink.finish()
 }
 
@@ -185,7 +202,7 @@ fn every_sample_and_every_frame_of_a_cycle_arrives() {
         chunks.filter(|chunk| *chunk.entity_path() == path.into()).map(|chunk| chunk.num_rows() as u64).sum()
     };
     assert_eq!((rows("camera/image"), rows("plan/d_mm"), rows("errors/to_subgoal_mm")), (40, 40, 40));
-    let mut memory = MemorySink::default();
+    let mut memory = SeenFacts::default();
     let mut run = SyntheticRun::new(2);
     (0..40).for_each(|_| run.cycle(&mut memory));
     let samples = |drive: &upm_core::signal::Drive| (drive.envelope.driven_s() * 1000.0).ceil() as u64 + 1;

@@ -106,7 +106,11 @@ fn made(alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault
 fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
     let (mut rig, params) = small();
     (rig.model.motor_arrangement, rig.sim.motors.arrangement) = (arrangement, arrangement);
-    let mut altered = AlteredRig { rig: simulated(&rig, 1).unwrap(), from_s, alteration, last: None };
+    let simulated = simulated(&rig, 1).unwrap();
+    // only what the camera shows needs its pictures
+    let is_seen = matches!(alteration, Alteration::Camera);
+    let simulated = if is_seen { simulated } else { simulated.without_pixels(&Streams::new(1)) };
+    let mut altered = AlteredRig { rig: simulated, from_s, alteration, last: None };
     let stop = AtomicBool::new(false);
     CalibrationSession::new(&mut altered, &rig.model, &stop, &mut |_| ()).library(&rig.fingerprint, &params)
 }

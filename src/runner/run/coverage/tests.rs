@@ -16,16 +16,19 @@ fn between_two_axes_both_do_their_part() {
     assert_eq!(coverage.unreached_share(), 0.0);
     assert!((coverage.best_step_m - 0.02).abs() < 1e-15);
     for place in &coverage.places {
-        assert!((place.share - FRAC_1_SQRT_2).abs() < 1e-9, "the diagonal is weakest: {place:?}");
-        assert!((place.longest_step_m - 0.02 * FRAC_1_SQRT_2).abs() < 1e-9);
-        assert!((place.longest_sd_m - 0.002 * FRAC_1_SQRT_2).abs() < 1e-9);
+        assert!((place.reach.weakest_projection - FRAC_1_SQRT_2).abs() < 1e-9, "the diagonal is weakest: {place:?}");
+        assert!((place.reach.longest_step_m - 0.02 * FRAC_1_SQRT_2).abs() < 1e-9);
+        assert!((place.reach.longest_sd_m - 0.002 * FRAC_1_SQRT_2).abs() < 1e-9);
     }
     let leaning = Coverage::of(&library([along(0.5, 0.0), along(0.0, 0.1)]));
     let weakest = leaning.weakest().unwrap();
     // 20 mm along x, 10 mm along y: the two entries are equally strong where 2 |x| = |y|
-    assert!((weakest.weakest_direction.y - 2.0 / 5f64.sqrt()).abs() < 0.01, "{weakest:?}");
-    assert!((weakest.longest_step_m - 0.02 / 5f64.sqrt()).abs() < 0.0002, "{weakest:?}");
-    assert!((weakest.shortest_step_m.unwrap() - 0.002 / 5f64.sqrt()).abs() < 0.00001, "1 mm along y: {weakest:?}");
+    assert!((weakest.reach.weakest_direction.y - 2.0 / 5f64.sqrt()).abs() < 0.01, "{weakest:?}");
+    assert!((weakest.reach.longest_step_m - 0.02 / 5f64.sqrt()).abs() < 0.0002, "{weakest:?}");
+    assert!(
+        (weakest.reach.shortest_step_m.unwrap() - 0.002 / 5f64.sqrt()).abs() < 0.00001,
+        "1 mm along y: {weakest:?}"
+    );
 }
 
 #[test]
@@ -34,7 +37,7 @@ fn a_lone_rotation_moves_nothing_through_its_centre() {
     assert_eq!((coverage.inside, coverage.outside, coverage.translations), (1, 0, 0));
     assert_eq!(coverage.unreached_share(), 1.0, "nothing moves along the radius");
     for place in coverage.places.iter().filter(|place| place.position_m.norm() > 0.02) {
-        let along_radius = place.weakest_direction.dot(&place.position_m.normalize()).abs();
+        let along_radius = place.reach.weakest_direction.dot(&place.position_m.normalize()).abs();
         assert!(along_radius > 0.999, "{place:?}");
     }
     let gap = coverage.gap.unwrap();
@@ -44,14 +47,14 @@ fn a_lone_rotation_moves_nothing_through_its_centre() {
 #[test]
 fn shades_span_least_to_longest_step_and_skip_unreached_places() {
     let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
-    coverage.places.iter_mut().for_each(|place| place.longest_step_m = 0.026);
-    coverage.places[0].longest_step_m = 0.027;
-    coverage.places[1].longest_step_m = 0.0265;
-    (coverage.places[2].share, coverage.places[2].longest_step_m) = (0.01, 0.001);
+    coverage.places.iter_mut().for_each(|place| place.reach.longest_step_m = 0.026);
+    coverage.places[0].reach.longest_step_m = 0.027;
+    coverage.places[1].reach.longest_step_m = 0.0265;
+    (coverage.places[2].reach.weakest_projection, coverage.places[2].reach.longest_step_m) = (0.01, 0.001);
     let shades = coverage.shades();
     assert!([1.0, 0.5, 0.0, 0.0].iter().zip(&shades).all(|(a, b)| (a - b).abs() < 1e-9), "{shades:?}");
     assert_eq!((coverage.steps_m(), coverage.is_even()), (Some([0.026, 0.027]), false));
-    coverage.places.iter_mut().for_each(|place| place.share = 0.0);
+    coverage.places.iter_mut().for_each(|place| place.reach.weakest_projection = 0.0);
     assert_eq!((coverage.steps_m(), coverage.is_even()), (None, false));
     assert!(coverage.shades().iter().all(|&shade| shade == 0.0));
 }
@@ -71,8 +74,8 @@ proptest! {
             let step = |entry: usize| made.displacement_at(entry, place.position_m, 0.2).dot(&direction).abs();
             let longest = (0..made.entries.len()).map(step).fold(0.0, f64::max);
             // the sampled directions are half a degree apart
-            prop_assert!(place.longest_step_m <= longest + 0.009 * 0.02, "{longest} {place:?}");
-            prop_assert!(place.shortest_step_m.is_none_or(|shortest| shortest <= place.longest_step_m + 1e-12));
+            prop_assert!(place.reach.longest_step_m <= longest + 0.009 * 0.02, "{longest} {place:?}");
+            prop_assert!(place.reach.shortest_step_m.is_none_or(|shortest| shortest <= place.reach.longest_step_m + 1e-12));
         }
         prop_assert_eq!(coverage.inside + coverage.outside + coverage.translations, made.entries.len());
     }

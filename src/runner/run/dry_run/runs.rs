@@ -9,7 +9,7 @@ use std::thread;
 use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
 use crate::run::planner_selection::PlannerSelection;
-use upm_control::{Condition, ConditionChange, ConditionFacts, FrameFacts, Sink};
+use upm_control::{Condition, ConditionChange, EventFacts, EventKind, FrameFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::Outcome;
 use upm_core::time::PlateTime;
@@ -103,13 +103,17 @@ impl Sink for DryRunRecord {
         }
     }
 
-    fn condition(&mut self, facts: &ConditionFacts<'_>) {
+    fn event(&mut self, event: &EventFacts) {
+        let EventKind::Condition { condition, change: ConditionChange::Ended { times, .. }, reason } = &event.kind
+        else {
+            return;
+        };
         let is_limit = matches!(
-            facts.condition,
+            condition,
             Condition::StepsMeetEdge | Condition::StepsMeetParts | Condition::StepsUnreachable | Condition::SolverFails
         );
-        if let (true, ConditionChange::Ended { times, .. }) = (is_limit, facts.change) {
-            *self.limits_met.entry(facts.reason.to_owned()).or_default() += times;
+        if is_limit {
+            *self.limits_met.entry(reason.clone()).or_default() += times;
         }
     }
 }

@@ -7,8 +7,8 @@ use super::summary::SeedRun;
 use crate::cli::output::NOT_REACHED;
 use crate::cli::progress::LateProgress;
 use crate::cli::run::{run_failure, status_of};
-use upm_control::{CycleFacts, EventLevel, FrameFacts, Sink};
-use upm_core::time::{MonotonicClock, PlateTime};
+use upm_control::{CycleFacts, EventFacts, EventLevel, FrameFacts, Sink};
+use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
 use upm_recording::{RecordingOptions, RerunMode};
 use upm_runner::config::JobSpec;
@@ -127,14 +127,14 @@ impl Sink for BatchWatcher<'_> {
         }
     }
 
-    fn cycle(&mut self, facts: &CycleFacts<'_>) {
+    fn cycle(&mut self, facts: &CycleFacts) {
         locked(&self.batch.progress).show(self.index, facts.wanted.progress);
     }
 
-    fn event(&mut self, at: PlateTime, level: EventLevel, text: &str) {
+    fn event(&mut self, event: &EventFacts) {
         // the table lists how each run ended
-        if level != EventLevel::Error {
-            self.batch.note(self.seed, level, &format!("plate {at}: {text}"));
+        if event.level != EventLevel::Error {
+            self.batch.note(self.seed, event.level, &format!("plate {}: {}", event.at, event.text));
         }
     }
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_runner::run::{Coverage, WorstDirection};
+use upm_runner::run::{Coverage, PlaceReach};
 
 /// Text output; the picture has the places one by one.
 pub(super) fn lines(coverage: &Coverage) -> Vec<String> {
@@ -18,7 +18,7 @@ pub(super) fn json(coverage: &Coverage) -> Value {
         .gap
         .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
     let row =
-        |places: &[WorstDirection]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.longest_step_m))).collect() };
+        |places: &[PlaceReach]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.reach.longest_step_m))).collect() };
     json!({
         "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
         "centres": {
@@ -30,7 +30,7 @@ pub(super) fn json(coverage: &Coverage) -> Value {
         "weakest": weakest,
         "best_step_mm": rounded(mm(coverage.best_step_m)),
         "out_of_reach_share": rounded(coverage.unreached_share()),
-        "out_of_reach_below_share": WorstDirection::LEAST_SHARE,
+        "out_of_reach_below_share": PlaceReach::LEAST_SHARE,
         "never_strongest": coverage.never_strongest,
         "longest_step_mm": coverage.places.chunks(coverage.columns).map(row).collect::<Vec<_>>(),
     })
@@ -49,13 +49,13 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     if let Some(place) = coverage.weakest() {
         figures.push((
             "weakest place",
-            format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place.weakest_direction)),
+            format!("{} mm along {:.0} deg", shown(place.position_m), degrees(place.reach.weakest_direction)),
         ));
         figures.push(("one pulse there", steps(place)));
     }
     figures.push(("longest step", format!("{} in the weakest direction (--picture draws it)", scale(coverage))));
     let unreached = 100.0 * coverage.unreached_share();
-    let least = mm(WorstDirection::LEAST_SHARE * coverage.best_step_m);
+    let least = mm(PlaceReach::LEAST_SHARE * coverage.best_step_m);
     figures.push((
         "out of reach",
         format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
@@ -66,21 +66,21 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
 }
 
 /// Effect of one pulse at a place, as JSON.
-pub(super) fn place_json(place: &WorstDirection) -> Value {
+pub(super) fn place_json(place: &PlaceReach) -> Value {
     json!({
         "position_mm": position(place.position_m),
-        "direction_deg": degrees(place.weakest_direction),
-        "share": rounded(place.share),
-        "longest_step_mm": rounded(mm(place.longest_step_m)),
-        "longest_step_sd_mm": rounded(mm(place.longest_sd_m)),
-        "shortest_step_mm": place.shortest_step_m.map(|step_m| rounded(mm(step_m))),
+        "direction_deg": degrees(place.reach.weakest_direction),
+        "share": rounded(place.reach.weakest_projection),
+        "longest_step_mm": rounded(mm(place.reach.longest_step_m)),
+        "longest_step_sd_mm": rounded(mm(place.reach.longest_sd_m)),
+        "shortest_step_mm": place.reach.shortest_step_m.map(|step_m| rounded(mm(step_m))),
     })
 }
 
 /// Effect of one pulse at a place in the weakest direction, as text.
-pub(super) fn steps(place: &WorstDirection) -> String {
-    let (longest, sd) = (mm(place.longest_step_m), mm(place.longest_sd_m));
-    match place.shortest_step_m {
+pub(super) fn steps(place: &PlaceReach) -> String {
+    let (longest, sd) = (mm(place.reach.longest_step_m), mm(place.reach.longest_sd_m));
+    match place.reach.shortest_step_m {
         Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
         None => format!("{longest:.2} ± {sd:.2} mm at most"),
     }
@@ -121,16 +121,21 @@ pub(super) fn degrees(direction: Vec2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use upm_runner::run::Reach;
 
     /// Coverage whose places have these longest steps, m, one row of them.
     fn coverage(steps_m: &[f64]) -> Coverage {
-        let place = |&longest_step_m: &f64| WorstDirection {
+        let place = |&longest_step_m: &f64| PlaceReach {
             position_m: Vec2::zeros(),
-            weakest_direction: Vec2::x(),
-            share: longest_step_m / 0.02,
-            longest_step_m,
-            longest_sd_m: 0.0,
-            shortest_step_m: None,
+            reach: Reach {
+                singular_values: [1.0, 1.0],
+                weakest_direction: Vec2::x(),
+                weakest_projection: longest_step_m / 0.02,
+                longest_step_m,
+                longest_sd_m: 0.0,
+                shortest_step_m: None,
+                strongest: Vec::new(),
+            },
         };
         Coverage {
             half_side_m: 0.1,

@@ -4,7 +4,7 @@ use super::coverage_report::scale;
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
-use upm_runner::run::{Coverage, WorstDirection};
+use upm_runner::run::{Coverage, PlaceReach};
 
 /// Extent of the picture of a coverage, in half sides of the plate from its middle.
 const COVERAGE_REACH: f64 = 1.3;
@@ -28,17 +28,17 @@ fn coverage_title(coverage: &Coverage, rig_name: &str, shown_mm: f64) -> String 
 fn coverage_layers(coverage: &Coverage) -> Vec<Layer> {
     let strongest_m = coverage.steps_m().map_or(0.0, |[_, most_m]| most_m);
     let pitch_mm = 2.0 * mm_from_m(coverage.half_side_m) / coverage.columns as f64;
-    let part = |place: &WorstDirection| if strongest_m > 0.0 { place.longest_step_m / strongest_m } else { 0.0 };
-    let at = |place: &WorstDirection| at_mm(place.position_m);
+    let part = |place: &PlaceReach| if strongest_m > 0.0 { place.reach.longest_step_m / strongest_m } else { 0.0 };
+    let at = |place: &PlaceReach| at_mm(place.position_m);
     let cells = Mark::Cells { side: pitch_mm, values: coverage.shades() };
     let centers = coverage.centers_m.iter().map(|&center| at_mm(center));
     let unreached = coverage.places.iter().filter(|place| !place.is_reached());
     let arrows = coarse(coverage).map(|place| {
         let length_mm = 0.42 * ARROWS_EVERY as f64 * pitch_mm * part(place);
-        (at(place), (place.weakest_direction * length_mm).into())
+        (at(place), (place.reach.weakest_direction * length_mm).into())
     });
     let reach = format!("longest step in the weakest direction, {}", scale(coverage));
-    let least = format!("out of reach: below {:.2} mm", mm_from_m(WorstDirection::LEAST_SHARE * coverage.best_step_m));
+    let least = format!("out of reach: below {:.2} mm", mm_from_m(PlaceReach::LEAST_SHARE * coverage.best_step_m));
     let mut layers = vec![
         Layer::new(&reach, cells, Color::Orange, coverage.places.iter().map(at)),
         Layer::plate(mm_from_m(coverage.half_side_m)),
@@ -52,7 +52,7 @@ fn coverage_layers(coverage: &Coverage) -> Vec<Layer> {
 }
 
 /// Places of a coarser grid about the same middle.
-fn coarse(coverage: &Coverage) -> impl Iterator<Item = &WorstDirection> {
+fn coarse(coverage: &Coverage) -> impl Iterator<Item = &PlaceReach> {
     let first = coverage.columns / 2 % ARROWS_EVERY;
     let taken = move |k: usize| k % ARROWS_EVERY == first;
     let columns = coverage.columns.max(1);

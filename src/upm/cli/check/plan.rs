@@ -11,7 +11,7 @@ use crate::cli::summary::planner_line;
 use upm_planning::cor_library::Library;
 use upm_recording::Report;
 use upm_runner::config::{Diagnostic, JobLayout, JobSpec};
-use upm_runner::run::{ClosestApproach, Forecast, PartForecast, PlannerSelection, StartForecast, dry_run};
+use upm_runner::run::{ClosestApproach, Forecast, PartForecast, PlaceReach, PlannerSelection, dry_run};
 
 pub(super) struct PlanReport {
     pub job: String,
@@ -95,13 +95,13 @@ impl PlanReport {
         let parts = forecast.parts.iter().map(|part| {
             let mut object = json!({ "id": part.id });
             for (name, spot) in spots(part) {
-                object[name] = place_json(&spot.place);
-                object[name]["singular_values"] = json!(spot.singular_values.map(rounded));
+                object[name] = place_json(spot);
+                object[name]["singular_values"] = json!(spot.reach.singular_values.map(rounded));
             }
             object
         });
         json!({
-            "planner": forecast.planner.report(),
+            "planner": forecast.planner.report,
             "verdict": self.verdict().text().replace(' ', "_"),
             "can_be_done": self.verdict() == PlanVerdict::CanBeDone,
             "endings": endings(&forecast.dry_runs).iter().map(ending).collect::<Vec<_>>(),
@@ -124,15 +124,16 @@ impl PlanReport {
 }
 
 /// Start and, where there is one, target of a part.
-fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &StartForecast)> {
+fn spots(part: &PartForecast) -> impl Iterator<Item = (&'static str, &PlaceReach)> {
     std::iter::once(("start", &part.start)).chain(part.target.iter().map(|spot| ("target", spot)))
 }
 
 /// A line for each start and target: what one pulse does there in the weakest direction.
 fn part_lines(parts: &[PartForecast]) -> Vec<String> {
     let wide = parts.iter().map(|part| part.id.len()).max().unwrap_or(0);
-    let line = |part: &PartForecast, name: &str, StartForecast { place, .. }: &StartForecast| {
-        let (at, direction, share) = (shown(place.position_m), degrees(place.weakest_direction), place.share);
+    let line = |part: &PartForecast, name: &str, place: &PlaceReach| {
+        let (at, direction, share) =
+            (shown(place.position_m), degrees(place.reach.weakest_direction), place.reach.weakest_projection);
         let (id, steps) = (&part.id, steps(place));
         format!("{id:wide$}  {name:6}  {at:16}  weakest {direction:3} deg, {share:.2} of the best: {steps}")
     };
@@ -146,7 +147,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     for (reason, times) in endings(&forecast.dry_runs) {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
-    figures.push(("planner", planner_line(&forecast.planner.report())));
+    figures.push(("planner", planner_line(&forecast.planner.report)));
     if let Some([least, middle, most]) = range(&forecast.dry_runs, |report| report.plate_time_s) {
         let text = format!("{middle:.1} s of plate time ({least:.1} to {most:.1})");
         figures.push(("predicted", text));

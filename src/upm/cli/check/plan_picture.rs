@@ -35,9 +35,9 @@ pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
 /// Rims of the bins, each in the colour of its kind.
 fn bins(layout: &JobLayout, palette: &Palette) -> impl Iterator<Item = Layer> {
     layout.bins.iter().map(|bin| {
-        let Bin { kinds, min_m, max_m } = bin;
+        let Bin { kinds, region } = bin;
         let color = palette.of_bin(kinds).map_or(Color::Gray, Color::Rgb);
-        Layer::new(&bin_label(kinds), Mark::Line, color, bin_outline(at_mm(*min_m), at_mm(*max_m)))
+        Layer::new(&bin_label(kinds), Mark::Line, color, bin_outline(at_mm(region.min_m), at_mm(region.max_m)))
     })
 }
 
@@ -52,8 +52,8 @@ fn paths(layout: &JobLayout, color: impl Fn(usize) -> Color) -> impl Iterator<It
 /// Outline at the start and target of a part.
 fn marks(part: &PartForecast, color: Color) -> [Layer; 2] {
     let rim = Mark::Circles { radius: mm_from_m(part.radius_m) };
-    let target = part.target.iter().map(|spot| at_mm(spot.place.position_m));
-    [Layer::new("", rim, color, [at_mm(part.start.place.position_m)]), Layer::new("", Mark::Crosses, color, target)]
+    let target = part.target.iter().map(|spot| at_mm(spot.position_m));
+    [Layer::new("", rim, color, [at_mm(part.start.position_m)]), Layer::new("", Mark::Crosses, color, target)]
 }
 
 /// The names of the parts beside their starts.
@@ -63,7 +63,7 @@ fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
         radii: parts.iter().map(|part| mm_from_m(part.radius_m)).collect(),
         colors: (0..parts.len()).map(color).collect(),
     };
-    Layer::new("", names, Color::Gray, parts.iter().map(|part| at_mm(part.start.place.position_m)))
+    Layer::new("", names, Color::Gray, parts.iter().map(|part| at_mm(part.start.position_m)))
 }
 
 /// Entries of the legend for several layers together: the marks of all parts.
