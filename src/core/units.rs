@@ -52,6 +52,8 @@ macro_rules! file_form {
     };
 }
 
+pub use file_form;
+
 file_form!(
     /// Metres, in a file millimetres.
     mm: f64 => f64, m_from_mm, |m| without_rounding_error(mm_from_m(*m))

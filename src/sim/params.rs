@@ -2,10 +2,9 @@ use nalgebra::Vector3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
-use upm_core::file_form;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::MotorArrangement;
-use upm_core::units::{degrees, m_from_mm, mm, mm_from_m, mm_point, without_rounding_error};
+use upm_core::units::{degrees, file_form, m_from_mm, mm, mm_from_m, mm_point, without_rounding_error};
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]

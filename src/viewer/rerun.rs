@@ -16,6 +16,7 @@ mod destination;
 mod file;
 mod live;
 mod log_view;
+mod observation;
 mod paint;
 mod plots;
 mod recorder;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
 use super::rig_file::RigSource;
-use upm_core::file_form;
+use upm_core::units::file_form;
 
 file_form!(gigabytes: f64 => u64, |gb| (gb * 1e9).round() as u64, |bytes| *bytes as f64 / 1e9);
 file_form!(megabytes: f64 => u64, |mb| (mb * 1e6).round() as u64, |bytes| *bytes as f64 / 1e6);

@@ -2,7 +2,7 @@
 
 use super::clearance::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use super::fit::TIGHTER;
-use super::paths::PartPath;
+use super::part_path::PartPath;
 use upm_core::document::Diagnostics;
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::mm_from_m;

@@ -8,10 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
-use upm_core::file_form;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNEL_NAMES, CHANNELS, Envelope, MISSING_SAMPLE, RecordedPulse};
-use upm_core::units::{hertz, mm_point, without_rounding_error};
+use upm_core::units::{file_form, hertz, mm_point, without_rounding_error};
 
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;

@@ -6,7 +6,7 @@ use tempfile::TempDir;
 use super::testing::{job_in_configs, options};
 use super::*;
 use upm_control::FrameFacts;
-use upm_core::job::{CameraMode, Outcome, StopCause};
+use upm_core::job::{Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 
 fn job(task: &Value, plate_time_s: f64) -> JobSpec {
@@ -17,8 +17,7 @@ fn job(task: &Value, plate_time_s: f64) -> JobSpec {
         "task": task,
         "limits": {"plate_time_s": plate_time_s},
     });
-    // how a run ends does not depend on pictures
-    job_in_configs(&text).with_camera(CameraMode::Positions)
+    job_in_configs(&text)
 }
 
 fn report_of(task: &Value, plate_time_s: f64) -> Report {

@@ -1,8 +1,8 @@
 use re_sdk_types::archetypes::{EncodedImage, Points2D};
 use re_sdk_types::components::Color;
 
+use super::observation::Observation;
 use super::paint::{self, in_half_frame};
-use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
 use super::task::TaskOverlay;
 use super::trails::Trails;

@@ -1,7 +1,7 @@
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
+use super::observation::Observation;
 use super::paint;
-use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
 use crate::types::RunContext;
 use upm_control::CycleFacts;

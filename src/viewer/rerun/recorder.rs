@@ -4,6 +4,7 @@ use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
 use super::log_view::LogView;
+use super::observation::Observation;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
 use super::signals;
@@ -11,10 +12,8 @@ use super::table::TableView;
 use crate::types::RunContext;
 use upm_control::{CycleFacts, EventFacts, PulseFacts};
 use upm_core::background::{Receiver, RecvTimeoutError};
-use upm_core::geometry::Vec2;
-use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock, PlateTime};
-use upm_perception::vision::{Table, Track};
+use upm_perception::vision::Table;
 
 /// Interval at which logged data are flushed to the file. Rerun's batching alone fails beside large images: whenever
 /// one series is sent because it is large, all others wait for another [`GATHER`](super::run_stream::GATHER), and so on
@@ -24,25 +23,6 @@ const FLUSH: Duration = Duration::from_millis(200);
 
 /// Time for which the recorder waits for a message before it checks the clock.
 const LISTEN: Duration = Duration::from_millis(50);
-
-/// The parts as seen in one frame.
-pub(super) struct Observation {
-    pub(super) at: PlateTime,
-    pub(super) tracks: Vec<Track>,
-    /// True positions, m; empty on a rig without ground truth.
-    pub(super) true_m: Vec<Vec2>,
-    /// Frames tracked since the last observation, and the total time of tracking, µs.
-    pub(super) tracked: (u32, f64),
-    /// The frame, at the start of a cycle.
-    pub(super) frame: Option<Frame>,
-}
-
-impl Observation {
-    /// Measured positions, m.
-    pub(super) fn measured_m(&self) -> Vec<Vec2> {
-        self.tracks.iter().map(|track| track.seen.position_m).collect()
-    }
-}
 
 /// A message from the control loop's thread.
 pub(super) enum Message {

@@ -3,8 +3,8 @@ use std::f64::consts::TAU;
 use re_sdk_types::archetypes::{Ellipses2D, Points2D};
 use re_sdk_types::components::Color;
 
+use super::observation::Observation;
 use super::paint::{self, above, thin};
-use super::recorder::Observation;
 use super::run_stream::{LogResult, RunStream};
 use super::task::TaskOverlay;
 use super::trails::Trails;

@@ -1,0 +1,133 @@
+//! The polyline of one path of a job file.
+
+use super::fit::Growth;
+use super::job_file::PathEntry;
+use super::read::{exactly_one, point_m};
+use super::shape_file::{CircleShape, LissajousShape, SvgShape};
+use super::targets::drawing_of;
+use upm_core::document::{Diagnostics, Path};
+use upm_core::geometry::Vec2;
+use upm_core::units::m_from_mm;
+use upm_planning::shapes::{Lissajous, circle_path, closed_from};
+use upm_planning::task::PathParams;
+
+/// Most corners of a path made from a drawing.
+const MOST_CORNERS: usize = 2000;
+
+/// Path of one part, and its place in the file.
+pub(super) struct PartPath {
+    /// Path of the entry in the file: `task.paths[1]`.
+    pub at: Path,
+    /// Path of its corners or its shape in the file: `task.paths[1].circle`.
+    pub shape_at: Path,
+    /// Lengths with which a generated path scales; `None` if its corners were typed.
+    pub growth: Option<Growth>,
+    /// True if its corners are those in the file, in their order.
+    pub has_file_corners: bool,
+    /// The path in SI.
+    pub params: PathParams,
+}
+
+/// A path before it is assigned to parts.
+struct PathLine {
+    key: &'static str,
+    points_m: Vec<Vec2>,
+    growth: Option<Growth>,
+}
+
+impl PartPath {
+    /// Path in the file of corner `k`, or of the whole shape where its corners are not those of the file.
+    pub fn corner_at(&self, k: usize) -> Path {
+        if self.has_file_corners { self.shape_at.index(k) } else { self.shape_at.clone() }
+    }
+
+    /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
+    /// whole lap. Empty if the file is at fault.
+    pub fn each(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
+        line_of(entry, at, faults).map(|line| part_paths(&line, entry, at)).unwrap_or_default()
+    }
+}
+
+fn part_paths(line: &PathLine, entry: &PathEntry, at: &Path) -> Vec<PartPath> {
+    let waypoints_m = |k: u32| match entry.count {
+        1 => line.points_m.clone(),
+        count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
+    };
+    let part_path = |k: u32| PartPath {
+        at: at.clone(),
+        shape_at: at.key(line.key),
+        growth: line.growth.clone(),
+        has_file_corners: line.growth.is_none() && entry.count == 1,
+        params: PathParams {
+            waypoints_m: waypoints_m(k),
+            speed_mps: m_from_mm(entry.speed_mm_s),
+            repeat: entry.repeat,
+        },
+    };
+    (0..entry.count).map(part_path).collect()
+}
+
+fn line_of(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let PathEntry { waypoints_mm, circle, lissajous, svg, .. } = entry;
+    let keys = [
+        ("waypoints_mm", waypoints_mm.is_some()),
+        ("circle", circle.is_some()),
+        ("lissajous", lissajous.is_some()),
+        ("svg", svg.is_some()),
+    ];
+    if !exactly_one(&keys, at, faults) {
+        return None;
+    }
+    if let Some(entry) = circle {
+        return Some(circle_of(entry));
+    }
+    if let Some(entry) = lissajous {
+        return lissajous_of(entry, &at.key("lissajous"), faults);
+    }
+    if let Some(entry) = svg {
+        return drawn_line(entry, &at.key("svg"), faults);
+    }
+    let points_m = waypoints_mm.iter().flatten().copied().map(point_m).collect();
+    Some(PathLine { key: "waypoints_mm", points_m, growth: None })
+}
+
+fn circle_of(entry: &CircleShape) -> PathLine {
+    let CircleShape { center_mm, radius_mm, start_deg, clockwise } = *entry;
+    let center_m = point_m(center_mm);
+    let points_m = circle_path(center_m, m_from_mm(radius_mm), start_deg.to_radians(), clockwise);
+    PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
+}
+
+fn lissajous_of(entry: &LissajousShape, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let LissajousShape { center_mm, size_mm, frequencies: [a, b], phase_deg } = *entry;
+    let common = common_factor(a, b);
+    if common > 1 {
+        let allowed = format!("[{}, {}], the same figure without a common factor", a / common, b / common);
+        faults.push(at.key("frequencies"), format!("[{a}, {b}]"), allowed);
+        return None;
+    }
+    let (center_m, size_m) = (point_m(center_mm), point_m(size_mm));
+    let figure = Lissajous { center_m, size_m, frequencies: [a, b], phase_rad: phase_deg.to_radians() };
+    let growth = Growth { name: "size_mm", size_mm: size_mm.to_vec(), center_m };
+    Some(PathLine { key: "lissajous", points_m: figure.path(), growth: Some(growth) })
+}
+
+fn common_factor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { common_factor(b, a % b) }
+}
+
+fn drawn_line(entry: &SvgShape, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
+    let (drawing, growth) = drawing_of(entry, at, faults)?;
+    let Some(points_m) = drawing.single_line() else {
+        faults.push(at, "a drawing of several lines", "one unbroken line");
+        return None;
+    };
+    let corners = points_m.len();
+    faults.require(
+        corners <= MOST_CORNERS,
+        at,
+        format!("{corners} corners"),
+        format!("up to {MOST_CORNERS} once its curves are straight pieces"),
+    );
+    Some(PathLine { key: "svg", points_m, growth: Some(growth) })
+}
