@@ -7,17 +7,17 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
-    ("chart", 870),
+    ("chart", 785),
     ("control", 4290),
     ("core", 2390),
     ("fixtures", 370),
-    ("lab", 7100),
+    ("lab", 6345),
     ("perception", 5080),
     ("planning", 6720),
     ("qp", 90),
     ("recording", 1530),
     ("runner", 5520),
-    ("scene", 920),
+    ("scene", 853),
     ("server", 5010),
     ("sim", 3450),
     ("upm", 5040),
