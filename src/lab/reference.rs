@@ -86,14 +86,3 @@ fn undistorted(picture: GrayImage, lens: &Lens) -> GrayImage {
     };
     warp_with(&picture, in_picture, Interpolation::Bilinear, Border::Constant(Luma([0])))
 }
-
-/// Those of `sorted` that are `apart` from all that were kept before them.
-fn spread<T>(sorted: impl IntoIterator<Item = T>, apart: impl Fn(&T, &T) -> bool) -> Vec<T> {
-    let mut kept: Vec<T> = Vec::new();
-    for one in sorted {
-        if kept.iter().all(|other| apart(other, &one)) {
-            kept.push(one);
-        }
-    }
-    kept
-}

@@ -6,7 +6,7 @@ use imageproc::edges::canny;
 use imageproc::hough::{LineDetectionOptions, detect_lines};
 use nalgebra::{Matrix2, SymmetricEigen};
 
-use super::spread;
+use crate::numerics::spread;
 use upm_core::geometry::Vec2;
 
 /// Canny's thresholds as fractions of the step from ground to plate. Its Sobel filter responds with twice the height of

@@ -5,7 +5,8 @@ use imageproc::contrast::otsu_level;
 use imageproc::template_matching::{MatchTemplateMethod, match_template_with_mask};
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
-use super::{ReferenceView, spread};
+use super::ReferenceView;
+use crate::numerics::spread;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_perception::vision::{Detection, Table};
